@@ -1,0 +1,81 @@
+//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`.
+//!
+//! A shader may be compiled several times: a line `//! variant NAME DEFINE DEFINE ...` in it adds a module called
+//! `file_NAME` with those preprocessor symbols set; without such lines there is one module named after the file.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+// Linked for the static archives it names.
+use shaderc_link as _;
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=glsl");
+    if let Err(message) = build() {
+        eprintln!("{message}");
+        std::process::exit(1);
+    }
+}
+
+fn build() -> Result<(), String> {
+    let out = PathBuf::from(env::var("OUT_DIR").map_err(|e| e.to_string())?);
+    let compiler = shaderc::Compiler::new().map_err(|e| format!("shader compiler: {e}"))?;
+    let mut sources: Vec<PathBuf> = fs::read_dir("glsl")
+        .map_err(|e| format!("glsl: {e}"))?
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "comp"))
+        .collect();
+    sources.sort();
+
+    let mut list =
+        String::from("/// Every compiled shader module, by name.\npub(crate) const MODULES: &[(&str, &[u8])] = &[\n");
+    for path in sources {
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader file name is not UTF-8")?.to_owned();
+        for (name, defines) in variants(&stem, &text) {
+            let spirv = compile(&compiler, &path, &text, &defines)?;
+            let file = out.join(format!("{name}.spv"));
+            fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
+            let _ = writeln!(list, "    (\"{name}\", include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),");
+        }
+    }
+    list.push_str("];\n");
+    fs::write(out.join("shaders.rs"), list).map_err(|e| e.to_string())
+}
+
+fn variants(stem: &str, text: &str) -> Vec<(String, Vec<String>)> {
+    let found: Vec<_> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! variant "))
+        .filter_map(|rest| {
+            let mut words = rest.split_whitespace();
+            let name = words.next()?;
+            Some((format!("{stem}_{name}"), words.map(str::to_owned).collect()))
+        })
+        .collect();
+    if found.is_empty() { vec![(stem.to_owned(), Vec::new())] } else { found }
+}
+
+fn compile(compiler: &shaderc::Compiler, path: &Path, text: &str, defines: &[String]) -> Result<Vec<u8>, String> {
+    let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shader compiler: {e}"))?;
+    // Vulkan 1.2 rather than 1.3: for 1.3 glslang emits LocalSizeId, which needs maintenance4 on the device.
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    options.set_generate_debug_info();
+    options.set_warnings_as_errors();
+    options.set_include_callback(|wanted, _, _, _| {
+        let file = Path::new("glsl/include").join(wanted);
+        let content = fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content })
+    });
+    for define in defines {
+        let (name, value) = define.split_once('=').map_or((define.as_str(), None), |(n, v)| (n, Some(v)));
+        options.add_macro_definition(name, value);
+    }
+    compiler
+        .compile_into_spirv(text, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
+        .map(|artifact| artifact.as_binary_u8().to_vec())
+        .map_err(|e| e.to_string())
+}

@@ -1,0 +1,10 @@
+// What every pass shares: linear indices over dispatches that are folded into two axes.
+// A device may limit one axis to 65,535 workgroups, so group g runs as (g % x, g / x): use these, never gl_GlobalInvocationID.
+#ifndef COMMON_GLSL
+#define COMMON_GLSL
+
+uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
+uint local_index() { return gl_LocalInvocationID.x; }
+uint global_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
+
+#endif

@@ -1,0 +1,3 @@
+//! The `psrgs-vk` command.
+
+fn main() {}

@@ -1,0 +1,62 @@
+//! The GPU passes as data: shader, bindings with access, push constants, dispatch rule, CPU twin.
+//!
+//! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
+
+pub mod counters;
+pub mod fill;
+mod shaders;
+
+pub use shaders::module;
+
+use crate::twin::TwinCall;
+use crate::vk::Kernel;
+
+/// A push-constant field: what the shader's block must contain at the same offset (checked against the SPIR-V by a test).
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Member name in Rust and in GLSL.
+    pub name: &'static str,
+    /// Byte offset in the block.
+    pub offset: u32,
+    /// Size in bytes.
+    pub bytes: u32,
+}
+
+/// One GPU pass.
+pub struct Pass {
+    /// The shader and its interface.
+    pub kernel: Kernel,
+    /// What one thread and one workgroup own, and what the pass computes.
+    pub doc: &'static str,
+    /// How many threads or workgroups are dispatched, in words.
+    pub dispatch: &'static str,
+    /// The push-constant block.
+    pub push: &'static [Field],
+    /// The same computation on the CPU, on raw buffers in binding order.
+    pub twin: fn(&mut TwinCall<'_>),
+}
+
+/// Every pass. A pass that is not listed here cannot be run by [`crate::raster`] or [`crate::train`] (they take `&Pass`
+/// from their modules, and a test compares the shader folder with this list).
+pub const ALL: &[&Pass] = &[&fill::PASS];
+
+/// Declares a push-constant block: a `#[repr(C)]` plain-data struct with a `FIELDS` table for [`Pass::push`].
+#[macro_export]
+macro_rules! push_constants {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$fmeta:meta])* pub $field:ident : $ty:ty),* $(,)? }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name { $($(#[$fmeta])* pub $field: $ty),* }
+        impl $name {
+            /// Layout of the block, compared with the shader by a test.
+            pub const FIELDS: &'static [$crate::pass::Field] = &[$($crate::pass::Field {
+                name: stringify!($field),
+                offset: std::mem::offset_of!($name, $field) as u32,
+                bytes: std::mem::size_of::<$ty>() as u32,
+            }),*];
+            /// Size of the block in bytes.
+            pub const BYTES: u32 = std::mem::size_of::<$name>() as u32;
+        }
+    };
+}

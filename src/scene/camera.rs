@@ -1,0 +1,37 @@
+//! A pinhole camera.
+
+/// A pinhole camera in the COLMAP frame: x right, y down, z forward. Pixel (i, j) covers [i, i+1) x [j, j+1), its centre is
+/// at (i + 0.5, j + 0.5); a point (x, y, z) of the camera frame projects to (fx x / z + cx, fy y / z + cy).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Rotation from the scene to the camera frame, row-major.
+    pub rotation: [[f64; 3]; 3],
+    /// Translation from the scene to the camera frame: x_cam = rotation x + translation.
+    pub translation: [f64; 3],
+    /// Focal lengths in pixels.
+    pub fx: f64,
+    /// Focal length along y in pixels.
+    pub fy: f64,
+    /// Principal point in pixels.
+    pub cx: f64,
+    /// Principal point along y in pixels.
+    pub cy: f64,
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+}
+
+impl Camera {
+    /// The camera centre in the scene: -R^T t.
+    pub fn center(&self) -> [f64; 3] {
+        let (r, t) = (&self.rotation, &self.translation);
+        std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
+    }
+
+    /// The same camera for an image of another size; the principal point and focal lengths follow the pixel grid.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self { fx: self.fx * sx, cx: self.cx * sx, fy: self.fy * sy, cy: self.cy * sy, width, height, ..*self }
+    }
+}

@@ -1,0 +1,48 @@
+//! Gaussians as attribute planes.
+
+/// Spherical-harmonic coefficients come in four groups of four coefficients x RGB.
+pub const SH_GROUPS: usize = 4;
+/// Floats of one splat in one SH group: coefficient-major, colour fastest.
+pub const SH_GROUP_FLOATS: usize = 12;
+
+/// A set of 3D Gaussians, one plane per attribute, in the units in which they are optimised. On the device every plane is a
+/// buffer of its own: groups of 48 bytes keep four times more splats under a descriptor limit than one SH buffer would.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centres, 3 per splat, scene units.
+    pub means: Vec<f32>,
+    /// Rotations, 4 per splat, w first, not necessarily of unit length.
+    pub quats: Vec<f32>,
+    /// Natural logarithms of the standard deviations along the axes, 3 per splat.
+    pub scales: Vec<f32>,
+    /// Logits of the opacities, 1 per splat.
+    pub opacities: Vec<f32>,
+    /// Spherical harmonics up to degree 3: `sh[g][12 i + 3 j + c]` is coefficient 4 g + j of channel c of splat i.
+    pub sh: [Vec<f32>; SH_GROUPS],
+    /// Persistent identities, strictly ascending: the order of splats is the order of their birth, and breaks depth ties.
+    pub ids: Vec<u32>,
+}
+
+impl Gaussians {
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.opacities.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.opacities.is_empty()
+    }
+
+    /// `n` splats with every value zero and ids 0..n.
+    pub fn zeros(n: usize) -> Self {
+        Self {
+            means: vec![0.0; 3 * n],
+            quats: vec![0.0; 4 * n],
+            scales: vec![0.0; 3 * n],
+            opacities: vec![0.0; n],
+            sh: std::array::from_fn(|_| vec![0.0; SH_GROUP_FLOATS * n]),
+            ids: (0..n as u32).collect(),
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! The scene: Gaussians as attribute planes, cameras, and the frame that ties them to the dataset's coordinates.
+
+mod camera;
+mod frame;
+mod gaussians;
+
+pub use camera::Camera;
+pub use frame::Frame;
+pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};

@@ -1,0 +1,62 @@
+//! CPU twins of the GPU passes: the same file names, the same buffers in the same order, plain loops.
+//!
+//! A twin is a typed function generic over [`Real`] (f64 is the reference, f32 mirrors the shader's arithmetic) and a thin
+//! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
+
+pub mod fill;
+
+/// f32 or f64.
+pub trait Real:
+    num_traits::Float + num_traits::FloatConst + num_traits::NumAssign + std::fmt::Debug + Send + Sync + 'static
+{
+    /// From a literal.
+    fn of(x: f64) -> Self;
+    /// Widened.
+    fn f64(self) -> f64;
+}
+
+impl Real for f32 {
+    fn of(x: f64) -> Self {
+        x as f32
+    }
+    fn f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Real for f64 {
+    fn of(x: f64) -> Self {
+        x
+    }
+    fn f64(self) -> f64 {
+        self
+    }
+}
+
+/// A dispatch as a twin sees it.
+pub struct TwinCall<'a> {
+    /// The bound buffers in binding order. A twin leaves buffers that its pass only reads as they are.
+    pub buffers: &'a mut [Vec<u8>],
+    /// The push-constant block.
+    pub push: &'a [u8],
+    /// Specialization constants in the order of the kernel's table.
+    pub constants: &'a [u32],
+    /// Workgroups dispatched.
+    pub groups: u32,
+}
+
+impl TwinCall<'_> {
+    /// The push constants as their struct.
+    pub fn push<T: bytemuck::AnyBitPattern>(&self) -> T {
+        bytemuck::pod_read_unaligned(&self.push[..size_of::<T>()])
+    }
+    /// A copy of buffer `i`.
+    pub fn get<T: bytemuck::AnyBitPattern>(&self, i: usize) -> Vec<T> {
+        self.buffers[i].chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
+    }
+    /// Overwrites the beginning of buffer `i`.
+    pub fn set<T: bytemuck::NoUninit>(&mut self, i: usize, values: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        self.buffers[i][..bytes.len()].copy_from_slice(bytes);
+    }
+}

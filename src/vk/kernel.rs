@@ -1,0 +1,64 @@
+//! What the device layer needs to know of a compute shader, as plain data.
+
+/// How a shader touches a buffer. The recorder infers barriers from it; a test compares it with the SPIR-V decorations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// The shader declares the buffer `readonly`.
+    Read,
+    /// The shader declares the buffer `writeonly`.
+    Write,
+    /// The shader reads and writes the buffer (atomics included).
+    ReadWrite,
+}
+
+/// One storage buffer of a kernel: descriptor set 0, binding number = position in [`Kernel::bindings`].
+#[derive(Clone, Copy, Debug)]
+pub struct Binding {
+    /// The instance name of the buffer block in the shader.
+    pub name: &'static str,
+    /// Declared access.
+    pub access: Access,
+}
+
+/// One 32-bit specialization constant (`uint`, or `float` as its bits, or `bool` as 0 and 1).
+#[derive(Clone, Copy, Debug)]
+pub struct Constant {
+    /// `constant_id` in the shader.
+    pub id: u32,
+    /// Name in the shader.
+    pub name: &'static str,
+    /// Value used when the caller gives none.
+    pub default: u32,
+}
+
+/// A compute shader and its interface.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    /// Unique name, shown in captures, validation messages and timings.
+    pub name: &'static str,
+    /// SPIR-V words as bytes (length a multiple of four).
+    pub spirv: &'static [u8],
+    /// Storage buffers in binding order.
+    pub bindings: &'static [Binding],
+    /// Size of the push-constant block in bytes, at most 128; 0 for none.
+    pub push_bytes: u32,
+    /// Specialization constants.
+    pub constants: &'static [Constant],
+    /// Threads in a workgroup (flat: y and z are 1); `None` when a specialization constant sets it.
+    pub local_size: Option<u32>,
+}
+
+/// A [`Binding`] that the shader only reads.
+pub const fn read(name: &'static str) -> Binding {
+    Binding { name, access: Access::Read }
+}
+
+/// A [`Binding`] that the shader only writes.
+pub const fn write(name: &'static str) -> Binding {
+    Binding { name, access: Access::Write }
+}
+
+/// A [`Binding`] that the shader reads and writes.
+pub const fn read_write(name: &'static str) -> Binding {
+    Binding { name, access: Access::ReadWrite }
+}

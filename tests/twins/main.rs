@@ -1,0 +1,1 @@
+//! Every registered pass against its twin.
