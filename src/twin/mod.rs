@@ -4,6 +4,7 @@
 //! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
 
 pub mod fill;
+pub mod tile;
 
 /// f32 or f64.
 pub trait Real:
