@@ -1,0 +1,272 @@
+//! What happens at each training step, as pure functions of the step number: learning rates, spherical-harmonic degree,
+//! density changes, opacity resets, and which photograph is looked at. Any step can be planned at any time, in any order,
+//! so a replayed or resumed step repeats itself.
+//!
+//! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
+//! splatting (Kerbl et al. 2023).
+
+use super::settings::{Background, Settings};
+
+/// Iterations that the method's published schedule is made for.
+const REFERENCE_ITERATIONS: f64 = 30_000.0;
+/// Scaled schedules: opacities are reset at most this often, and need [`RESET_RECOVERY`] steps of growth after it.
+const SHORTEST_RESET_INTERVAL: u32 = 500;
+const RESET_RECOVERY: u32 = 300;
+
+/// Learning rates of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the means, per unit of the scene's extent: multiply by the extent.
+    pub means: f64,
+    /// Of the quaternions.
+    pub rotations: f64,
+    /// Of the log scales.
+    pub scales: f64,
+    /// Of the opacity logits.
+    pub opacities: f64,
+    /// Of the constant spherical harmonic.
+    pub sh_base: f64,
+    /// Of the other spherical harmonics.
+    pub sh_rest: f64,
+}
+
+/// Which parameters the optimiser steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adam {
+    /// All.
+    All,
+    /// All but the opacities: the reference replaces the opacity tensor when it resets it, and with it the gradient.
+    AllButOpacities,
+    /// None: the reference replaces every tensor when it changes density, and does not step after the last iteration.
+    None,
+}
+
+/// A density change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DensityChange {
+    /// Whether splats that are large in the scene are pruned too.
+    pub prune_large: bool,
+}
+
+/// Everything that one step does. The order is: look at the photograph, accumulate statistics, change density, reset
+/// opacities, step the optimiser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepPlan {
+    /// The step, from 1.
+    pub step: u32,
+    /// Learning rates.
+    pub rates: Rates,
+    /// Degree of the spherical harmonics in use.
+    pub sh_degree: u32,
+    /// Colour behind the splats.
+    pub background: [f32; 3],
+    /// Whether the step's screen-space gradients are added to the statistics of density control.
+    pub accumulate: bool,
+    /// The density change of this step.
+    pub densify: Option<DensityChange>,
+    /// Whether opacities are reset.
+    pub reset_opacity: bool,
+    /// What the optimiser steps.
+    pub adam: Adam,
+    /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
+    pub adam_steps_opacities: u32,
+    /// ... and of all other parameters.
+    pub adam_steps: u32,
+}
+
+/// The schedule of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// Steps of the run.
+    pub iterations: u32,
+    /// Density changes happen after this step ...
+    pub densify_from: u32,
+    /// ... and before this one ...
+    pub densify_until: u32,
+    /// ... at its multiples.
+    pub densify_interval: u32,
+    /// Opacities are reset at multiples of this before `densify_until`; 0 for never.
+    pub reset_interval: u32,
+    /// Last step at which an opacity reset may happen.
+    pub reset_until: u32,
+    /// Large splats are pruned by density changes after this step.
+    pub prune_large_after: u32,
+    /// Steps from one degree of the spherical harmonics to the next.
+    pub sh_interval: u32,
+    /// Steps over which the learning rate of the means decays.
+    pub lr_means_steps: u32,
+    sh_degree: u32,
+    densify: bool,
+    background: Background,
+    rates: Rates,
+    lr_means_final: f64,
+    seed: u64,
+    views: usize,
+}
+
+impl Schedule {
+    /// The schedule for `views` training photographs.
+    pub fn new(settings: &Settings, views: usize) -> Self {
+        let (run, density, optimiser) = (&settings.run, &settings.density, &settings.optimiser);
+        let s = if run.scale_schedule { f64::from(run.iterations) / REFERENCE_ITERATIONS } else { 1.0 };
+        let scaled = |steps: u32| (f64::from(steps) * s).round() as u32;
+
+        let densify_until = scaled(density.densify_until);
+        let mut densify_interval = density.densify_interval;
+        let mut reset_interval = density.opacity_reset_interval;
+        let mut reset_until = densify_until.saturating_sub(1);
+        if run.scale_schedule {
+            // A statistic needs every training view once, or the views seen decide what grows.
+            let pass = u32::try_from(views).unwrap_or(u32::MAX);
+            densify_interval = scaled(densify_interval).max(pass).min(densify_interval);
+            if reset_interval > 0 {
+                reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
+            }
+            reset_until = densify_until.saturating_sub(RESET_RECOVERY).min(reset_until);
+        }
+        let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
+
+        Self {
+            iterations: run.iterations,
+            densify_from: scaled(density.densify_from),
+            densify_until,
+            densify_interval: densify_interval.max(1),
+            reset_interval,
+            reset_until,
+            prune_large_after,
+            sh_interval: scaled(settings.model.sh_interval).max(1),
+            lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
+            sh_degree: settings.model.sh_degree,
+            densify: !run.no_densify,
+            background: settings.model.background,
+            rates: Rates {
+                means: optimiser.lr_means,
+                rotations: optimiser.lr_rotations,
+                scales: optimiser.lr_scales,
+                opacities: optimiser.lr_opacities,
+                sh_base: optimiser.lr_sh_base,
+                sh_rest: optimiser.lr_sh_rest,
+            },
+            lr_means_final: optimiser.lr_means_final,
+            seed: run.seed,
+            views,
+        }
+    }
+
+    /// What step `t` does.
+    pub fn step(&self, t: u32) -> StepPlan {
+        let densify = self.densifies_at(t);
+        let reset_opacity = self.resets_at(t);
+        StepPlan {
+            step: t,
+            rates: Rates { means: self.lr_means(t), ..self.rates },
+            sh_degree: (t / self.sh_interval).min(self.sh_degree),
+            background: self.background_at(t),
+            accumulate: self.densify && t < self.densify_until,
+            densify: densify.then_some(DensityChange { prune_large: t > self.prune_large_after }),
+            reset_opacity,
+            adam: match (densify || t >= self.iterations, reset_opacity) {
+                (true, _) => Adam::None,
+                (false, true) => Adam::AllButOpacities,
+                (false, false) => Adam::All,
+            },
+            adam_steps_opacities: self.adam_steps(t, true),
+            adam_steps: self.adam_steps(t, false),
+        }
+    }
+
+    /// Learning rate of the means at `t`, per unit of the scene's extent: log-linear between its two ends.
+    pub fn lr_means(&self, t: u32) -> f64 {
+        let u = (f64::from(t) / f64::from(self.lr_means_steps)).min(1.0);
+        ((1.0 - u) * self.rates.means.ln() + u * self.lr_means_final.ln()).exp()
+    }
+
+    /// The training photograph of step `t`, as an index below the number of training views: shuffled passes, each over all
+    /// views once. 0 when there are none.
+    pub fn view_at(&self, t: u32) -> usize {
+        let Some(last) = self.views.checked_sub(1) else { return 0 };
+        let before = t.saturating_sub(1) as usize;
+        let (pass, position) = (before / self.views, before % self.views);
+        let mut order: Vec<usize> = (0..self.views).collect();
+        for i in (1..=last).rev() {
+            let j = bounded(draw(self.seed, Stream::Views, pass as u64, i as u64), i + 1);
+            order.swap(i, j);
+        }
+        order[position]
+    }
+
+    /// Density changes up to and including step `t`.
+    pub fn density_changes(&self, t: u32) -> u32 {
+        if !self.densify {
+            return 0;
+        }
+        let last = t.min(self.densify_until.saturating_sub(1));
+        (last / self.densify_interval).saturating_sub(self.densify_from / self.densify_interval)
+    }
+
+    fn densifies_at(&self, t: u32) -> bool {
+        self.densify && t > self.densify_from && t < self.densify_until && t.is_multiple_of(self.densify_interval)
+    }
+
+    fn resets_at(&self, t: u32) -> bool {
+        if !self.densify || self.reset_interval == 0 || t == 0 {
+            return false;
+        }
+        let regular = t.is_multiple_of(self.reset_interval) && t <= self.reset_until;
+        // The reference also resets once when growth begins on a white background.
+        let white = self.background == Background::White && t == self.densify_from && t < self.densify_until;
+        regular || white
+    }
+
+    /// Optimiser steps up to and including `t`: density changes and the last iteration have none, and where only a reset
+    /// happens the opacities have none.
+    fn adam_steps(&self, t: u32, opacities: bool) -> u32 {
+        let t = t.min(self.iterations);
+        // The last iteration is skipped whether or not it also changes density.
+        let last = u32::from(t == self.iterations && !self.densifies_at(t));
+        let mut steps = t - self.density_changes(t) - last;
+        if opacities && self.reset_interval > 0 && self.densify {
+            let resets = (1..=t / self.reset_interval).map(|k| k * self.reset_interval);
+            let white = (!self.densify_from.is_multiple_of(self.reset_interval)).then_some(self.densify_from);
+            let alone = |&r: &u32| r <= t && r < self.iterations && self.resets_at(r) && !self.densifies_at(r);
+            steps -= resets.chain(white).filter(alone).count() as u32;
+        }
+        steps
+    }
+
+    fn background_at(&self, t: u32) -> [f32; 3] {
+        match self.background {
+            Background::Black => [0.0; 3],
+            Background::White => [1.0; 3],
+            Background::Random => std::array::from_fn(|c| {
+                let bits = draw(self.seed, Stream::Background, u64::from(t), c as u64);
+                (bits >> 40) as f32 / (1_u32 << 24) as f32
+            }),
+        }
+    }
+}
+
+/// What a random number is for: streams of one seed are independent.
+#[derive(Clone, Copy)]
+enum Stream {
+    Views = 1,
+    Background = 2,
+}
+
+/// A random number for (stream, major, minor), the same in whatever order numbers are asked for: the 64-bit finaliser of
+/// SplitMix (Steele, Lea, Flood 2014) over each part in turn.
+fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
+    [stream as u64, major, minor].into_iter().fold(finalise(seed), |state, part| finalise(state ^ finalise(part)))
+}
+
+fn finalise(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Maps 64 random bits to 0..n; the bias is below n / 2^64.
+fn bounded(bits: u64, n: usize) -> usize {
+    ((u128::from(bits) * n as u128) >> 64) as usize
+}

@@ -1,0 +1,278 @@
+//! Everything that decides what a training run does, as one struct: command-line options, `settings.toml` and the library's
+//! configuration are the same fields with the same names and defaults.
+
+mod file;
+mod values;
+
+pub use file::SettingsError;
+pub use values::{Background, ByteSize, Method, Split};
+
+use std::path::PathBuf;
+
+/// Declares one group of options: the struct with its command-line options, its keys in `settings.toml` (the option names
+/// without the dashes in front), and its defaults, each written once.
+macro_rules! group {
+    (
+        $(#[$meta:meta])* pub struct $name:ident ($heading:literal) {
+            $($(#[$vmeta:meta])* pub $value:ident : $vtype:ty = $default:expr,)*
+        }
+        flags { $($(#[$fmeta:meta])* pub $flag:ident,)* }
+        optional { $($(#[$ometa:meta])* pub $option:ident : $otype:ty,)* }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, clap::Args, serde::Serialize, serde::Deserialize)]
+        #[command(next_help_heading = $heading)]
+        #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+        pub struct $name {
+            $($(#[$vmeta])* #[arg(long, default_value_t = $default)] pub $value: $vtype,)*
+            $(
+                $(#[$fmeta])*
+                #[arg(
+                    long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true",
+                    default_value_t = false, action = clap::ArgAction::Set, hide_default_value = true,
+                    hide_possible_values = true
+                )]
+                pub $flag: bool,
+            )*
+            $(
+                $(#[$ometa])*
+                #[arg(long)]
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $option: Option<$otype>,
+            )*
+        }
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($value: $default,)* $($flag: false,)* $($option: None,)* }
+            }
+        }
+    };
+}
+
+group! {
+    /// What is run, and for how long.
+    pub struct Run("Run") {
+        /// Training method
+        #[arg(value_name = "M")]
+        pub method: Method = Method::Gs,
+        /// Training steps; one step looks at one photograph
+        #[arg(value_name = "N")]
+        pub iterations: u32 = 30_000,
+        /// Seed of every random choice
+        #[arg(value_name = "S")]
+        pub seed: u64 = 0,
+        /// Save a checkpoint every N steps (0: only when interrupted and at the end)
+        #[arg(value_name = "N")]
+        pub checkpoint_every: u32 = 1000,
+        /// Score the held-out photographs every N steps (0: only at the end)
+        #[arg(value_name = "N")]
+        pub eval_every: u32 = 500,
+    }
+    flags {
+        /// Fit the 30,000-step schedule of the method to --iterations
+        pub scale_schedule,
+        /// Same bits from the same command on the same device, driver and binary
+        pub deterministic,
+        /// Keep the set of splats fixed: no cloning, splitting, pruning or opacity resets
+        pub no_densify,
+    }
+    optional {
+        /// Start from the splats (or plain coloured points) of this PLY file instead of the dataset's points
+        #[arg(value_name = "FILE.ply")]
+        pub init: PathBuf,
+    }
+}
+
+group! {
+    /// Which photographs are used, and at what size.
+    pub struct Photographs("Photographs") {
+        /// Photographs are reduced until their longer side has at most this many pixels
+        #[arg(value_name = "PX")]
+        pub max_side: u32 = 1600,
+        /// Photographs that are held out and scored: `test` is every 8th by sorted name; `val` the ones between, for choosing
+        /// settings (the test photographs stay out of training too); `none` trains on all
+        #[arg(value_name = "SPLIT")]
+        pub split: Split = Split::Test,
+    }
+    flags {}
+    optional {
+        /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
+        #[arg(value_name = "FOLDER")]
+        pub images: String,
+    }
+}
+
+group! {
+    /// The model and how it is drawn.
+    pub struct Model("Model") {
+        /// Highest degree of the spherical harmonics, 0 to 3
+        #[arg(value_name = "D")]
+        pub sh_degree: u32 = 3,
+        /// Steps between raising the degree by one
+        #[arg(value_name = "N")]
+        pub sh_interval: u32 = 1000,
+        /// Colour behind the splats: black, white or random (a new one each step)
+        #[arg(value_name = "COLOUR")]
+        pub background: Background = Background::Black,
+    }
+    flags {
+        /// Lower the opacity of splats smaller than a pixel by what the screen-space dilation adds to them
+        pub antialias,
+    }
+    optional {}
+}
+
+group! {
+    /// Loss and optimiser. The learning rate of the means is in units of the scene's extent.
+    pub struct Optimiser("Optimiser") {
+        /// Weight of 1 - SSIM in the loss; L1 has the rest
+        #[arg(value_name = "W")]
+        pub lambda_dssim: f64 = 0.2,
+        /// Learning rate of the means at step 0, per extent of the scene
+        #[arg(value_name = "LR")]
+        pub lr_means: f64 = 1.6e-4,
+        /// Learning rate of the means when its decay ends
+        #[arg(value_name = "LR")]
+        pub lr_means_final: f64 = 1.6e-6,
+        /// Steps over which the learning rate of the means decays (log-linear)
+        #[arg(value_name = "N")]
+        pub lr_means_steps: u32 = 30_000,
+        /// Learning rate of the constant colour
+        #[arg(value_name = "LR")]
+        pub lr_sh_base: f64 = 2.5e-3,
+        /// Learning rate of the higher spherical harmonics
+        #[arg(value_name = "LR")]
+        pub lr_sh_rest: f64 = 1.25e-4,
+        /// Learning rate of the opacity logits
+        #[arg(value_name = "LR")]
+        pub lr_opacities: f64 = 0.025,
+        /// Learning rate of the log scales
+        #[arg(value_name = "LR")]
+        pub lr_scales: f64 = 5e-3,
+        /// Learning rate of the rotations
+        #[arg(value_name = "LR")]
+        pub lr_rotations: f64 = 1e-3,
+    }
+    flags {}
+    optional {}
+}
+
+group! {
+    /// Growth and pruning of the set of splats.
+    pub struct Density("Density control") {
+        /// Growth begins after this step
+        #[arg(value_name = "N")]
+        pub densify_from: u32 = 500,
+        /// Growth ends before this step
+        #[arg(value_name = "N")]
+        pub densify_until: u32 = 15_000,
+        /// Steps between density changes
+        #[arg(value_name = "N")]
+        pub densify_interval: u32 = 100,
+        /// Mean screen-space gradient (normalised device coordinates) from which a splat is cloned or split
+        #[arg(value_name = "G")]
+        pub grad_threshold: f64 = 2e-4,
+        /// Splats larger than this share of the scene's extent are split, smaller ones cloned
+        #[arg(value_name = "SHARE")]
+        pub percent_dense: f64 = 0.01,
+        /// Splats less opaque than this are pruned
+        #[arg(value_name = "O")]
+        pub prune_opacity: f64 = 0.005,
+        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
+        #[arg(value_name = "SHARE")]
+        pub prune_extent: f64 = 0.1,
+        /// Steps between opacity resets (0: none)
+        #[arg(value_name = "N")]
+        pub opacity_reset_interval: u32 = 3000,
+    }
+    flags {}
+    optional {
+        /// Stop growing at this many splats
+        #[arg(value_name = "N")]
+        pub max_splats: u32,
+    }
+}
+
+group! {
+    /// Where it runs.
+    pub struct DeviceChoice("Device") {
+    }
+    flags {}
+    optional {
+        /// Vulkan device: its index in `psrgs-vk info`, or a part of its name [default: discrete, integrated, then CPU]
+        #[arg(value_name = "D", env = "PSRGS_DEVICE")]
+        pub device: String,
+        /// Device memory that may be used, such as 6GiB or 800M [default: what the device reports]
+        #[arg(value_name = "BYTES")]
+        pub max_device_memory: ByteSize,
+    }
+}
+
+/// A training run.
+#[derive(Clone, Debug, Default, PartialEq, clap::Args, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Settings {
+    /// Dataset folder (COLMAP: `images/` and `sparse/0/`)
+    #[arg(value_name = "DATA")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data: Option<PathBuf>,
+    /// What is run.
+    #[command(flatten)]
+    pub run: Run,
+    /// Which photographs.
+    #[command(flatten)]
+    pub photographs: Photographs,
+    /// The model.
+    #[command(flatten)]
+    pub model: Model,
+    /// Loss and learning rates.
+    #[command(flatten)]
+    pub optimiser: Optimiser,
+    /// Growth and pruning.
+    #[command(flatten)]
+    pub density: Density,
+    /// The device.
+    #[command(flatten)]
+    pub device: DeviceChoice,
+}
+
+impl Settings {
+    /// Whether the values make sense together; the error names the option and what it takes.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let ok = |good: bool, key: &'static str, want: &'static str| {
+            if good { Ok(()) } else { Err(SettingsError::Value { key, want }) }
+        };
+        let (run, density, optimiser) = (&self.run, &self.density, &self.optimiser);
+        ok(run.iterations >= 1, "iterations", "at least 1")?;
+        ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
+        ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
+        ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
+        ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;
+        ok(optimiser.lr_means > 0.0 && optimiser.lr_means.is_finite(), "lr-means", "a positive number")?;
+        ok(
+            optimiser.lr_means_final > 0.0 && optimiser.lr_means_final.is_finite(),
+            "lr-means-final",
+            "a positive number",
+        )?;
+        ok(optimiser.lr_means_steps >= 1, "lr-means-steps", "at least 1")?;
+        for (rate, key) in [
+            (optimiser.lr_sh_base, "lr-sh-base"),
+            (optimiser.lr_sh_rest, "lr-sh-rest"),
+            (optimiser.lr_opacities, "lr-opacities"),
+            (optimiser.lr_scales, "lr-scales"),
+            (optimiser.lr_rotations, "lr-rotations"),
+        ] {
+            ok(rate >= 0.0 && rate.is_finite(), key, "a number that is not negative")?;
+        }
+        ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
+        for (share, key) in [
+            (density.grad_threshold, "grad-threshold"),
+            (density.percent_dense, "percent-dense"),
+            (density.prune_extent, "prune-extent"),
+        ] {
+            ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
+        }
+        ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
+        ok(density.max_splats != Some(0), "max-splats", "at least 1")
+    }
+}

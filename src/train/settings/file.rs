@@ -1,0 +1,187 @@
+//! `settings.toml`: written beside every result, read back by `train --config`.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use super::Settings;
+
+/// What can be wrong with settings.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// The file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// The file is no settings file: bad TOML, an unknown key, a value of the wrong kind.
+    #[error("{}:{line}: {message}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong, naming the key.
+        message: String,
+    },
+    /// A value outside its range.
+    #[error("{key} must be {want}")]
+    Value {
+        /// Key in the file, option name on the command line.
+        key: &'static str,
+        /// What it takes.
+        want: &'static str,
+    },
+    /// The settings could not be written as TOML.
+    #[error("settings cannot be written as TOML: {0}")]
+    Write(#[from] toml::ser::Error),
+}
+
+impl Settings {
+    /// The settings as the text of a `settings.toml`, every value written out.
+    pub fn to_toml(&self) -> Result<String, SettingsError> {
+        let text = toml::to_string_pretty(self)?;
+        Ok(format!("# Reproduces this run: psrgs-vk train --config settings.toml --out DIR\n{text}"))
+    }
+
+    /// Reads the text of a settings file; `path` is only named in errors. Keys that are missing keep their defaults.
+    pub fn from_toml(text: &str, path: &Path) -> Result<Self, SettingsError> {
+        toml::from_str(text).map_err(|error| parse_error(&error, text, path))
+    }
+
+    /// Reads a settings file.
+    pub fn read(path: &Path) -> Result<Self, SettingsError> {
+        let text = fs::read_to_string(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
+        Self::from_toml(&text, path)
+    }
+
+    /// These settings where `given` says that a key was named by the user, and `file`'s otherwise.
+    /// Keys are passed as in the file (`max-side`).
+    pub fn over(&self, file: &Self, given: impl Fn(&str) -> bool) -> Result<Self, SettingsError> {
+        let mut merged = toml::Table::try_from(file)?;
+        overlay(&mut merged, toml::Table::try_from(self)?, &given);
+        // Both tables come from `Settings`, so a failure here is a failure to write one as TOML.
+        merged.try_into().map_err(|e: toml::de::Error| SettingsError::Write(serde::ser::Error::custom(e)))
+    }
+}
+
+fn overlay(base: &mut toml::Table, top: toml::Table, given: &impl Fn(&str) -> bool) {
+    for (key, value) in top {
+        match (value, base.get_mut(&key)) {
+            (toml::Value::Table(inner), Some(toml::Value::Table(below))) => overlay(below, inner, given),
+            (value, _) if given(&key) => {
+                base.insert(key, value);
+            }
+            _ => {}
+        }
+    }
+}
+
+fn parse_error(error: &toml::de::Error, text: &str, path: &Path) -> SettingsError {
+    let start = error.span().map_or(0, |span| span.start.min(text.len()));
+    let line = text.as_bytes()[..start].iter().filter(|&&b| b == b'\n').count() + 1;
+    // toml names an unknown key but, for a bad value, only what it expected: add the line itself.
+    let source = text.lines().nth(line - 1).unwrap_or_default().trim();
+    SettingsError::Parse { path: path.to_owned(), line, message: format!("{} (in `{source}`)", error.message()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::settings::{Background, ByteSize, Split};
+
+    fn unusual() -> Settings {
+        let mut s = Settings { data: Some("some where/fox".into()), ..Settings::default() };
+        s.run.iterations = 1500;
+        s.run.scale_schedule = true;
+        s.run.init = Some("start.ply".into());
+        s.photographs.split = Split::Val;
+        s.photographs.images = Some("images_4".into());
+        s.model.background = Background::Random;
+        s.optimiser.lr_means = 1.0 / 3.0;
+        s.density.max_splats = Some(70_000);
+        s.device.device = Some("llvmpipe".into());
+        s.device.max_device_memory = Some(ByteSize(6 << 30));
+        s
+    }
+
+    fn parse(text: &str) -> Result<Settings, SettingsError> {
+        Settings::from_toml(text, Path::new("my.toml"))
+    }
+
+    #[test]
+    fn settings_survive_the_file() {
+        for settings in [Settings::default(), unusual()] {
+            let text = settings.to_toml().unwrap();
+            assert_eq!(parse(&text).unwrap(), settings, "{text}");
+        }
+    }
+
+    #[test]
+    fn missing_keys_keep_their_defaults() {
+        let s = parse("[run]\niterations = 7\n").unwrap();
+        assert_eq!(s.run.iterations, 7);
+        assert_eq!(s.density, Settings::default().density);
+    }
+
+    #[test]
+    fn options_given_by_name_win_over_the_file() {
+        let mut cli = Settings::default();
+        cli.run.iterations = 30_000;
+        cli.photographs.max_side = 320;
+        let merged = cli.over(&unusual(), |key| key == "iterations").unwrap();
+        let mut want = unusual();
+        want.run.iterations = 30_000;
+        assert_eq!(merged, want, "named with its default value, and nothing else taken");
+    }
+
+    #[test]
+    fn an_option_that_the_file_does_not_have_is_added() {
+        let mut cli = Settings::default();
+        cli.density.max_splats = Some(5);
+        let merged = cli.over(&Settings::default(), |key| key == "max-splats").unwrap();
+        assert_eq!(merged.density.max_splats, Some(5));
+    }
+
+    #[test]
+    fn errors_name_file_line_and_key() {
+        for (text, line, key) in [
+            ("[run]\niterations = 5\nitertions = 6\n", 3, "itertions"),
+            ("[run]\niterations = -5\n", 2, "iterations"),
+            ("\n[run]\nmethod = \"psrgs\"\n", 3, "psrgs"),
+            ("[rum]\n", 1, "rum"),
+            ("[run]\nseed = 1\nseed = 2\n", 3, "seed"),
+            ("[device]\nmax-device-memory = \"6GX\"\n", 2, "6GX"),
+            ("[photographs]\nsplit = 3", 2, "split"),
+            ("[run", 1, "[run"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("my.toml:{line}: ")) && message.contains(key), "{text:?}: {message}");
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let mut s = Settings::default();
+        s.model.sh_degree = 4;
+        assert_eq!(s.check().unwrap_err().to_string(), "sh-degree must be 0, 1, 2 or 3");
+        let mut s = Settings::default();
+        s.optimiser.lr_means = f64::NAN;
+        assert!(s.check().unwrap_err().to_string().starts_with("lr-means must"));
+    }
+
+    #[test]
+    fn sizes_are_read_in_every_usual_spelling() {
+        for (word, bytes) in
+            [("6GiB", 6 << 30), ("800M", 800 << 20), ("1.5g", 3 << 29), ("2 kb", 2048), ("123", 123), ("1TB", 1 << 40)]
+        {
+            assert_eq!(word.parse::<ByteSize>().unwrap().0, bytes, "{word}");
+            assert_eq!(ByteSize(bytes).to_string().parse::<ByteSize>().unwrap().0, bytes, "{word}");
+        }
+        for word in ["", "G", "-1", "0", "1e9", "6GX", "9999999999T"] {
+            assert!(word.parse::<ByteSize>().is_err(), "{word:?}");
+        }
+    }
+}

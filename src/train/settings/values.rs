@@ -1,0 +1,162 @@
+//! The types of single settings: each is read from and written as one word, on the command line and in `settings.toml`.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
+macro_rules! as_word {
+    ($name:ident) => {
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(self)
+            }
+        }
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let word = String::deserialize(deserializer)?;
+                word.parse().map_err(serde::de::Error::custom)
+            }
+        }
+    };
+}
+
+/// A training method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Method {
+    /// `3dgs`: the reference method of Kerbl et al. 2023 with its published schedule and quirks.
+    Gs,
+}
+
+/// Methods that later versions bring; named so that asking for one says so.
+const PLANNED: [&str; 6] = ["absgs", "gspro", "rsgs", "lean", "psrgs-paper", "psrgs"];
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Gs => "3dgs",
+        })
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "3dgs" => Ok(Self::Gs),
+            planned if PLANNED.contains(&planned) => {
+                Err(format!("method `{planned}` is planned and not part of this version; this version has 3dgs"))
+            }
+            _ => Err(format!("no method `{word}`; this version has 3dgs")),
+        }
+    }
+}
+
+as_word!(Method);
+
+/// Which photographs are held out and scored. Positions are in the list of names sorted bytewise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Split {
+    /// Positions that are multiples of 8 are held out and scored.
+    #[default]
+    Test,
+    /// Positions 4 modulo 8 are held out and scored; multiples of 8 are left alone.
+    Val,
+    /// Everything is trained on, nothing is scored.
+    None,
+}
+
+impl fmt::Display for Split {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Test => "test",
+            Self::Val => "val",
+            Self::None => "none",
+        })
+    }
+}
+
+impl FromStr for Split {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "test" => Ok(Self::Test),
+            "val" => Ok(Self::Val),
+            "none" => Ok(Self::None),
+            _ => Err(format!("no split `{word}`: it is test, val or none")),
+        }
+    }
+}
+
+as_word!(Split);
+
+/// What is behind the splats in training.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Background {
+    /// (0, 0, 0).
+    #[default]
+    Black,
+    /// (1, 1, 1).
+    White,
+    /// A new colour in every step; black where a model is scored.
+    Random,
+}
+
+impl fmt::Display for Background {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Black => "black",
+            Self::White => "white",
+            Self::Random => "random",
+        })
+    }
+}
+
+impl FromStr for Background {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "black" => Ok(Self::Black),
+            "white" => Ok(Self::White),
+            "random" => Ok(Self::Random),
+            _ => Err(format!("no background `{word}`: it is black, white or random")),
+        }
+    }
+}
+
+as_word!(Background);
+
+/// A number of bytes, written as `800M`, `6GiB` or plain digits. K, M, G and T are powers of 1024.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ByteSize(pub u64);
+
+const UNITS: [(&str, u32); 4] = [("T", 40), ("G", 30), ("M", 20), ("K", 10)];
+
+impl fmt::Display for ByteSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let whole = UNITS.iter().find(|(_, shift)| self.0 != 0 && self.0.trailing_zeros() >= *shift);
+        match whole {
+            Some((unit, shift)) => write!(f, "{}{unit}iB", self.0 >> shift),
+            None => write!(f, "{}", self.0),
+        }
+    }
+}
+
+impl FromStr for ByteSize {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        let wrong = || format!("`{word}` is no size in bytes: write 6GiB, 800M or plain digits");
+        let end = word.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(word.len());
+        let (digits, unit) = word.split_at(end);
+        let unit = unit.trim().to_ascii_uppercase();
+        let unit = unit.strip_suffix("IB").or_else(|| unit.strip_suffix('B')).unwrap_or(&unit);
+        let shift = match unit {
+            "" => 0,
+            _ => UNITS.iter().find(|(name, _)| *name == unit).ok_or_else(wrong)?.1,
+        };
+        let bytes = digits.parse::<f64>().map_err(|_| wrong())? * (1_u64 << shift) as f64;
+        if bytes >= 1.0 && bytes < u64::MAX as f64 { Ok(Self(bytes as u64)) } else { Err(wrong()) }
+    }
+}
+
+as_word!(ByteSize);

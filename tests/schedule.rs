@@ -1,0 +1,208 @@
+//! The schedule of the reference method, its quirks, its short form, and the order of views.
+
+use psrgs_vk::train::schedule::{Adam, Schedule};
+use psrgs_vk::train::settings::{Background, Settings};
+
+fn schedule(change: impl FnOnce(&mut Settings)) -> Schedule {
+    let mut settings = Settings::default();
+    change(&mut settings);
+    settings.check().expect("settings of the test");
+    Schedule::new(&settings, 43)
+}
+
+/// Steps 1..=iterations at which `what` holds.
+fn steps(schedule: &Schedule, what: impl Fn(u32) -> bool) -> Vec<u32> {
+    (1..=schedule.iterations).filter(|&t| what(t)).collect()
+}
+
+fn densified(s: &Schedule) -> Vec<u32> {
+    steps(s, |t| s.step(t).densify.is_some())
+}
+
+fn resets(s: &Schedule) -> Vec<u32> {
+    steps(s, |t| s.step(t).reset_opacity)
+}
+
+#[test]
+fn learning_rate_of_the_means_is_log_linear() {
+    let s = schedule(|_| {});
+    // exp of a straight line from ln 1.6e-4 at 0 to ln 1.6e-6 at 30,000: a factor 10 per 15,000 steps.
+    for (t, want) in
+        [(0, 1.6e-4), (1, 1.6e-4 * 10_f64.powf(-1.0 / 15_000.0)), (15_000, 1.6e-5), (30_000, 1.6e-6), (40_000, 1.6e-6)]
+    {
+        let got = s.step(t).rates.means;
+        assert!((got / want - 1.0).abs() < 1e-12, "step {t}: {got} instead of {want}");
+    }
+    assert_eq!(s.step(1).rates.opacities, 0.025);
+    assert_eq!(s.step(29_999).rates.sh_rest * 20.0, s.step(1).rates.sh_base);
+}
+
+#[test]
+fn harmonics_rise_every_thousand_steps() {
+    let s = schedule(|_| {});
+    let degrees: Vec<u32> = [1, 999, 1000, 1999, 2000, 2999, 3000, 30_000].map(|t| s.step(t).sh_degree).to_vec();
+    assert_eq!(degrees, [0, 0, 1, 1, 2, 2, 3, 3]);
+    assert_eq!(schedule(|o| o.model.sh_degree = 1).step(30_000).sh_degree, 1);
+}
+
+#[test]
+fn densification_is_strictly_inside_its_interval() {
+    let s = schedule(|_| {});
+    let at = densified(&s);
+    assert_eq!((at[0], at[1], *at.last().unwrap(), at.len()), (600, 700, 14_900, 144));
+    assert!(s.step(14_999).accumulate && !s.step(15_000).accumulate);
+    assert_eq!(s.density_changes(30_000), 144);
+    assert_eq!(s.density_changes(599), 0);
+    assert_eq!(s.density_changes(600), 1);
+}
+
+#[test]
+fn large_splats_are_pruned_after_the_first_reset_only() {
+    let s = schedule(|_| {});
+    assert!(!s.step(3000).densify.unwrap().prune_large);
+    assert!(s.step(3100).densify.unwrap().prune_large);
+}
+
+#[test]
+fn opacities_are_reset_while_growing() {
+    assert_eq!(resets(&schedule(|_| {})), [3000, 6000, 9000, 12_000]);
+    assert_eq!(
+        resets(&schedule(|o| o.model.background = Background::White)),
+        [500, 3000, 6000, 9000, 12_000],
+        "a white background adds a reset where growth begins"
+    );
+    assert_eq!(resets(&schedule(|o| o.density.opacity_reset_interval = 0)), [0_u32; 0]);
+}
+
+#[test]
+fn a_fixed_set_has_no_density_control_at_all() {
+    let s = schedule(|o| o.run.no_densify = true);
+    assert!(densified(&s).is_empty() && resets(&s).is_empty() && steps(&s, |t| s.step(t).accumulate).is_empty());
+    assert_eq!(steps(&s, |t| s.step(t).adam != Adam::All), [30_000]);
+}
+
+#[test]
+fn adam_skips_what_the_reference_skips() {
+    // An interval that does not divide the resets' makes some resets stand alone.
+    let s = schedule(|o| {
+        o.run.iterations = 7000;
+        o.density.densify_interval = 700;
+        o.density.opacity_reset_interval = 1000;
+    });
+    assert_eq!(s.step(700).adam, Adam::None);
+    assert_eq!(s.step(1000).adam, Adam::AllButOpacities);
+    assert!(s.step(7000).densify.is_some() && s.step(7000).reset_opacity);
+    assert_eq!(s.step(7000).adam, Adam::None);
+    assert_eq!(schedule(|_| {}).step(3000).adam, Adam::None, "density change and reset together");
+    assert_eq!(schedule(|_| {}).step(30_000).adam, Adam::None, "last iteration");
+    assert_eq!(schedule(|o| o.model.background = Background::White).step(500).adam, Adam::AllButOpacities);
+}
+
+#[test]
+fn optimiser_steps_are_those_counted_one_by_one() {
+    let schedules = [
+        schedule(|o| o.run.iterations = 4000),
+        schedule(|o| o.model.background = Background::White),
+        schedule(|o| {
+            o.run.iterations = 7000;
+            o.density.densify_interval = 700;
+            o.density.opacity_reset_interval = 1000;
+            o.model.background = Background::White;
+        }),
+        schedule(|o| {
+            o.run.iterations = 1500;
+            o.run.scale_schedule = true;
+        }),
+        schedule(|o| o.run.no_densify = true),
+    ];
+    for s in schedules {
+        let (mut all, mut opacities) = (0, 0);
+        for t in 1..=s.iterations {
+            let plan = s.step(t);
+            all += u32::from(plan.adam != Adam::None);
+            opacities += u32::from(plan.adam == Adam::All);
+            assert_eq!((plan.adam_steps, plan.adam_steps_opacities), (all, opacities), "step {t} of {s:?}");
+        }
+    }
+}
+
+#[test]
+fn a_scaled_schedule_of_full_length_is_the_reference() {
+    let (plain, scaled) = (schedule(|_| {}), schedule(|o| o.run.scale_schedule = true));
+    for t in 1..=30_000 {
+        assert_eq!(plain.step(t), scaled.step(t));
+    }
+}
+
+#[test]
+fn a_short_schedule_keeps_a_pass_between_density_changes_and_room_after_resets() {
+    let s = schedule(|o| {
+        o.run.iterations = 1500;
+        o.run.scale_schedule = true;
+    });
+    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (25, 750, 43));
+    assert_eq!((s.sh_interval, s.lr_means_steps, s.reset_interval), (50, 1500, 500));
+    assert_eq!(densified(&s).first(), Some(&43));
+    assert_eq!(densified(&s).last(), Some(&731));
+    assert_eq!(resets(&s), [0_u32; 0], "500 is less than 300 steps before 750");
+    assert!((s.step(1500).rates.means / 1.6e-6 - 1.0).abs() < 1e-12);
+
+    let s = schedule(|o| {
+        o.run.iterations = 7000;
+        o.run.scale_schedule = true;
+    });
+    assert_eq!((s.densify_until, s.densify_interval, s.reset_interval), (3500, 43, 700));
+    assert_eq!(resets(&s), [700, 1400, 2100, 2800]);
+
+    let mut settings = Settings::default();
+    settings.run.iterations = 1600;
+    settings.run.scale_schedule = true;
+    let many = Schedule::new(&settings, 900);
+    assert_eq!(many.densify_interval, 100, "never above the reference's");
+    assert_eq!(resets(&many), [500], "500 is exactly 300 steps before 800");
+}
+
+#[test]
+fn every_pass_shows_every_view_once_in_a_new_order() {
+    let s = schedule(|_| {});
+    let passes: Vec<Vec<usize>> = (0..50).map(|p| (1..=43).map(|i| s.view_at(43 * p + i)).collect()).collect();
+    for pass in &passes {
+        let mut sorted = pass.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..43).collect::<Vec<_>>());
+    }
+    for (i, a) in passes.iter().enumerate() {
+        assert!(passes[i + 1..].iter().all(|b| a != b), "pass {i} repeats itself");
+    }
+    let other = schedule(|o| o.run.seed = 1);
+    assert_ne!((1..=43).map(|i| other.view_at(i)).collect::<Vec<_>>(), passes[0]);
+}
+
+#[test]
+fn first_views_are_spread_evenly() {
+    // 4,300 passes over 43 views: each view comes first 100 times, standard deviation 10.
+    let s = schedule(|_| {});
+    let mut first = [0_i32; 43];
+    (0..4300).for_each(|p| first[s.view_at(43 * p + 1)] += 1);
+    let chi2: f64 = first.iter().map(|&n| f64::from(n - 100).powi(2) / 100.0).sum();
+    assert!((15.0..90.0).contains(&chi2), "chi squared with 42 degrees of freedom: {chi2}");
+}
+
+#[test]
+fn few_views_are_no_special_case() {
+    let of = |views| Schedule::new(&Settings::default(), views);
+    assert_eq!((of(0).view_at(5), of(1).view_at(5)), (0, 0));
+    let two = of(2);
+    assert!((0..20).all(|p| two.view_at(2 * p + 1) != two.view_at(2 * p + 2)));
+}
+
+#[test]
+fn random_backgrounds_depend_on_the_step_only() {
+    let s = schedule(|o| o.model.background = Background::Random);
+    let colour = s.step(7).background;
+    assert_eq!(colour, s.step(7).background);
+    assert_ne!(colour, s.step(8).background);
+    let mean: f32 = (1..=3000).flat_map(|t| s.step(t).background).sum::<f32>() / 9000.0;
+    assert!((mean - 0.5).abs() < 0.02, "mean {mean}");
+    assert!((1..=3000).flat_map(|t| s.step(t).background).all(|c| (0.0..1.0).contains(&c)));
+}
