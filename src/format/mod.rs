@@ -1,1 +1,6 @@
-//! (module format)
+//! Files that hold models, states of training and pictures.
+
+mod error;
+pub(crate) mod source;
+
+pub use error::{At, Error};

@@ -13,8 +13,19 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The extent of every scene, in scene units: 1.1 x the largest distance of a training camera from their mean.
+    pub const EXTENT: f64 = 5.0;
+
     /// Scene and dataset coordinates are the same.
     pub const IDENTITY: Self = Self { offset: [0.0; 3], scale: 1.0 };
+
+    /// What to subtract from coordinates in files of f32: nothing, or the offset where the largest coordinate of the scene
+    /// exceeds 100 extents, as geo-referenced ones do (at 4.6e6 f32 has steps of half a metre).
+    pub fn shift(&self) -> [f64; 3] {
+        let extent = Self::EXTENT / self.scale;
+        let largest = self.offset.iter().fold(0.0, |m: f64, v| m.max(v.abs())) + extent;
+        if largest > 100.0 * extent { self.offset } else { [0.0; 3] }
+    }
 
     /// A dataset point in the scene.
     pub fn to_scene(&self, p: [f64; 3]) -> [f64; 3] {
@@ -40,11 +51,15 @@ impl Frame {
     /// offset when f32 could not hold the coordinates).
     pub fn gaussians_to_dataset(&self, gaussians: &Gaussians, shift: [f64; 3]) -> Gaussians {
         let mut out = gaussians.clone();
+        if *self == Self::IDENTITY && shift == [0.0; 3] {
+            // Adding zero would lose the sign of a negative zero: files must come back bit for bit.
+            return out;
+        }
         let ln = self.scale.ln();
         for p in out.means.chunks_exact_mut(3) {
-            let d = self.to_dataset([f64::from(p[0]), f64::from(p[1]), f64::from(p[2])]);
             for k in 0..3 {
-                p[k] = (d[k] - shift[k]) as f32;
+                // The difference first: it is exact where the shift is the offset.
+                p[k] = (f64::from(p[k]) / self.scale + (self.offset[k] - shift[k])) as f32;
             }
         }
         out.scales.iter_mut().for_each(|s| *s = (f64::from(*s) - ln) as f32);
@@ -54,11 +69,13 @@ impl Frame {
     /// Splats read from a file, at `dataset - shift`, in scene coordinates.
     pub fn gaussians_to_scene(&self, gaussians: &Gaussians, shift: [f64; 3]) -> Gaussians {
         let mut out = gaussians.clone();
+        if *self == Self::IDENTITY && shift == [0.0; 3] {
+            return out;
+        }
         let ln = self.scale.ln();
         for p in out.means.chunks_exact_mut(3) {
-            let s = self.to_scene(std::array::from_fn(|k| f64::from(p[k]) + shift[k]));
             for k in 0..3 {
-                p[k] = s[k] as f32;
+                p[k] = ((f64::from(p[k]) - (self.offset[k] - shift[k])) * self.scale) as f32;
             }
         }
         out.scales.iter_mut().for_each(|s| *s = (f64::from(*s) + ln) as f32);

@@ -1,0 +1,88 @@
+//! `images.bin` and `images.txt`: the poses.
+
+use std::path::Path;
+
+use super::{binary_records, text_records, wrong};
+use crate::format::source::Line;
+use crate::format::{At, Error as FileError};
+
+/// One photograph's pose.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pose {
+    pub(crate) name: String,
+    pub(crate) camera: u32,
+    /// Rotation from the dataset's axes to the camera's, row-major.
+    pub(crate) rotation: [[f64; 3]; 3],
+    /// x_cam = rotation x + translation.
+    pub(crate) translation: [f64; 3],
+    /// Where the pose stands in its file.
+    pub(crate) at: At,
+}
+
+/// Reads `images.bin`: per image i32 number, f64 quaternion (w first) and translation, i32 camera, name ended by zero, u64
+/// number of keypoints and 24 bytes for each.
+pub(crate) fn read_binary(file: &Path) -> Result<Vec<Pose>, FileError> {
+    binary_records(file, "images", 4 + 7 * 8 + 4 + 1 + 8, |source, i| {
+        let start = source.at();
+        source.u32(format_args!("number of image {i}"))?;
+        let mut values = [0.0; 7];
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = source.f64(format_args!("{} of image {i}", VALUES[k]))?;
+        }
+        let camera = source.u32(format_args!("camera of image {i}"))?;
+        let at = source.at();
+        let name = source.text(format_args!("name of image {i}"))?;
+        if name.is_empty() {
+            return Err(source.error(at, format_args!("name of image {i}"), "is empty"));
+        }
+        let keypoints = source.count(24, format_args!("number of keypoints of image '{name}'"))?;
+        source.skip(24 * keypoints as u64, format_args!("keypoints of image '{name}'"))?;
+        pose(file, At::Byte(start), name, camera, values)
+    })
+}
+
+/// Reads `images.txt`: per image one line with number, quaternion, translation, camera and name, and one with the keypoints,
+/// which is empty when there are none.
+pub(crate) fn read_text(file: &Path) -> Result<Vec<Pose>, FileError> {
+    let mut i = 0;
+    let first = |mut line: Line<'_>| {
+        let at = line.at();
+        line.value::<u32>(format_args!("number of image {i}"))?;
+        let mut values = [0.0; 7];
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = line.f64(format_args!("{} of image {i}", VALUES[k]))?;
+        }
+        let camera = line.value(format_args!("camera of image {i}"))?;
+        // The rest of the line: names may hold spaces.
+        let name = line.rest().to_owned();
+        if name.is_empty() {
+            return Err(line.error(format_args!("name of image {i}"), "is missing"));
+        }
+        i += 1;
+        pose(file, at, name, camera, values)
+    };
+    text_records(file, "images", first, Some(keypoints))
+}
+
+fn keypoints(line: Line<'_>) -> Result<(), FileError> {
+    match line.left() {
+        n if n % 3 == 0 => Ok(()),
+        n => Err(line.error("keypoints", format_args!("{n} values are not a multiple of three (x, y, point)"))),
+    }
+}
+
+const VALUES: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
+
+fn pose(file: &Path, at: At, name: String, camera: u32, v: [f64; 7]) -> Result<Pose, FileError> {
+    let length = v[..4].iter().map(|q| q * q).sum::<f64>().sqrt();
+    if !(length.is_finite() && length > 1e-6) {
+        return Err(wrong(file, at, format_args!("rotation of image '{name}'"), "the quaternion is zero"));
+    }
+    let [w, x, y, z] = [v[0] / length, v[1] / length, v[2] / length, v[3] / length];
+    let rotation = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    Ok(Pose { name, camera, rotation, translation: [v[4], v[5], v[6]], at })
+}

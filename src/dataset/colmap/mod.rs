@@ -1,0 +1,140 @@
+//! COLMAP's sparse model, binary and text.
+//!
+//! The layout is that of COLMAP's documentation ("Output format"). Only what training needs is kept: cameras, poses, and the
+//! points with their colours; the 2D keypoints are checked for being there and passed over.
+
+mod cameras;
+mod images;
+mod points;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::error::Error;
+use crate::format::source::{Line, Lines, Source};
+use crate::format::{At, Error as FileError};
+
+pub(crate) use cameras::Intrinsics;
+pub(crate) use images::Pose;
+pub use points::Point;
+
+/// A sparse model in the dataset's coordinates.
+pub(crate) struct Model {
+    pub(crate) cameras: BTreeMap<u32, Intrinsics>,
+    pub(crate) poses: Vec<Pose>,
+    /// In ascending order of COLMAP's point ids, which is the same for both formats.
+    pub(crate) points: Vec<Point>,
+    pub(crate) files: Files,
+}
+
+/// The files of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Files {
+    pub(crate) cameras: PathBuf,
+    pub(crate) images: PathBuf,
+    /// Absent when the model has no points file.
+    pub(crate) points: Option<PathBuf>,
+    binary: bool,
+}
+
+impl Files {
+    /// Finds the model of a dataset: `sparse/0`, else `sparse`; binary, else text, as COLMAP itself prefers.
+    pub(crate) fn find(dataset: &Path) -> Result<Self, Error> {
+        let folders = [dataset.join("sparse").join("0"), dataset.join("sparse")];
+        for folder in &folders {
+            for (extension, binary) in [("bin", true), ("txt", false)] {
+                let part = |name: &str| folder.join(format!("{name}.{extension}"));
+                let (cameras, images, points) = (part("cameras"), part("images"), part("points3D"));
+                if cameras.is_file() && images.is_file() {
+                    let points = points.is_file().then_some(points);
+                    return Ok(Self { cameras, images, points, binary });
+                }
+            }
+        }
+        Err(Error::NoModel {
+            folder: dataset.to_owned(),
+            looked_for: "cameras and images (.bin or .txt) in sparse/0 and in sparse".to_owned(),
+        })
+    }
+}
+
+impl Model {
+    pub(crate) fn read(dataset: &Path) -> Result<Self, Error> {
+        let files = Files::find(dataset)?;
+        let (cameras, poses, mut points) = if files.binary {
+            let points = files.points.as_deref().map(points::read_binary).transpose()?;
+            (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)
+        } else {
+            let points = files.points.as_deref().map(points::read_text).transpose()?;
+            (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?, points)
+        };
+        points.iter_mut().for_each(|list| list.sort_by_key(|p| p.id));
+        Ok(Self { cameras, poses, points: points.unwrap_or_default(), files })
+    }
+}
+
+/// Opens a binary file that is a count and that many records, and reads them.
+fn binary_records<T>(
+    file: &Path,
+    what: &str,
+    smallest: u64,
+    mut record: impl FnMut(&mut Source, usize) -> Result<T, FileError>,
+) -> Result<Vec<T>, FileError> {
+    let mut source = Source::open(file)?;
+    let count = source.count(smallest, format_args!("number of {what}"))?;
+    let mut out = Vec::with_capacity(count);
+    for i in 0..count {
+        out.push(record(&mut source, i)?);
+    }
+    source.end(format_args!("end of {what}"))?;
+    Ok(out)
+}
+
+/// Reads a text file of one record per line, or per two lines when `second_line` is there to check the second; comments and
+/// empty lines between records are passed over. COLMAP writes the number of records into a comment; fewer than that many means a truncated file.
+fn text_records<T>(
+    file: &Path,
+    what: &str,
+    mut record: impl FnMut(Line<'_>) -> Result<T, FileError>,
+    second_line: Option<fn(Line<'_>) -> Result<(), FileError>>,
+) -> Result<Vec<T>, FileError> {
+    let mut lines = Lines::open(file)?;
+    let mut out = Vec::new();
+    let mut announced = None;
+    while let Some(line) = lines.next()? {
+        if let Some(comment) = line.text.trim_start().strip_prefix('#') {
+            announced = announced.or_else(|| announced_count(comment));
+            continue;
+        }
+        if line.text.trim().is_empty() {
+            continue;
+        }
+        out.push(record(line)?);
+        if let Some(check) = second_line {
+            // The last image of a file may end it: a line of no keypoints is empty.
+            lines.next()?.map_or(Ok(()), check)?;
+        }
+    }
+    match announced {
+        Some(count) if count > out.len() as u64 => Err(lines.error(
+            format_args!("number of {what}"),
+            format_args!(
+                "the comment at the top announces {count}, the file holds {}; restore the file, or remove the comment",
+                out.len()
+            ),
+        )),
+        _ => Ok(out),
+    }
+}
+
+/// The number in "Number of images: 12, mean observations per image: 340".
+fn announced_count(comment: &str) -> Option<u64> {
+    let rest = comment.trim_start().strip_prefix("Number of ")?;
+    let (_, number) = rest.split_once(':')?;
+    number.split(',').next()?.trim().parse().ok()
+}
+
+/// Complains of a value in a field that begins at `at`.
+fn wrong(file: &Path, at: At, field: impl std::fmt::Display, problem: impl std::fmt::Display) -> FileError {
+    FileError::malformed(file, field, at, problem)
+}

@@ -1,0 +1,69 @@
+//! `points3D.bin` and `points3D.txt`.
+
+use std::path::Path;
+
+use super::{binary_records, text_records};
+use crate::format::Error as FileError;
+
+/// A reconstructed point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// COLMAP's number of the point.
+    pub id: u64,
+    /// Position in dataset coordinates.
+    pub position: [f64; 3],
+    /// 8-bit colour.
+    pub color: [u8; 3],
+    /// Mean reprojection error in pixels.
+    pub error: f64,
+    /// Number of observations.
+    pub track: u64,
+}
+
+const VALUES: [&str; 3] = ["x", "y", "z"];
+
+/// Reads `points3D.bin`: per point u64 number, f64 position, u8 colour, f64 error, u64 track length and 8 bytes per
+/// observation.
+pub(crate) fn read_binary(file: &Path) -> Result<Vec<Point>, FileError> {
+    binary_records(file, "points", 8 + 24 + 3 + 8 + 8, |source, i| {
+        let id = source.u64(format_args!("number of point {i}"))?;
+        let mut position = [0.0; 3];
+        for (k, value) in position.iter_mut().enumerate() {
+            *value = source.f64(format_args!("{} of point {id}", VALUES[k]))?;
+        }
+        let color = source.array(format_args!("colour of point {id}"))?;
+        // Some exporters have no error to give and write NaN: it decides nothing here.
+        let error = source.array(format_args!("error of point {id}")).map(f64::from_le_bytes)?;
+        let track = source.count(8, format_args!("track length of point {id}"))? as u64;
+        source.skip(8 * track, format_args!("track of point {id}"))?;
+        Ok(Point { id, position, color, error, track })
+    })
+}
+
+/// Reads `points3D.txt`: per line number, position, colour, error and two numbers per observation.
+pub(crate) fn read_text(file: &Path) -> Result<Vec<Point>, FileError> {
+    let mut i = 0;
+    text_records(
+        file,
+        "points",
+        |mut line| {
+            let id = line.value(format_args!("number of point {i}"))?;
+            i += 1;
+            let mut position = [0.0; 3];
+            for (k, value) in position.iter_mut().enumerate() {
+                *value = line.f64(format_args!("{} of point {id}", VALUES[k]))?;
+            }
+            let mut color = [0; 3];
+            for value in &mut color {
+                *value = line.value(format_args!("colour of point {id}"))?;
+            }
+            let error = line.value(format_args!("error of point {id}"))?;
+            let left = line.left();
+            if left % 2 != 0 {
+                return Err(line.error(format_args!("track of point {id}"), "has an odd number of values"));
+            }
+            Ok(Point { id, position, color, error, track: left as u64 / 2 })
+        },
+        None,
+    )
+}

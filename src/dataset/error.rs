@@ -1,0 +1,141 @@
+//! Why a dataset cannot be used.
+
+use std::path::{Path, PathBuf};
+
+use crate::format;
+
+/// A dataset could not be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file is missing, unreadable or not what its format asks for.
+    #[error(transparent)]
+    File(#[from] format::Error),
+    /// No model was found.
+    #[error("{}: no COLMAP model here; looked for {looked_for}", folder.display())]
+    NoModel {
+        /// The folder that was given.
+        folder: PathBuf,
+        /// The files that would have been read.
+        looked_for: String,
+    },
+    /// A camera model with distortion.
+    #[error(
+        "{}: camera {camera} has the model {model}; only PINHOLE and SIMPLE_PINHOLE are supported. \
+         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display()
+    )]
+    UnsupportedCamera {
+        /// The cameras file.
+        file: PathBuf,
+        /// The camera's number in it.
+        camera: u32,
+        /// COLMAP's name of the model.
+        model: &'static str,
+    },
+    /// A model without photographs.
+    #[error("{}: the model has no images", file.display())]
+    NoImages {
+        /// The images file.
+        file: PathBuf,
+    },
+    /// Two poses with the same photograph.
+    #[error("{}: two images are named '{name}'", file.display())]
+    DuplicateName {
+        /// The images file.
+        file: PathBuf,
+        /// The name.
+        name: String,
+    },
+    /// A name that leaves the folder of the photographs.
+    #[error("{}: the image name '{name}' leads out of the folder of photographs", file.display())]
+    NameOutside {
+        /// The images file.
+        file: PathBuf,
+        /// The name.
+        name: String,
+    },
+    /// No folder with photographs.
+    #[error("{}: no folder of photographs; looked for {looked_for}", folder.display())]
+    NoPhotographs {
+        /// The dataset.
+        folder: PathBuf,
+        /// The folders tried.
+        looked_for: String,
+    },
+    /// Poses whose photographs are not there.
+    #[error(
+        "{}: {count} of {total} photographs are missing, the first of them '{first}'; \
+         put them back or remove their poses from the model", folder.display()
+    )]
+    MissingPhotographs {
+        /// Where they should be.
+        folder: PathBuf,
+        /// How many are missing.
+        count: usize,
+        /// How many the model names.
+        total: usize,
+        /// The first missing one, bytewise.
+        first: String,
+    },
+    /// The photograph has not the shape its camera says.
+    #[error(
+        "{}: the photograph is {}x{}, its camera {camera} is {}x{}, which is another aspect ratio{hint}",
+        file.display(), photograph.0, photograph.1, expected.0, expected.1
+    )]
+    AspectRatio {
+        /// The photograph.
+        file: PathBuf,
+        /// Its width and height.
+        photograph: (u32, u32),
+        /// The camera's number in the cameras file.
+        camera: u32,
+        /// The camera's width and height.
+        expected: (u32, u32),
+        /// A likely reason.
+        hint: &'static str,
+    },
+    /// The photograph cannot be decoded.
+    #[error("{}: {field} at byte {at}: {problem}", file.display())]
+    Undecodable {
+        /// The photograph.
+        file: PathBuf,
+        /// "header" or "pixels".
+        field: &'static str,
+        /// How far the decoder had read.
+        at: u64,
+        /// Its complaint.
+        problem: String,
+    },
+    /// The photograph has other than 8 bits per channel.
+    #[error(
+        "{}: pixels are {pixels}; only 8 bits per channel are supported. Convert the photograph to 8-bit PNG or JPEG",
+        file.display()
+    )]
+    UnsupportedPixels {
+        /// The photograph.
+        file: PathBuf,
+        /// Its pixel type.
+        pixels: String,
+    },
+    /// The photograph changed between loading the dataset and reading the pixels.
+    #[error(
+        "{}: the photograph is {}x{} now and was {}x{} when the dataset was loaded",
+        file.display(), now.0, now.1, before.0, before.1
+    )]
+    Changed {
+        /// The photograph.
+        file: PathBuf,
+        /// Width and height found now.
+        now: (u32, u32),
+        /// Width and height found at first.
+        before: (u32, u32),
+    },
+    /// The options ask for images of no size.
+    #[error("the longest side of an image (--max-side) must be at least 1 pixel")]
+    ZeroMaxSide,
+}
+
+impl Error {
+    pub(crate) fn undecodable(file: &Path, field: &'static str, at: u64, problem: impl std::fmt::Display) -> Self {
+        Self::Undecodable { file: file.to_owned(), field, at, problem: problem.to_string() }
+    }
+}

@@ -1,0 +1,37 @@
+//! The scene's frame from the cameras, as in the 3DGS reference: centre and reach of the training cameras.
+
+use super::Warning;
+use super::colmap::Point;
+use crate::scene::Frame;
+
+/// Below this fraction of the distance to the points the cameras count as one: their spread says nothing of the scene.
+const DEGENERATE: f64 = 1e-4;
+
+/// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset units.
+/// Without a spread of the cameras the extent is the median distance of the points from the cameras, which is what the
+/// reach of the cameras is about when they go around an object; without points it is one dataset unit.
+pub(super) fn scene_frame(centers: &[[f64; 3]], points: &[Point]) -> (Frame, f64, Option<Warning>) {
+    let n = centers.len().max(1) as f64;
+    // Summed about the first centre: geo-referenced coordinates keep their last digits.
+    let origin = centers.first().copied().unwrap_or_default();
+    let offset: [f64; 3] =
+        std::array::from_fn(|k| origin[k] + centers.iter().map(|c| c[k] - origin[k]).sum::<f64>() / n);
+    let reach = 1.1 * centers.iter().map(|c| distance(*c, offset)).fold(0.0, f64::max);
+
+    let mut distances: Vec<f64> = points.iter().map(|p| distance(p.position, offset)).collect();
+    distances.sort_by(f64::total_cmp);
+    let typical = distances.get(distances.len() / 2).copied().filter(|d| *d > 0.0);
+    let rounding = 1e-9 * offset.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
+    let smallest = typical.map_or(rounding, |d| (DEGENERATE * d).max(rounding));
+    let (extent, warning) = if reach > smallest {
+        (reach, None)
+    } else {
+        let extent = typical.filter(|d| *d > rounding).unwrap_or(1.0);
+        (extent, Some(Warning::CamerasAtOnePlace { cameras: centers.len(), extent }))
+    };
+    (Frame { offset, scale: Frame::EXTENT / extent }, extent, warning)
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
+}

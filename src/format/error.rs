@@ -1,0 +1,86 @@
+//! What can be wrong with a file.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A place in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum At {
+    /// Bytes from the beginning of a binary file.
+    Byte(u64),
+    /// Line of a text file, the first being 1.
+    Line(u64),
+}
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(offset) => write!(f, "byte {offset}"),
+            Self::Line(number) => write!(f, "line {number}"),
+        }
+    }
+}
+
+/// A file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused.
+    #[error("{}: cannot {action}: {source}", file.display())]
+    Io {
+        /// The file or folder.
+        file: PathBuf,
+        /// What was tried ("read", "create the temporary file", ...).
+        action: &'static str,
+        /// Its answer.
+        source: io::Error,
+    },
+    /// The content is not what the format asks for.
+    #[error("{}: {field} at {at}: {problem}", file.display())]
+    Malformed {
+        /// The file.
+        file: PathBuf,
+        /// The field that was being read.
+        field: String,
+        /// Where it begins.
+        at: At,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A value cannot be written in this format.
+    #[error("{}: cannot write {what}: {problem}", file.display())]
+    Unwritable {
+        /// The file.
+        file: PathBuf,
+        /// The content.
+        what: &'static str,
+        /// Why not.
+        problem: String,
+    },
+    /// A checkpoint lacks a section.
+    #[error("{}: there is no section '{section}'", file.display())]
+    NoSection {
+        /// The checkpoint.
+        file: PathBuf,
+        /// The section that was asked for.
+        section: String,
+    },
+    /// Checkpoints were found, but none can be read.
+    #[error("{}: none of the checkpoints can be read: {problems}", folder.display())]
+    NoValidCheckpoint {
+        /// The folder that was searched.
+        folder: PathBuf,
+        /// What is wrong with each.
+        problems: String,
+    },
+}
+
+impl Error {
+    pub(crate) fn io(file: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Io { file: file.to_owned(), action, source }
+    }
+
+    pub(crate) fn malformed(file: &Path, field: impl fmt::Display, at: At, problem: impl fmt::Display) -> Self {
+        Self::Malformed { file: file.to_owned(), field: field.to_string(), at, problem: problem.to_string() }
+    }
+}

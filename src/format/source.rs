@@ -1,0 +1,232 @@
+//! Files read field by field, so that every complaint can say which field and where.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::error::{At, Error};
+
+/// A little-endian binary file.
+pub(crate) struct Source {
+    file: PathBuf,
+    reader: BufReader<File>,
+    at: u64,
+    len: u64,
+}
+
+impl Source {
+    pub(crate) fn open(file: &Path) -> Result<Self, Error> {
+        let opened = File::open(file).map_err(Error::io(file, "open"))?;
+        let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+        Ok(Self { file: file.to_owned(), reader: BufReader::with_capacity(1 << 16, opened), at: 0, len })
+    }
+
+    pub(crate) fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Bytes from the beginning of the file.
+    pub(crate) fn at(&self) -> u64 {
+        self.at
+    }
+
+    pub(crate) fn remaining(&self) -> u64 {
+        self.len - self.at
+    }
+
+    pub(crate) fn error(&self, at: u64, field: impl Display, problem: impl Display) -> Error {
+        Error::malformed(&self.file, field, At::Byte(at), problem)
+    }
+
+    fn need(&self, bytes: u64, field: impl Display) -> Result<(), Error> {
+        if bytes <= self.remaining() {
+            return Ok(());
+        }
+        Err(self.error(self.at, field, format_args!("needs {bytes} bytes, the file has {} more", self.remaining())))
+    }
+
+    fn fill(&mut self, out: &mut [u8]) -> Result<(), Error> {
+        self.reader.read_exact(out).map_err(Error::io(&self.file, "read"))?;
+        self.at += out.len() as u64;
+        Ok(())
+    }
+
+    pub(crate) fn array<const N: usize>(&mut self, field: impl Display) -> Result<[u8; N], Error> {
+        self.need(N as u64, field)?;
+        let mut out = [0; N];
+        self.fill(&mut out)?;
+        Ok(out)
+    }
+
+    /// Reads into `out`, which the caller has sized by something already checked against the file.
+    pub(crate) fn into_slice(&mut self, out: &mut [u8], field: impl Display) -> Result<(), Error> {
+        self.need(out.len() as u64, field)?;
+        self.fill(out)
+    }
+
+    /// `bytes` bytes, allocated only once the file is known to hold them.
+    pub(crate) fn bytes(&mut self, bytes: u64, field: impl Display) -> Result<Vec<u8>, Error> {
+        self.need(bytes, &field)?;
+        let size = usize::try_from(bytes).map_err(|_| self.error(self.at, &field, "is too large for this machine"))?;
+        let mut out = vec![0; size];
+        self.fill(&mut out)?;
+        Ok(out)
+    }
+
+    pub(crate) fn u8(&mut self, field: impl Display) -> Result<u8, Error> {
+        self.array(field).map(|[b]| b)
+    }
+
+    pub(crate) fn u32(&mut self, field: impl Display) -> Result<u32, Error> {
+        self.array(field).map(u32::from_le_bytes)
+    }
+
+    pub(crate) fn i32(&mut self, field: impl Display) -> Result<i32, Error> {
+        self.array(field).map(i32::from_le_bytes)
+    }
+
+    pub(crate) fn u64(&mut self, field: impl Display) -> Result<u64, Error> {
+        self.array(field).map(u64::from_le_bytes)
+    }
+
+    /// A finite f64.
+    pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
+        let at = self.at;
+        let value = self.array(&field).map(f64::from_le_bytes)?;
+        if value.is_finite() { Ok(value) } else { Err(self.error(at, field, format_args!("is {value}"))) }
+    }
+
+    /// A u64 count of records that take at least `record` bytes each.
+    pub(crate) fn count(&mut self, record: u64, field: impl Display) -> Result<usize, Error> {
+        let at = self.at;
+        let count = self.u64(&field)?;
+        let fits = count.checked_mul(record).is_some_and(|bytes| bytes <= self.remaining());
+        match usize::try_from(count) {
+            Ok(count) if fits => Ok(count),
+            _ => Err(self.error(
+                at,
+                field,
+                format_args!(
+                    "is {count}, which needs at least {record} bytes each; the file has {} more",
+                    self.remaining()
+                ),
+            )),
+        }
+    }
+
+    /// UTF-8 text up to a zero byte.
+    pub(crate) fn text(&mut self, field: impl Display) -> Result<String, Error> {
+        let at = self.at;
+        let mut out = Vec::new();
+        self.reader.read_until(0, &mut out).map_err(Error::io(&self.file, "read"))?;
+        self.at += out.len() as u64;
+        if out.pop() != Some(0) {
+            return Err(self.error(at, field, "is not ended by a zero byte"));
+        }
+        String::from_utf8(out).map_err(|_| self.error(at, field, "is not UTF-8"))
+    }
+
+    pub(crate) fn skip(&mut self, bytes: u64, field: impl Display) -> Result<(), Error> {
+        self.need(bytes, &field)?;
+        let step = i64::try_from(bytes).map_err(|_| self.error(self.at, field, "is too large"))?;
+        self.reader.seek_relative(step).map_err(Error::io(&self.file, "read"))?;
+        self.at += bytes;
+        Ok(())
+    }
+
+    /// Complains when something is left.
+    pub(crate) fn end(&self, field: impl Display) -> Result<(), Error> {
+        match self.remaining() {
+            0 => Ok(()),
+            left => {
+                Err(self.error(self.at, field, format_args!("{left} bytes follow that do not belong to the format")))
+            }
+        }
+    }
+}
+
+/// A text file, line by line.
+pub(crate) struct Lines {
+    file: PathBuf,
+    reader: BufReader<File>,
+    number: u64,
+    raw: Vec<u8>,
+}
+
+impl Lines {
+    pub(crate) fn open(file: &Path) -> Result<Self, Error> {
+        let opened = File::open(file).map_err(Error::io(file, "open"))?;
+        Ok(Self {
+            file: file.to_owned(),
+            reader: BufReader::with_capacity(1 << 16, opened),
+            number: 0,
+            raw: Vec::new(),
+        })
+    }
+
+    /// The next line without its end; `None` after the last.
+    pub(crate) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
+        self.raw.clear();
+        let read = self.reader.read_until(b'\n', &mut self.raw).map_err(Error::io(&self.file, "read"))?;
+        if read == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        let text = std::str::from_utf8(&self.raw)
+            .map_err(|_| Error::malformed(&self.file, "text", At::Line(self.number), "is not UTF-8"))?;
+        let text = text.trim_end_matches(['\n', '\r']);
+        Ok(Some(Line { file: &self.file, number: self.number, text, rest: text }))
+    }
+
+    pub(crate) fn error(&self, field: impl Display, problem: impl Display) -> Error {
+        Error::malformed(&self.file, field, At::Line(self.number), problem)
+    }
+}
+
+/// One line and the fields not yet taken from it.
+pub(crate) struct Line<'a> {
+    file: &'a Path,
+    number: u64,
+    pub(crate) text: &'a str,
+    rest: &'a str,
+}
+
+impl<'a> Line<'a> {
+    pub(crate) fn error(&self, field: impl Display, problem: impl Display) -> Error {
+        Error::malformed(self.file, field, At::Line(self.number), problem)
+    }
+
+    pub(crate) fn word(&mut self, field: impl Display) -> Result<&'a str, Error> {
+        let rest = self.rest.trim_start();
+        let (word, after) = rest.split_at(rest.find(char::is_whitespace).unwrap_or(rest.len()));
+        self.rest = after;
+        if word.is_empty() { Err(self.error(field, "is missing")) } else { Ok(word) }
+    }
+
+    pub(crate) fn value<T: FromStr>(&mut self, field: impl Display) -> Result<T, Error> {
+        let word = self.word(&field)?;
+        word.parse().map_err(|_| self.error(field, format_args!("'{word}' is not a number of the kind it should be")))
+    }
+
+    /// A finite f64.
+    pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
+        let value: f64 = self.value(&field)?;
+        if value.is_finite() { Ok(value) } else { Err(self.error(field, format_args!("is {value}"))) }
+    }
+
+    pub(crate) fn at(&self) -> At {
+        At::Line(self.number)
+    }
+
+    /// What is left of the line, without white space around it.
+    pub(crate) fn rest(&self) -> &'a str {
+        self.rest.trim()
+    }
+
+    /// Fields not yet taken.
+    pub(crate) fn left(&self) -> usize {
+        self.rest.split_whitespace().count()
+    }
+}

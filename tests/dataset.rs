@@ -1,0 +1,401 @@
+//! COLMAP folders in: what is read, what is refused, the split, the frame.
+
+mod colmap_folder;
+
+use std::fs;
+use std::path::Path;
+
+use colmap_folder::{CameraRow, Folder, OPENCV, SIMPLE_PINHOLE, real_scenes, write_photograph};
+use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
+use psrgs_vk::scene::Frame;
+
+const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
+
+fn load(path: &Path) -> Result<Dataset, Error> {
+    Dataset::load(path, &LoadOptions::default())
+}
+
+fn without_photographs() -> LoadOptions {
+    LoadOptions { photographs: false, ..LoadOptions::default() }
+}
+
+#[test]
+fn binary_and_text_give_the_same_dataset() {
+    let folder = Folder::ring(&["x/b 2.png", "a.png", "c.png"], [3.0, -4.0, 5.0]);
+    let (binary, text) = (folder.dataset(false), folder.dataset(true));
+    let (b, t) = (load(binary.path()).expect("binary"), load(text.path()).expect("text"));
+    assert_eq!(b.points, t.points);
+    assert_eq!(b.frame, t.frame);
+    for (b, t) in b.views.iter().zip(&t.views) {
+        assert_eq!((&b.name, &b.camera, b.role, b.size_on_disk), (&t.name, &t.camera, t.role, t.size_on_disk));
+    }
+    assert_eq!(b.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["a.png", "c.png", "x/b 2.png"]);
+    let view = &b.views[0];
+    assert_eq!((view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy), (20.5, 21.25, 11.125, 8.75));
+    // "a.png" is the second camera of three on the ring.
+    let angle = std::f64::consts::TAU / 3.0;
+    let center = [3.0 + 2.0 * angle.cos(), -4.0 + 2.0 * angle.sin(), 15.0];
+    for (got, want) in view.camera.center().iter().zip(center) {
+        assert!((got - want).abs() < 1e-12);
+    }
+    assert_eq!(view.camera.rotation, [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
+    assert_eq!(b.points.len(), 12);
+    assert!(b.points.windows(2).all(|p| p[0].id < p[1].id), "points are in the order of their ids");
+    assert_eq!((b.points[11].color, b.points[11].track), ([0, 255, 128], 2));
+    assert!(b.warnings.is_empty(), "{:?}", b.warnings);
+}
+
+#[test]
+fn photographs_are_decoded_by_role_and_in_order() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    // A test photograph is never decoded while training: this one would fail, its header being whole.
+    let file = root.path().join("images/a.png");
+    let bytes = fs::read(&file).expect("photograph");
+    fs::write(&file, &bytes[..60]).expect("truncated");
+    let dataset = load(root.path()).expect("loads");
+    let train = dataset.photographs(Role::Train).expect("training photographs");
+    assert_eq!(train.iter().map(|p| p.rgba[0]).collect::<Vec<_>>(), [1, 2]);
+    assert_eq!((train[0].width, train[0].height, train[0].rgba.len()), (24, 16, 24 * 16 * 4));
+    assert_eq!(train[0].rgba[4 * (24 + 2)..][..4], [1, 18, 13, 255]);
+    let error = dataset.photographs(Role::HeldOut).expect_err("truncated").to_string();
+    assert!(error.contains("a.png: pixels at byte"), "{error}");
+}
+
+#[test]
+fn max_side_reduces_the_photograph_and_its_camera() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    let options = LoadOptions { max_side: Some(12), ..LoadOptions::default() };
+    let dataset = Dataset::load(root.path(), &options).expect("loads");
+    let camera = dataset.views[1].camera;
+    assert_eq!((camera.width, camera.height), (12, 8));
+    assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (10.25, 10.625, 5.5625, 4.375));
+    let photograph = dataset.views[1].photograph().expect("decodes");
+    assert_eq!((photograph.width, photograph.height), (12, 8));
+    // A linear ramp of slope 9 stays one of slope 18 whose pixel centres lie between those of the original.
+    for x in 2..10 {
+        let green = f64::from(photograph.rgba[4 * (3 * 12 + x) + 1]);
+        assert!((green - (18.0 * x as f64 + 4.5)).abs() <= 1.0, "{x}: {green}");
+    }
+    assert!(matches!(
+        Dataset::load(root.path(), &LoadOptions { max_side: Some(0), ..LoadOptions::default() }),
+        Err(Error::ZeroMaxSide)
+    ));
+}
+
+#[test]
+fn transparent_pixels_do_not_bleed_when_reduced() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    let file = root.path().join("images/b.png");
+    image::RgbaImage::from_fn(24, 16, |x, _| image::Rgba(if x % 2 == 0 { [200, 10, 10, 255] } else { [0, 255, 0, 0] }))
+        .save(&file)
+        .expect("photograph");
+    let options = LoadOptions { max_side: Some(12), ..LoadOptions::default() };
+    let photograph = Dataset::load(root.path(), &options).expect("loads").views[1].photograph().expect("decodes");
+    for pixel in photograph.rgba.chunks_exact(4) {
+        assert!((100..156).contains(&pixel[3]), "{pixel:?}");
+        assert!(pixel[0].abs_diff(200) <= 3 && pixel[1].abs_diff(10) <= 3, "{pixel:?}");
+    }
+}
+
+#[test]
+fn reduced_folders_are_chosen_by_option_and_by_size() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    for name in NAMES {
+        write_photograph(&root.path().join("images_2").join(name), 12, 8, 50);
+        write_photograph(&root.path().join("images_3").join(name), 8, 5, 60);
+    }
+    let chosen = |options: LoadOptions| {
+        let dataset = Dataset::load(root.path(), &options).expect("loads");
+        let images = dataset.images.expect("photographs");
+        (images.reduction, images.automatic, dataset.views[0].camera.width, dataset.views[0].camera.height)
+    };
+    assert_eq!(chosen(LoadOptions::default()), (1, true, 24, 16));
+    assert_eq!(chosen(LoadOptions { max_side: Some(12), ..LoadOptions::default() }), (2, true, 12, 8));
+    assert_eq!(chosen(LoadOptions { max_side: Some(13), ..LoadOptions::default() }), (1, true, 13, 9));
+    let asked = |name: &str| LoadOptions { images_folder: Some(name.into()), ..LoadOptions::default() };
+    assert_eq!(chosen(asked("images_3")), (3, false, 8, 5));
+    assert!(matches!(Dataset::load(root.path(), &asked("images_9")), Err(Error::NoPhotographs { .. })));
+    // An incomplete folder is not chosen.
+    fs::remove_file(root.path().join("images_2/b.png")).expect("removed");
+    assert_eq!(chosen(LoadOptions { max_side: Some(12), ..LoadOptions::default() }), (1, true, 12, 8));
+}
+
+#[test]
+fn sizes_may_differ_between_cameras_and_between_camera_and_photograph() {
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    folder.cameras.push(CameraRow { id: 9, model: SIMPLE_PINHOLE, size: [30, 40], params: vec![33.0, 14.0, 21.0] });
+    folder.images[2].camera = 9;
+    let root = folder.dataset(true);
+    write_photograph(&root.path().join("images/b.png"), 48, 32, 7);
+    let dataset = load(root.path()).expect("loads");
+    let sizes: Vec<_> = dataset.views.iter().map(|v| (v.camera.width, v.camera.height)).collect();
+    assert_eq!(sizes, [(24, 16), (48, 32), (30, 40)]);
+    assert_eq!((dataset.views[1].camera.fx, dataset.views[1].camera.cy), (41.0, 17.5));
+    assert_eq!(
+        (dataset.views[2].camera.fx, dataset.views[2].camera.fy, dataset.views[2].camera.cy),
+        (33.0, 33.0, 21.0)
+    );
+
+    write_photograph(&root.path().join("images/b.png"), 24, 24, 7);
+    let error = load(root.path()).expect_err("another aspect").to_string();
+    assert!(error.contains("b.png") && error.contains("24x24") && error.contains("24x16"), "{error}");
+    write_photograph(&root.path().join("images/b.png"), 16, 24, 7);
+    let error = load(root.path()).expect_err("turned").to_string();
+    assert!(error.contains("turned by 90 degrees"), "{error}");
+}
+
+#[test]
+fn cameras_with_distortion_are_refused_with_the_remedy() {
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    folder.cameras.push(CameraRow { id: 5, model: OPENCV, size: [24, 16], params: vec![20.0; 8] });
+    for text in [false, true] {
+        // A camera that no image uses does no harm.
+        load(folder.dataset(text).path()).expect("loads");
+    }
+    folder.images[1].camera = 5;
+    for text in [false, true] {
+        let root = folder.dataset(text);
+        let error = load(root.path()).expect_err("distorted");
+        assert!(matches!(error, Error::UnsupportedCamera { camera: 5, model: "OPENCV", .. }));
+        let message = error.to_string();
+        assert!(message.contains("cameras.") && message.contains("image_undistorter"), "{message}");
+    }
+}
+
+#[test]
+fn missing_photographs_are_named() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    fs::remove_file(root.path().join("images/c.png")).expect("removed");
+    fs::remove_file(root.path().join("images/b.png")).expect("removed");
+    let error = load(root.path()).expect_err("missing");
+    assert!(
+        matches!(&error, Error::MissingPhotographs { count: 2, total: 3, first, .. } if first == "b.png"),
+        "{error}"
+    );
+    // Poses alone are enough where no photograph is needed.
+    let dataset = Dataset::load(root.path(), &without_photographs()).expect("poses");
+    assert_eq!((dataset.views.len(), dataset.views[2].camera.width), (3, 24));
+    fs::remove_dir_all(root.path().join("images")).expect("removed");
+    assert!(matches!(load(root.path()), Err(Error::NoPhotographs { .. })));
+}
+
+#[test]
+fn photographs_of_other_depths_are_refused() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    let file = root.path().join("images/b.png");
+    image::ImageBuffer::<image::Rgb<u16>, _>::new(24, 16).save(&file).expect("16-bit photograph");
+    let error = load(root.path()).expect("headers are fine").photographs(Role::Train).expect_err("16 bits");
+    assert!(matches!(&error, Error::UnsupportedPixels { pixels, .. } if pixels == "Rgb16"), "{error}");
+    image::GrayImage::from_pixel(24, 16, image::Luma([77])).save(&file).expect("grey photograph");
+    let grey = load(root.path()).expect("loads").views[1].photograph().expect("decodes");
+    assert_eq!(grey.rgba[..4], [77, 77, 77, 255]);
+    fs::write(&file, b"not a picture at all").expect("written");
+    let error = load(root.path()).expect_err("foreign").to_string();
+    assert!(error.contains("b.png: header at byte"), "{error}");
+}
+
+#[test]
+fn split_counts_names_sorted_bytewise() {
+    // Bytewise: digits before capitals before small letters, "10" before "2", no natural order.
+    let names = [
+        "z.png",
+        "IMG_2.png",
+        "img_10.png",
+        "img_2.png",
+        "b/1.png",
+        "a-b.png",
+        "a.png",
+        "a_b.png",
+        "é.png",
+        "0.png",
+        "01.png",
+        "1.png",
+        "00.png",
+        "IMG_10.png",
+        "B.png",
+        "aa.png",
+        "A.png",
+    ];
+    let sorted = [
+        "0.png",
+        "00.png",
+        "01.png",
+        "1.png",
+        "A.png",
+        "B.png",
+        "IMG_10.png",
+        "IMG_2.png",
+        "a-b.png",
+        "a.png",
+        "a_b.png",
+        "aa.png",
+        "b/1.png",
+        "img_10.png",
+        "img_2.png",
+        "z.png",
+        "é.png",
+    ];
+    let root = Folder::ring(&names, [0.0; 3]).dataset(false);
+    let of = |split, role| {
+        let dataset = Dataset::load(root.path(), &LoadOptions { split, ..LoadOptions::default() }).expect("loads");
+        assert_eq!(dataset.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), sorted);
+        dataset.views_of(role).map(|(_, v)| v.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(of(Split::Test, Role::HeldOut), ["0.png", "a-b.png", "é.png"]);
+    assert_eq!(of(Split::Test, Role::Train).len(), 14);
+    assert_eq!(of(Split::Val, Role::HeldOut), ["A.png", "b/1.png"]);
+    assert_eq!(of(Split::Val, Role::Unused), ["0.png", "a-b.png", "é.png"]);
+    assert_eq!(of(Split::Val, Role::Train).len(), 12);
+    assert_eq!(of(Split::None, Role::Train).len(), 17);
+}
+
+#[test]
+fn the_frame_is_that_of_the_training_cameras() {
+    let folder = Folder::ring(&NAMES, [3.0, -4.0, 5.0]);
+    let dataset = load(folder.dataset(false).path()).expect("loads");
+    // "a.png" is held out: two cameras remain, at 120 and 240 degrees of the ring.
+    let middle = [3.0 - 1.0, -4.0, 15.0];
+    for (got, want) in dataset.frame.offset.iter().zip(middle) {
+        assert!((got - want).abs() < 1e-12, "{got} {want}");
+    }
+    let reach = 2.0 * (std::f64::consts::TAU / 3.0).sin();
+    assert!((dataset.extent - 1.1 * reach).abs() < 1e-12);
+    assert!((dataset.frame.scale - 5.0 / dataset.extent).abs() < 1e-12);
+    let all = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
+    let dataset = Dataset::load(folder.dataset(false).path(), &all).expect("loads");
+    assert!((dataset.extent - 2.2).abs() < 1e-12);
+}
+
+#[test]
+fn one_photograph_and_cameras_at_one_place_take_the_extent_of_the_points() {
+    let folder = Folder::ring(&["only.png"], [50.0, 0.0, 0.0]);
+    let dataset = load(folder.dataset(false).path()).expect("loads");
+    assert_eq!(dataset.views[0].role, Role::Train);
+    assert!(dataset.warnings.contains(&Warning::NothingHeldOut { views: 1 }));
+    let extent = dataset.extent;
+    assert!((10.0..10.7).contains(&extent), "the points are about 10 from the camera: {extent}");
+    assert!(dataset.warnings.contains(&Warning::CamerasAtOnePlace { cameras: 1, extent }));
+    assert_eq!(dataset.frame.scale, Frame::EXTENT / extent);
+
+    let mut same = Folder::ring(&NAMES, [5e5, 4.6e6, 100.0]);
+    for image in &mut same.images {
+        image.translation = [-5e5, 4.6e6, 110.0];
+        // A turn about the viewing axis changes the rounding of the centre.
+        image.quaternion = [0.0, 1.0, 1e-3 * f64::from(image.id), 0.0];
+        let (w, h) = (1.0, 1e-3 * f64::from(image.id));
+        let (c, s) = ((w * w - h * h) / (w * w + h * h), 2.0 * w * h / (w * w + h * h));
+        // Rows of the rotation [[c, s, 0], [s, -c, 0], [0, 0, -1]].
+        image.translation = [-(c * 5e5 + s * 4.6e6), -(s * 5e5 - c * 4.6e6), 110.0];
+    }
+    let dataset = load(same.dataset(false).path()).expect("loads");
+    assert!(dataset.warnings.iter().any(|w| matches!(w, Warning::CamerasAtOnePlace { cameras: 2, .. })));
+    assert!((9.9..10.7).contains(&dataset.extent), "{}", dataset.extent);
+
+    same.points.clear();
+    let dataset = load(same.dataset(true).path()).expect("loads");
+    assert_eq!(dataset.extent, 1.0);
+}
+
+#[test]
+fn geo_referenced_coordinates_give_the_same_scene() {
+    let shift = [5e5, 4.6e6, 100.0];
+    let near = load(Folder::ring(&NAMES, [0.0; 3]).dataset(false).path()).expect("near");
+    let far = load(Folder::ring(&NAMES, shift).dataset(false).path()).expect("far");
+    assert!((near.frame.scale - far.frame.scale).abs() < 1e-8);
+    for (a, b) in near.points.iter().zip(&far.points) {
+        for (x, y) in near.frame.to_scene(a.position).iter().zip(far.frame.to_scene(b.position)) {
+            assert!((x - y).abs() < 1e-8, "{x} {y}");
+        }
+    }
+    for i in 0..3 {
+        let (a, b) = (near.scene_camera(i).expect("camera"), far.scene_camera(i).expect("camera"));
+        for (x, y) in a.translation.iter().zip(b.translation) {
+            assert!((x - y).abs() < 1e-8, "{x} {y}");
+        }
+    }
+    assert_eq!(near.frame.shift(), [0.0; 3]);
+    assert_eq!(far.frame.shift(), far.frame.offset);
+}
+
+#[test]
+fn a_model_without_points_or_images_says_so() {
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    fs::remove_file(root.path().join("sparse/0/points3D.bin")).expect("removed");
+    let dataset = load(root.path()).expect("loads");
+    assert!(dataset.points.is_empty() && dataset.warnings.contains(&Warning::NoPointsFile));
+    folder.images.clear();
+    assert!(matches!(load(folder.dataset(false).path()), Err(Error::NoImages { .. })));
+    let empty = tempfile::tempdir().expect("temporary folder");
+    assert!(matches!(load(empty.path()), Err(Error::NoModel { .. })));
+}
+
+#[test]
+fn names_that_repeat_or_leave_the_folder_are_refused() {
+    let folder = Folder::ring(&["a.png", "b.png", "a.png"], [0.0; 3]);
+    assert!(matches!(load(folder.dataset(false).path()), Err(Error::DuplicateName { name, .. }) if name == "a.png"));
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    folder.images[0].name = "../a.png".to_owned();
+    folder.write(root.path(), &folder.binary());
+    assert!(matches!(load(root.path()), Err(Error::NameOutside { .. })));
+}
+
+#[test]
+fn a_model_directly_in_sparse_is_found_and_binary_comes_first() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(true);
+    let mut other = folder.clone();
+    other.points.truncate(5);
+    other.write(root.path(), &other.binary());
+    assert_eq!(load(root.path()).expect("loads").points.len(), 5);
+    let sparse = root.path().join("sparse");
+    for entry in fs::read_dir(sparse.join("0")).expect("folder") {
+        let path = entry.expect("entry").path();
+        fs::rename(&path, sparse.join(path.file_name().expect("name"))).expect("moved");
+    }
+    assert_eq!(load(root.path()).expect("loads").points.len(), 5);
+}
+
+#[test]
+fn unposed_photographs_are_counted() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    write_photograph(&root.path().join("images/more/d.JPG.png"), 24, 16, 0);
+    let dataset = load(root.path()).expect("loads");
+    assert_eq!(dataset.warnings, [Warning::PhotographsWithoutPose { photographs: 1 }]);
+}
+
+#[test]
+fn the_real_scenes_load() {
+    let Some(root) = real_scenes() else {
+        println!("skipped: no real scenes; set PSRGS_DATA to their folder");
+        return;
+    };
+    for (name, images, points, size) in
+        [("caliterra", 75, 20_639, (640, 480)), ("copr", 38, 14_897, (640, 427)), ("fox", 50, 11_967, (360, 640))]
+    {
+        let dataset = load(&root.join(name)).expect(name);
+        assert_eq!((dataset.views.len(), dataset.points.len()), (images, points), "{name}");
+        assert!(dataset.views.iter().all(|v| (v.camera.width, v.camera.height) == size && v.size_on_disk == size));
+        assert_eq!(dataset.views_of(Role::HeldOut).count(), images.div_ceil(8));
+        assert!(dataset.warnings.is_empty(), "{name}: {:?}", dataset.warnings);
+        // The poses fit the points: nearly all points of a reconstruction lie before the cameras.
+        let camera = dataset.scene_camera(0).expect("camera");
+        let before = dataset.points.iter().filter(|p| {
+            let p = dataset.frame.to_scene(p.position);
+            (0..3).map(|j| camera.rotation[2][j] * p[j]).sum::<f64>() + camera.translation[2] > 0.0
+        });
+        assert!(before.count() * 10 > points * 9, "{name}");
+        println!("{name}: extent {} of the dataset's units", dataset.extent);
+    }
+    let fox = load(&root.join("fox")).expect("fox");
+    assert_eq!((fox.views[0].camera.cx, fox.views[0].camera.cy), (184.85, 321.76));
+    assert_eq!(fox.views_of(Role::Train).count(), 43);
+    assert_eq!(fox.photographs(Role::HeldOut).expect("decodes").len(), 7);
+}
