@@ -2,8 +2,12 @@
 //!
 //! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
 
+pub mod adam;
+pub mod camera;
 pub mod counters;
 pub mod fill;
+pub mod project;
+pub mod project_backward;
 mod shaders;
 
 pub use shaders::module;
@@ -38,7 +42,7 @@ pub struct Pass {
 
 /// Every pass. A pass that is not listed here cannot be run by [`crate::raster`] or [`crate::train`] (they take `&Pass`
 /// from their modules, and a test compares the shader folder with this list).
-pub const ALL: &[&Pass] = &[&fill::PASS];
+pub const ALL: &[&Pass] = &[&adam::PASS, &fill::PASS, &project::PASS, &project_backward::PASS];
 
 /// Declares a push-constant block: a `#[repr(C)]` plain-data struct with a `FIELDS` table for [`Pass::push`].
 #[macro_export]

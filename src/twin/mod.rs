@@ -3,8 +3,15 @@
 //! A twin is a typed function generic over [`Real`] (f64 is the reference, f32 mirrors the shader's arithmetic) and a thin
 //! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
 
+pub mod adam;
 pub mod fill;
+pub mod project;
+pub mod project_backward;
+pub mod projection;
+pub mod sh;
+pub mod splat;
 pub mod tile;
+mod vec3;
 
 /// f32 or f64.
 pub trait Real:

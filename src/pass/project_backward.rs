@@ -1,0 +1,44 @@
+//! Gradients of the 3D Gaussians from the gradients of their projections.
+
+use super::camera::CameraPush;
+use super::{Pass, module};
+use crate::vk::{Constant, Kernel, read, write};
+
+/// The pass.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "project_backward",
+        spirv: module("project_backward"),
+        bindings: &[
+            read("counters"),
+            read("means"),
+            read("quats"),
+            read("scales"),
+            read("opacities"),
+            read("sh0"),
+            read("sh1"),
+            read("sh2"),
+            read("sh3"),
+            read("splat2d"),
+            read("tile_counts"),
+            read("grad2d"),
+            read("grad_normals"),
+            write("g_means"),
+            write("g_quats"),
+            write("g_scales"),
+            write("g_opacities"),
+            write("g_sh0"),
+            write("g_sh1"),
+            write("g_sh2"),
+            write("g_sh3"),
+        ],
+        push_bytes: CameraPush::BYTES,
+        constants: &[Constant { id: 0, name: "AUX", default: 0 }],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Recomputes the projection and writes the gradients \
+          of all 59 parameters; zeros for culled splats. Normals take part when AUX = 1.",
+    dispatch: "one thread per splat of the model",
+    push: CameraPush::FIELDS,
+    twin: crate::twin::project_backward::run,
+};

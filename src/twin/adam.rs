@@ -1,0 +1,34 @@
+//! Twin of `glsl/adam.comp`.
+
+use super::{Real, TwinCall};
+use crate::pass::adam::Push;
+use crate::pass::counters;
+
+/// A larger gradient (its square would not fit f32) leaves its element as it is, like one that is not finite.
+pub const LARGEST_GRADIENT: f64 = 4e18;
+
+/// One step on one element: gradient, then parameter, first and second moment in place. `lr` is the element's learning rate.
+pub fn adam<R: Real>(push: &Push, lr: R, g: R, (param, first, second): (&mut R, &mut R, &mut R)) {
+    let r = |x: f32| R::of(f64::from(x));
+    if g.is_nan() || g.abs() > R::of(LARGEST_GRADIENT) {
+        return;
+    }
+    *first = r(push.beta1) * *first + r(push.gain1) * g;
+    *second = r(push.beta2) * *second + r(push.gain2) * (g * g);
+    *param -= lr * (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let n = (call.get::<u32>(0)[counters::SPLATS] * push.row).min(call.groups * 64) as usize;
+    let grad = call.get::<f32>(1);
+    let (mut param, mut first, mut second) = (call.get::<f32>(2), call.get::<f32>(3), call.get::<f32>(4));
+    for i in 0..n {
+        let lr = if (i as u32) % push.row < push.head { push.lr_head } else { push.lr_rest };
+        adam(&push, lr, grad[i], (&mut param[i], &mut first[i], &mut second[i]));
+    }
+    call.set(2, &param);
+    call.set(3, &first);
+    call.set(4, &second);
+}

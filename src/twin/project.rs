@@ -1,0 +1,138 @@
+//! Twin of `glsl/project.comp`.
+
+use super::projection::{self, Ewa};
+use super::splat::{Splat, View, model_of};
+use super::tile::{self, TileGrid};
+use super::{Real, TwinCall, sh, vec3};
+use crate::pass::camera::CameraPush;
+use crate::pass::counters;
+
+/// A splat on the image.
+#[derive(Clone, Debug)]
+pub struct Projected<R> {
+    /// Mean in pixels.
+    pub mean: [R; 2],
+    /// (A, B, C).
+    pub conic: [R; 3],
+    /// Opacity times the anti-aliasing factor.
+    pub opacity: R,
+    /// z in the camera frame.
+    pub depth: R,
+    /// Colour, clamped at 0 from below.
+    pub color: [R; 3],
+    /// Camera-frame normal.
+    pub normal: [R; 3],
+    /// Tiles touched; 0 where no grid was given.
+    pub tiles: u32,
+}
+
+impl<R: Real> Projected<R> {
+    /// The row of `splat2d`.
+    pub fn row(&self) -> [R; 12] {
+        let o = R::zero();
+        let ([x, y], [a, b, c], [red, green, blue]) = (self.mean, self.conic, self.color);
+        [x, y, a, b, c, self.opacity, self.depth, o, red, green, blue, o]
+    }
+}
+
+/// Why a splat is not on the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Culled {
+    /// A parameter is not finite.
+    Bad,
+    /// At or behind the near plane.
+    Near,
+    /// Too faint to be seen, or its projection overflows.
+    Faint,
+    /// It touches no tile.
+    OffScreen,
+}
+
+/// The camera-frame position of a splat's centre.
+pub fn to_camera<R: Real>(view: &View<R>, mean: [R; 3]) -> [R; 3] {
+    std::array::from_fn(|k| vec3::dot(view.rotation[k], mean) + view.translation[k])
+}
+
+/// The projected covariance of a splat and its centre in the camera frame.
+pub fn geometry<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], Ewa<R>) {
+    let p = to_camera(view, splat.mean);
+    (p, projection::project(view, p, splat.quat, splat.log_scale))
+}
+
+/// Projects one splat. Without a grid, splats off screen are not culled and tiles are not counted.
+pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid>) -> Result<Projected<R>, Culled> {
+    let finite = |values: &[R]| values.iter().all(|v| v.is_finite());
+    let known = finite(&splat.mean) && finite(&splat.quat) && finite(&splat.log_scale) && splat.logit.is_finite();
+    if !known {
+        return Err(Culled::Bad);
+    }
+    let p = to_camera(view, splat.mean);
+    if p[2].is_nan() || p[2] <= view.near {
+        return Err(Culled::Near);
+    }
+    let e = projection::project(view, p, splat.quat, splat.log_scale);
+    let mean = std::array::from_fn(|k| view.focal[k] * (p[k] / p[2]) + view.principal[k]);
+    let mut opacity = projection::sigmoid(splat.logit)[0];
+    if view.antialias {
+        opacity *= e.compensation;
+    }
+    let sound = finite(&mean) && finite(&e.conic) && e.det.is_finite() && p[2].is_finite();
+    if !sound || opacity < R::one() / R::of(255.0) {
+        return Err(Culled::Faint);
+    }
+    let tiles = grid.map_or(0, |grid| tile::count(mean, e.conic, opacity, grid));
+    if grid.is_some() && tiles == 0 {
+        return Err(Culled::OffScreen);
+    }
+    let (dir, _) = direction(splat, view);
+    let y = sh::basis(dir, view.sh_degree);
+    let used = sh::coefficients(view.sh_degree);
+    let color: [R; 3] = std::array::from_fn(|c| (0..used).fold(R::of(0.5), |sum, k| sum + y[k] * splat.sh[k][c]));
+    if !finite(&color) {
+        return Err(Culled::Bad);
+    }
+    let axis = projection::shortest_axis(splat.log_scale);
+    let (normal, _) = projection::normal(view, p, &e.rot, axis);
+    let color = color.map(|v| v.max(R::zero()));
+    Ok(Projected { mean, conic: e.conic, opacity, depth: p[2], color, normal, tiles })
+}
+
+/// Direction from the camera centre to the splat, and the distance.
+pub(super) fn direction<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], R) {
+    let offset = vec3::sub(splat.mean, view.center);
+    let distance = vec3::dot(offset, offset).sqrt();
+    (offset.map(|v| v / distance), distance)
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: CameraPush = call.push();
+    let view = View::<f32>::of(&push);
+    let mut counts = call.get::<u32>(0);
+    let n = (call.groups as usize * 64).min(counts[counters::SPLATS] as usize);
+    let model = model_of(call, 1, n);
+    let mut splat2d = call.get::<[f32; 12]>(9);
+    let mut tile_counts = call.get::<u32>(10);
+    let mut normals = call.get::<[f32; 4]>(11);
+    let grid = TileGrid { image: view.size, tile: [call.constants[0], call.constants[1]] };
+    let aux = call.constants[2] != 0;
+    for i in 0..n {
+        match project(&Splat::of(&model, i), &view, Some(&grid)) {
+            Ok(p) => {
+                tile_counts[i] = p.tiles;
+                splat2d[i] = p.row();
+                if aux {
+                    normals[i] = [p.normal[0], p.normal[1], p.normal[2], 0.0];
+                }
+            }
+            Err(why) => {
+                tile_counts[i] = 0;
+                counts[counters::BAD_SPLATS] += u32::from(why == Culled::Bad);
+            }
+        }
+    }
+    call.set(0, &counts);
+    call.set(9, &splat2d);
+    call.set(10, &tile_counts);
+    call.set(11, &normals);
+}

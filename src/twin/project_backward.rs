@@ -1,0 +1,84 @@
+//! Twin of `glsl/project_backward.comp`.
+
+use super::projection;
+use super::splat::{Splat, View, model_of};
+use super::{Real, TwinCall, project, sh, vec3};
+use crate::pass::camera::CameraPush;
+use crate::pass::counters;
+use crate::scene::{Gaussians, SH_GROUPS};
+
+/// Gradients of one splat's projection: a row of `grad2d` (mean x, mean y, A, B, C, opacity, r, g, b, depth, two that are not
+/// used here) and the normal's.
+#[derive(Clone, Debug)]
+pub struct Grad2d<R> {
+    /// The row of `grad2d`.
+    pub row: [R; 12],
+    /// The row of `grad_normals`; zeros without normals.
+    pub normal: [R; 3],
+}
+
+/// Gradients of the 59 parameters of a splat that is on the image with colour `color` (0 where it was clamped).
+pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, color: [R; 3], g: &Grad2d<R>) -> Splat<R> {
+    let o = R::zero();
+    let (p, e) = project::geometry(splat, view);
+    let g_rgb: [R; 3] = std::array::from_fn(|c| if color[c] > o { g.row[6 + c] } else { o });
+    let (dir, distance) = project::direction(splat, view);
+    let y = sh::basis(dir, view.sh_degree);
+    let g_sh = y.map(|value| g_rgb.map(|v| value * v));
+    let per_coefficient: [R; 16] = std::array::from_fn(|k| vec3::dot(splat.sh[k], g_rgb));
+    let g_dir = sh::slope(dir, view.sh_degree, &per_coefficient);
+
+    let [sigma, slope] = projection::sigmoid(splat.logit);
+    let g_opacity = g.row[5];
+    let logit = g_opacity * slope * if view.antialias { e.compensation } else { R::one() };
+    let g_compensation = if view.antialias { g_opacity * sigma } else { o };
+
+    let axis = projection::shortest_axis(splat.log_scale);
+    let (_, side) = projection::normal(view, p, &e.rot, axis);
+    let w = view.rotation;
+    let g_axis = vec3::combine(vec3::scale(side, g.normal), w);
+    let through = projection::backward(view, &e, p[2], [g.row[2], g.row[3], g.row[4]], g_compensation, (g_axis, axis));
+    let mut g_p = through.p;
+    g_p[2] += g.row[9];
+    for k in 0..2 {
+        let moved = g.row[k] * e.zoom[k];
+        g_p[k] += moved;
+        g_p[2] -= moved * (p[k] / p[2]);
+    }
+    let along = vec3::dot(dir, g_dir);
+    let turned = std::array::from_fn(|k| (g_dir[k] - dir[k] * along) / distance);
+    Splat {
+        mean: vec3::add(vec3::combine(g_p, w), turned),
+        quat: through.quat,
+        log_scale: through.log_scale,
+        logit,
+        sh: g_sh,
+    }
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: CameraPush = call.push();
+    let view = View::<f32>::of(&push);
+    let n = (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize);
+    let model = model_of(call, 1, n);
+    let splat2d = call.get::<[f32; 12]>(9);
+    let tile_counts = call.get::<u32>(10);
+    let grad2d = call.get::<[f32; 12]>(11);
+    let grad_normals = call.get::<[f32; 4]>(12);
+    let aux = call.constants[0] != 0;
+    let mut out = Gaussians::zeros(n);
+    for i in (0..n).filter(|&i| tile_counts[i] != 0) {
+        let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
+        let color = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
+        let g = Grad2d { row: grad2d[i], normal: [x, y, z] };
+        project_backward(&Splat::of(&model, i), &view, color, &g).store(&mut out, i);
+    }
+    call.set(13, &out.means);
+    call.set(14, &out.quats);
+    call.set(15, &out.scales);
+    call.set(16, &out.opacities);
+    for group in 0..SH_GROUPS {
+        call.set(17 + group, &out.sh[group]);
+    }
+}

@@ -1,0 +1,168 @@
+//! One splat's parameters and one camera, in any precision, as the projection's twins take them.
+
+use super::{Real, TwinCall};
+use crate::pass::camera::{ANTIALIAS, CameraPush, Projection, REFERENCE_CLAMP, clamp_limits};
+use crate::scene::{Camera, Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
+
+/// Parameters of one splat: 3 + 4 + 3 + 1 + 48 = 59 numbers.
+pub const PARAMETERS: usize = 59;
+
+/// The 59 parameters of one splat.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Splat<R> {
+    /// Centre, scene units.
+    pub mean: [R; 3],
+    /// Rotation, w first, of any length.
+    pub quat: [R; 4],
+    /// Natural logarithms of the standard deviations.
+    pub log_scale: [R; 3],
+    /// Logit of the opacity.
+    pub logit: R,
+    /// Spherical harmonics: 16 coefficients of (r, g, b).
+    pub sh: [[R; 3]; 16],
+}
+
+impl<R: Real> Splat<R> {
+    /// The parameters in the order of the planes: mean 3, quat 4, log scale 3, logit 1, SH 48 (coefficient-major).
+    pub fn to_array(&self) -> [R; PARAMETERS] {
+        let mut out = [R::zero(); PARAMETERS];
+        out[..3].copy_from_slice(&self.mean);
+        out[3..7].copy_from_slice(&self.quat);
+        out[7..10].copy_from_slice(&self.log_scale);
+        out[10] = self.logit;
+        out[11..].copy_from_slice(self.sh.as_flattened());
+        out
+    }
+
+    /// The inverse of [`Splat::to_array`].
+    pub fn from_array(values: &[R; PARAMETERS]) -> Self {
+        let at = |i: usize| values[i];
+        Self {
+            mean: std::array::from_fn(at),
+            quat: std::array::from_fn(|k| at(3 + k)),
+            log_scale: std::array::from_fn(|k| at(7 + k)),
+            logit: at(10),
+            sh: std::array::from_fn(|j| std::array::from_fn(|c| at(11 + 3 * j + c))),
+        }
+    }
+
+    /// Splat `i` of a model.
+    pub fn of(model: &Gaussians, i: usize) -> Self {
+        let r = |x: f32| R::of(f64::from(x));
+        Self {
+            mean: std::array::from_fn(|k| r(model.means[3 * i + k])),
+            quat: std::array::from_fn(|k| r(model.quats[4 * i + k])),
+            log_scale: std::array::from_fn(|k| r(model.scales[3 * i + k])),
+            logit: r(model.opacities[i]),
+            sh: std::array::from_fn(|j| {
+                std::array::from_fn(|c| r(model.sh[j / 4][SH_GROUP_FLOATS * i + 3 * (j % 4) + c]))
+            }),
+        }
+    }
+
+    /// Every splat of a model.
+    pub fn all(model: &Gaussians) -> Vec<Self> {
+        (0..model.len()).map(|i| Self::of(model, i)).collect()
+    }
+
+    /// Stores the values as splat `i` of a model (or of its gradients), rounded to f32.
+    pub fn store(&self, model: &mut Gaussians, i: usize) {
+        let f = |x: &R| x.f64() as f32;
+        for k in 0..3 {
+            model.means[3 * i + k] = f(&self.mean[k]);
+            model.scales[3 * i + k] = f(&self.log_scale[k]);
+        }
+        for k in 0..4 {
+            model.quats[4 * i + k] = f(&self.quat[k]);
+        }
+        model.opacities[i] = f(&self.logit);
+        for (j, rgb) in self.sh.iter().enumerate() {
+            for c in 0..3 {
+                model.sh[j / 4][SH_GROUP_FLOATS * i + 3 * (j % 4) + c] = f(&rgb[c]);
+            }
+        }
+    }
+}
+
+/// A camera with the settings of the projection.
+#[derive(Clone, Debug)]
+pub struct View<R> {
+    /// Rotation from the scene to the camera frame, row-major.
+    pub rotation: [[R; 3]; 3],
+    /// Translation.
+    pub translation: [R; 3],
+    /// Camera centre in the scene.
+    pub center: [R; 3],
+    /// Near plane.
+    pub near: R,
+    /// Focal lengths in pixels.
+    pub focal: [R; 2],
+    /// Principal point in pixels.
+    pub principal: [R; 2],
+    /// See [`clamp_limits`].
+    pub limits: [R; 4],
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Highest degree of spherical harmonics in use.
+    pub sh_degree: u32,
+    /// Whether opacities carry the anti-aliasing factor.
+    pub antialias: bool,
+    /// See [`Projection::reference_clamp`].
+    pub reference_clamp: bool,
+}
+
+impl<R: Real> View<R> {
+    /// From what the device gets.
+    pub fn of(push: &CameraPush) -> Self {
+        let r = |x: f32| R::of(f64::from(x));
+        let rows = [push.row0, push.row1, push.row2];
+        Self {
+            rotation: rows.map(|row| [r(row[0]), r(row[1]), r(row[2])]),
+            translation: rows.map(|row| r(row[3])),
+            center: std::array::from_fn(|k| r(push.center[k])),
+            near: r(push.center[3]),
+            focal: [r(push.intrinsics[0]), r(push.intrinsics[1])],
+            principal: [r(push.intrinsics[2]), r(push.intrinsics[3])],
+            limits: push.limits.map(r),
+            size: [push.width, push.height],
+            sh_degree: push.sh_degree,
+            antialias: push.flags & ANTIALIAS != 0,
+            reference_clamp: push.flags & REFERENCE_CLAMP != 0,
+        }
+    }
+
+    /// From a camera, without rounding to f32 on the way.
+    pub fn exact(camera: &Camera, projection: &Projection) -> Self {
+        Self {
+            rotation: camera.rotation.map(|row| row.map(R::of)),
+            translation: camera.translation.map(R::of),
+            center: camera.center().map(R::of),
+            near: R::of(projection.near),
+            focal: [R::of(camera.fx), R::of(camera.fy)],
+            principal: [R::of(camera.cx), R::of(camera.cy)],
+            limits: clamp_limits(camera).map(R::of),
+            size: [camera.width, camera.height],
+            sh_degree: projection.sh_degree,
+            antialias: projection.antialias,
+            reference_clamp: projection.reference_clamp,
+        }
+    }
+}
+
+/// The model's planes in buffers `first`.. of a call: means, quats, scales, opacities, sh0 to sh3; the first `n` splats.
+pub(super) fn model_of(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
+    let plane = |k: usize, row: usize| {
+        let mut values = call.get::<f32>(first + k);
+        values.truncate(n * row);
+        values
+    };
+    debug_assert_eq!(SH_GROUPS, 4);
+    Gaussians {
+        means: plane(0, 3),
+        quats: plane(1, 4),
+        scales: plane(2, 3),
+        opacities: plane(3, 1),
+        sh: std::array::from_fn(|g| plane(4 + g, SH_GROUP_FLOATS)),
+        ids: Vec::new(),
+    }
+}
