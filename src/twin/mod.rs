@@ -8,6 +8,7 @@ pub mod fill;
 pub mod project;
 pub mod project_backward;
 pub mod projection;
+pub mod reference;
 pub mod sh;
 pub mod splat;
 pub mod tile;

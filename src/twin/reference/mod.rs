@@ -1,0 +1,81 @@
+//! A brute-force renderer in f64: every splat at every pixel, one plain sort, no tiles, no cut-offs but those of the method.
+//!
+//! Written from the formulas of `docs/CONVENTIONS.md` alone. It shares no arithmetic with the passes or their twins (covariances
+//! here are plain matrix products, determinants plain `ac - b^2`), so it can judge both. It also reports how close every pixel came
+//! to a decision that rounding to f32 may turn over.
+
+mod matrix;
+mod pixels;
+mod splats;
+
+pub use pixels::{backward, render};
+
+use super::splat::Splat;
+
+/// What is rendered besides the splats and the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Highest degree of spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Splats at this depth or nearer are not seen.
+    pub near: f64,
+    /// Whether opacities carry the anti-aliasing factor.
+    pub antialias: bool,
+    /// Colour behind everything.
+    pub background: [f64; 3],
+}
+
+/// A rendered image, row-major, one entry per pixel.
+#[derive(Clone, Debug, Default)]
+pub struct Image {
+    /// Colour with the background.
+    pub color: Vec<[f64; 3]>,
+    /// Final transmittance.
+    pub transmittance: Vec<f64>,
+    /// Sum of weight times depth.
+    pub depth: Vec<f64>,
+    /// Sum of weight times camera-frame normal.
+    pub normal: Vec<[f64; 3]>,
+    /// Splats blended.
+    pub blended: Vec<u32>,
+    /// Distance to the nearest decision that rounding may turn over (1/255, 0.99, 1e-4, power > 0, the order of two depths), in
+    /// units of the condition of that decision: rounding to f32 moves it by a small multiple of f32's epsilon. A test excludes
+    /// pixels below such a multiple, and counts them.
+    pub margin: Vec<f64>,
+}
+
+/// dL/d(image), laid out like [`Image`].
+#[derive(Clone, Debug, Default)]
+pub struct ImageGradient {
+    /// dL/d(colour).
+    pub color: Vec<[f64; 3]>,
+    /// dL/d(final transmittance), beyond what goes through the background's part of the colour.
+    pub transmittance: Vec<f64>,
+    /// dL/d(sum of weight times depth).
+    pub depth: Vec<f64>,
+    /// dL/d(sum of weight times normal).
+    pub normal: Vec<[f64; 3]>,
+}
+
+impl ImageGradient {
+    /// Zeros for an image of `pixels` pixels.
+    pub fn zeros(pixels: usize) -> Self {
+        Self {
+            color: vec![[0.0; 3]; pixels],
+            transmittance: vec![0.0; pixels],
+            depth: vec![0.0; pixels],
+            normal: vec![[0.0; 3]; pixels],
+        }
+    }
+}
+
+/// Gradients with respect to splats.
+#[derive(Clone, Debug)]
+pub struct Gradients {
+    /// The 59 parameters of each splat.
+    pub splats: Vec<Splat<f64>>,
+    /// Rows of `grad2d`: mean x, mean y, A, B, C, opacity, r, g, b, depth, and the sums of absolute per-pixel values of the mean's.
+    pub grad2d: Vec<[f64; 12]>,
+    /// Camera-frame normals.
+    pub normals: Vec<[f64; 3]>,
+}

@@ -1,0 +1,155 @@
+//! Blending of every splat at every pixel, its derivative, and the distance to decisions.
+
+use super::splats::{Seen, pull_back, see};
+use super::{Gradients, Image, ImageGradient, Settings, Splat};
+use crate::scene::Camera;
+
+/// A splat that takes part in a pixel.
+struct Layer {
+    /// Position in the depth order.
+    at: usize,
+    dx: f64,
+    dy: f64,
+    /// exp(power).
+    falloff: f64,
+    alpha: f64,
+    /// Transmittance in front of it.
+    before: f64,
+    /// Whether alpha is held at 0.99.
+    clamped: bool,
+}
+
+/// What is seen, front to back; equal depths in the order of birth.
+fn sorted(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Vec<Seen> {
+    let mut seen: Vec<Seen> =
+        splats.iter().enumerate().filter_map(|(i, splat)| see(i, splat, camera, settings)).collect();
+    seen.sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.index.cmp(&b.index)));
+    seen
+}
+
+/// The layers of the pixel whose centre is (px, py), the final transmittance, and the distance to the nearest decision.
+fn layers(seen: &[Seen], splats: &[Splat<f64>], px: f64, py: f64) -> (Vec<Layer>, f64, f64) {
+    let mut out: Vec<Layer> = Vec::new();
+    let (mut t, mut t_condition) = (1.0, 1.0);
+    let mut margin = f64::INFINITY;
+    for (at, s) in seen.iter().enumerate() {
+        let (dx, dy) = (px - s.mean[0], py - s.mean[1]);
+        let [a, b, c] = s.conic;
+        let power = -0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy;
+        let size = 0.5 * (a * dx * dx + c * dy * dy) + (b * dx * dy).abs();
+        let condition = 1.0
+            + size * (1.0 + s.conic_condition)
+            + (a * dx + b * dy).abs() * s.mean_condition[0]
+            + (b * dx + c * dy).abs() * s.mean_condition[1];
+        let falloff = power.exp();
+        let free = s.opacity * falloff;
+        // A splat far from 1/255 plays no part; one near it decides, whichever side it is on.
+        margin = margin.min((free * 255.0).ln().abs() / condition);
+        if power > 0.0 || free < 1.0 / 255.0 {
+            continue;
+        }
+        margin = margin.min((free / 0.99).ln().abs() / condition);
+        if size > 0.0 {
+            margin = margin.min(-power / (size * (1.0 + s.conic_condition)));
+        }
+        if let Some(last) = out.last() {
+            let front = &seen[last.at];
+            if splats[front.index].mean != splats[s.index].mean {
+                margin = margin.min((s.depth / front.depth).ln() / (s.depth_condition + front.depth_condition));
+            }
+        }
+        let alpha = free.min(0.99);
+        let next = t * (1.0 - alpha);
+        t_condition += 1.0 + if free < 0.99 { alpha / (1.0 - alpha) * condition } else { 0.0 };
+        margin = margin.min((next / 1e-4).ln().abs() / t_condition);
+        if next < 1e-4 {
+            break;
+        }
+        out.push(Layer { at, dx, dy, falloff, alpha, before: t, clamped: free > 0.99 });
+        t = next;
+    }
+    (out, t, margin)
+}
+
+/// Centres of the pixels, row-major.
+fn centres(camera: &Camera) -> impl Iterator<Item = (usize, f64, f64)> {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    (0..width * height).map(move |i| (i, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5))
+}
+
+/// Renders the splats.
+pub fn render(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Image {
+    let seen = sorted(splats, camera, settings);
+    let mut image = Image::default();
+    for (_, px, py) in centres(camera) {
+        let (layers, t, margin) = layers(&seen, splats, px, py);
+        let mut color = settings.background.map(|b| b * t);
+        let (mut depth, mut normal) = (0.0, [0.0; 3]);
+        for layer in &layers {
+            let s = &seen[layer.at];
+            let weight = layer.alpha * layer.before;
+            depth += weight * s.depth;
+            for k in 0..3 {
+                color[k] += weight * s.color[k];
+                normal[k] += weight * s.normal[k];
+            }
+        }
+        image.color.push(color);
+        image.transmittance.push(t);
+        image.depth.push(depth);
+        image.normal.push(normal);
+        image.blended.push(layers.len() as u32);
+        image.margin.push(margin);
+    }
+    image
+}
+
+/// Gradients of a loss whose derivative by the image is `g`.
+pub fn backward(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, g: &ImageGradient) -> Gradients {
+    let seen = sorted(splats, camera, settings);
+    let mut rows = vec![[0.0; 12]; splats.len()];
+    let mut normals = vec![[0.0; 3]; splats.len()];
+    for (pixel, px, py) in centres(camera) {
+        let (layers, t, _) = layers(&seen, splats, px, py);
+        let (gc, gd, gn) = (g.color[pixel], g.depth[pixel], g.normal[pixel]);
+        // L is linear in the weights w_i = alpha_i T_i and in the final T: with v_i = dL/dw_i and v_end = dL/dT,
+        // dL/d(alpha_i) = T_i v_i - (sum over j > i of w_j v_j + T v_end) / (1 - alpha_i).
+        let behind: f64 = (0..3).map(|k| gc[k] * settings.background[k]).sum::<f64>() + g.transmittance[pixel];
+        let mut rest = t * behind;
+        for layer in layers.iter().rev() {
+            let s = &seen[layer.at];
+            let weight = layer.alpha * layer.before;
+            let value: f64 = (0..3).map(|k| gc[k] * s.color[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * s.depth;
+            let g_alpha = layer.before * value - rest / (1.0 - layer.alpha);
+            rest += weight * value;
+            let row = &mut rows[s.index];
+            for k in 0..3 {
+                row[6 + k] += weight * gc[k];
+                normals[s.index][k] += weight * gn[k];
+            }
+            row[9] += weight * gd;
+            if layer.clamped {
+                continue;
+            }
+            row[5] += g_alpha * layer.falloff;
+            let g_power = g_alpha * layer.alpha;
+            let [a, b, c] = s.conic;
+            let (dx, dy) = (layer.dx, layer.dy);
+            let g_mean = [g_power * (a * dx + b * dy), g_power * (b * dx + c * dy)];
+            row[0] += g_mean[0];
+            row[1] += g_mean[1];
+            row[2] -= g_power * 0.5 * dx * dx;
+            row[3] -= g_power * dx * dy;
+            row[4] -= g_power * 0.5 * dy * dy;
+            row[10] += g_mean[0].abs();
+            row[11] += g_mean[1].abs();
+        }
+    }
+    let zero = Splat { mean: [0.0; 3], quat: [0.0; 4], log_scale: [0.0; 3], logit: 0.0, sh: [[0.0; 3]; 16] };
+    let mut out = vec![zero; splats.len()];
+    for s in &seen {
+        let i = s.index;
+        out[i] = pull_back(&splats[i], s, camera, settings, &rows[i], &normals[i]);
+    }
+    Gradients { splats: out, grad2d: rows, normals }
+}

@@ -1,0 +1,308 @@
+//! Projection of one splat and its derivative, by plain matrix calculus.
+
+use super::matrix::{Mat2, Mat2x3, Mat3, norm, product, scaled, times, transposed};
+use super::{Settings, Splat};
+use crate::scene::Camera;
+
+/// A splat as the image sees it.
+#[derive(Clone, Debug)]
+pub(super) struct Seen {
+    /// Its position in the input.
+    pub(super) index: usize,
+    pub(super) mean: [f64; 2],
+    /// A, B, C.
+    pub(super) conic: [f64; 3],
+    /// With the anti-aliasing factor.
+    pub(super) opacity: f64,
+    pub(super) depth: f64,
+    pub(super) color: [f64; 3],
+    pub(super) normal: [f64; 3],
+    /// Condition of the mean, the conic and the depth in f32 arithmetic: error over epsilon (absolute, relative, relative).
+    pub(super) mean_condition: [f64; 2],
+    pub(super) conic_condition: f64,
+    pub(super) depth_condition: f64,
+    parts: Parts,
+}
+
+/// Intermediate results that the derivative uses again.
+#[derive(Clone, Debug)]
+struct Parts {
+    point: [f64; 3],
+    rotation: Mat3,
+    deviations: [f64; 3],
+    /// x/z and y/z as the Jacobian sees them, and whether they were clamped.
+    slope: [f64; 2],
+    clamped: [bool; 2],
+    jacobian: Mat2x3,
+    sigma: Mat3,
+    before: Mat2,
+    after: Mat2,
+    factor: f64,
+    factor_floored: bool,
+    lit: [bool; 3],
+    shortest: usize,
+    turned: f64,
+    sigmoid: f64,
+}
+
+fn quaternion_matrix(q: &[f64; 4]) -> Mat3 {
+    let [w, x, y, z] = *q;
+    [
+        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+}
+
+/// Derivative of [`quaternion_matrix`] by component `k`.
+fn quaternion_slope(q: &[f64; 4], k: usize) -> Mat3 {
+    let [w, x, y, z] = q.map(|v| 2.0 * v);
+    match k {
+        0 => [[w, -z, y], [z, w, -x], [-y, x, w]],
+        1 => [[x, y, z], [y, -x, -w], [z, w, -x]],
+        2 => [[-y, x, w], [x, y, z], [-w, z, -y]],
+        _ => [[-z, -w, x], [w, -z, y], [x, y, z]],
+    }
+}
+
+/// The unit quaternion and the length; a vanishing quaternion is the identity.
+fn unit_quaternion(q: &[f64; 4]) -> ([f64; 4], Option<f64>) {
+    let length = norm(q);
+    if length < 1e-12 { ([1.0, 0.0, 0.0, 0.0], None) } else { (q.map(|v| v / length), Some(length)) }
+}
+
+/// The 16 basis functions as polynomials with their gradients, in the order and with the signs of the 3DGS reference.
+fn harmonics([x, y, z]: [f64; 3]) -> [(f64, [f64; 3]); 16] {
+    let pi = std::f64::consts::PI;
+    let c0 = 0.5 / pi.sqrt();
+    let c1 = (3.0 / (4.0 * pi)).sqrt();
+    let c2 = (15.0 / (4.0 * pi)).sqrt();
+    let c20 = (5.0 / (16.0 * pi)).sqrt();
+    let c33 = (35.0 / (32.0 * pi)).sqrt();
+    let c32 = (105.0 / (4.0 * pi)).sqrt();
+    let c31 = (21.0 / (32.0 * pi)).sqrt();
+    let c30 = (7.0 / (16.0 * pi)).sqrt();
+    let term = |c: f64, v: f64, g: [f64; 3]| (c * v, g.map(|d| c * d));
+    [
+        term(c0, 1.0, [0.0, 0.0, 0.0]),
+        term(-c1, y, [0.0, 1.0, 0.0]),
+        term(c1, z, [0.0, 0.0, 1.0]),
+        term(-c1, x, [1.0, 0.0, 0.0]),
+        term(c2, x * y, [y, x, 0.0]),
+        term(-c2, y * z, [0.0, z, y]),
+        term(c20, 2.0 * z * z - x * x - y * y, [-2.0 * x, -2.0 * y, 4.0 * z]),
+        term(-c2, x * z, [z, 0.0, x]),
+        term(c2 / 2.0, x * x - y * y, [2.0 * x, -2.0 * y, 0.0]),
+        term(-c33, y * (3.0 * x * x - y * y), [6.0 * x * y, 3.0 * x * x - 3.0 * y * y, 0.0]),
+        term(c32, x * y * z, [y * z, x * z, x * y]),
+        term(-c31, y * (4.0 * z * z - x * x - y * y), [-2.0 * x * y, 4.0 * z * z - x * x - 3.0 * y * y, 8.0 * y * z]),
+        term(
+            c30,
+            z * (2.0 * z * z - 3.0 * x * x - 3.0 * y * y),
+            [-6.0 * x * z, -6.0 * y * z, 6.0 * z * z - 3.0 * x * x - 3.0 * y * y],
+        ),
+        term(-c31, x * (4.0 * z * z - x * x - y * y), [4.0 * z * z - 3.0 * x * x - y * y, -2.0 * x * y, 8.0 * x * z]),
+        term(c32 / 2.0, z * (x * x - y * y), [2.0 * x * z, -2.0 * y * z, x * x - y * y]),
+        term(-c33, x * (x * x - 3.0 * y * y), [3.0 * x * x - 3.0 * y * y, -6.0 * x * y, 0.0]),
+    ]
+}
+
+fn used(degree: u32) -> usize {
+    [1, 4, 9, 16][degree.min(3) as usize]
+}
+
+/// Direction from the camera centre, and the distance.
+fn sight(splat: &Splat<f64>, camera: &Camera) -> ([f64; 3], f64) {
+    let center = camera.center();
+    let offset: [f64; 3] = std::array::from_fn(|k| splat.mean[k] - center[k]);
+    let distance = norm(&offset);
+    (offset.map(|v| v / distance), distance)
+}
+
+fn inverse(m: &Mat2) -> Mat2 {
+    let det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    [[m[1][1] / det, -m[0][1] / det], [-m[1][0] / det, m[0][0] / det]]
+}
+
+/// Projects a splat, or `None` when it is not seen.
+pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> Option<Seen> {
+    if splat.to_array().iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let w = &camera.rotation;
+    let moved = times(w, &splat.mean);
+    let point: [f64; 3] = std::array::from_fn(|k| moved[k] + camera.translation[k]);
+    let [x, y, z] = point;
+    if z <= settings.near {
+        return None;
+    }
+    let (unit, _) = unit_quaternion(&splat.quat);
+    let rotation = quaternion_matrix(&unit);
+    let deviations = splat.log_scale.map(f64::exp);
+    let axes: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| rotation[i][j] * deviations[j]));
+    let sigma = product(&axes, &transposed(&axes));
+
+    let focal = [camera.fx, camera.fy];
+    let principal = [camera.cx, camera.cy];
+    let size = [f64::from(camera.width), f64::from(camera.height)];
+    let free = [x / z, y / z];
+    let slope: [f64; 2] = std::array::from_fn(|k| {
+        let margin = 0.3 * (size[k] / (2.0 * focal[k]));
+        free[k].clamp(-principal[k] / focal[k] - margin, (size[k] - principal[k]) / focal[k] + margin)
+    });
+    let clamped = std::array::from_fn(|k| slope[k] != free[k]);
+    let jacobian = [[focal[0] / z, 0.0, -focal[0] * slope[0] / z], [0.0, focal[1] / z, -focal[1] * slope[1] / z]];
+    let t = product(&jacobian, w);
+    let before = product(&product(&t, &sigma), &transposed(&t));
+    let after = [[before[0][0] + 0.3, before[0][1]], [before[1][0], before[1][1] + 0.3]];
+    let det = |m: &Mat2| m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    let share = det(&before) / det(&after);
+    let (factor, factor_floored) = match settings.antialias {
+        true => (share.max(2.5e-5).sqrt(), share <= 2.5e-5),
+        false => (1.0, true),
+    };
+    let q = inverse(&after);
+    let sigmoid = 1.0 / (1.0 + (-splat.logit).exp());
+
+    let (dir, _) = sight(splat, camera);
+    let mut color = [0.5; 3];
+    for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(settings.sh_degree)) {
+        for c in 0..3 {
+            color[c] += y.0 * f[c];
+        }
+    }
+    let shortest = (1..3).fold(0, |best, k| if splat.log_scale[k] < splat.log_scale[best] { k } else { best });
+    let axis = times(w, &std::array::from_fn(|i| rotation[i][shortest]));
+    let facing: f64 = (0..3).map(|k| axis[k] * point[k]).sum();
+    let turned = if facing > 0.0 { -1.0 } else { 1.0 };
+
+    // First-order effect of rounding every operand, as multiples of epsilon.
+    let reach: [f64; 3] = std::array::from_fn(|i| {
+        (0..3).map(|j| (w[i][j] * splat.mean[j]).abs()).sum::<f64>() + camera.translation[i].abs()
+    });
+    let in_camera = product(w, &axes);
+    let pulled: [f64; 2] = std::array::from_fn(|k| {
+        let span = norm(&in_camera[k]) + slope[k].abs() * norm(&in_camera[2]);
+        focal[k] / z * span / after[k][k].sqrt()
+    });
+    let depth_condition = 1.0 + reach[2] / z;
+    Some(Seen {
+        index,
+        mean: std::array::from_fn(|k| focal[k] * free[k] + principal[k]),
+        conic: [q[0][0], q[0][1], q[1][1]],
+        opacity: sigmoid * factor,
+        depth: z,
+        color: color.map(|v| v.max(0.0)),
+        normal: axis.map(|v| turned * v),
+        mean_condition: std::array::from_fn(|k| {
+            focal[k] / z * (reach[k] + free[k].abs() * reach[2]) + (focal[k] * free[k]).abs() + principal[k].abs()
+        }),
+        conic_condition: pulled[0].max(pulled[1]) + depth_condition,
+        depth_condition,
+        parts: Parts {
+            point,
+            rotation,
+            deviations,
+            slope,
+            clamped,
+            jacobian,
+            sigma,
+            before,
+            after,
+            factor,
+            factor_floored,
+            lit: color.map(|v| v > 0.0),
+            shortest,
+            turned,
+            sigmoid,
+        },
+    })
+}
+
+/// Gradients of the 59 parameters from a row of `grad2d` and the gradient of the normal.
+pub(super) fn pull_back(
+    splat: &Splat<f64>,
+    seen: &Seen,
+    camera: &Camera,
+    settings: &Settings,
+    row: &[f64; 12],
+    g_normal: &[f64; 3],
+) -> Splat<f64> {
+    let parts = &seen.parts;
+    let w = &camera.rotation;
+    let [x, y, z] = parts.point;
+    let mut g_point = [0.0; 3];
+
+    // Mean and depth.
+    g_point[0] += row[0] * camera.fx / z;
+    g_point[1] += row[1] * camera.fy / z;
+    g_point[2] += row[9] - row[0] * camera.fx * x / (z * z) - row[1] * camera.fy * y / (z * z);
+
+    // Opacity: o = sigmoid(logit) f, f = sqrt(det before / det after).
+    let logit = row[5] * parts.factor * parts.sigmoid * (1.0 - parts.sigmoid);
+    let g_factor = row[5] * parts.sigmoid;
+
+    // d(Q) = -Q d(Sigma') Q; d ln det(m) = tr(m^-1 dm).
+    let q = inverse(&parts.after);
+    let packed = [[row[2], row[3] / 2.0], [row[3] / 2.0, row[4]]];
+    let mut g_cov = scaled(-1.0, &product(&product(&q, &packed), &q));
+    if settings.antialias && !parts.factor_floored {
+        let q0 = inverse(&parts.before);
+        for i in 0..2 {
+            for j in 0..2 {
+                g_cov[i][j] += g_factor * parts.factor / 2.0 * (q0[i][j] - q[i][j]);
+            }
+        }
+    }
+
+    // Sigma' = T Sigma T^T with T = J W.
+    let t = product(&parts.jacobian, w);
+    let g_t: Mat2x3 = scaled(2.0, &product(&product(&g_cov, &t), &parts.sigma));
+    let g_sigma = product(&product(&transposed(&t), &g_cov), &t);
+    let g_j: Mat2x3 = product(&g_t, &transposed(w));
+    let focal = [camera.fx, camera.fy];
+    for k in 0..2 {
+        // J[k][k] = f / z, J[k][2] = -f s / z with s = x / z unless clamped.
+        let g_slope = -g_j[k][2] * focal[k] / z;
+        g_point[2] += (-g_j[k][k] * focal[k] + g_j[k][2] * focal[k] * parts.slope[k]) / (z * z);
+        if !parts.clamped[k] {
+            g_point[k] += g_slope / z;
+            g_point[2] -= g_slope * parts.slope[k] / z;
+        }
+    }
+
+    // Sigma = M M^T with M = R diag(s).
+    let axes: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| parts.rotation[i][j] * parts.deviations[j]));
+    let g_axes = scaled(2.0, &product(&g_sigma, &axes));
+    let log_scale =
+        std::array::from_fn(|j| parts.deviations[j] * (0..3).map(|i| parts.rotation[i][j] * g_axes[i][j]).sum::<f64>());
+    let mut g_rotation: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| g_axes[i][j] * parts.deviations[j]));
+    let back = times(&transposed(w), g_normal);
+    for i in 0..3 {
+        g_rotation[i][parts.shortest] += parts.turned * back[i];
+    }
+    let (unit, length) = unit_quaternion(&splat.quat);
+    let g_unit: [f64; 4] = std::array::from_fn(|k| {
+        let slope = quaternion_slope(&unit, k);
+        (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| slope[i][j] * g_rotation[i][j]).sum()
+    });
+    let radial: f64 = (0..4).map(|k| unit[k] * g_unit[k]).sum();
+    let quat = std::array::from_fn(|k| length.map_or(0.0, |l| (g_unit[k] - unit[k] * radial) / l));
+
+    // Colour, and the viewing direction.
+    let g_color: [f64; 3] = std::array::from_fn(|c| if parts.lit[c] { row[6 + c] } else { 0.0 });
+    let (dir, distance) = sight(splat, camera);
+    let mut sh = [[0.0; 3]; 16];
+    let mut g_dir = [0.0; 3];
+    for (k, (value, slope)) in harmonics(dir).iter().enumerate().take(used(settings.sh_degree)) {
+        sh[k] = g_color.map(|g| value * g);
+        let weight: f64 = (0..3).map(|c| splat.sh[k][c] * g_color[c]).sum();
+        for axis in 0..3 {
+            g_dir[axis] += weight * slope[axis];
+        }
+    }
+    let radial: f64 = (0..3).map(|k| dir[k] * g_dir[k]).sum();
+    let through_camera = times(&transposed(w), &g_point);
+    let mean = std::array::from_fn(|k| through_camera[k] + (g_dir[k] - dir[k] * radial) / distance);
+    Splat { mean, quat, log_scale, logit, sh }
+}
