@@ -89,8 +89,8 @@ group! {
         /// Photographs are reduced until their longer side has at most this many pixels
         #[arg(value_name = "PX")]
         pub max_side: u32 = 1600,
-        /// Photographs that are held out and scored: `test` is every 8th by sorted name; `val` the ones between, for choosing
-        /// settings (the test photographs stay out of training too); `none` trains on all
+        /// Photographs that are held out and scored, by position in the sorted names: `test` is 0, 8, 16 ...; `val` is 4, 12,
+        /// 20 ..., for choosing settings (the test photographs stay out of training too); `none` trains on all
         #[arg(value_name = "SPLIT")]
         pub split: Split = Split::Test,
     }
@@ -200,7 +200,7 @@ group! {
     flags {}
     optional {
         /// Vulkan device: its index in `psrgs-vk info`, or a part of its name [default: discrete, integrated, then CPU]
-        #[arg(value_name = "D", env = "PSRGS_DEVICE")]
+        #[arg(value_name = "D", env = "PSRGS_DEVICE", hide_env_values = true)]
         pub device: String,
         /// Device memory that may be used, such as 6GiB or 800M [default: what the device reports]
         #[arg(value_name = "BYTES")]

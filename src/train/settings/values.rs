@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+pub use crate::dataset::Split;
+
 /// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
 macro_rules! as_word {
     ($name:ident) => {
@@ -54,18 +56,6 @@ impl FromStr for Method {
 
 as_word!(Method);
 
-/// Which photographs are held out and scored. Positions are in the list of names sorted bytewise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Split {
-    /// Positions that are multiples of 8 are held out and scored.
-    #[default]
-    Test,
-    /// Positions 4 modulo 8 are held out and scored; multiples of 8 are left alone.
-    Val,
-    /// Everything is trained on, nothing is scored.
-    None,
-}
-
 impl fmt::Display for Split {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -87,8 +77,6 @@ impl FromStr for Split {
         }
     }
 }
-
-as_word!(Split);
 
 /// What is behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,0 +1,108 @@
+//! What the commands say: results on standard output, everything else on standard error.
+
+use std::fmt::Display;
+use std::io::{self, IsTerminal as _, Write as _};
+
+/// How much is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    /// Warnings and errors.
+    Quiet,
+    /// What a user wants to know.
+    Normal,
+    /// What helps to find out why.
+    Verbose,
+}
+
+/// Standard error, as loud as asked for.
+#[derive(Clone, Debug)]
+pub(crate) struct Console {
+    level: Level,
+    terminal: bool,
+}
+
+impl Console {
+    pub(crate) fn new(level: Level) -> Self {
+        Self { level, terminal: io::stderr().is_terminal() }
+    }
+
+    /// Whether a progress bar makes sense.
+    pub(crate) fn draws(&self) -> bool {
+        self.terminal && self.level >= Level::Normal
+    }
+
+    /// Whether progress is told at all.
+    pub(crate) fn talks(&self) -> bool {
+        self.level >= Level::Normal
+    }
+
+    pub(crate) fn say(&self, text: impl Display) {
+        if self.level >= Level::Normal {
+            line(&text);
+        }
+    }
+
+    pub(crate) fn detail(&self, text: impl Display) {
+        if self.level >= Level::Verbose {
+            line(&text);
+        }
+    }
+
+    pub(crate) fn warn(&self, text: impl Display) {
+        line(&format_args!("warning: {text}"));
+    }
+}
+
+/// A closed standard error is no reason to stop a training run, so the outcome of writing is dropped.
+fn line(text: &dyn Display) {
+    let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// Writes a result to standard output.
+pub(crate) fn print(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    out.flush()
+}
+
+/// Whether the reader of standard output went away, as `head` does: that is how the user wanted it.
+pub(crate) fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// Rows as text in columns: the first row is the header; columns that hold only numbers are right-aligned.
+pub(crate) fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let cell = |row: &Vec<String>, c: usize| row.get(c).cloned().unwrap_or_default();
+    let width = |c: usize| rows.iter().map(|row| cell(row, c).chars().count()).max().unwrap_or(0);
+    let numeric = |c: usize| {
+        rows.len() > 1 && rows[1..].iter().all(|row| cell(row, c).starts_with(|x: char| x.is_ascii_digit() || x == '-'))
+    };
+    let shape: Vec<(usize, bool)> = (0..columns).map(|c| (width(c), numeric(c))).collect();
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> = shape
+            .iter()
+            .enumerate()
+            .map(
+                |(c, &(w, right))| {
+                    if right { format!("{:>w$}", cell(row, c)) } else { format!("{:<w$}", cell(row, c)) }
+                },
+            )
+            .collect();
+        text.push_str(cells.join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_right_aligned() {
+        let rows = [["pass", "us"], ["blend", "7"], ["x", "1234"]].map(|r| r.map(str::to_owned).to_vec());
+        assert_eq!(table(&rows), "pass     us\nblend     7\nx      1234\n");
+    }
+}

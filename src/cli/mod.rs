@@ -1,0 +1,102 @@
+//! The command line: one file per subcommand, and what they share.
+
+mod bench;
+mod completions;
+mod console;
+mod demo;
+mod eval;
+mod exit;
+mod info;
+mod interrupt;
+mod passes;
+mod progress;
+mod render;
+mod train;
+
+use std::process::ExitCode;
+
+use clap::{ArgAction, ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use console::{Console, Level};
+
+const EXAMPLES: &str = "\
+Examples:
+  psrgs-vk train fox --out fox-model          train on fox/images with the cameras of fox/sparse/0
+  psrgs-vk train fox --out quick --max-side 640 --iterations 2000 --scale-schedule
+  psrgs-vk train --resume fox-model           go on after an interruption
+  psrgs-vk eval fox-model/point_cloud.ply fox score a model on the held-out photographs
+  psrgs-vk demo --out demo-out                a made-up aerial scene, trained, with a report to look at
+  psrgs-vk info                               devices, and what was picked on the one in use";
+
+/// Train Gaussian splats from posed photographs on any Vulkan 1.3 device.
+#[derive(Parser)]
+#[command(name = "psrgs-vk", version, about, after_help = EXAMPLES, max_term_width = 110, arg_required_else_help = true)]
+#[command(subcommand_required = true, disable_help_subcommand = true)]
+struct Cli {
+    /// Say only what went wrong
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Train(Box<train::Args>),
+    Render(render::Args),
+    Eval(eval::Args),
+    Demo(demo::Args),
+    Bench(bench::Args),
+    Info(info::Args),
+    Passes(passes::Args),
+    Completions(completions::Args),
+}
+
+/// Runs the command and turns its outcome into an exit code and, for an error, a message on standard error.
+pub(crate) fn main() -> ExitCode {
+    let matches = Cli::command().get_matches();
+    let cli = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
+    let level = match (cli.quiet, cli.verbose) {
+        (true, _) => Level::Quiet,
+        (false, 0) => Level::Normal,
+        (false, _) => Level::Verbose,
+    };
+    let console = Console::new(level);
+    match run(&cli.command, &matches, &console) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if console::is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("psrgs-vk: {}", exit::message(&error));
+            ExitCode::from(exit::code(&error))
+        }
+    }
+}
+
+fn run(command: &Command, matches: &ArgMatches, console: &Console) -> anyhow::Result<()> {
+    match command {
+        Command::Train(args) => train::run(args, matches.subcommand().map_or(matches, |(_, of)| of), console),
+        Command::Render(args) => render::run(args, console),
+        Command::Eval(args) => eval::run(args, console),
+        Command::Demo(args) => demo::run(args, console),
+        Command::Bench(args) => bench::run(args, console),
+        Command::Info(args) => info::run(args, console),
+        Command::Passes(args) => passes::run(args),
+        Command::Completions(args) => completions::run(args, &mut Cli::command()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_do_not_contradict_each_other() {
+        Cli::command().debug_assert();
+    }
+}

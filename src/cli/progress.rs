@@ -1,0 +1,167 @@
+//! Progress of a training run: a bar on a terminal, plain lines elsewhere.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{HumanBytes, HumanCount, HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::console::Console;
+
+/// Steps after which the estimate of the whole run is told.
+const ESTIMATE_AFTER: u32 = 50;
+/// Without a terminal: a line at least this often.
+const QUIET_AT_MOST: Duration = Duration::from_secs(30);
+/// Steps over which the speed is taken.
+const WINDOW: u32 = 50;
+
+/// Tells how a run goes on.
+pub(crate) struct Progress {
+    console: Console,
+    bar: ProgressBar,
+    first: u32,
+    total: u32,
+    score: Option<f64>,
+    /// Step and time of the latest entries, oldest first: the speed is that between the ends.
+    recent: std::collections::VecDeque<(u32, f64)>,
+    line_at: Instant,
+    estimated: bool,
+}
+
+impl Progress {
+    /// Of a run that has done `done` of `total` steps.
+    pub(crate) fn new(console: &Console, done: u32, total: u32) -> Self {
+        let target = if console.draws() { ProgressDrawTarget::stderr_with_hz(5) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(u64::from(total)), target);
+        let style = ProgressStyle::with_template("{bar:24} {pos}/{len}  {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_position(u64::from(done));
+        Self {
+            console: console.clone(),
+            bar,
+            first: done,
+            total,
+            score: None,
+            recent: std::collections::VecDeque::new(),
+            line_at: Instant::now(),
+            estimated: false,
+        }
+    }
+
+    /// A step is done; `seconds` counts from the start of training.
+    pub(crate) fn step(&mut self, step: u32, loss: f32, splats: u32, seconds: f64) {
+        self.recent.push_back((step, seconds));
+        while self.recent.len() > WINDOW as usize + 1 {
+            self.recent.pop_front();
+        }
+        let status = self.status(step, loss, splats);
+        self.bar.set_position(u64::from(step));
+        self.bar.set_message(status.clone());
+        let due = step == self.first + 1
+            || step == self.total
+            || step.is_multiple_of((self.total / 20).max(1))
+            || self.line_at.elapsed() >= QUIET_AT_MOST;
+        if due && !self.console.draws() {
+            self.line_at = Instant::now();
+            self.console.say(format_args!("step {step}/{}  {status}", self.total));
+        }
+    }
+
+    /// Whether enough steps are done for [`Progress::estimate`], which is told once.
+    pub(crate) fn wants_estimate(&self, step: u32) -> bool {
+        !self.estimated && step >= self.first + ESTIMATE_AFTER && step < self.total
+    }
+
+    /// Tells the time that the whole run takes at the speed so far, and the device memory in use.
+    pub(crate) fn estimate(&mut self, step: u32, seconds: f64, device_bytes: u64, grows: bool) {
+        self.estimated = true;
+        let Some(rate) = self.rate() else { return };
+        let total = seconds + f64::from(self.total.saturating_sub(step)) / rate;
+        let more = if grows { "; both grow with the number of splats" } else { "" };
+        self.say(format!(
+            "about {} for all {} steps at this speed, {} of device memory in use{more}",
+            duration(total),
+            HumanCount(u64::from(self.total)),
+            HumanBytes(device_bytes),
+        ));
+    }
+
+    /// Held-out photographs were scored.
+    pub(crate) fn evaluated(&mut self, step: u32, psnr: f64, ssim: f64, splats: u32) {
+        self.score = Some(psnr);
+        let splats = HumanCount(u64::from(splats));
+        self.say(format!("step {step}: held-out PSNR {psnr:.2} dB, SSIM {ssim:.4}, {splats} splats"));
+    }
+
+    /// A line above the bar.
+    pub(crate) fn say(&self, text: impl std::fmt::Display) {
+        self.bar.suspend(|| self.console.say(text));
+    }
+
+    /// A line above the bar for those who want to know more.
+    pub(crate) fn detail(&self, text: impl std::fmt::Display) {
+        self.bar.suspend(|| self.console.detail(text));
+    }
+
+    /// A warning above the bar.
+    pub(crate) fn warn(&self, text: impl std::fmt::Display) {
+        self.bar.suspend(|| self.console.warn(text));
+    }
+
+    /// Leaves the terminal as it was.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// Steps per second over the latest steps.
+    fn rate(&self) -> Option<f64> {
+        let ((s0, t0), (s1, t1)) = (self.recent.front()?, self.recent.back()?);
+        (s1 > s0 && t1 > t0).then(|| f64::from(s1 - s0) / (t1 - t0))
+    }
+
+    fn status(&self, step: u32, loss: f32, splats: u32) -> String {
+        let mut text = format!("loss {loss:.4}  {} splats", HumanCount(u64::from(splats)));
+        if let Some(rate) = self.rate() {
+            let left = f64::from(self.total.saturating_sub(step)) / rate;
+            text += &format!("  {}  {} left", speed(rate), duration(left));
+        }
+        if let Some(psnr) = self.score {
+            text += &format!("  {psnr:.2} dB held out");
+        }
+        text
+    }
+}
+
+/// A speed in the unit that reads best.
+fn speed(rate: f64) -> String {
+    if rate >= 1.0 { format!("{rate:.1} it/s") } else { format!("{:.1} s/it", 1.0 / rate) }
+}
+
+/// Seconds in words.
+pub(crate) fn duration(seconds: f64) -> String {
+    HumanDuration(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::console::Level;
+
+    #[test]
+    fn the_speed_is_that_of_the_latest_steps() {
+        let mut progress = Progress::new(&Console::new(Level::Quiet), 0, 1000);
+        // Ten steps of 10 s, then a hundred of 0.5 s.
+        (1..=10).for_each(|i| progress.step(i, 0.1, 5, f64::from(i) * 10.0));
+        (1..=100).for_each(|i| progress.step(10 + i, 0.1, 5, 100.0 + f64::from(i) * 0.5));
+        assert!((progress.rate().unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(progress.status(110, 0.1, 12_345), "loss 0.1000  12,345 splats  2.0 it/s  7 minutes left");
+    }
+
+    #[test]
+    fn the_estimate_is_told_once_and_not_at_the_end() {
+        let mut progress = Progress::new(&Console::new(Level::Quiet), 100, 200);
+        assert!(!progress.wants_estimate(149) && progress.wants_estimate(150) && !progress.wants_estimate(200));
+        progress.step(149, 0.1, 5, 1.0);
+        progress.step(150, 0.1, 5, 2.0);
+        progress.estimate(150, 2.0, 1 << 20, true);
+        assert!(!progress.wants_estimate(151));
+    }
+}

@@ -1,0 +1,133 @@
+//! `psrgs-vk train`: which settings hold, and what is told while training goes on.
+
+use std::path::{Path, PathBuf, absolute};
+
+use anyhow::Context as _;
+use clap::parser::ValueSource;
+use psrgs_vk::train::Settings;
+
+use super::console::{self, Console};
+use super::exit::Failure;
+
+/// Name of the settings file beside the results.
+pub(crate) const SETTINGS_FILE: &str = "settings.toml";
+
+/// Settings that may differ when a run is resumed, because no step already done depends on them.
+const FREE_ON_RESUME: [&str; 5] = ["iterations", "checkpoint-every", "eval-every", "device", "max-device-memory"];
+
+/// Train a model on posed photographs
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  psrgs-vk train fox --out fox-model
+  psrgs-vk train fox --out quick --max-side 640 --iterations 2000 --scale-schedule
+  psrgs-vk train fox --out again --config fox-model/settings.toml --seed 1
+  psrgs-vk train --resume fox-model
+  psrgs-vk train fox --iterations 7000 --print-settings > my.toml
+
+DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model. Written to the --out folder:
+point_cloud.ply, held-out renders, depth and normals, metrics.json, report.html, settings.toml, checkpoints.")]
+pub(crate) struct Args {
+    /// Folder for the results [default: DATA's name followed by -3dgs, in the current folder]
+    #[arg(long, value_name = "DIR", help_heading = "Run")]
+    pub(crate) out: Option<PathBuf>,
+    /// Go on with an interrupted run from its last checkpoint, in the same folder
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "config", "data", "overwrite"], help_heading = "Run")]
+    pub(crate) resume: Option<PathBuf>,
+    /// Read settings from a file; options given by name win over it
+    #[arg(long, value_name = "FILE", help_heading = "Run")]
+    pub(crate) config: Option<PathBuf>,
+    /// Replace the results of an earlier run in the --out folder
+    #[arg(long, help_heading = "Run")]
+    pub(crate) overwrite: bool,
+    /// Print the settings that would be used as a settings file, and stop
+    #[arg(long, help_heading = "Run")]
+    pub(crate) print_settings: bool,
+    #[command(flatten)]
+    pub(crate) settings: Settings,
+}
+
+/// A run as the options describe it.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    /// Every setting, with absolute paths.
+    pub(crate) settings: Settings,
+    /// Folder for the results.
+    pub(crate) out: PathBuf,
+    /// Whether to go on from the checkpoint in `out`.
+    pub(crate) resume: bool,
+    /// Whether `out` may hold an earlier run.
+    pub(crate) overwrite: bool,
+}
+
+impl Args {
+    /// The run that the options describe; `matches` tell which were given by name.
+    pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<Plan> {
+        let given = |key: &str| {
+            let source = matches.value_source(&key.replace('-', "_"));
+            matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
+        };
+        let mut settings = match (&self.resume, &self.config) {
+            (Some(run), _) => {
+                let before = Settings::read(&run.join(SETTINGS_FILE))
+                    .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
+                let resumed = self.settings.over(&before, given)?;
+                unchanged_on_resume(&before, &resumed)?;
+                resumed
+            }
+            (None, Some(file)) => self.settings.over(&Settings::read(file)?, given)?,
+            (None, None) => self.settings.clone(),
+        };
+        settings.check()?;
+        let Some(data) = &settings.data else {
+            return Err(Failure::Usage(
+                "no dataset: name its folder (psrgs-vk train DATA --out DIR), or --resume DIR, or a --config that has data"
+                    .into(),
+            )
+            .into());
+        };
+        let out = self.resume.clone().or_else(|| self.out.clone()).unwrap_or_else(|| default_out(data, &settings));
+        settings.data = Some(absolute(data)?);
+        settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
+        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite })
+    }
+}
+
+fn default_out(data: &Path, settings: &Settings) -> PathBuf {
+    let name = absolute(data).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+    PathBuf::from(format!("{}-{}", name.as_deref().unwrap_or("model"), settings.run.method))
+}
+
+/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ.
+fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<()> {
+    let free = |key: &str| FREE_ON_RESUME.contains(&key);
+    let kept = resumed.over(before, free)?;
+    if kept != *resumed {
+        return Err(Failure::Usage(format!(
+            "--resume goes on with the settings of the run; only these can be changed: --{}",
+            FREE_ON_RESUME.join(", --")
+        ))
+        .into());
+    }
+    if before.run.scale_schedule && before.run.iterations != resumed.run.iterations {
+        return Err(Failure::Usage(
+            "--iterations cannot change on --resume with --scale-schedule: the steps already done were scaled to it"
+                .into(),
+        )
+        .into());
+    }
+    Ok(())
+}
+
+pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
+    let plan = args.plan(matches)?;
+    if args.print_settings {
+        return Ok(console::print(&plan.settings.to_toml()?)?);
+    }
+    train(&plan, console)
+}
+
+/// Trains as planned.
+pub(crate) fn train(_plan: &Plan, _console: &Console) -> anyhow::Result<()> {
+    anyhow::bail!("training is not part of this build")
+}

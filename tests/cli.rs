@@ -1,0 +1,181 @@
+//! The command line as a user meets it: help, settings, exit codes.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn psrgs(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_psrgs-vk"))
+        .args(args)
+        .env_remove("PSRGS_DEVICE")
+        .output()
+        .expect("the command starts")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).expect("UTF-8")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("UTF-8")
+}
+
+/// The settings that `train` would use.
+fn settings(args: &[&str]) -> toml::Table {
+    let output = psrgs(&[&["train", "--print-settings"], args].concat());
+    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
+    stdout(&output).parse().expect("a settings file")
+}
+
+fn fails(args: &[&str], code: i32, words: &[&str]) {
+    let output = psrgs(args);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");
+    for word in words {
+        assert!(said.contains(word), "{args:?} does not say `{word}`: {said}");
+    }
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, text).expect("a temporary file");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+#[test]
+fn every_command_explains_itself() {
+    let help = psrgs(&["--help"]);
+    assert!(help.status.success());
+    for command in ["train", "render", "eval", "demo", "bench", "info", "passes", "completions"] {
+        assert!(stdout(&help).contains(command), "--help does not name {command}");
+        let own = psrgs(&[command, "--help"]);
+        assert!(own.status.success() && stdout(&own).contains("Usage: psrgs-vk"), "{command}");
+    }
+    let train = stdout(&psrgs(&["train", "--help"]));
+    for heading in ["Run:", "Photographs:", "Model:", "Optimiser:", "Density control:", "Device:", "Examples:"] {
+        assert!(train.contains(heading), "train --help has no {heading}");
+    }
+}
+
+#[test]
+fn option_names_that_scripts_rely_on_exist() {
+    let help = |command: &str| stdout(&psrgs(&[command, "--help"]));
+    let train = help("train");
+    for option in
+        "out method iterations scale-schedule max-side seed deterministic no-densify init checkpoint-every config \
+                   device resume"
+            .split_whitespace()
+    {
+        assert!(train.contains(&format!("--{option}")), "train has no --{option}");
+    }
+    let bench = help("bench");
+    for option in ["max-side", "init", "validate", "json"] {
+        assert!(bench.contains(&format!("--{option}")), "bench has no --{option}");
+    }
+    assert!(help("render").contains("--cameras") && help("demo").contains("--out"));
+}
+
+#[test]
+fn named_options_win_over_the_file_and_the_file_over_defaults() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = write(
+        folder.path(),
+        "my.toml",
+        "data = \"fox\"\n[run]\niterations = 1500\nseed = 7\nscale-schedule = true\n[device]\ndevice = \"llvmpipe\"\n",
+    );
+    let got = settings(&["--config", &file, "--iterations", "30000", "--scale-schedule=false"]);
+    assert_eq!(got["run"]["iterations"].as_integer(), Some(30_000), "named, though it is the default");
+    assert_eq!(got["run"]["seed"].as_integer(), Some(7));
+    assert_eq!(got["run"]["scale-schedule"].as_bool(), Some(false));
+    assert_eq!(got["device"]["device"].as_str(), Some("llvmpipe"));
+    assert_eq!(got["photographs"]["max-side"].as_integer(), Some(1600));
+    assert!(got["data"].as_str().is_some_and(|d| d.starts_with('/') && d.ends_with("/fox")), "{}", got["data"]);
+}
+
+#[test]
+fn printed_settings_give_the_same_settings_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let args = [
+        "fox",
+        "--max-side",
+        "320",
+        "--no-densify",
+        "--background",
+        "white",
+        "--max-splats",
+        "500",
+        "--lr-means",
+        "3e-5",
+    ];
+    let first = psrgs(&[&["train", "--print-settings"], &args[..]].concat());
+    let file = write(folder.path(), "settings.toml", &stdout(&first));
+    let again = psrgs(&["train", "--print-settings", "--config", &file]);
+    assert_eq!(stdout(&first), stdout(&again));
+    assert!(stdout(&first).contains("max-splats = 500"));
+}
+
+#[test]
+fn wrong_settings_are_named_with_file_and_line() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = write(folder.path(), "my.toml", "[run]\nitertions = 1500\n");
+    fails(&["train", "fox", "--config", &file], 2, &["my.toml:2", "itertions"]);
+    fails(&["train", "fox", "--config", "/nowhere/my.toml"], 2, &["/nowhere/my.toml"]);
+    fails(&["train", "fox", "--sh-degree", "4"], 2, &["sh-degree", "0, 1, 2 or 3"]);
+}
+
+#[test]
+fn usage_errors_have_their_code_and_say_what_to_do() {
+    fails(&["train"], 2, &["train DATA --out DIR"]);
+    fails(&["train", "fox", "--itertions", "5"], 2, &["--iterations"]);
+    fails(&["train", "fox", "--resume", "run"], 2, &["--resume"]);
+    fails(&["train", "fox", "--method", "psrgs"], 2, &["planned", "3dgs"]);
+    fails(&["train", "fox", "--method", "nerf"], 2, &["3dgs"]);
+    fails(&[], 2, &["Usage"]);
+}
+
+#[test]
+fn resuming_what_is_not_there_is_an_input_error() {
+    fails(&["train", "--resume", "/nowhere"], 3, &["/nowhere", "no run to resume"]);
+}
+
+#[test]
+fn a_resumed_run_keeps_what_its_steps_depend_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let run = folder.path().to_str().expect("UTF-8");
+    write(folder.path(), "settings.toml", "data = \"/fox\"\n[run]\nseed = 7\n");
+    let got = settings(&["--resume", run, "--checkpoint-every", "50", "--seed", "7"]);
+    assert_eq!(got["run"]["checkpoint-every"].as_integer(), Some(50));
+    assert_eq!(got["run"]["seed"].as_integer(), Some(7));
+    fails(&["train", "--resume", run, "--seed", "8"], 2, &["settings of the run"]);
+    write(folder.path(), "settings.toml", "data = \"/fox\"\n[run]\nscale-schedule = true\niterations = 1500\n");
+    fails(&["train", "--resume", run, "--iterations", "3000"], 2, &["--scale-schedule"]);
+}
+
+#[test]
+fn passes_are_listed_as_registered() {
+    let text = stdout(&psrgs(&["passes"]));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&psrgs(&["passes", "--json"]))).expect("JSON");
+    let listed = json.as_array().expect("a list");
+    assert_eq!(listed.len(), psrgs_vk::pass::ALL.len());
+    for (got, pass) in listed.iter().zip(psrgs_vk::pass::ALL) {
+        assert_eq!(got["name"], pass.kernel.name);
+        assert_eq!(got["bindings"].as_array().map(Vec::len), Some(pass.kernel.bindings.len()));
+        assert!(text.contains(pass.kernel.name));
+    }
+}
+
+#[test]
+fn completions_are_printed_for_every_shell() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let output = psrgs(&["completions", shell]);
+        assert!(output.status.success() && stdout(&output).contains("scale-schedule"), "{shell}");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let status = Command::new("sh")
+        .args(["-c", &format!("{{ {} completions zsh; echo $? >&2; }} | head -c 1", env!("CARGO_BIN_EXE_psrgs-vk"))])
+        .output()
+        .expect("sh starts");
+    assert_eq!(stderr(&status).trim(), "0");
+}
