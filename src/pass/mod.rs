@@ -4,11 +4,20 @@
 
 pub mod adam;
 pub mod camera;
+pub mod compact;
 pub mod counters;
+pub mod emit;
 pub mod fill;
+pub mod finish;
+pub mod gather_counts;
+pub mod plan;
 pub mod project;
 pub mod project_backward;
+pub mod radix;
+pub mod scan;
 mod shaders;
+pub mod subgroup_probe;
+pub mod tile_ranges;
 
 pub use shaders::module;
 
@@ -42,7 +51,32 @@ pub struct Pass {
 
 /// Every pass. A pass that is not listed here cannot be run by [`crate::raster`] or [`crate::train`] (they take `&Pass`
 /// from their modules, and a test compares the shader folder with this list).
-pub const ALL: &[&Pass] = &[&adam::PASS, &fill::PASS, &project::PASS, &project_backward::PASS];
+pub const ALL: &[&Pass] = &[
+    &adam::PASS,
+    &compact::PASS,
+    &emit::PASS,
+    &fill::PASS,
+    &finish::PASS,
+    &gather_counts::PASS,
+    &plan::PASS,
+    &project::PASS,
+    &project_backward::PASS,
+    &radix::COUNT_GROUPS,
+    &radix::COUNT_GROUPS_EMULATED,
+    &radix::COUNT_RUNS,
+    &radix::SCATTER_GROUPS,
+    &radix::SCATTER_GROUPS_EMULATED,
+    &radix::SCATTER_RUNS,
+    &scan::ADD,
+    &scan::ADD_EMULATED,
+    &scan::REDUCE,
+    &scan::REDUCE_EMULATED,
+    &scan::SPINE,
+    &scan::SPINE_EMULATED,
+    &subgroup_probe::EMULATED,
+    &subgroup_probe::SUBGROUP,
+    &tile_ranges::PASS,
+];
 
 /// Declares a push-constant block: a `#[repr(C)]` plain-data struct with a `FIELDS` table for [`Pass::push`].
 #[macro_export]

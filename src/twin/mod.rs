@@ -4,14 +4,23 @@
 //! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
 
 pub mod adam;
+pub mod compact;
+pub mod emit;
 pub mod fill;
+pub mod finish;
+pub mod gather_counts;
+pub mod plan;
 pub mod project;
 pub mod project_backward;
 pub mod projection;
+pub mod radix;
 pub mod reference;
+pub mod scan;
 pub mod sh;
 pub mod splat;
+pub mod subgroup_probe;
 pub mod tile;
+pub mod tile_ranges;
 mod vec3;
 
 /// f32 or f64.

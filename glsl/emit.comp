@@ -1,0 +1,54 @@
+#version 460
+// emit: writes the tiles of each visible splat, in depth order, as (tile, slot) pairs.
+// One thread owns one visible splat and its slots [pair_offsets[k], + tile_counts[splat]); a workgroup owns 64 consecutive ones.
+// The tiles come from the same code on the same bits as the counts. Should a compiler make them differ all the same, a thread
+// writes no slot that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "counters.glsl"
+#include "tile.glsl"
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) readonly buffer Splat2d { float splat2d[]; };
+layout(set = 0, binding = 1) readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 2) readonly buffer Order { uint order[]; };
+layout(set = 0, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; };
+layout(set = 0, binding = 4) readonly buffer Counters { uint counters[]; };
+layout(set = 0, binding = 5) writeonly buffer PairKeys { uint pair_keys[]; };
+layout(set = 0, binding = 6) writeonly buffer PairVals { uint pair_vals[]; };
+layout(set = 0, binding = 7) writeonly buffer SlotSplat { uint slot_splat[]; };
+layout(push_constant) uniform Push {
+    uint width;
+    uint height;
+    uint tile_width;
+    uint tile_height;
+    uint capacity;  // pairs that fit
+} push;
+
+void main() {
+    const uint k = global_index();
+    if (k >= counters[COUNTER_VISIBLE]) return;
+    const uint splat = order[k];
+    uint slot = min(pair_offsets[k], push.capacity);
+    const uint end = slot + min(tile_counts[splat], push.capacity - slot);
+    const TileGrid grid = TileGrid(uvec2(push.width, push.height), uvec2(push.tile_width, push.tile_height));
+    const uvec2 tiles = tile_counts_of(grid);
+    const uint row = splat * 12u;
+    const TileEllipse e = tile_ellipse(
+        vec2(splat2d[row], splat2d[row + 1u]),
+        vec3(splat2d[row + 2u], splat2d[row + 3u], splat2d[row + 4u]),
+        splat2d[row + 5u], grid);
+    for (uint y = e.row_begin; y < e.row_end; ++y) {
+        const uvec2 columns = tile_row(e, y, grid);
+        for (uint x = columns.x; x < columns.y && slot < end; ++x) {
+            pair_keys[slot] = y * tiles.x + x;
+            pair_vals[slot] = slot;
+            slot_splat[slot] = splat;
+            ++slot;
+        }
+    }
+    for (; slot < end; ++slot) {
+        pair_keys[slot] = tiles.x * tiles.y;
+        pair_vals[slot] = slot;
+        slot_splat[slot] = splat;
+    }
+}

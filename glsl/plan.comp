@@ -1,0 +1,50 @@
+#version 460
+// plan: turns a count into workgroup numbers for indirect dispatches, or into zeros when the count exceeds its capacity.
+// One thread of one workgroup owns everything. When `status` was set before, nothing but zeros is written: counts mean nothing then.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "count.glsl"
+#include "counters.glsl"
+layout(local_size_x = 1) in;
+layout(set = 0, binding = 0) buffer Counters { uint counters[]; };
+layout(set = 0, binding = 1) writeonly buffer Args { uvec4 args[]; };
+layout(push_constant) uniform Push {
+    uint source;       // counter that holds the count
+    uint capacity;     // most that fits
+    uint status_bit;   // set in `status` when it does not fit
+    uint want;         // counter that keeps the largest count seen, or NO_COUNTER
+    uint first;        // first entry of `args` to write
+    uint entries;      // how many, at most 8
+    uint divide[8];    // the entry's elements: table_size(count, divide, multiply)
+    uint multiply[8];
+    uint items[8];     // elements per workgroup; 0: `multiply` workgroups whatever the count
+} push;
+
+// Most workgroups on one axis; devices allow at least 65,535.
+const uint MOST = 32768u;
+
+void main() {
+    if (global_index() != 0u) return;
+    const uint status = counters[COUNTER_STATUS];
+    const uint count = counters[push.source];
+    bool go = status == 0u;
+    if (go) {
+        if (push.want != NO_COUNTER) counters[push.want] = max(counters[push.want], count);
+        if (count > push.capacity) {
+            counters[COUNTER_STATUS] = push.status_bit;
+            go = false;
+        }
+    }
+    for (uint i = 0u; i < min(push.entries, 8u); ++i) {
+        const uint items = push.items[i];
+        uint groups = push.multiply[i];
+        if (items != 0u) groups = table_size(table_size(count, push.divide[i], push.multiply[i]), items, 1u);
+        if (!go) groups = 0u;
+        uvec4 entry = uvec4(0u);
+        if (groups != 0u) {
+            const uint rows = table_size(groups, MOST, 1u);
+            entry = uvec4(table_size(groups, rows, 1u), rows, 1u, 0u);
+        }
+        args[push.first + i] = entry;
+    }
+}

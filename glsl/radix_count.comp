@@ -1,0 +1,69 @@
+#version 460
+//! variant runs
+//! variant groups RADIX_GROUPS
+//! variant groups_emulated RADIX_GROUPS SUBGROUP_EMULATED
+// radix_count: how often each digit occurs in each block of BLOCK consecutive keys, as a table [digit][block]: its prefix sum
+// is where a stable sort by the digit puts each block's keys.
+// runs (CPU devices): one thread owns a block and counts in private memory, digits up to 256; a workgroup owns 8 blocks.
+// groups: a workgroup owns a block of 128 * ITEMS keys, a thread ITEMS consecutive ones, digits up to 16.
+#extension GL_GOOGLE_include_directive : require
+#ifdef RADIX_GROUPS
+#define LOCAL_SIZE 128
+#include "subgroup.glsl"
+#else
+#define LOCAL_SIZE 8
+#endif
+#include "common.glsl"
+#include "count.glsl"
+layout(local_size_x = LOCAL_SIZE) in;
+#ifdef RADIX_GROUPS
+layout(constant_id = 0) const uint ITEMS = 8u;
+const uint MOST_DIGITS = 16u;
+shared uint histogram[MOST_DIGITS];
+#else
+layout(constant_id = 0) const uint BLOCK = 1024u;
+const uint MOST_DIGITS = 256u;
+#endif
+layout(set = 0, binding = 0) readonly buffer Keys { uint keys[]; };
+layout(set = 0, binding = 1) readonly buffer Counters { uint counters[]; };
+layout(set = 0, binding = 2) writeonly buffer Table { uint table[]; };
+layout(push_constant) uniform Push {
+    uint source;  // counter that holds the number of keys, or NO_COUNTER
+    uint count;   // the number when there is no counter
+    uint shift;   // digit = (key >> shift) & mask
+    uint mask;
+    uint digits;  // rows of the table, more than mask
+} push;
+void main() {
+    const uint n = push.source == NO_COUNTER ? push.count : counters[push.source];
+    const uint digits = min(push.digits, MOST_DIGITS);
+#ifdef RADIX_GROUPS
+    const uint block = group_index();
+    const uint blocks = table_size(n, LOCAL_SIZE * ITEMS, 1u);
+    if (local_index() < MOST_DIGITS) histogram[local_index()] = 0u;
+    barrier();
+    const uint first = (block * LOCAL_SIZE + local_index()) * ITEMS;
+    uint own[ITEMS];
+    for (uint i = 0u; i < ITEMS; ++i) {
+        own[i] = 0xffffffffu;
+        if (block < blocks && first + i < n) own[i] = (keys[first + i] >> push.shift) & push.mask;
+    }
+    for (uint digit = 0u; digit < digits; ++digit) {
+        uint found = 0u;
+        for (uint i = 0u; i < ITEMS; ++i) found += uint(own[i] == digit);
+        const uint sum = subgroup_add(found);
+        if (subgroup_elect()) atomicAdd(histogram[digit], sum);
+    }
+    barrier();
+    if (block < blocks && local_index() < digits) table[local_index() * blocks + block] = histogram[local_index()];
+#else
+    const uint block = global_index();
+    const uint blocks = table_size(n, BLOCK, 1u);
+    if (block >= blocks) return;
+    uint histogram[MOST_DIGITS];
+    for (uint digit = 0u; digit < digits; ++digit) histogram[digit] = 0u;
+    const uint end = min((block + 1u) * BLOCK, n);
+    for (uint i = block * BLOCK; i < end; ++i) histogram[(keys[i] >> push.shift) & push.mask] += 1u;
+    for (uint digit = 0u; digit < digits; ++digit) table[digit * blocks + block] = histogram[digit];
+#endif
+}

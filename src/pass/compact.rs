@@ -1,0 +1,27 @@
+//! Lists the visible splats in the order of their index, with depth as sort key.
+
+use super::{Pass, module};
+use crate::vk::{Kernel, read, write};
+
+/// The pass.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "compact",
+        spirv: module("compact"),
+        bindings: &[
+            read("splat2d"),
+            read("tile_counts"),
+            read("places"),
+            read("counters"),
+            write("keys"),
+            write("vals"),
+        ],
+        push_bytes: 0,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats.",
+    dispatch: "one thread per splat",
+    push: &[],
+    twin: crate::twin::compact::run,
+};

@@ -1,0 +1,90 @@
+//! One digit of a stable radix sort of (key, value) words: table of digit counts, and the move.
+//!
+//! Between the two stands the prefix sum of the table. Two shapes: `RUNS` for CPU devices (a thread owns a block and private
+//! counters, digits of up to 8 bits) and `GROUPS` for GPUs (a workgroup owns a block, digits of up to 4 bits).
+
+use super::{Pass, module};
+use crate::twin::TwinCall;
+use crate::vk::{Binding, Constant, Kernel, read, write};
+
+/// Threads in a workgroup of the runs shape, each with a block of its own.
+pub const RUNS_LOCAL_SIZE: u32 = 8;
+/// Default of the constant `BLOCK`: keys per thread of the runs shape.
+pub const RUNS_BLOCK: u32 = 1024;
+/// Most bits of a digit in the runs shape.
+pub const RUNS_BITS: u32 = 8;
+/// Threads in a workgroup of the groups shape.
+pub const GROUPS_LOCAL_SIZE: u32 = 128;
+/// Default of the constant `ITEMS`: keys per thread of the groups shape.
+pub const GROUPS_ITEMS: u32 = 8;
+/// Most bits of a digit in the groups shape.
+pub const GROUPS_BITS: u32 = 4;
+
+crate::push_constants! {
+    /// Push constants of the radix passes.
+    pub struct Push {
+        /// Counter that holds the number of keys, or [`super::plan::NO_COUNTER`].
+        pub source: u32,
+        /// The number when there is no counter.
+        pub count: u32,
+        /// A key's digit is `(key >> shift) & mask`.
+        pub shift: u32,
+        /// See `shift`.
+        pub mask: u32,
+        /// Rows of the table, more than `mask`.
+        pub digits: u32,
+    }
+}
+
+const RUNS: &[Constant] = &[Constant { id: 0, name: "BLOCK", default: RUNS_BLOCK }];
+const GROUPS: &[Constant] = &[Constant { id: 0, name: "ITEMS", default: GROUPS_ITEMS }];
+const EMULATED: &[Constant] = &[
+    Constant { id: 0, name: "ITEMS", default: GROUPS_ITEMS },
+    Constant { id: 100, name: "EMULATED_WIDTH", default: 32 },
+];
+
+const COUNT: &[Binding] = &[read("keys"), read("counters"), write("table")];
+const SCATTER: &[Binding] =
+    &[read("keys"), read("vals"), read("counters"), read("places"), write("keys_out"), write("vals_out")];
+
+const fn pass(
+    name: &'static str,
+    bindings: &'static [Binding],
+    constants: &'static [Constant],
+    twin: fn(&mut TwinCall<'_>),
+) -> Pass {
+    let runs = constants.len() == 1 && constants[0].default == RUNS_BLOCK;
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings,
+            push_bytes: Push::BYTES,
+            constants,
+            local_size: Some(if runs { RUNS_LOCAL_SIZE } else { GROUPS_LOCAL_SIZE }),
+        },
+        doc: if runs {
+            "One thread owns BLOCK consecutive keys; a workgroup owns 8 blocks."
+        } else {
+            "One thread owns ITEMS consecutive keys; a workgroup owns a block of 128 * ITEMS."
+        },
+        dispatch: if runs { "one thread per BLOCK keys" } else { "one workgroup per 128 * ITEMS keys" },
+        push: Push::FIELDS,
+        twin,
+    }
+}
+
+/// Digit counts, runs shape.
+pub const COUNT_RUNS: Pass = pass("radix_count_runs", COUNT, RUNS, crate::twin::radix::count_runs);
+/// Digit counts, groups shape.
+pub const COUNT_GROUPS: Pass = pass("radix_count_groups", COUNT, GROUPS, crate::twin::radix::count_groups);
+/// Digit counts, groups shape with emulated subgroups.
+pub const COUNT_GROUPS_EMULATED: Pass =
+    pass("radix_count_groups_emulated", COUNT, EMULATED, crate::twin::radix::count_groups);
+/// Move by a digit, runs shape.
+pub const SCATTER_RUNS: Pass = pass("radix_scatter_runs", SCATTER, RUNS, crate::twin::radix::scatter_runs);
+/// Move by a digit, groups shape.
+pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, GROUPS, crate::twin::radix::scatter_groups);
+/// Move by a digit, groups shape with emulated subgroups.
+pub const SCATTER_GROUPS_EMULATED: Pass =
+    pass("radix_scatter_groups_emulated", SCATTER, EMULATED, crate::twin::radix::scatter_groups);

@@ -1,0 +1,78 @@
+//! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks.
+//!
+//! No workgroup waits for another. Each pass exists with hardware subgroup operations and with emulated ones.
+
+use super::{Pass, module};
+use crate::twin::TwinCall;
+use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
+
+/// Threads in a workgroup.
+pub const LOCAL_SIZE: u32 = 64;
+/// Default of the constant `ITEMS`: consecutive words per thread.
+pub const ITEMS: u32 = 16;
+
+crate::push_constants! {
+    /// Push constants of the three passes.
+    pub struct Push {
+        /// Counter that holds the count, or [`super::plan::NO_COUNTER`].
+        pub source: u32,
+        /// The count when there is no counter.
+        pub count: u32,
+        /// Elements to sum: `ceil(count / divide) * multiply`.
+        pub divide: u32,
+        /// See `divide`.
+        pub multiply: u32,
+        /// Not 0: sum 1 for every word that is not 0.
+        pub predicate: u32,
+        /// Counter that gets the total, or [`super::plan::NO_COUNTER`].
+        pub total: u32,
+    }
+}
+
+const HARDWARE: &[Constant] = &[Constant { id: 0, name: "ITEMS", default: ITEMS }];
+const EMULATION: &[Constant] =
+    &[Constant { id: 0, name: "ITEMS", default: ITEMS }, Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }];
+
+const fn pass(
+    name: &'static str,
+    bindings: &'static [Binding],
+    constants: &'static [Constant],
+    dispatch: &'static str,
+    twin: fn(&mut TwinCall<'_>),
+) -> Pass {
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings,
+            push_bytes: Push::BYTES,
+            constants,
+            local_size: Some(LOCAL_SIZE),
+        },
+        doc: "One thread owns ITEMS consecutive words; a workgroup owns 64 * ITEMS.",
+        dispatch,
+        push: Push::FIELDS,
+        twin,
+    }
+}
+
+const REDUCE_BINDINGS: &[Binding] = &[read("source"), read("counters"), write("sums")];
+const SPINE_BINDINGS: &[Binding] = &[read_write("counters"), read_write("sums")];
+const ADD_BINDINGS: &[Binding] = &[read("source"), read("counters"), read("sums"), write("target")];
+const PER_BLOCK: &str = "one workgroup per 64 * ITEMS words";
+
+/// Sum of each block.
+pub const REDUCE: Pass = pass("scan_reduce_subgroup", REDUCE_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::reduce);
+/// Prefix sum of the sums, and the total.
+pub const SPINE: Pass =
+    pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::spine);
+/// Prefix sum of every word.
+pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::add);
+/// [`REDUCE`] with emulated subgroups.
+pub const REDUCE_EMULATED: Pass =
+    pass("scan_reduce_emulated", REDUCE_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::reduce);
+/// [`SPINE`] with emulated subgroups.
+pub const SPINE_EMULATED: Pass =
+    pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::spine);
+/// [`ADD`] with emulated subgroups.
+pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::add);

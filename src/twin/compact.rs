@@ -1,0 +1,20 @@
+//! Twin of `glsl/compact.comp`.
+
+use super::TwinCall;
+use crate::pass::counters;
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let splat2d = call.get::<[u32; 12]>(0);
+    let tile_counts = call.get::<u32>(1);
+    let places = call.get::<u32>(2);
+    let splats = call.get::<u32>(3)[counters::SPLATS].min(call.groups * 64) as usize;
+    let mut keys = call.get::<u32>(4);
+    let mut vals = call.get::<u32>(5);
+    for splat in (0..splats).filter(|&i| tile_counts[i] != 0) {
+        keys[places[splat] as usize] = splat2d[splat][6];
+        vals[places[splat] as usize] = splat as u32;
+    }
+    call.set(4, &keys);
+    call.set(5, &vals);
+}

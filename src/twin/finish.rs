@@ -1,0 +1,15 @@
+//! Twin of `glsl/finish.comp`.
+
+use super::TwinCall;
+use crate::pass::counters;
+use crate::pass::finish::Push;
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let mut counts = call.get::<u32>(0);
+    if counts[counters::STATUS] == 0 {
+        counts[counters::DONE] = push.event;
+    }
+    call.set(0, &counts);
+}

@@ -1,0 +1,77 @@
+//! Twins of `glsl/radix_count.comp` and `glsl/radix_scatter.comp`.
+
+use super::TwinCall;
+use super::plan::given_count;
+use crate::pass::radix::{GROUPS_LOCAL_SIZE, Push, RUNS_LOCAL_SIZE};
+
+/// Digit counts of each block of keys as a table [digit][block].
+pub fn count(keys: &[u32], block: usize, push: &Push) -> Vec<u32> {
+    let blocks = keys.len().div_ceil(block);
+    let mut table = vec![0; blocks * push.digits as usize];
+    for (b, keys) in keys.chunks(block).enumerate() {
+        for key in keys {
+            table[((key >> push.shift) & push.mask) as usize * blocks + b] += 1;
+        }
+    }
+    table
+}
+
+/// Where each key goes, from the prefix sum of the table.
+pub fn places(keys: &[u32], block: usize, push: &Push, prefix: &[u32]) -> Vec<u32> {
+    let blocks = keys.len().div_ceil(block);
+    let mut next = prefix.to_vec();
+    let mut to = Vec::with_capacity(keys.len());
+    for (b, keys) in keys.chunks(block).enumerate() {
+        for key in keys {
+            let place = &mut next[((key >> push.shift) & push.mask) as usize * blocks + b];
+            to.push(*place);
+            *place += 1;
+        }
+    }
+    to
+}
+
+fn count_blocks(call: &mut TwinCall<'_>, block: u32, covered: u32) {
+    let push: Push = call.push();
+    let n = given_count(&call.get::<u32>(1), push.source, push.count) as usize;
+    debug_assert!(covered as usize >= n.div_ceil(block as usize), "a radix pass covers all keys");
+    let table = count(&call.get::<u32>(0)[..n], block as usize, &push);
+    call.set(2, &table);
+}
+
+fn scatter_blocks(call: &mut TwinCall<'_>, block: u32, covered: u32) {
+    let push: Push = call.push();
+    let n = given_count(&call.get::<u32>(2), push.source, push.count) as usize;
+    debug_assert!(covered as usize >= n.div_ceil(block as usize), "a radix pass covers all keys");
+    let keys = call.get::<u32>(0);
+    let vals = call.get::<u32>(1);
+    let to = places(&keys[..n], block as usize, &push, &call.get::<u32>(3));
+    let mut keys_out = call.get::<u32>(4);
+    let mut vals_out = call.get::<u32>(5);
+    for (i, &place) in to.iter().enumerate() {
+        keys_out[place as usize] = keys[i];
+        vals_out[place as usize] = vals[i];
+    }
+    call.set(4, &keys_out);
+    call.set(5, &vals_out);
+}
+
+/// Adapter of the count, runs shape.
+pub fn count_runs(call: &mut TwinCall<'_>) {
+    count_blocks(call, call.constants[0], call.groups * RUNS_LOCAL_SIZE);
+}
+
+/// Adapter of the count, groups shape.
+pub fn count_groups(call: &mut TwinCall<'_>) {
+    count_blocks(call, call.constants[0] * GROUPS_LOCAL_SIZE, call.groups);
+}
+
+/// Adapter of the move, runs shape.
+pub fn scatter_runs(call: &mut TwinCall<'_>) {
+    scatter_blocks(call, call.constants[0], call.groups * RUNS_LOCAL_SIZE);
+}
+
+/// Adapter of the move, groups shape.
+pub fn scatter_groups(call: &mut TwinCall<'_>) {
+    scatter_blocks(call, call.constants[0] * GROUPS_LOCAL_SIZE, call.groups);
+}
