@@ -6,10 +6,18 @@ pub mod adam;
 pub mod camera;
 pub mod compact;
 pub mod counters;
+pub mod densify_classify;
+pub mod densify_finish;
+pub mod densify_gather;
+pub mod densify_limit;
+pub mod densify_map;
+pub mod densify_means;
+pub mod densify_stats;
 pub mod emit;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
+pub mod opacity_reset;
 pub mod plan;
 pub mod project;
 pub mod project_backward;
@@ -54,10 +62,18 @@ pub struct Pass {
 pub const ALL: &[&Pass] = &[
     &adam::PASS,
     &compact::PASS,
+    &densify_classify::PASS,
+    &densify_finish::PASS,
+    &densify_gather::PASS,
+    &densify_limit::PASS,
+    &densify_map::PASS,
+    &densify_means::PASS,
+    &densify_stats::PASS,
     &emit::PASS,
     &fill::PASS,
     &finish::PASS,
     &gather_counts::PASS,
+    &opacity_reset::PASS,
     &plan::PASS,
     &project::PASS,
     &project_backward::PASS,

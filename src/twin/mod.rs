@@ -5,15 +5,24 @@
 
 pub mod adam;
 pub mod compact;
+pub mod densify_classify;
+pub mod densify_finish;
+pub mod densify_gather;
+pub mod densify_limit;
+pub mod densify_map;
+pub mod densify_means;
+pub mod densify_stats;
 pub mod emit;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
+pub mod opacity_reset;
 pub mod plan;
 pub mod project;
 pub mod project_backward;
 pub mod projection;
 pub mod radix;
+pub mod random;
 pub mod reference;
 pub mod scan;
 pub mod sh;

@@ -1,1 +1,6 @@
 //! Every registered pass against its twin.
+
+mod density;
+mod density_model;
+mod density_reference;
+mod density_twin;

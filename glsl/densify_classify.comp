@@ -1,0 +1,81 @@
+#version 460
+// densify_classify: decides what a density change makes of every splat (3DGS, Kerbl et al. 2023; the absolute score for
+// splits is AbsGS, Ye et al. 2024). Nothing here is transcendental: scales are compared as logarithms and opacities as
+// logits, so the sets are the same on every device.
+// One thread owns one splat of the capacity and its flag in each of the four segments of `flags`, which are `stride` words
+// apart (kept, clone, first child, second child); one workgroup owns 64 consecutive splats. Beyond the model flags are 0.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "counters.glsl"
+#include "densify.glsl"
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
+layout(set = 0, binding = 1) readonly buffer Means { uint means[]; };
+layout(set = 0, binding = 2) readonly buffer Quats { uint quats[]; };
+layout(set = 0, binding = 3) readonly buffer Scales { float scales[]; };
+layout(set = 0, binding = 4) readonly buffer Opacities { float opacities[]; };
+layout(set = 0, binding = 5) readonly buffer Sh0 { uint sh0[]; };
+layout(set = 0, binding = 6) readonly buffer Sh1 { uint sh1[]; };
+layout(set = 0, binding = 7) readonly buffer Sh2 { uint sh2[]; };
+layout(set = 0, binding = 8) readonly buffer Sh3 { uint sh3[]; };
+layout(set = 0, binding = 9) readonly buffer Stats { vec4 stats[]; };
+layout(set = 0, binding = 10) writeonly buffer Flags { uint flags[]; };
+layout(set = 0, binding = 11) buffer Tally { uint tally[]; };
+layout(push_constant) uniform Push {
+    uint stride;
+    float clone_threshold;
+    float split_threshold;
+    uint split_absolute;
+    float split_scale;
+    float prune_opacity;
+    float prune_scale;
+    uint prune_large;
+} push;
+
+// sum / views >= threshold without the division, whose rounding Vulkan leaves open; no views or no number scores 0.
+bool reaches(float sum, float views, float threshold) {
+    if (!(views > 0.0) || !finite(floatBitsToUint(sum))) return threshold <= 0.0;
+    return sum >= threshold * views;
+}
+
+bool all_finite(uint i) {
+    bool ok = finite(floatBitsToUint(opacities[i]));
+    for (uint k = 0u; k < 3u; ++k) ok = ok && finite(means[3u * i + k]) && finite(floatBitsToUint(scales[3u * i + k]));
+    for (uint k = 0u; k < 4u; ++k) ok = ok && finite(quats[4u * i + k]);
+    for (uint k = 0u; k < 12u; ++k) {
+        const uint e = 12u * i + k;
+        ok = ok && finite(sh0[e]) && finite(sh1[e]) && finite(sh2[e]) && finite(sh3[e]);
+    }
+    return ok;
+}
+
+void main() {
+    const uint i = global_index();
+    if (i >= push.stride) return;
+    bool kept = false;
+    bool clone = false;
+    bool child = false;
+    if (i < counters[COUNTER_SPLATS]) {
+        if (all_finite(i)) {
+            const vec4 s = stats[i];
+            const float largest = max(max(scales[3u * i], scales[3u * i + 1u]), scales[3u * i + 2u]);
+            const bool large = largest > push.split_scale;
+            const bool cloned = !large && reaches(s.x, s.z, push.clone_threshold);
+            const float split_sum = push.split_absolute != 0u ? s.y : s.x;
+            const bool split = large && reaches(split_sum, s.z, push.split_threshold);
+            // Pruning judges the rows that come out: a clone fares as its source, children by their own smaller size.
+            const bool opaque = !(opacities[i] < push.prune_opacity);
+            const bool size_ok = push.prune_large == 0u || !(largest > push.prune_scale);
+            const bool child_size_ok = push.prune_large == 0u || !(largest - LN_SPLIT_SHRINK > push.prune_scale);
+            kept = opaque && size_ok && !split;
+            clone = opaque && size_ok && cloned;
+            child = opaque && child_size_ok && split;
+        } else {
+            atomicAdd(tally[0], 1u);
+        }
+    }
+    flags[i] = uint(kept);
+    flags[push.stride + i] = uint(clone);
+    flags[2u * push.stride + i] = uint(child);
+    flags[3u * push.stride + i] = uint(child);
+}

@@ -1,0 +1,38 @@
+//! Moves one plane to its rows after a density change.
+
+use super::{Pass, module};
+use crate::vk::{Constant, Kernel, read, write};
+
+/// Every row as its source.
+pub const MODE_COPY: u32 = 0;
+/// Logarithmic scales: children of a split are 1.6 times smaller.
+pub const MODE_SHRINK: u32 = 1;
+/// Moments of the optimiser: zero for rows that are new.
+pub const MODE_MOMENT: u32 = 2;
+/// Statistics: zero for all rows.
+pub const MODE_ZERO: u32 = 3;
+
+crate::push_constants! {
+    /// Push constants of [`PASS`].
+    pub struct Push {
+        /// One of the modes of this module.
+        pub mode: u32,
+    }
+}
+
+/// The pass.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "densify_gather",
+        spirv: module("densify_gather"),
+        bindings: &[read("counters"), read("map"), read("source"), write("plane")],
+        push_bytes: Push::BYTES,
+        constants: &[Constant { id: 0, name: "WIDTH", default: 1 }],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one new row of WIDTH words; a workgroup owns 64 consecutive rows. `source` is a copy of the plane \
+          before the change.",
+    dispatch: "one thread per new row, through `args`",
+    push: Push::FIELDS,
+    twin: crate::twin::densify_gather::run,
+};

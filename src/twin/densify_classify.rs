@@ -1,0 +1,55 @@
+//! Twin of `glsl/densify_classify.comp`.
+
+use super::TwinCall;
+use crate::pass::counters::SPLATS;
+use crate::pass::densify_classify::Push;
+
+/// ln 1.6: by how much the logarithmic scales of a split's children are smaller than their parent's.
+pub const LN_SPLIT_SHRINK: f32 = 0.470_003_63;
+
+/// Kinds of row after a density change, in the order of their segments.
+pub const KINDS: usize = 4;
+
+/// Whether a mean score reaches a threshold; no views or no number scores 0.
+pub fn reaches(sum: f32, views: f32, threshold: f32) -> bool {
+    if views > 0.0 && sum.is_finite() { sum >= threshold * views } else { threshold <= 0.0 }
+}
+
+/// The flags (kept, clone, first child, second child) of a splat whose values are all finite.
+pub fn classify(scales: [f32; 3], opacity: f32, stats: [f32; 4], push: &Push) -> [u32; KINDS] {
+    let largest = scales[0].max(scales[1]).max(scales[2]);
+    let large = largest > push.split_scale;
+    let cloned = !large && reaches(stats[0], stats[2], push.clone_threshold);
+    let split_sum = if push.split_absolute != 0 { stats[1] } else { stats[0] };
+    let split = large && reaches(split_sum, stats[2], push.split_threshold);
+    let lives = |scale: f32| opacity >= push.prune_opacity && (push.prune_large == 0 || scale <= push.prune_scale);
+    let child = u32::from(split && lives(largest - LN_SPLIT_SHRINK));
+    [u32::from(!split && lives(largest)), u32::from(cloned && lives(largest)), child, child]
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let stride = push.stride as usize;
+    let splats = (call.get::<u32>(0)[SPLATS] as usize).min(stride);
+    let planes: Vec<(Vec<f32>, usize)> =
+        [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect();
+    let stats = call.get::<[f32; 4]>(9);
+    let (mut flags, mut tally) = (call.get::<u32>(10), call.get::<u32>(11));
+    for i in 0..stride.min(64 * call.groups as usize) {
+        let mut row = [0; KINDS];
+        if i < splats {
+            if planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite())) {
+                let scales = &planes[2].0[3 * i..3 * i + 3];
+                row = classify([scales[0], scales[1], scales[2]], planes[3].0[i], stats[i], &push);
+            } else {
+                tally[0] = tally[0].wrapping_add(1);
+            }
+        }
+        for (kind, flag) in row.into_iter().enumerate() {
+            flags[kind * stride + i] = flag;
+        }
+    }
+    call.set(10, &flags);
+    call.set(11, &tally);
+}

@@ -1,0 +1,37 @@
+//! Twin of `glsl/densify_map.comp`.
+
+use super::TwinCall;
+use super::densify_classify::KINDS;
+use crate::pass::counters::{NEXT_ID, SPLATS};
+use crate::pass::densify_map::Push;
+
+/// An entry of the map: a source's index with the kind of row in the upper two bits.
+pub fn entry(source: usize, kind: usize) -> u32 {
+    source as u32 | (kind as u32) << 30
+}
+
+/// The source's index and the kind of row of an entry.
+pub fn unpack(entry: u32) -> (usize, usize) {
+    ((entry & 0x3fff_ffff) as usize, (entry >> 30) as usize)
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let stride = call.push::<Push>().stride as usize;
+    let counters = call.get::<u32>(0);
+    let (flags, offsets, old_ids) = (call.get::<u32>(1), call.get::<u32>(2), call.get::<u32>(3));
+    let (mut map, mut ids) = (call.get::<u32>(4), call.get::<u32>(5));
+    let kept = offsets[stride];
+    for i in 0..(counters[SPLATS] as usize).min(stride).min(64 * call.groups as usize) {
+        for kind in 0..KINDS {
+            let e = kind * stride + i;
+            if flags[e] != 0 {
+                let row = offsets[e];
+                map[row as usize] = entry(i, kind);
+                ids[row as usize] = if kind == 0 { old_ids[i] } else { counters[NEXT_ID].wrapping_add(row - kept) };
+            }
+        }
+    }
+    call.set(4, &map);
+    call.set(5, &ids);
+}

@@ -1,0 +1,120 @@
+//! A model with moments and statistics for density tests, as rows and as the planes of the device.
+
+use psrgs_vk::pass::counters;
+
+/// Floats per splat of each model plane: means, quats, scales, opacities, sh0 to sh3.
+pub(crate) const WIDTHS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
+pub(crate) const MEANS: usize = 0;
+pub(crate) const QUATS: usize = 1;
+pub(crate) const SCALES: usize = 2;
+pub(crate) const OPACITIES: usize = 3;
+
+/// A splat with all that belongs to it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Row {
+    pub(crate) planes: [Vec<f32>; 8],
+    /// First moments of the planes, then second moments.
+    pub(crate) moments: [Vec<f32>; 16],
+    pub(crate) stats: [f32; 4],
+    pub(crate) id: u32,
+}
+
+/// Everything that a density change reads and writes and that outlives it, with room for `capacity` splats.
+#[derive(Clone, Debug)]
+pub(crate) struct Model {
+    pub(crate) capacity: usize,
+    pub(crate) planes: [Vec<u32>; 8],
+    pub(crate) moments: [Vec<u32>; 16],
+    pub(crate) stats: Vec<u32>,
+    pub(crate) ids: Vec<u32>,
+    pub(crate) counters: [u32; counters::COUNT],
+}
+
+/// A small generator for test data (splitmix64).
+pub(crate) struct Rng(pub(crate) u64);
+
+impl Rng {
+    pub(crate) fn next(&mut self) -> u32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 32) as u32
+    }
+    pub(crate) fn uniform(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * (self.next() as f32 / 4_294_967_296.0)
+    }
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        self.next() as usize % n
+    }
+}
+
+impl Row {
+    /// Random values; scales around 1 and opacities around a half, so that rules can be aimed at either side.
+    pub(crate) fn random(rng: &mut Rng, id: u32) -> Self {
+        let mut planes = WIDTHS.map(|w| (0..w).map(|_| rng.uniform(-1.0, 1.0)).collect::<Vec<f32>>());
+        planes[QUATS][0] += 0.1;
+        let views = rng.below(4) as f32;
+        Self {
+            moments: std::array::from_fn(|p| (0..WIDTHS[p % 8]).map(|_| rng.uniform(-1.0, 1.0)).collect()),
+            stats: [views * rng.uniform(0.0, 1.0), views * rng.uniform(0.0, 2.0), views, rng.uniform(0.0, 9.0)],
+            planes,
+            id,
+        }
+    }
+
+    /// Sets the score, the largest scale (with smaller ones beside it) and the opacity's logit.
+    pub(crate) fn with(mut self, score: f32, views: f32, log_scale: f32, logit: f32) -> Self {
+        self.stats = [score * views, 2.0 * score * views, views, 1.0];
+        self.planes[SCALES] = vec![log_scale - 1.0, log_scale, log_scale - 0.5];
+        self.planes[OPACITIES] = vec![logit];
+        self
+    }
+}
+
+/// Puts rows into planes.
+impl Model {
+    /// The spare room is filled with words that would show if they were used: NaNs among them.
+    pub(crate) fn new(rows: &[Row], capacity: usize, next_id: u32, rng: &mut Rng) -> Self {
+        assert!(rows.len() <= capacity && capacity > 0);
+        let mut plane = |width: usize, take: &dyn Fn(&Row) -> Vec<u32>| -> Vec<u32> {
+            let mut words: Vec<u32> = rows.iter().flat_map(take).collect();
+            assert_eq!(words.len(), width * rows.len());
+            while words.len() < width * capacity {
+                words.push(if rng.below(3) == 0 { f32::NAN.to_bits() } else { rng.next() });
+            }
+            words
+        };
+        let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+        let mut counters = [0; counters::COUNT];
+        counters[counters::SPLATS] = rows.len() as u32;
+        counters[counters::NEXT_ID] = next_id;
+        Self {
+            capacity,
+            planes: std::array::from_fn(|p| plane(WIDTHS[p], &|r| bits(&r.planes[p]))),
+            moments: std::array::from_fn(|p| plane(WIDTHS[p % 8], &|r| bits(&r.moments[p]))),
+            stats: plane(4, &|r| bits(&r.stats)),
+            ids: plane(1, &|r| vec![r.id]),
+            counters,
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.counters[counters::SPLATS] as usize
+    }
+
+    /// The rows in use.
+    pub(crate) fn rows(&self) -> Vec<Row> {
+        let cut = |words: &[u32], width: usize, i: usize| -> Vec<f32> {
+            words[width * i..width * (i + 1)].iter().map(|&w| f32::from_bits(w)).collect()
+        };
+        (0..self.len())
+            .map(|i| Row {
+                planes: std::array::from_fn(|p| cut(&self.planes[p], WIDTHS[p], i)),
+                moments: std::array::from_fn(|p| cut(&self.moments[p], WIDTHS[p % 8], i)),
+                stats: std::array::from_fn(|k| f32::from_bits(self.stats[4 * i + k])),
+                id: self.ids[i],
+            })
+            .collect()
+    }
+}
