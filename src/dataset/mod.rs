@@ -22,7 +22,8 @@ pub use photograph::Photograph;
 pub use split::{Role, Split};
 pub use warning::Warning;
 
-use crate::scene::{Camera, Frame};
+use crate::scene::init::{self, InitError};
+use crate::scene::{Camera, Frame, Gaussians};
 use colmap::{Model, Pose};
 
 /// What to load and how.
@@ -141,6 +142,12 @@ impl Dataset {
     /// A view's camera for points in scene coordinates.
     pub fn scene_camera(&self, index: usize) -> Option<Camera> {
         self.views.get(index).map(|view| self.frame.camera_to_scene(&view.camera))
+    }
+
+    /// The first Gaussians in scene coordinates, one per point, in the order of the points' ids.
+    pub fn first_gaussians(&self) -> Result<Gaussians, InitError> {
+        let points: Vec<_> = self.points.iter().map(|p| (p.position, p.color)).collect();
+        init::from_points(&points, &self.frame)
     }
 
     /// Decodes the photographs of one role in parallel, in the order of [`Dataset::views_of`]. No other is read.

@@ -1,6 +1,10 @@
 //! Files that hold models, states of training and pictures.
 
+pub mod atomic;
 mod error;
+mod frame_file;
+pub mod ply;
 pub(crate) mod source;
 
 pub use error::{At, Error};
+pub use frame_file::{FRAME_FILE, FrameFile};

@@ -3,6 +3,7 @@
 mod camera;
 mod frame;
 mod gaussians;
+pub mod init;
 
 pub use camera::Camera;
 pub use frame::Frame;

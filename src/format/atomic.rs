@@ -1,0 +1,48 @@
+//! Files that appear whole or not at all.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::Error;
+
+/// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new one: into a temporary
+/// file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file is removed and
+/// what stood there before stays.
+pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let mut temporary =
+        temporary_file(folder, &format!(".{name}.")).map_err(Error::io(file, "create a temporary file beside it"))?;
+    let mut out = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
+    content(&mut out).and_then(|()| out.flush()).map_err(Error::io(file, "write"))?;
+    drop(out);
+    temporary.as_file().sync_all().map_err(Error::io(file, "flush to the disk"))?;
+    temporary.persist(file).map_err(|e| Error::io(file, "rename the temporary file to it")(e.error))?;
+    flush_folder(folder).map_err(Error::io(folder, "flush to the disk"))
+}
+
+fn temporary_file(folder: &Path, prefix: &str) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(".tmp");
+    // Temporary files are private by default; this one becomes an ordinary file, which the umask rules.
+    #[cfg(unix)]
+    let permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+    #[cfg(unix)]
+    builder.permissions(permissions);
+    builder.tempfile_in(folder)
+}
+
+#[cfg(unix)]
+fn flush_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(not(unix))]
+fn flush_folder(_: &Path) -> io::Result<()> {
+    // Folders cannot be opened there; the rename itself is journalled.
+    Ok(())
+}

@@ -1,0 +1,52 @@
+//! `frame.json`: the scene's frame beside a model.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{At, Error, atomic};
+use crate::scene::Frame;
+
+/// The name of the file, in the folder of the model.
+pub const FRAME_FILE: &str = "frame.json";
+
+/// How the coordinates of a trained model, of its files and of its dataset go together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameFile {
+    /// scene = (dataset - offset) * scale.
+    #[serde(flatten)]
+    pub frame: Frame,
+    /// Positions in model files are dataset coordinates minus this.
+    pub shift: [f64; 3],
+}
+
+impl FrameFile {
+    /// The frame of a dataset, with the shift its model files have.
+    pub fn new(frame: Frame) -> Self {
+        Self { frame, shift: frame.shift() }
+    }
+
+    /// Writes the file.
+    pub fn write(&self, file: &Path) -> Result<(), Error> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::io(file, "write")(e.into()))?;
+        atomic::write(file, |out| writeln!(out, "{text}"))
+    }
+
+    /// Reads the file.
+    pub fn read(file: &Path) -> Result<Self, Error> {
+        let text = std::fs::read_to_string(file).map_err(Error::io(file, "read"))?;
+        let read: Self = serde_json::from_str(&text)
+            .map_err(|e| Error::malformed(file, "frame", At::Line(e.line().max(1) as u64), e))?;
+        let usable = read.frame.scale.is_finite() && read.frame.scale > 0.0;
+        if !(usable && read.frame.offset.iter().chain(&read.shift).all(|v| v.is_finite())) {
+            return Err(Error::malformed(file, "frame", At::Line(1), "the scale must be positive, all numbers finite"));
+        }
+        Ok(read)
+    }
+
+    /// Reads the file in the folder of a model, if there is one.
+    pub fn beside(model: &Path) -> Result<Option<Self>, Error> {
+        let file = model.with_file_name(FRAME_FILE);
+        if file.is_file() { Self::read(&file).map(Some) } else { Ok(None) }
+    }
+}

@@ -1,0 +1,63 @@
+//! Models as PLY files in the layout of INRIA's 3DGS, which viewers and editors read.
+//!
+//! Per vertex `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian; `f_rest` has all
+//! coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations (w, x, y, z).
+//! Normals are zero. What the layout has no place for stands in comments that begin with `psrgs-vk`:
+//!
+//! ```text
+//! comment psrgs-vk version 0.1.0
+//! comment psrgs-vk antialias 0
+//! comment psrgs-vk offset 500000 4600000 100
+//! ```
+//!
+//! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
+
+mod header;
+mod read;
+mod write;
+
+use std::path::Path;
+
+use super::Error;
+use crate::scene::{Frame, Gaussians};
+
+pub use read::read;
+pub use write::write;
+
+/// Coefficients of spherical harmonics per colour channel, without the constant one, by degree.
+pub(super) const REST_BY_DEGREE: [usize; 4] = [0, 3, 8, 15];
+
+/// The content of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// The splats at dataset coordinates minus [`Model::shift`]; ids are 0, 1, 2, ... in the order of the file.
+    pub gaussians: Gaussians,
+    /// Degree of the spherical harmonics the file has; higher coefficients are zero.
+    pub sh_degree: u32,
+    /// What to add to the means to have dataset coordinates.
+    pub shift: [f64; 3],
+    /// Whether the model was trained with the anti-aliasing factor on the opacity, where the file says it.
+    pub antialias: Option<bool>,
+    /// The version of this program that wrote the file, where one did.
+    pub version: Option<String>,
+}
+
+/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`].
+pub fn save(file: &Path, gaussians: &Gaussians, frame: &Frame, antialias: bool) -> Result<(), Error> {
+    let shift = frame.shift();
+    let model = Model {
+        gaussians: frame.gaussians_to_dataset(gaussians, shift),
+        sh_degree: 3,
+        shift,
+        antialias: Some(antialias),
+        version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+    };
+    write(file, &model)
+}
+
+impl Model {
+    /// The splats in the coordinates of a scene.
+    pub fn in_scene(&self, frame: &Frame) -> Gaussians {
+        frame.gaussians_to_scene(&self.gaussians, self.shift)
+    }
+}

@@ -1,0 +1,243 @@
+//! Reading models, also foreign ones: any order of properties, further ones, other number types, degrees 0 to 3.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use super::header::{self, Element, Encoding, Header, Kind};
+use super::{Model, REST_BY_DEGREE};
+use crate::format::{At, Error};
+use crate::scene::{Gaussians, SH_GROUP_FLOATS};
+
+/// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient can
+/// move. 16 is beyond what f32 tells from 1.
+const MAX_LOGIT: f32 = 16.0;
+
+/// Reads a model.
+pub fn read(file: &Path) -> Result<Model, Error> {
+    let opened = File::open(file).map_err(Error::io(file, "open"))?;
+    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, opened);
+    let header = header::read(file, &mut reader)?;
+    let before = header.elements.iter().take_while(|e| e.name != "vertex").count();
+    let Some(vertex) = header.elements.get(before) else {
+        return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
+    };
+    let columns = Columns::find(file, vertex)?;
+    let mut rows = Rows { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, len };
+    for element in &header.elements[..before] {
+        rows.check_fits(element)?;
+        for i in 0..element.count {
+            rows.row(element, i, |_, _| ())?;
+        }
+    }
+    rows.check_fits(vertex)?;
+    let gaussians = read_splats(&mut rows, vertex, &columns)?;
+    let mut model = Model { gaussians, sh_degree: columns.degree, ..Model::default() };
+    read_comments(file, &header, &mut model)?;
+    Ok(model)
+}
+
+/// Where a property of the file goes.
+#[derive(Clone, Copy)]
+enum Column {
+    Mean(usize),
+    /// Coefficient and channel.
+    Sh(usize, usize),
+    Opacity,
+    Scale(usize),
+    Quat(usize),
+    Ignored,
+}
+
+struct Columns {
+    /// In the order of the file.
+    columns: Vec<Column>,
+    degree: u32,
+}
+
+impl Columns {
+    fn find(file: &Path, vertex: &Element) -> Result<Self, Error> {
+        let fail = |problem: String| Error::malformed(file, "element vertex", At::Byte(vertex.at), problem);
+        let has = |name: &str| vertex.properties.iter().any(|p| p.name == name);
+        if has("packed_position") {
+            return Err(fail("this is SuperSplat's compressed layout; export the model uncompressed".to_owned()));
+        }
+        let required = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"];
+        if let Some(name) = required.iter().chain(&["rot_0", "rot_1", "rot_2", "rot_3"]).find(|name| !has(name)) {
+            return Err(fail(format!("the property '{name}' is missing: this is not a 3D Gaussian model")));
+        }
+        let rest = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
+        let degree = REST_BY_DEGREE
+            .iter()
+            .position(|n| 3 * n == rest)
+            .filter(|_| (0..rest).all(|k| has(&format!("f_rest_{k}"))))
+            .ok_or_else(|| fail(format!("{rest} properties f_rest_N are not those of a degree from 0 to 3")))?;
+        let per_channel = REST_BY_DEGREE[degree].max(1);
+        let column = |name: &str| match name.rsplit_once('_').map(|(base, k)| (base, k.parse::<usize>())) {
+            Some(("f_dc", Ok(k @ 0..3))) => Column::Sh(0, k),
+            Some(("f_rest", Ok(k))) => Column::Sh(1 + k % per_channel, k / per_channel),
+            Some(("scale", Ok(k @ 0..3))) => Column::Scale(k),
+            Some(("rot", Ok(k @ 0..4))) => Column::Quat(k),
+            _ => match name {
+                "x" => Column::Mean(0),
+                "y" => Column::Mean(1),
+                "z" => Column::Mean(2),
+                "opacity" => Column::Opacity,
+                _ => Column::Ignored,
+            },
+        };
+        let columns = vertex.properties.iter().map(|p| column(&p.name)).collect();
+        Ok(Self { columns, degree: degree as u32 })
+    }
+}
+
+fn read_splats(rows: &mut Rows<'_>, vertex: &Element, columns: &Columns) -> Result<Gaussians, Error> {
+    let fail = |problem: &str| Error::malformed(rows.file, "element vertex", At::Byte(vertex.at), problem);
+    let n = u32::try_from(vertex.count).map_err(|_| fail("there are more vertices than can be numbered"))? as usize;
+    let mut out = Gaussians::zeros(n);
+    for i in 0..n {
+        let mut bad = None;
+        rows.row(vertex, i as u64, |p, value| {
+            let value = value as f32;
+            match columns.columns[p] {
+                Column::Mean(k) => out.means[3 * i + k] = value,
+                Column::Sh(k, c) => out.sh[k / 4][SH_GROUP_FLOATS * i + 3 * (k % 4) + c] = value,
+                Column::Scale(k) => out.scales[3 * i + k] = value,
+                Column::Quat(k) => out.quats[4 * i + k] = value,
+                Column::Opacity if value.is_infinite() => {
+                    out.opacities[i] = MAX_LOGIT.copysign(value);
+                    return;
+                }
+                Column::Opacity => out.opacities[i] = value,
+                Column::Ignored => return,
+            }
+            if !value.is_finite() {
+                bad = bad.or(Some((p, value)));
+            }
+        })?;
+        if let Some((p, value)) = bad {
+            let before: usize = vertex.properties[..p].iter().map(|q| q.kind.bytes()).sum();
+            let at = match rows.encoding {
+                Encoding::Ascii => At::Line(rows.line),
+                _ => At::Byte(rows.at - vertex.row_bytes() as u64 + before as u64),
+            };
+            let field = format!("{} of vertex {i}", vertex.properties[p].name);
+            return Err(Error::malformed(rows.file, field, at, format_args!("is {value}")));
+        }
+    }
+    Ok(out)
+}
+
+/// The data after the header, row by row.
+struct Rows<'a> {
+    file: &'a Path,
+    reader: BufReader<File>,
+    encoding: Encoding,
+    at: u64,
+    line: u64,
+    len: u64,
+}
+
+impl Rows<'_> {
+    /// Whether the file can hold all rows of an element, before memory is asked for them.
+    fn check_fits(&self, element: &Element) -> Result<(), Error> {
+        let field = || format!("element {}", element.name);
+        if element.has_list && (self.encoding != Encoding::Ascii || element.name == "vertex") {
+            let problem = "lists are not supported in or before the vertices";
+            return Err(Error::malformed(self.file, field(), At::Byte(element.at), problem));
+        }
+        let row = match self.encoding {
+            // One digit and what separates it from the next.
+            Encoding::Ascii => 2 * element.properties.len().max(1) as u64 - 1,
+            _ => element.row_bytes() as u64,
+        };
+        let left = self.len.saturating_sub(self.at);
+        if element.count.checked_mul(row.max(1)).is_some_and(|bytes| bytes <= left) {
+            return Ok(());
+        }
+        let problem = format!("{} rows of at least {row} bytes do not fit the {left} bytes of data", element.count);
+        Err(Error::malformed(self.file, field(), At::Byte(element.at), problem))
+    }
+
+    /// Reads row `i` of an element and gives its values with their positions among the properties.
+    fn row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
+        match self.encoding {
+            Encoding::Ascii => self.text_row(element, i, value),
+            encoding => {
+                for (p, property) in element.properties.iter().enumerate() {
+                    let decoded = self.number(encoding, property.kind).map_err(|e| {
+                        let field = format!("{} of {} {i}", property.name, element.name);
+                        match e.kind() {
+                            std::io::ErrorKind::UnexpectedEof => {
+                                Error::malformed(self.file, field, At::Byte(self.at), "the file ends here")
+                            }
+                            _ => Error::io(self.file, "read")(e),
+                        }
+                    })?;
+                    value(p, decoded);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn number(&mut self, encoding: Encoding, kind: Kind) -> std::io::Result<f64> {
+        let mut bytes = [0; 8];
+        let used = &mut bytes[..kind.bytes()];
+        self.reader.read_exact(used)?;
+        if encoding == Encoding::BigEndian {
+            used.reverse();
+        }
+        self.at += kind.bytes() as u64;
+        Ok(kind.decode(bytes))
+    }
+
+    fn text_row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
+        let mut raw = Vec::new();
+        let read = self.reader.read_until(b'\n', &mut raw).map_err(Error::io(self.file, "read"))?;
+        self.at += read as u64;
+        self.line += 1;
+        let at = At::Line(self.line);
+        let fail = |field: String, problem: &str| Error::malformed(self.file, field, at, problem);
+        let text = std::str::from_utf8(&raw).map_err(|_| fail(format!("{} {i}", element.name), "is not text"))?;
+        if element.has_list {
+            return Ok(());
+        }
+        let mut words = text.split_whitespace();
+        for (p, property) in element.properties.iter().enumerate() {
+            let field = || format!("{} of {} {i}", property.name, element.name);
+            let word = words.next().ok_or_else(|| fail(field(), "is missing"))?;
+            value(p, word.parse().map_err(|_| fail(field(), "is not a number"))?);
+        }
+        Ok(())
+    }
+}
+
+/// Takes what this program writes into comments; other programs' comments are theirs.
+fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
+    for (at, comment) in &header.comments {
+        let mut words = comment.split_whitespace();
+        if words.next() != Some("psrgs-vk") {
+            continue;
+        }
+        let (key, values): (_, Vec<&str>) = (words.next(), words.collect());
+        let wrong = || {
+            let problem = format!("'{comment}' is not understood");
+            Error::malformed(file, "comment", At::Byte(*at), problem)
+        };
+        match (key, values.as_slice()) {
+            (Some("version"), [version, ..]) => model.version = Some((*version).to_owned()),
+            (Some("antialias"), ["0"]) => model.antialias = Some(false),
+            (Some("antialias"), ["1"]) => model.antialias = Some(true),
+            (Some("offset"), [x, y, z]) => {
+                for (out, word) in model.shift.iter_mut().zip([x, y, z]) {
+                    *out = word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(wrong)?;
+                }
+            }
+            (Some("antialias" | "offset"), _) => return Err(wrong()),
+            _ => {}
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,86 @@
+//! Writing models.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::{Model, REST_BY_DEGREE};
+use crate::format::{Error, atomic};
+use crate::scene::{Gaussians, SH_GROUP_FLOATS};
+
+/// Writes the splats as they are in the model, always with spherical harmonics of degree 3, as INRIA's own files have them.
+pub fn write(file: &Path, model: &Model) -> Result<(), Error> {
+    let gaussians = &model.gaussians;
+    if let Some(problem) = inconsistent(gaussians) {
+        return Err(Error::Unwritable { file: file.to_owned(), what: "the splats", problem });
+    }
+    atomic::write(file, |out| {
+        out.write_all(header(model).as_bytes())?;
+        (0..gaussians.len()).try_for_each(|i| vertex(out, gaussians, i))
+    })
+}
+
+/// Planes that do not belong together would be read out of bounds.
+fn inconsistent(g: &Gaussians) -> Option<String> {
+    let n = g.len();
+    let planes = [("means", &g.means, 3), ("quats", &g.quats, 4), ("scales", &g.scales, 3)];
+    let sh = g.sh.iter().map(|plane| ("sh", plane, SH_GROUP_FLOATS));
+    planes
+        .into_iter()
+        .chain(sh)
+        .find(|(_, plane, floats)| plane.len() != floats * n)
+        .map(|(name, plane, floats)| format!("'{name}' has {} floats for {n} splats of {floats}", plane.len()))
+}
+
+/// Names of the properties in the order of the layout.
+pub(super) fn properties() -> Vec<String> {
+    let numbered = |name: &'static str, n: usize| (0..n).map(move |i| format!("{name}_{i}"));
+    ["x", "y", "z", "nx", "ny", "nz"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(numbered("f_dc", 3))
+        .chain(numbered("f_rest", 3 * REST_BY_DEGREE[3]))
+        .chain(["opacity".to_owned()])
+        .chain(numbered("scale", 3))
+        .chain(numbered("rot", 4))
+        .collect()
+}
+
+fn header(model: &Model) -> String {
+    let mut out = String::from("ply\nformat binary_little_endian 1.0\n");
+    let mut comment = |key: &str, value: String| out.push_str(&format!("comment psrgs-vk {key} {value}\n"));
+    if let Some(version) = &model.version {
+        comment("version", version.clone());
+    }
+    if let Some(antialias) = model.antialias {
+        comment("antialias", u8::from(antialias).to_string());
+    }
+    if model.shift != [0.0; 3] {
+        // The shortest decimals that read back as the same f64.
+        comment("offset", model.shift.map(|v| v.to_string()).join(" "));
+    }
+    out.push_str(&format!("element vertex {}\n", model.gaussians.len()));
+    for name in properties() {
+        out.push_str(&format!("property float {name}\n"));
+    }
+    out + "end_header\n"
+}
+
+fn vertex(out: &mut dyn Write, g: &Gaussians, i: usize) -> io::Result<()> {
+    let mut row = [0_f32; 62];
+    row[..3].copy_from_slice(&g.means[3 * i..][..3]);
+    row[6..9].copy_from_slice(&g.sh[0][SH_GROUP_FLOATS * i..][..3]);
+    let rest = REST_BY_DEGREE[3];
+    for k in 1..=rest {
+        for c in 0..3 {
+            row[9 + c * rest + k - 1] = g.sh[k / 4][SH_GROUP_FLOATS * i + 3 * (k % 4) + c];
+        }
+    }
+    row[54] = g.opacities[i];
+    row[55..58].copy_from_slice(&g.scales[3 * i..][..3]);
+    row[58..62].copy_from_slice(&g.quats[4 * i..][..4]);
+    let mut bytes = [0; 4 * 62];
+    for (to, value) in bytes.chunks_exact_mut(4).zip(row) {
+        to.copy_from_slice(&value.to_le_bytes());
+    }
+    out.write_all(&bytes)
+}

@@ -1,0 +1,161 @@
+//! The first Gaussians of a training, from points.
+
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+use super::{Frame, Gaussians, SH_GROUP_FLOATS};
+
+/// The constant Y_0 of the spherical harmonics, as the 3DGS reference rounds it.
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+/// Opacity of every first Gaussian.
+pub const FIRST_OPACITY: f64 = 0.1;
+/// Smallest mean squared distance to neighbours, in squared scene units: the value of the 3DGS reference, which knows no
+/// scene units and applies it to the dataset's. Ours are the same as its own for the scenes it was made for (their extents
+/// are about 5), and independent of the dataset's units. It only matters for points that coincide.
+pub const MIN_SQUARED_DISTANCE: f64 = 1e-7;
+/// Standard deviation of a point without neighbours, in scene units: a hundredth of the extent.
+pub const LONELY_SCALE: f64 = Frame::EXTENT / 100.0;
+
+const NEIGHBOURS: usize = 3;
+
+/// There is nothing to begin with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum InitError {
+    /// No points.
+    #[error(
+        "the model has no points to start from: triangulate them (COLMAP's point_triangulator writes points3D), \
+         or give a model with --init FILE.ply"
+    )]
+    NoPoints,
+    /// More points than can be numbered.
+    #[error("{0} points are more than 32-bit numbers can tell apart: thin them out")]
+    TooManyPoints(usize),
+}
+
+/// One isotropic Gaussian per point, `points` being (position in dataset coordinates, 8-bit colour): the constant spherical
+/// harmonic shows the colour, the opacity is 0.1, and the standard deviation is the root of the mean of the squared distances
+/// to the three nearest other points (3DGS reference), or to as many as there are.
+pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaussians, InitError> {
+    if points.is_empty() {
+        return Err(InitError::NoPoints);
+    }
+    if u32::try_from(points.len()).is_err() {
+        return Err(InitError::TooManyPoints(points.len()));
+    }
+    let positions: Vec<[f64; 3]> = points.iter().map(|(p, _)| frame.to_scene(*p)).collect();
+    let mut out = Gaussians::zeros(points.len());
+    out.opacities.fill((FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln() as f32);
+    out.quats.chunks_exact_mut(4).for_each(|q| q[0] = 1.0);
+    for (i, (position, (_, color))) in positions.iter().zip(points).enumerate() {
+        for k in 0..3 {
+            out.means[3 * i + k] = position[k] as f32;
+            out.sh[0][SH_GROUP_FLOATS * i + k] = ((f64::from(color[k]) / 255.0 - 0.5) / SH_C0) as f32;
+        }
+    }
+    for (scale, ln) in out.scales.chunks_exact_mut(3).zip(log_scales(&positions)) {
+        scale.fill(ln as f32);
+    }
+    Ok(out)
+}
+
+fn log_scales(positions: &[[f64; 3]]) -> Vec<f64> {
+    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(positions);
+    let wanted = NonZero::new(NEIGHBOURS + 1).unwrap_or(NonZero::<usize>::MIN);
+    let one = |(i, position): (usize, &[f64; 3])| {
+        // The point itself is among the nearest unless more than three others coincide with it, and then the first three
+        // found are as good as any.
+        let squared: Vec<f64> = tree
+            .nearest_n::<SquaredEuclidean>(position, wanted)
+            .iter()
+            .filter(|found| found.item != i as u64)
+            .take(NEIGHBOURS)
+            .map(|found| found.distance)
+            .collect();
+        if squared.is_empty() {
+            return LONELY_SCALE.ln();
+        }
+        let mean = squared.iter().sum::<f64>() / squared.len() as f64;
+        mean.max(MIN_SQUARED_DISTANCE).sqrt().ln()
+    };
+    positions.par_iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random_points(n: usize) -> Vec<([f64; 3], [u8; 3])> {
+        let mut state = 1_u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / f64::from(1 << 24)
+        };
+        (0..n).map(|_| ([next(), next() * 4.0, next() * 0.1], [(next() * 255.0) as u8, 0, 255])).collect()
+    }
+
+    /// All distances, sorted.
+    fn brute_force(points: &[([f64; 3], [u8; 3])], frame: &Frame, i: usize) -> f64 {
+        let here = frame.to_scene(points[i].0);
+        let mut squared: Vec<f64> = (0..points.len())
+            .filter(|j| *j != i)
+            .map(|j| frame.to_scene(points[j].0).iter().zip(here).map(|(a, b)| (a - b) * (a - b)).sum())
+            .collect();
+        squared.sort_by(f64::total_cmp);
+        squared.truncate(3);
+        (squared.iter().sum::<f64>() / squared.len() as f64).max(1e-7).sqrt()
+    }
+
+    #[test]
+    fn scales_are_those_of_three_neighbours_by_brute_force() {
+        let frame = Frame { offset: [0.5, 2.0, 0.0], scale: 1.75 };
+        for n in [2, 3, 4, 5, 33, 1000] {
+            let points = random_points(n);
+            let out = from_points(&points, &frame).expect("points");
+            assert_eq!(out.len(), n);
+            for i in 0..n {
+                let want = brute_force(&points, &frame, i);
+                for scale in &out.scales[3 * i..3 * i + 3] {
+                    assert!((f64::from(*scale).exp() / want - 1.0).abs() < 1e-6, "{n} points, point {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn colour_opacity_and_rotation_are_the_reference_s() {
+        let frame = Frame { offset: [1.0, 2.0, 3.0], scale: 0.5 };
+        let points = [([1.0, 2.0, 3.0], [255, 0, 128]), ([3.0, 2.0, 3.0], [1, 2, 3])];
+        let out = from_points(&points, &frame).expect("points");
+        assert_eq!(out.means, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        let shown: Vec<f64> = out.sh[0][..3].iter().map(|f| 0.5 + SH_C0 * f64::from(*f)).collect();
+        for (got, want) in shown.iter().zip([1.0, 0.0, 128.0 / 255.0]) {
+            assert!((got - want).abs() < 1e-7);
+        }
+        assert!(out.sh[0][3..12].iter().chain(&out.sh[1]).chain(&out.sh[2]).chain(&out.sh[3]).all(|f| *f == 0.0));
+        assert!((f64::from(out.opacities[0]) + 2.197_224_577_336_219).abs() < 1e-6);
+        assert_eq!(out.quats[..4], [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(out.scales[0], 0.0, "the only neighbour is at distance 1");
+    }
+
+    #[test]
+    fn coinciding_points_have_the_floor() {
+        let mut points = vec![([0.0; 3], [0; 3]); 50];
+        points.extend(vec![([1.0, 0.0, 0.0], [0; 3]); 2]);
+        let out = from_points(&points, &Frame::IDENTITY).expect("points");
+        let floor = (0.5 * 1e-7_f64.ln()) as f32;
+        assert!(out.scales[..150].iter().all(|s| *s == floor));
+        // Of two that coincide: distances 0, 1 and 1.
+        assert!((f64::from(out.scales[150]) - 0.5 * (2.0_f64 / 3.0).ln()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn one_point_has_a_size_and_none_is_an_error() {
+        let one = from_points(&[([7.0; 3], [9; 3])], &Frame::IDENTITY).expect("a point");
+        assert_eq!(one.scales, [0.05_f64.ln() as f32; 3]);
+        let error = from_points(&[], &Frame::IDENTITY).expect_err("nothing");
+        assert_eq!(error, InitError::NoPoints);
+        assert!(error.to_string().contains("--init"));
+    }
+}
