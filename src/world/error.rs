@@ -1,0 +1,53 @@
+//! What can go wrong when a world is made.
+
+use std::path::PathBuf;
+
+/// Errors of the world generator.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// A parameter is out of its range.
+    #[error("world parameter `{name}` is {value}, must be within {low} and {high}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Smallest value allowed.
+        low: f64,
+        /// Largest value allowed.
+        high: f64,
+    },
+    /// Depth is taken along the ray through a pixel's centre, so the number of samples per side must be odd.
+    #[error("world parameter `supersample` is {value}, must be odd")]
+    EvenSupersample {
+        /// The value given.
+        value: u32,
+    },
+    /// A file or folder could not be written.
+    #[error("cannot write {path}: {source}")]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// A photograph could not be encoded.
+    #[error("cannot write the photograph {path}: {source}")]
+    Photograph {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: image::ImageError,
+    },
+    /// A depth map could not be written.
+    #[error("cannot write the depth map {path}: {source}")]
+    Depth {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: exr::error::Error,
+    },
+    /// The parameters could not be written as TOML.
+    #[error("cannot write the parameters: {0}")]
+    Toml(#[from] toml::ser::Error),
+}

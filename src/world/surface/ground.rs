@@ -1,0 +1,238 @@
+//! The ground's appearance: roads and pavements, yards, lawns, marked courts, and fields beyond the site.
+
+use glam::{DVec2, Vec3};
+
+use crate::world::random::{cell, fbm2, noise2, smoothstep};
+use crate::world::site::{Footprint, Roads};
+
+/// A marked patch of ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DecalKind {
+    /// Tennis court.
+    Court,
+    /// Parking lot.
+    Parking,
+}
+
+/// A rectangle painted on the ground.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Decal {
+    pub(crate) area: Footprint,
+    pub(crate) kind: DecalKind,
+}
+
+/// A disc of ground that a crown shades from the sky.
+#[derive(Clone, Copy, Debug)]
+struct Canopy {
+    centre: DVec2,
+    radius: f64,
+}
+
+const TILE: f64 = 8.0;
+const YARD: f64 = 1.8;
+
+/// What the ground's colour depends on, found by tile.
+#[derive(Clone, Debug)]
+pub(crate) struct GroundMap {
+    roads: Roads,
+    /// Half the side of the built site.
+    site: f64,
+    seed: u32,
+    buildings: Vec<Footprint>,
+    decals: Vec<Decal>,
+    canopies: Vec<Canopy>,
+    half: f64,
+    side: usize,
+    tiles: Vec<Tile>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Tile {
+    buildings: Vec<u32>,
+    decals: Vec<u32>,
+    canopies: Vec<u32>,
+}
+
+impl GroundMap {
+    pub(crate) fn new(
+        roads: Roads,
+        site: f64,
+        seed: u32,
+        buildings: Vec<Footprint>,
+        decals: Vec<Decal>,
+        crowns: &[(DVec2, f64)],
+    ) -> Self {
+        let half = 1.5 * site;
+        let side = (2.0 * half / TILE).ceil().max(1.0) as usize;
+        let mut map = Self {
+            roads,
+            site,
+            seed,
+            buildings,
+            decals,
+            canopies: crowns
+                .iter()
+                .filter(|(c, _)| c.abs().max_element() < half)
+                .map(|&(centre, radius)| Canopy { centre, radius })
+                .collect(),
+            half,
+            side,
+            tiles: vec![Tile::default(); side * side],
+        };
+        for k in 0..map.buildings.len() {
+            let (c, r) = (map.buildings[k].centre, map.buildings[k].reach() + YARD);
+            map.each_tile(c, r, |t| t.buildings.push(k as u32));
+        }
+        for k in 0..map.decals.len() {
+            let (c, r) = (map.decals[k].area.centre, map.decals[k].area.reach());
+            map.each_tile(c, r, |t| t.decals.push(k as u32));
+        }
+        for k in 0..map.canopies.len() {
+            let (c, r) = (map.canopies[k].centre, map.canopies[k].radius);
+            map.each_tile(c, r, |t| t.canopies.push(k as u32));
+        }
+        map
+    }
+
+    fn each_tile(&mut self, centre: DVec2, radius: f64, mut put: impl FnMut(&mut Tile)) {
+        let index = |x: f64| ((x + self.half) / TILE).floor().clamp(0.0, (self.side - 1) as f64) as usize;
+        let (i0, i1) = (index(centre.x - radius), index(centre.x + radius));
+        let (j0, j1) = (index(centre.y - radius), index(centre.y + radius));
+        for j in j0..=j1 {
+            for i in i0..=i1 {
+                put(&mut self.tiles[j * self.side + i]);
+            }
+        }
+    }
+
+    fn tile(&self, p: DVec2) -> Option<&Tile> {
+        let (i, j) = ((p.x + self.half) / TILE, (p.y + self.half) / TILE);
+        let inside = i >= 0.0 && j >= 0.0 && i < self.side as f64 && j < self.side as f64;
+        inside.then(|| &self.tiles[j as usize * self.side + i as usize])
+    }
+
+    /// Albedo and openness to the sky.
+    pub(crate) fn sample(&self, p: DVec2) -> (Vec3, f32) {
+        let tile = self.tile(p);
+        let mut openness = 1.0;
+        let mut wall = f64::INFINITY;
+        if let Some(t) = tile {
+            for &k in &t.buildings {
+                wall = wall.min(self.buildings[k as usize].distance(p));
+            }
+            for &k in &t.canopies {
+                let c = &self.canopies[k as usize];
+                let d = p.distance(c.centre) / c.radius;
+                openness *= 1.0 - 0.4 * (1.0 - smoothstep(0.3, 1.0, d));
+            }
+            openness *= 0.62 + 0.38 * smoothstep(-0.1, 2.0, wall);
+        }
+        (self.albedo(p, tile, wall), openness as f32)
+    }
+
+    fn albedo(&self, p: DVec2, tile: Option<&Tile>, wall: f64) -> Vec3 {
+        if let Some(colour) = self.roads.sample(p, self.seed) {
+            return colour;
+        }
+        if let Some(t) = tile {
+            for &k in &t.decals {
+                let d = &self.decals[k as usize];
+                if d.area.distance(p) <= 0.0 {
+                    return decal(d, p, self.seed);
+                }
+            }
+        }
+        if wall < YARD {
+            let slab = p / 0.55;
+            let (i, j) = (slab.x.floor(), slab.y.floor());
+            let joint = slab.x - i < 0.07 || slab.y - j < 0.07;
+            let tint = 0.8 + 0.35 * cell(i as i32, j as i32, self.seed ^ 0x40) as f32;
+            return Vec3::new(0.36, 0.33, 0.29) * if joint { 0.5 } else { tint };
+        }
+        let outside = p.abs().max_element() - self.site * 1.02;
+        let lawn = self.lawn(p);
+        let edge = outside + 10.0 * (fbm2(p / 14.0, 2, self.seed ^ 0x41) - 0.5);
+        if edge <= 0.0 { lawn } else { self.fields(p) }
+    }
+
+    fn lawn(&self, p: DVec2) -> Vec3 {
+        let tuft = noise2(p * 3.6, self.seed ^ 0x42);
+        let blade = noise2(p * 9.0, self.seed ^ 0x43);
+        let patch = fbm2(p / 5.0, 4, self.seed ^ 0x44);
+        let dry = smoothstep(0.5, 0.72, fbm2(p / 9.0, 4, self.seed ^ 0x45));
+        let green = Vec3::new(0.085, 0.15, 0.04).lerp(Vec3::new(0.16, 0.2, 0.06), patch as f32);
+        let colour = green.lerp(Vec3::new(0.3, 0.25, 0.13), 0.75 * dry as f32);
+        let soil = smoothstep(0.68, 0.75, fbm2(p / 3.5, 3, self.seed ^ 0x46)) as f32;
+        colour.lerp(Vec3::new(0.2, 0.14, 0.09), soil) * (0.55 + 0.5 * tuft + 0.4 * blade) as f32
+    }
+
+    /// Strips of crops with rows, each with its own colour.
+    fn fields(&self, p: DVec2) -> Vec3 {
+        let (sin, cos) = 0.35f64.sin_cos();
+        let q = DVec2::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x);
+        let column = (q.x / 46.0).floor();
+        let v = q.y / 31.0 + 0.37 * column;
+        let (i, j) = (column as i32, v.floor() as i32);
+        let (fu, fv) = (q.x - column * 46.0, (v - v.floor()) * 31.0);
+        let (du, dv) = (fu.min(46.0 - fu), fv.min(31.0 - fv));
+        let tuft = (0.75 + 0.5 * noise2(p * 2.2, self.seed ^ 0x47)) as f32;
+        if du.min(dv) < 0.9 {
+            return Vec3::new(0.2, 0.19, 0.09) * tuft;
+        }
+        let crops = [
+            (Vec3::new(0.36, 0.29, 0.13), 1.1),
+            (Vec3::new(0.1, 0.17, 0.05), 0.8),
+            (Vec3::new(0.24, 0.17, 0.11), 1.6),
+            (Vec3::new(0.38, 0.34, 0.1), 0.9),
+            (Vec3::new(0.15, 0.2, 0.07), 2.2),
+        ];
+        let k = (cell(i, j, self.seed ^ 0x48) * crops.len() as f64) as usize % crops.len();
+        let (colour, pitch) = crops[k];
+        let along = if cell(i, j, self.seed ^ 0x49) < 0.5 { q.x } else { q.y };
+        let row = 0.8 + 0.4 * smoothstep(0.25, 0.6, ((along / pitch).rem_euclid(1.0) - 0.5).abs() * 2.0) as f32;
+        let patch = (0.8 + 0.4 * fbm2(p / 6.0, 3, self.seed ^ 0x4a)) as f32;
+        colour * row * patch * tuft
+    }
+}
+
+fn decal(d: &Decal, p: DVec2, seed: u32) -> Vec3 {
+    let q = d.area.to_local(p);
+    let half = d.area.half;
+    let grain = (0.9 + 0.2 * noise2(p * 8.0, seed ^ 0x50)) as f32;
+    let stain = (0.85 + 0.3 * fbm2(p / 2.0, 4, seed ^ 0x51)) as f32;
+    let white = Vec3::splat(0.75) * grain;
+    match d.kind {
+        DecalKind::Court => {
+            // Lines of a tennis court: 23.77 m x 10.97 m, scaled to the patch.
+            let s = DVec2::new((half.x - 1.5) / 11.885, (half.y - 1.2) / 5.485);
+            let a = DVec2::new(q.x / s.x, q.y / s.y).abs();
+            let w = 0.09;
+            let on = |x: f64, at: f64| (x - at).abs() < w;
+            let inside = a.x < 11.885 + w && a.y < 5.485 + w;
+            let line = inside
+                && (on(a.x, 11.885)
+                    || on(a.y, 5.485)
+                    || on(a.y, 4.115)
+                    || (on(a.x, 6.4) && a.y < 4.115)
+                    || (a.y < w && a.x < 6.4));
+            if line {
+                white
+            } else if a.x < 0.06 {
+                Vec3::splat(0.08)
+            } else if inside {
+                Vec3::new(0.1, 0.2, 0.32) * stain * grain
+            } else {
+                Vec3::new(0.3, 0.13, 0.08) * stain * grain
+            }
+        }
+        DecalKind::Parking => {
+            let stall = (q.x / 2.5).rem_euclid(1.0) * 2.5;
+            let line = stall < 0.12 && q.y.abs() > half.y - 4.8;
+            if line && noise2(p * 5.0, seed ^ 0x52) > 0.2 {
+                white
+            } else {
+                Vec3::new(0.12, 0.12, 0.125) * stain * grain
+            }
+        }
+    }
+}

@@ -1,0 +1,361 @@
+//! The synthetic world against independent ray casting, parsing and projection.
+
+use std::fs;
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec3};
+use psrgs_vk::scene::Camera;
+use psrgs_vk::world::{Effects, Progress, Ray, Shape, Solid, Stage, Surface, World, WorldError, WorldParams, generate};
+
+fn small() -> WorldParams {
+    WorldParams { images: 8, max_side: 96, seed: 5, ..WorldParams::default() }
+}
+
+/// The ray through a point of the image, from the camera's definition: the direction has camera-frame z = 1.
+fn ray_of(camera: &Camera, x: f64, y: f64) -> (DVec3, DVec3) {
+    let rows = camera.rotation.map(DVec3::from_array);
+    let r = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+    let back = r.transpose();
+    let centre = back * -DVec3::from_array(camera.translation);
+    let d = back * DVec3::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0);
+    (centre, d)
+}
+
+/// Whether a point in a solid's frame is inside, from the shape's definition alone.
+fn is_inside(shape: &Shape, p: DVec3) -> bool {
+    match shape {
+        Shape::Convex(faces) => faces.iter().all(|f| f.normal.dot(p) <= f.offset),
+        Shape::Ellipsoid(r) => (p.x / r.x).powi(2) + (p.y / r.y).powi(2) + (p.z / r.z).powi(2) <= 1.0,
+        Shape::Cone { radius, height } => {
+            (0.0..=*height).contains(&p.z) && p.x.hypot(p.y) <= radius * (1.0 - p.z / height)
+        }
+    }
+}
+
+/// First t at which the ray is inside the solid: candidates where it meets any bounding surface, checked by membership just
+/// behind them.
+fn first_inside(solid: &Solid, origin: DVec3, direction: DVec3) -> f64 {
+    let turn = DMat3::from_rotation_z(-solid.yaw);
+    let (o, d) = (turn * (origin - solid.origin), turn * direction);
+    let quadratic = |a: f64, b: f64, c: f64| {
+        let root = (b * b - 4.0 * a * c).sqrt();
+        [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)]
+    };
+    let mut candidates = Vec::new();
+    match &solid.shape {
+        Shape::Convex(faces) => {
+            candidates.extend(faces.iter().map(|f| (f.offset - f.normal.dot(o)) / f.normal.dot(d)));
+        }
+        Shape::Ellipsoid(r) => {
+            let (oo, dd) = (o / *r, d / *r);
+            candidates.extend(quadratic(dd.length_squared(), 2.0 * oo.dot(dd), oo.length_squared() - 1.0));
+        }
+        Shape::Cone { radius, height } => {
+            let k = (radius / height).powi(2);
+            let g = o.z - height;
+            candidates.extend(quadratic(
+                d.x * d.x + d.y * d.y - k * d.z * d.z,
+                2.0 * (o.x * d.x + o.y * d.y - k * g * d.z),
+                o.x * o.x + o.y * o.y - k * g * g,
+            ));
+            candidates.push(-o.z / d.z);
+        }
+    }
+    candidates
+        .into_iter()
+        .filter(|t| t.is_finite() && *t > 0.0 && is_inside(&solid.shape, o + d * (t + 1e-7)))
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// First crossing from above to below the ground, by marching in steps of a few centimetres and bisection.
+fn first_below(world: &World, origin: DVec3, direction: DVec3, limit: f64) -> f64 {
+    let above = |t: f64| {
+        let p = origin + direction * t;
+        p.z - world.terrain().height(p.x, p.y)
+    };
+    let step = 0.03 / direction.length();
+    let (_, top) = world.terrain().range();
+    // Above the highest ground there is nothing to march through.
+    let mut t = if direction.z < 0.0 { ((top + 0.1 - origin.z) / direction.z).max(0.0) } else { 0.0 };
+    while t < limit {
+        if above(t + step) <= 0.0 {
+            let (mut a, mut b) = (t, t + step);
+            for _ in 0..60 {
+                let m = 0.5 * (a + b);
+                if above(m) > 0.0 { a = m } else { b = m }
+            }
+            return b;
+        }
+        t += step;
+    }
+    f64::INFINITY
+}
+
+#[test]
+fn depth_agrees_with_an_independent_ray_caster() {
+    let world = World::new(&small()).unwrap();
+    let (mut terrain, mut solids, mut grazing) = (0, 0, 0);
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 31)
+    };
+    for view in world.views() {
+        let depth = world.depth(&view.camera);
+        for _ in 0..60 {
+            let x = (random() * f64::from(view.camera.width)) as u32;
+            let y = (random() * f64::from(view.camera.height)) as u32;
+            let (origin, direction) = ray_of(&view.camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let solid = world.solids().iter().map(|s| first_inside(s, origin, direction)).fold(f64::INFINITY, f64::min);
+            let ground = first_below(&world, origin, direction, solid.min(2000.0));
+            let expected = solid.min(ground);
+            let got = f64::from(depth[(y * view.camera.width + x) as usize]);
+            // The march sees no dip that it steps over and the membership test no solid crossed in less than 1e-7: both
+            // need a ray that touches an edge. Such rays are counted, and must be rare.
+            if (got - expected).abs() > 1e-6 * expected {
+                let moved = ray_of(&view.camera, f64::from(x) + 0.5005, f64::from(y) + 0.5005);
+                let near = world.trace(&Ray { origin: moved.0, direction: moved.1 }).map_or(0.0, |h| h.t);
+                assert!(
+                    (near - got).abs() > 1e-4 * got || (near - expected).abs() > 1e-4 * expected,
+                    "{} ({x}, {y}): depth {got}, independent {expected}",
+                    view.name
+                );
+                grazing += 1;
+            }
+            if solid < ground { solids += 1 } else { terrain += 1 }
+        }
+    }
+    assert!(grazing <= 2, "{grazing} rays touch edges");
+    assert!(terrain > 80 && solids > 80, "both kinds of surface are seen: {terrain} ground, {solids} solid");
+}
+
+#[test]
+fn hits_lie_on_their_surface_and_normals_face_the_ray() {
+    let world = World::new(&small()).unwrap();
+    let camera = &world.views()[6].camera;
+    for k in 0..400u32 {
+        let (origin, direction) = ray_of(camera, f64::from(k % 20) * 4.7 + 1.3, f64::from(k / 20) * 3.5 + 1.1);
+        let hit = world.trace(&Ray { origin, direction }).expect("the ground has no end in sight");
+        let p = origin + direction * hit.t;
+        assert!((hit.normal.length() - 1.0).abs() < 1e-9);
+        assert!(hit.normal.dot(direction) < 1e-9, "{:?}", hit.surface);
+        match hit.surface {
+            Surface::Terrain => assert!((p.z - world.terrain().height(p.x, p.y)).abs() < 1e-6),
+            Surface::Solid { index, .. } => {
+                let solid = &world.solids()[index as usize];
+                let local = |shift: f64| DMat3::from_rotation_z(-solid.yaw) * (p + hit.normal * shift - solid.origin);
+                assert!(!is_inside(&solid.shape, local(1e-6)));
+                let b = solid.bounds();
+                assert!(p.cmpge(b.min - 1e-6).all() && p.cmple(b.max + 1e-6).all());
+            }
+        }
+    }
+}
+
+/// A reader of the fields that the binary COLMAP format puts one after the other.
+struct Fields(Vec<u8>, usize);
+
+impl Fields {
+    fn open(path: &Path) -> Self {
+        Self(fs::read(path).unwrap(), 0)
+    }
+
+    fn bytes<const N: usize>(&mut self) -> [u8; N] {
+        let out = self.0[self.1..self.1 + N].try_into().unwrap();
+        self.1 += N;
+        out
+    }
+
+    fn u64(&mut self) -> u64 {
+        u64::from_le_bytes(self.bytes())
+    }
+
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.bytes())
+    }
+
+    fn f64(&mut self) -> f64 {
+        f64::from_le_bytes(self.bytes())
+    }
+
+    fn end(&self) {
+        assert_eq!(self.0.len(), self.1, "bytes left over");
+    }
+}
+
+struct Photo {
+    name: String,
+    rotation: DQuat,
+    translation: DVec3,
+    seen: Vec<(f64, f64, u64)>,
+}
+
+#[test]
+fn dataset_is_consistent() {
+    let dir = tempfile::tempdir().unwrap();
+    let params = small();
+    let mut stages = Vec::new();
+    let summary = generate(&params, dir.path(), &mut |p: Progress| stages.push(p)).unwrap();
+    assert_eq!(stages.first().map(|p| (p.stage, p.total)), Some((Stage::Photographs, 8)));
+    assert_eq!(stages.last(), Some(&Progress { stage: Stage::Points, done: 1, total: 1 }));
+    assert_eq!((summary.images, summary.width, summary.height), (8, 96, 72));
+
+    let sparse = dir.path().join("sparse/0");
+    let mut f = Fields::open(&sparse.join("cameras.bin"));
+    assert_eq!((f.u64(), f.u32(), f.u32(), f.u64(), f.u64()), (1, 1, 1, 96, 72));
+    let [fx, fy, cx, cy] = [f.f64(), f.f64(), f.f64(), f.f64()];
+    f.end();
+    assert!((cx - 48.0).abs() > 0.5 && (cy - 36.0).abs() > 0.3, "the principal point is off centre");
+
+    let mut f = Fields::open(&sparse.join("images.bin"));
+    let photos: Vec<Photo> = (0..f.u64())
+        .map(|k| {
+            assert_eq!(u64::from(f.u32()), k + 1);
+            let [w, x, y, z] = [f.f64(), f.f64(), f.f64(), f.f64()];
+            let translation = DVec3::new(f.f64(), f.f64(), f.f64());
+            assert_eq!(f.u32(), 1);
+            let mut name = Vec::new();
+            loop {
+                match f.bytes::<1>() {
+                    [0] => break,
+                    [c] => name.push(c),
+                }
+            }
+            let seen = (0..f.u64()).map(|_| (f.f64(), f.f64(), f.u64())).collect();
+            let rotation = DQuat::from_xyzw(x, y, z, w);
+            assert!((rotation.length() - 1.0).abs() < 1e-9);
+            Photo { name: String::from_utf8(name).unwrap(), rotation, translation, seen }
+        })
+        .collect();
+    f.end();
+    assert_eq!(photos.len(), 8);
+
+    let mut f = Fields::open(&sparse.join("points3D.bin"));
+    let count = f.u64();
+    assert_eq!(count as usize, summary.points);
+    assert!(count > 60, "{count} points");
+    let depths: Vec<Vec<f32>> = photos
+        .iter()
+        .map(|p| {
+            let file = dir.path().join("depth").join(&p.name).with_extension("exr");
+            let image = exr::prelude::read_first_flat_layer_from_file(file).unwrap();
+            let channel = &image.layer_data.channel_data.list[0];
+            assert_eq!(channel.name.to_string(), "Z");
+            assert_eq!((image.layer_data.size.x(), image.layer_data.size.y()), (96, 72));
+            channel.sample_data.values_as_f32().collect()
+        })
+        .collect();
+    let (mut squares, mut observations, mut near) = (0.0, 0usize, 0usize);
+    for number in 1..=count {
+        assert_eq!(f.u64(), number);
+        let p = DVec3::new(f.f64(), f.f64(), f.f64());
+        let _colour: [u8; 3] = f.bytes();
+        let error = f.f64();
+        let length = f.u64();
+        assert!(length >= 3);
+        let mut mean = 0.0;
+        for _ in 0..length {
+            let photo_id = f.u32() as usize - 1;
+            let photo = &photos[photo_id];
+            let (x, y, id) = photo.seen[f.u32() as usize];
+            assert_eq!(id, number, "the track and the photograph name each other");
+            let q = photo.rotation * p + photo.translation;
+            let (u, v) = (fx * q.x / q.z + cx, fy * q.y / q.z + cy);
+            let distance = (u - x).hypot(v - y);
+            assert!(distance < 2.5, "{distance} px off");
+            mean += distance / length as f64;
+            squares += (u - x).powi(2) + (v - y).powi(2);
+            observations += 1;
+            let truth = f64::from(depths[photo_id][y as usize * 96 + x as usize]);
+            near += usize::from((truth - q.z).abs() < 0.02 * q.z);
+        }
+        assert!((mean - error).abs() < 1e-6);
+    }
+    f.end();
+    assert_eq!(observations, summary.observations);
+    // Three coordinates are fitted to 2 n values with noise of 0.3 px each: residuals keep 2 n - 3 degrees of freedom.
+    let freedom = 2.0 * observations as f64 - 3.0 * count as f64;
+    let sigma = (squares / freedom).sqrt();
+    assert!((sigma - 0.3).abs() < 5.0 * 0.3 / (2.0 * freedom).sqrt(), "residuals of {sigma} px");
+    // Not all: next to an edge the pixel's centre may lie on another surface.
+    assert!(near * 10 > observations * 8, "{near} of {observations} observations lie at the true depth");
+
+    let written: WorldParams = toml::from_str(&fs::read_to_string(dir.path().join("world.toml")).unwrap()).unwrap();
+    assert_eq!(written, params);
+    for p in &photos {
+        let image = image::open(dir.path().join("images").join(&p.name)).unwrap().to_rgb8();
+        assert_eq!(image.dimensions(), (96, 72));
+    }
+}
+
+#[test]
+fn photographs_depend_on_parameters_only() {
+    let params = WorldParams { supersample: 1, ..small() };
+    let shot = |p: &WorldParams, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let world = World::new(p).unwrap();
+        pool.install(|| world.photograph(&world.views()[5].camera, 5))
+    };
+    let (image, depth) = shot(&params, 1);
+    let again = shot(&params, 3);
+    assert_eq!((&image, &depth), (&again.0, &again.1));
+    assert_ne!(image, shot(&WorldParams { seed: 6, ..params.clone() }, 2).0);
+    // Each effect changes the photograph (number 5) or leaves fewer solids.
+    let with = |change: fn(&mut Effects)| {
+        let mut p = params.clone();
+        change(&mut p.effects);
+        p
+    };
+    for change in [
+        (|e: &mut Effects| e.exposure = 0.1) as fn(&mut Effects),
+        |e| e.sensor_noise = 2.0,
+        |e| e.shadows = false,
+        |e| e.reflections = false,
+    ] {
+        let (other, same) = shot(&with(change), 2);
+        assert_ne!(image, other);
+        assert_eq!(depth, same);
+    }
+    let solids = |p: &WorldParams| World::new(p).unwrap().solids().len();
+    let all = solids(&params);
+    for change in
+        [(|e: &mut Effects| e.vegetation = false) as fn(&mut Effects), |e| e.vehicles = false, |e| e.masts = false]
+    {
+        assert!(solids(&with(change)) < all);
+    }
+}
+
+#[test]
+fn every_photograph_shows_the_ground_with_detail() {
+    for seed in 0..3 {
+        let world = World::new(&WorldParams { seed, images: 12, ..small() }).unwrap();
+        for (k, view) in world.views().iter().enumerate() {
+            let (image, depth) = world.photograph(&view.camera, k as u32);
+            let sky = depth.iter().filter(|z| **z == 0.0).count();
+            assert_eq!(sky, 0, "{} of seed {seed} sees past the ground", view.name);
+            let (width, height) = image.dimensions();
+            let at = |x, y| f64::from(image.get_pixel(x, y).0[1]);
+            let mut detail = 0.0;
+            for y in 1..height {
+                for x in 1..width {
+                    detail += (at(x, y) - at(x - 1, y)).abs() + (at(x, y) - at(x, y - 1)).abs();
+                }
+            }
+            detail /= 2.0 * f64::from((width - 1) * (height - 1));
+            assert!((4.0..60.0).contains(&detail), "{} of seed {seed}: mean step {detail}", view.name);
+        }
+    }
+}
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    let bad = |p: WorldParams| World::new(&p).err().expect("rejected").to_string();
+    assert!(bad(WorldParams { images: 0, ..small() }).contains("`images` is 0"));
+    assert!(bad(WorldParams { extent: f64::NAN, ..small() }).contains("`extent`"));
+    assert!(
+        bad(WorldParams { effects: Effects { jpeg_quality: 0, ..Effects::default() }, ..small() }).contains("jpeg")
+    );
+    let even = World::new(&WorldParams { supersample: 2, ..small() }).err();
+    assert!(matches!(even, Some(WorldError::EvenSupersample { value: 2 })));
+    assert!(toml::from_str::<WorldParams>("imagse = 3").is_err(), "a misspelt key is an error");
+}
