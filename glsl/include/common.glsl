@@ -5,6 +5,7 @@
 
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 uint local_index() { return gl_LocalInvocationID.x; }
-uint global_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
+// A macro, because glslang takes gl_WorkGroupSize for 1 in code that stands before the shader's local_size, as this does.
+#define global_index() (group_index() * gl_WorkGroupSize.x + gl_LocalInvocationID.x)
 
 #endif
