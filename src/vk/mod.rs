@@ -2,6 +2,32 @@
 //!
 //! Nothing here knows of Gaussians. All `unsafe` and every Vulkan handle of the crate stay in this module.
 
+mod barrier;
+mod buffer;
+mod canary;
+mod caps;
+mod device;
+mod error;
+mod gpu;
+mod hazard;
 mod kernel;
+mod memory;
+mod options;
+mod pipeline;
+mod profile;
+mod recorder;
+mod slot;
+mod submit;
+mod validation;
 
+pub use buffer::{Buffer, BufferSlice};
+pub use caps::{Caps, Choice, DeviceKind, Features, Heap, Limits, Subgroup};
+pub use device::{DeviceInfo, devices};
+pub use error::{Error, Result};
+pub use gpu::Gpu;
 pub use kernel::{Access, Binding, Constant, Kernel, read, read_write, write};
+pub use memory::{Memory, MemoryUse};
+pub use options::{FloatAtomics, OpenOptions, Validation};
+pub use pipeline::Pipeline;
+pub use profile::{PassTime, Stats};
+pub use recorder::{Groups, Recorder, Ticket, fold};

@@ -1,0 +1,203 @@
+//! Buffers: named, reference counted, freed when the last handle and the last submit that uses them are gone.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use ash::vk;
+use gpu_allocator::vulkan::Allocation;
+
+use super::device::{Device, lock};
+use super::error::{Error, Named, Result};
+use super::memory::Memory;
+
+/// Bytes of the guard behind a buffer.
+pub(super) const GUARD: u64 = 256;
+
+/// Start of host-visible memory.
+#[derive(Clone, Copy)]
+struct Mapped(*mut u8);
+// SAFETY: a plain address; every access through it is guarded by the methods below.
+unsafe impl Send for Mapped {}
+// SAFETY: as above.
+unsafe impl Sync for Mapped {}
+
+pub(super) struct BufferInner {
+    pub(super) device: Arc<Device>,
+    pub(super) raw: vk::Buffer,
+    pub(super) id: u64,
+    pub(super) name: String,
+    pub(super) size: u64,
+    /// Bytes before the guard: the size rounded up to words, at least 16.
+    pub(super) capacity: u64,
+    /// Bytes of the guard, 0 for none.
+    pub(super) guard: u64,
+    /// The guard holds its pattern.
+    pub(super) armed: AtomicBool,
+    pub(super) memory: Memory,
+    /// Ticket of the last submit that uses the buffer.
+    pub(super) last_use: AtomicU64,
+    mapped: Option<Mapped>,
+    allocation: Mutex<Option<Allocation>>,
+}
+
+/// A storage buffer. Cloning it gives another handle to the same memory.
+#[derive(Clone)]
+pub struct Buffer {
+    pub(super) inner: Arc<BufferInner>,
+}
+
+impl std::fmt::Debug for Buffer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Buffer({}, {} bytes)", self.inner.name, self.inner.size)
+    }
+}
+
+impl Buffer {
+    pub(super) fn new(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
+        let limit = device.caps.limits.allocation;
+        let capacity = size.max(16).checked_next_multiple_of(4).unwrap_or(u64::MAX);
+        let guard = if device.canaries && memory == Memory::Device { GUARD } else { 0 };
+        if capacity > limit {
+            let in_use = lock(&device.memory).as_ref().map_or(0, |m| m.tally().current);
+            return Err(Error::OutOfDeviceMemory { requested: size, name: name.to_owned(), in_use, limit });
+        }
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::INDIRECT_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let info = vk::BufferCreateInfo::default()
+            .size(capacity + guard)
+            .usage(usage)
+            .sharing_mode(vk::SharingMode::EXCLUSIVE);
+        // SAFETY: the device is alive and the description valid.
+        let raw = unsafe { device.raw.create_buffer(&info, None) }.named("vkCreateBuffer")?;
+        // SAFETY: `raw` was just created.
+        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        let allocated = match lock(&device.memory).as_mut() {
+            Some(pool) => pool.allocate(name, memory, requirements),
+            None => Err(Error::NoVulkan("the device is closed".into())),
+        };
+        let allocation = match allocated {
+            Ok(allocation) => allocation,
+            Err(error) => {
+                // SAFETY: created above and never used.
+                unsafe { device.raw.destroy_buffer(raw, None) };
+                return Err(error);
+            }
+        };
+        let inner = BufferInner {
+            device: device.clone(),
+            raw,
+            id: device.next_id(),
+            name: name.to_owned(),
+            size,
+            capacity,
+            guard,
+            armed: AtomicBool::new(guard == 0),
+            memory,
+            last_use: AtomicU64::new(0),
+            mapped: allocation.mapped_ptr().map(|p| Mapped(p.as_ptr().cast())),
+            allocation: Mutex::new(Some(allocation)),
+        };
+        if let Some(allocation) = lock(&inner.allocation).as_ref() {
+            // SAFETY: the allocation was made for this buffer's requirements and is bound to nothing else.
+            unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
+                .named("vkBindBufferMemory")?;
+        }
+        device.name(raw, name);
+        let buffer = Buffer { inner: Arc::new(inner) };
+        lock(&device.live).insert(buffer.inner.id, Arc::downgrade(&buffer.inner));
+        Ok(buffer)
+    }
+
+    /// Bytes.
+    pub fn size(&self) -> u64 {
+        self.inner.size
+    }
+
+    /// Name.
+    pub fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// Where it lives.
+    pub fn memory(&self) -> Memory {
+        self.inner.memory
+    }
+
+    /// The bytes `range` as something to bind, fill or name in a command.
+    pub fn slice(&self, range: Range<u64>) -> BufferSlice<'_> {
+        BufferSlice { buffer: self, offset: range.start, bytes: range.end.saturating_sub(range.start) }
+    }
+
+    pub(super) fn bad_range(&self, offset: u64, bytes: u64, why: &'static str) -> Error {
+        Error::BadRange { buffer: self.inner.name.clone(), size: self.inner.size, offset, bytes, why }
+    }
+
+    /// Checks that `bytes` at `offset` are inside.
+    pub(super) fn inside(&self, offset: u64, bytes: u64) -> Result<()> {
+        match offset.checked_add(bytes) {
+            Some(end) if end <= self.inner.size => Ok(()),
+            _ => Err(self.bad_range(offset, bytes, "it reaches past the end")),
+        }
+    }
+
+    /// Copies host bytes into mapped memory.
+    pub(super) fn store(&self, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.inside(offset, bytes.len() as u64)?;
+        let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, 0, "it is not host-visible"))?;
+        // SAFETY: the range is inside the mapping, which lives as long as the buffer. The caller owns the range: staging
+        // memory is handed to one recorder at a time and reused only after its ticket has passed.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.0.add(offset as usize), bytes.len()) };
+        Ok(())
+    }
+
+    /// Copies mapped memory to the host.
+    pub(super) fn load<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(
+        &self,
+        offset: u64,
+        count: usize,
+    ) -> Result<Vec<T>> {
+        let bytes = count as u64 * size_of::<T>() as u64;
+        self.inside(offset, bytes)?;
+        let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, bytes, "it is not host-visible"))?;
+        let mut values = vec![<T as bytemuck::Zeroable>::zeroed(); count];
+        // SAFETY: the range is inside the mapping; `values` has the same number of bytes, and any bytes are a valid `T`.
+        // The device has finished writing: callers wait for the buffer's ticket.
+        unsafe {
+            let target = values.as_mut_ptr().cast::<u8>();
+            std::ptr::copy_nonoverlapping(mapped.0.add(offset as usize), target, bytes as usize);
+        }
+        Ok(values)
+    }
+}
+
+impl Drop for BufferInner {
+    fn drop(&mut self) {
+        // SAFETY: no handle is left, and the recorder holds one until every submit that uses the buffer has finished.
+        unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+        if let Some(allocation) = lock(&self.allocation).take() {
+            if let Some(pool) = lock(&self.device.memory).as_mut() {
+                pool.free(allocation);
+            }
+        }
+        lock(&self.device.live).remove(&self.id);
+        lock(&self.device.freed).push(self.id);
+    }
+}
+
+/// A range of a buffer.
+#[derive(Clone, Copy, Debug)]
+pub struct BufferSlice<'a> {
+    pub(super) buffer: &'a Buffer,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+impl<'a> From<&'a Buffer> for BufferSlice<'a> {
+    fn from(buffer: &'a Buffer) -> Self {
+        BufferSlice { buffer, offset: 0, bytes: buffer.inner.capacity }
+    }
+}

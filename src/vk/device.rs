@@ -1,0 +1,340 @@
+//! Instance, physical device, logical device and queue: our own, or a host's. Everything that has to outlive buffers.
+
+use std::collections::HashMap;
+use std::ffi::{CStr, CString, c_char};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use ash::vk;
+
+use super::buffer::BufferInner;
+use super::caps::{Caps, Reported, report};
+use super::error::{Error, Named, Result};
+use super::memory::MemoryPool;
+use super::options::{OpenOptions, Validation};
+use super::validation::{LAYER, Messages, Messenger};
+
+/// Locks a mutex; a panic elsewhere does not make the data unusable here.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A device found by [`devices`].
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// Name.
+    pub name: String,
+    /// Driver.
+    pub driver: String,
+    /// Kind.
+    pub kind: super::DeviceKind,
+    /// Why it cannot be used, if so.
+    pub unusable: Option<String>,
+}
+
+/// Callbacks around every use of an adopted queue.
+pub(super) struct HostLock {
+    pub(super) lock: Box<dyn Fn() + Send + Sync>,
+    pub(super) unlock: Box<dyn Fn() + Send + Sync>,
+}
+
+/// The parts that buffers and pipelines need; destroyed when the last of them is gone.
+pub(super) struct Device {
+    pub(super) raw: ash::Device,
+    pub(super) instance: ash::Instance,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) queue: vk::Queue,
+    pub(super) family: u32,
+    pub(super) host_lock: Option<HostLock>,
+    pub(super) caps: Caps,
+    pub(super) canaries: bool,
+    pub(super) debug: Option<ash::ext::debug_utils::Device>,
+    pub(super) messages: Messages,
+    pub(super) memory: Mutex<Option<MemoryPool>>,
+    pub(super) live: Mutex<HashMap<u64, Weak<BufferInner>>>,
+    /// Numbers of buffers that were destroyed since the recorder last looked.
+    pub(super) freed: Mutex<Vec<u64>>,
+    messenger: Option<Messenger>,
+    owned: bool,
+    next_buffer: AtomicU64,
+    _entry: ash::Entry,
+}
+
+impl Device {
+    pub(super) fn open(options: &OpenOptions) -> Result<Arc<Device>> {
+        let (entry, instance, messages, messenger) = create_instance(options.validation)?;
+        match Self::open_on(&instance, options) {
+            Ok((physical, raw, family, caps)) => {
+                // SAFETY: family and index 0 were asked for when the device was created.
+                let queue = unsafe { raw.get_device_queue(family, 0) };
+                let parts = Parts {
+                    entry,
+                    instance,
+                    physical,
+                    raw,
+                    queue,
+                    family,
+                    host_lock: None,
+                    caps,
+                    canaries: options.canaries,
+                    debug_utils: messenger.is_some(),
+                    messages,
+                    messenger,
+                    owned: true,
+                };
+                Self::assemble(parts)
+            }
+            Err(error) => {
+                drop(messenger);
+                // SAFETY: nothing was created from the instance but the messenger, which is gone.
+                unsafe { instance.destroy_instance(None) };
+                Err(error)
+            }
+        }
+    }
+
+    fn open_on(
+        instance: &ash::Instance,
+        options: &OpenOptions,
+    ) -> Result<(vk::PhysicalDevice, ash::Device, u32, Caps)> {
+        let found = enumerate(instance)?;
+        let index = choose(&found, options.device.as_deref())?;
+        let (physical, reported) = found.into_iter().nth(index).ok_or(Error::NoVulkan("no device".into()))?;
+        reported.check()?;
+        let (raw, family) = create_device(instance, physical, &reported)?;
+        Ok((physical, raw, family, reported.pick(options)))
+    }
+
+    /// Puts a device together from its handles; on failure destroys those that are owned.
+    pub(super) fn assemble(parts: Parts) -> Result<Arc<Device>> {
+        let Parts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, .. } = parts;
+        let debug = parts.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance, &raw));
+        let device = Device {
+            memory: Mutex::new(None),
+            raw,
+            instance,
+            physical,
+            queue,
+            family,
+            host_lock,
+            caps,
+            canaries,
+            debug,
+            messages: parts.messages,
+            live: Mutex::default(),
+            freed: Mutex::default(),
+            messenger: parts.messenger,
+            owned: parts.owned,
+            next_buffer: AtomicU64::new(1),
+            _entry: entry,
+        };
+        let pool = MemoryPool::new(&device)?;
+        *lock(&device.memory) = Some(pool);
+        Ok(Arc::new(device))
+    }
+
+    pub(super) fn next_id(&self) -> u64 {
+        self.next_buffer.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Names an object for captures and validation messages.
+    pub(super) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
+        if let (Some(debug), Ok(name)) = (&self.debug, CString::new(name)) {
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+            // SAFETY: the handle belongs to this device; a failure to name is of no consequence.
+            let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // The allocator frees its blocks, so it goes before the device.
+        drop(lock(&self.memory).take());
+        if self.owned {
+            // SAFETY: everything created from the device holds an `Arc` of it, so nothing is left.
+            unsafe { self.raw.destroy_device(None) };
+        }
+        drop(self.messenger.take());
+        if self.owned {
+            // SAFETY: device and messenger, all that was made from the instance, are gone.
+            unsafe { self.instance.destroy_instance(None) };
+        }
+    }
+}
+
+/// Handles that make up a [`Device`].
+pub(super) struct Parts {
+    pub(super) entry: ash::Entry,
+    pub(super) instance: ash::Instance,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) raw: ash::Device,
+    pub(super) queue: vk::Queue,
+    pub(super) family: u32,
+    pub(super) host_lock: Option<HostLock>,
+    pub(super) caps: Caps,
+    pub(super) canaries: bool,
+    pub(super) debug_utils: bool,
+    pub(super) messages: Messages,
+    pub(super) messenger: Option<Messenger>,
+    pub(super) owned: bool,
+}
+
+/// Every Vulkan device of this machine, in the order that `--device` counts them.
+pub fn devices() -> Result<Vec<DeviceInfo>> {
+    let (_entry, instance, _, _) = create_instance(Validation::Off)?;
+    let found = enumerate(&instance);
+    // SAFETY: physical devices are not owned, and nothing else was made from the instance.
+    unsafe { instance.destroy_instance(None) };
+    Ok(found?
+        .into_iter()
+        .map(|(_, r)| DeviceInfo {
+            unusable: r.check().err().map(|e| e.to_string()),
+            name: r.device,
+            driver: r.driver,
+            kind: r.kind,
+        })
+        .collect())
+}
+
+fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, Messages, Option<Messenger>)> {
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what the caller asks for.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan(e.to_string()))?;
+    // SAFETY: a global command.
+    let version = unsafe { entry.try_enumerate_instance_version() }.named("vkEnumerateInstanceVersion")?;
+    if version.unwrap_or(vk::API_VERSION_1_0) < vk::API_VERSION_1_3 {
+        return Err(Error::NoVulkan("the loader is older than Vulkan 1.3".into()));
+    }
+    // SAFETY: a global command.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
+    let watched = validation == Validation::CoreAndSync;
+    if watched && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
+        return Err(Error::MissingLayer { layer: "VK_LAYER_KHRONOS_validation" });
+    }
+    // SAFETY: a global command.
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
+        .named("vkEnumerateInstanceExtensionProperties")?;
+    let has_debug = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
+
+    let messages = Messages::default();
+    let layer_names: Vec<*const c_char> = if watched { vec![LAYER.as_ptr()] } else { Vec::new() };
+    let extension_names: Vec<*const c_char> =
+        if has_debug || watched { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { Vec::new() };
+    let app = vk::ApplicationInfo::default().application_name(c"psrgs-vk").api_version(vk::API_VERSION_1_3);
+    let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+    let mut listen = messages.create_info();
+    let mut info = vk::InstanceCreateInfo::default()
+        .application_info(&app)
+        .enabled_layer_names(&layer_names)
+        .enabled_extension_names(&extension_names);
+    if watched {
+        info = info.push_next(&mut features).push_next(&mut listen);
+    }
+    // SAFETY: all pointers in the chain live until the call returns.
+    let instance = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoVulkan("no compatible driver".into()),
+        result => Error::Vulkan { call: "vkCreateInstance", result },
+    })?;
+    let messenger = if has_debug || watched {
+        match Messenger::new(&entry, &instance, &messages, watched) {
+            Ok(messenger) => Some(messenger),
+            Err(error) => {
+                // SAFETY: nothing was made from the instance.
+                unsafe { instance.destroy_instance(None) };
+                return Err(error);
+            }
+        }
+    } else {
+        None
+    };
+    Ok((entry, instance, messages, messenger))
+}
+
+fn enumerate(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, Reported)>> {
+    // SAFETY: the instance is alive.
+    let found = unsafe { instance.enumerate_physical_devices() }.named("vkEnumeratePhysicalDevices")?;
+    found
+        .into_iter()
+        // SAFETY: the device comes from this instance, which was created for 1.3.
+        .map(|physical| Ok((physical, unsafe { report(instance, physical) }?)))
+        .collect()
+}
+
+/// Index of the wanted device, or of the best usable one.
+fn choose(found: &[(vk::PhysicalDevice, Reported)], wanted: Option<&str>) -> Result<usize> {
+    let best = |matching: &dyn Fn(&Reported) -> bool| {
+        (0..found.len())
+            .filter(|&i| matching(&found[i].1))
+            .min_by_key(|&i| (found[i].1.check().is_err(), found[i].1.kind, i))
+    };
+    let picked = match wanted {
+        None => best(&|_| true),
+        Some(text) => match text.parse::<usize>() {
+            Ok(index) => (index < found.len()).then_some(index),
+            Err(_) => best(&|r| r.device.to_lowercase().contains(&text.to_lowercase())),
+        },
+    };
+    picked.ok_or_else(|| Error::NoDevice {
+        wanted: wanted.unwrap_or("any").to_owned(),
+        found: found.iter().enumerate().map(|(i, (_, r))| format!("{i}: {} ({})", r.device, r.kind)).collect(),
+    })
+}
+
+fn create_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    reported: &Reported,
+) -> Result<(ash::Device, u32)> {
+    // SAFETY: the physical device comes from this instance.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).ok_or_else(|| {
+        Error::MissingFeature {
+            feature: "a compute queue",
+            needed_for: "every pass".into(),
+            device: reported.device.clone(),
+        }
+    })? as u32;
+    let f = reported.features;
+    let core = vk::PhysicalDeviceFeatures::default().shader_int64(f.int64).shader_int16(f.int16);
+    let mut f11 = vk::PhysicalDeviceVulkan11Features::default().storage_buffer16_bit_access(f.storage_16bit);
+    let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(true)
+        .shader_buffer_int64_atomics(f.buffer_int64_atomics)
+        .shader_float16(f.float16)
+        .storage_buffer8_bit_access(f.storage_8bit)
+        .shader_int8(f.int8)
+        .vulkan_memory_model(f.memory_model)
+        .vulkan_memory_model_device_scope(f.memory_model)
+        .buffer_device_address(f.buffer_device_address);
+    let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
+        .synchronization2(true)
+        .maintenance4(f.maintenance4)
+        .subgroup_size_control(f.subgroup_size_control)
+        .compute_full_subgroups(f.subgroup_size_control);
+    let mut float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
+        .shader_buffer_float32_atomics(f.buffer_float_atomic_add)
+        .shader_buffer_float32_atomic_add(f.buffer_float_atomic_add)
+        .shader_shared_float32_atomics(f.shared_float_atomic_add)
+        .shader_shared_float32_atomic_add(f.shared_float_atomic_add);
+    let wanted: Vec<&CStr> = [ash::ext::shader_atomic_float::NAME, ash::ext::memory_budget::NAME]
+        .into_iter()
+        .filter(|name| reported.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()))
+        .collect();
+    let names: Vec<*const c_char> = wanted.iter().map(|name| name.as_ptr()).collect();
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+    let mut info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&names)
+        .enabled_features(&core)
+        .push_next(&mut f11)
+        .push_next(&mut f12)
+        .push_next(&mut f13);
+    if wanted.contains(&ash::ext::shader_atomic_float::NAME) {
+        info = info.push_next(&mut float);
+    }
+    // SAFETY: only features and extensions that the device reports are enabled; all pointers live until the call returns.
+    let raw = unsafe { instance.create_device(physical, &info, None) }.named("vkCreateDevice")?;
+    Ok((raw, family))
+}

@@ -1,0 +1,134 @@
+//! What can go wrong on a device, as one type.
+
+use ash::vk;
+
+/// Errors of the device layer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The Vulkan loader could not be loaded or offers no Vulkan 1.3.
+    #[error("no Vulkan loader or driver: {0}")]
+    NoVulkan(String),
+    /// No device matches.
+    #[error("no Vulkan device matches `{wanted}`; there are: {}", list(found))]
+    NoDevice {
+        /// What was asked for.
+        wanted: String,
+        /// Every device found, as `index: name (kind)`.
+        found: Vec<String>,
+    },
+    /// The device, or the device that a host handed over, lacks something.
+    #[error("{device} lacks {feature}, needed for {needed_for}")]
+    MissingFeature {
+        /// The feature by its Vulkan name.
+        feature: &'static str,
+        /// What needs it.
+        needed_for: String,
+        /// The device's name.
+        device: String,
+    },
+    /// A Vulkan layer that was asked for is not installed.
+    #[error("the Vulkan layer {layer} is not installed")]
+    MissingLayer {
+        /// Its name.
+        layer: &'static str,
+    },
+    /// An allocation was refused by the limit or by the driver.
+    #[error(
+        "out of device memory: {name} needs {requested} bytes; {in_use} bytes are in use and the limit is {limit}, which leaves {}",
+        limit.saturating_sub(*in_use)
+    )]
+    OutOfDeviceMemory {
+        /// Bytes asked for.
+        requested: u64,
+        /// Name of the buffer.
+        name: String,
+        /// Bytes allocated by this device so far.
+        in_use: u64,
+        /// The limit that applies.
+        limit: u64,
+    },
+    /// More bytes bound in one binding than the device can address there.
+    #[error("buffer {buffer}: {bytes} bytes in one binding, the device's maxStorageBufferRange is {limit}")]
+    BindingTooLarge {
+        /// Name of the buffer.
+        buffer: String,
+        /// Bytes of the binding.
+        bytes: u64,
+        /// `maxStorageBufferRange`.
+        limit: u64,
+    },
+    /// A range reaches past the end of a buffer, or is not aligned as the operation needs.
+    #[error("buffer {buffer} of {size} bytes: no access to {bytes} bytes at {offset}: {why}")]
+    BadRange {
+        /// Name of the buffer.
+        buffer: String,
+        /// Its size in bytes.
+        size: u64,
+        /// First byte.
+        offset: u64,
+        /// Bytes.
+        bytes: u64,
+        /// The rule that was broken.
+        why: &'static str,
+    },
+    /// The caller's arguments do not fit the kernel's interface.
+    #[error("kernel {kernel}: {what}")]
+    Interface {
+        /// The kernel.
+        kernel: &'static str,
+        /// What does not fit.
+        what: String,
+    },
+    /// The hazard checker found two accesses without a barrier between them: a bug of the recorder.
+    #[error("{0}")]
+    Hazard(String),
+    /// The device was lost.
+    #[error("device lost in {during}; last pass known to have started: {pass}")]
+    DeviceLost {
+        /// The call that reported it.
+        during: &'static str,
+        /// Name of the pass, or what is known of it.
+        pass: String,
+    },
+    /// A Vulkan call failed.
+    #[error("{call}: {result}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// Its result.
+        result: vk::Result,
+    },
+    /// The memory allocator failed otherwise than by lack of memory.
+    #[error("memory allocator: {0}")]
+    Allocator(#[from] gpu_allocator::AllocationError),
+    /// A file of the device layer (the pipeline cache) could not be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// Result of the device layer.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Attaches the name of the call to a raw Vulkan result.
+pub(super) trait Named<T> {
+    fn named(self, call: &'static str) -> Result<T>;
+}
+
+impl<T> Named<T> for std::result::Result<T, vk::Result> {
+    fn named(self, call: &'static str) -> Result<T> {
+        self.map_err(|result| match result {
+            vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { during: call, pass: "unknown".into() },
+            result => Error::Vulkan { call, result },
+        })
+    }
+}
+
+fn list(found: &[String]) -> String {
+    if found.is_empty() { "none".to_owned() } else { found.join("; ") }
+}

@@ -1,0 +1,281 @@
+//! The device as its users see it.
+
+use std::collections::HashMap;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+
+use ash::vk;
+
+use super::buffer::Buffer;
+use super::caps::Caps;
+use super::device::{Device, lock};
+use super::error::{Error, Named, Result};
+use super::hazard::HazardChecker;
+use super::kernel::Kernel;
+use super::memory::{Memory, MemoryUse};
+use super::options::OpenOptions;
+use super::pipeline::{Pipeline, constants};
+use super::profile::{PassTime, Stats};
+use super::recorder::{Recorder, Ticket};
+use super::submit::{External, STAGING, State};
+
+struct GpuInner {
+    device: Arc<Device>,
+    timeline: vk::Semaphore,
+    state: Mutex<State>,
+    pipelines: Mutex<HashMap<(&'static str, Vec<u32>), Pipeline>>,
+    cache: vk::PipelineCache,
+    /// Valid bits of a timestamp.
+    timestamp_mask: u64,
+}
+
+/// An open device with its queue. Cheap to clone; everything runs in order of submission.
+#[derive(Clone)]
+pub struct Gpu {
+    inner: Arc<GpuInner>,
+}
+
+impl Gpu {
+    /// Opens a device of this machine.
+    pub fn open(options: &OpenOptions) -> Result<Gpu> {
+        Self::start(Device::open(options)?, options)
+    }
+
+    pub(super) fn start(device: Arc<Device>, options: &OpenOptions) -> Result<Gpu> {
+        // SAFETY: the physical device belongs to the instance.
+        let families = unsafe { device.instance.get_physical_device_queue_family_properties(device.physical) };
+        let bits = families.get(device.family as usize).map_or(0, |f| f.timestamp_valid_bits);
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: timeline semaphores are enabled.
+        let timeline = unsafe { device.raw.create_semaphore(&info, None) }.named("vkCreateSemaphore")?;
+        let mut state = State::default();
+        state.checker = options.check_hazards.then(HazardChecker::default);
+        let mut inner = GpuInner {
+            timeline,
+            state: Mutex::new(state),
+            pipelines: Mutex::default(),
+            cache: vk::PipelineCache::null(),
+            timestamp_mask: if bits >= 64 { u64::MAX } else { (1 << bits) - 1 },
+            device,
+        };
+        // SAFETY: valid description; on failure `inner` destroys what is there.
+        inner.cache = unsafe { inner.device.raw.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
+            .named("vkCreatePipelineCache")?;
+        if options.breadcrumbs {
+            let crumbs = Buffer::new(&inner.device, "breadcrumbs", 4, Memory::Readback)?;
+            lock(&inner.state).crumbs = Some(crumbs);
+        }
+        Ok(Gpu { inner: Arc::new(inner) })
+    }
+
+    /// What the device can do and what was picked.
+    pub fn caps(&self) -> &Caps {
+        &self.inner.device.caps
+    }
+
+    /// A buffer of `bytes` bytes whose content is undefined. Sizes below 16 bytes, also 0, have room for 16.
+    pub fn buffer(&self, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        self.retire()?;
+        Buffer::new(&self.inner.device, name, bytes, memory)
+    }
+
+    /// The pipeline of a kernel with these specialization constants, made at first use.
+    pub fn pipeline(&self, kernel: &Kernel, given: &[(&str, u32)]) -> Result<Pipeline> {
+        let values = constants(kernel, given)?;
+        let mut pipelines = lock(&self.inner.pipelines);
+        if let Some(pipeline) = pipelines.get(&(kernel.name, values.clone())) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = Pipeline::new(&self.inner.device, self.inner.cache, kernel, &values)?;
+        pipelines.insert((kernel.name, values), pipeline.clone());
+        Ok(pipeline)
+    }
+
+    /// An empty recorder. `label` names its command buffer in captures and messages.
+    pub fn recorder(&self, label: &str) -> Result<Recorder> {
+        self.retire()?;
+        Ok(Recorder {
+            gpu: self.clone(),
+            label: label.to_owned(),
+            commands: Vec::new(),
+            staging: Vec::new(),
+            profile: false,
+            omit_barrier: None,
+        })
+    }
+
+    /// Waits until a submit, and all before it, has finished.
+    pub fn wait(&self, ticket: Ticket) -> Result<()> {
+        if ticket.0 == 0 {
+            return Ok(());
+        }
+        {
+            let mut state = lock(&self.inner.state);
+            if ticket.0 >= state.last {
+                state.stats.host_waits += 1;
+            } else {
+                state.stats.pacing_waits += 1;
+            }
+        }
+        self.inner.wait(ticket.0).map_err(|error| self.explain(error))?;
+        self.retire()
+    }
+
+    /// True when a submit has finished.
+    pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
+        Ok(self.inner.completed().map_err(|error| self.explain(error))? >= ticket.0)
+    }
+
+    /// The ticket of the last submit.
+    pub fn last_ticket(&self) -> Ticket {
+        Ticket(lock(&self.inner.state).last)
+    }
+
+    /// Everything in a buffer, after all that was submitted. Waits.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
+        self.read_at(buffer, 0, (buffer.size() / size_of::<T>() as u64) as usize)
+    }
+
+    /// `count` values from byte `offset` on, after all that was submitted. Waits.
+    pub fn read_at<T: bytemuck::Pod>(&self, buffer: &Buffer, offset: u64, count: usize) -> Result<Vec<T>> {
+        let bytes = count as u64 * size_of::<T>() as u64;
+        if buffer.memory() == Memory::Readback {
+            self.wait(Ticket(buffer.inner.last_use.load(Ordering::Acquire)))?;
+            return buffer.load(offset, count);
+        }
+        buffer.inside(offset, bytes)?;
+        let landing = self.buffer("read-back", bytes, Memory::Readback)?;
+        let mut recorder = self.recorder("read")?;
+        recorder.copy(buffer, offset, &landing, 0, bytes)?;
+        self.wait(recorder.submit()?)?;
+        landing.load(0, count)
+    }
+
+    /// `count` values of a read-back buffer from byte `offset` on if the submit that writes them has finished; never waits.
+    pub fn read_ready<T: bytemuck::Pod>(
+        &self,
+        buffer: &Buffer,
+        offset: u64,
+        count: usize,
+        ticket: Ticket,
+    ) -> Result<Option<Vec<T>>> {
+        if self.is_done(ticket)? { buffer.load(offset, count).map(Some) } else { Ok(None) }
+    }
+
+    /// Writes the beginning of a buffer, in order with everything submitted. Does not wait.
+    pub fn write<T: bytemuck::NoUninit>(&self, buffer: &Buffer, values: &[T]) -> Result<()> {
+        let mut recorder = self.recorder("write")?;
+        recorder.upload(buffer, 0, bytemuck::cast_slice(values))?;
+        recorder.submit().map(|_| ())
+    }
+
+    /// Counters since the device was opened.
+    pub fn stats(&self) -> Stats {
+        lock(&self.inner.state).stats
+    }
+
+    /// Bytes allocated.
+    pub fn memory_use(&self) -> MemoryUse {
+        lock(&self.inner.device.memory).as_ref().map(|pool| pool.tally()).unwrap_or_default()
+    }
+
+    /// Times of a profiled recording, once, when its ticket has passed; `None` before, and for one that was not profiled.
+    pub fn timings(&self, ticket: Ticket) -> Result<Option<Vec<PassTime>>> {
+        self.retire()?;
+        let mut state = lock(&self.inner.state);
+        let found = state.timings.iter().position(|(t, _)| *t == ticket.0);
+        Ok(found.and_then(|i| state.timings.remove(i)).map(|(_, times)| times))
+    }
+
+    /// Messages of the validation layer so far.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.inner.device.messages.all()
+    }
+
+    /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of them
+    /// could be left out without the checker's objecting (none, if both are right).
+    pub fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
+        lock(&self.inner.state).missed_barriers(recorder)
+    }
+
+    pub(super) fn submit(&self, recorder: Recorder) -> Result<Ticket> {
+        self.submit_with(recorder, External::default())
+    }
+
+    pub(super) fn submit_with(&self, mut recorder: Recorder, external: External<'_>) -> Result<Ticket> {
+        recorder.profile &= self.inner.timestamp_mask != 0;
+        let result = {
+            let mut state = lock(&self.inner.state);
+            let done = state.submit(&self.inner.device, self.inner.timeline, recorder, external);
+            done.map(|()| Ticket(state.last))
+        };
+        result.map_err(|error| self.explain(error))
+    }
+
+    /// A host-visible buffer for uploads of `bytes` bytes or more.
+    pub(super) fn staging(&self, bytes: u64) -> Result<Buffer> {
+        if bytes <= STAGING {
+            if let Some(chunk) = lock(&self.inner.state).staging.pop() {
+                return Ok(chunk);
+            }
+        }
+        Buffer::new(&self.inner.device, "staging", bytes.max(STAGING), Memory::Upload)
+    }
+
+    fn retire(&self) -> Result<()> {
+        let completed = self.inner.completed().map_err(|error| self.explain(error))?;
+        let period = f64::from(self.caps().limits.timestamp_ns);
+        // Dropping commands may free buffers, which is not done under the lock.
+        let done = lock(&self.inner.state).retire(&self.inner.device, completed, period, self.inner.timestamp_mask);
+        done.map(drop)
+    }
+
+    /// Adds to a device loss what is known of its place.
+    fn explain(&self, error: Error) -> Error {
+        let Error::DeviceLost { during, .. } = error else { return error };
+        Error::DeviceLost { during, pass: self.last_started() }
+    }
+
+    /// The last command that is known to have started: by breadcrumbs where they are on, else the recordings in flight.
+    pub fn last_started(&self) -> String {
+        let state = lock(&self.inner.state);
+        if let Some(crumb) =
+            state.crumbs.as_ref().and_then(|c| c.load::<u32>(0, 1).ok()).and_then(|v| v.first().copied())
+        {
+            let found =
+                state.in_flight.iter().find_map(|f| f.command_name(crumb).map(|n| format!("{n} of {}", f.label)));
+            return found.unwrap_or_else(|| "none in flight".to_owned());
+        }
+        let labels: Vec<&str> = state.in_flight.iter().map(|f| f.label.as_str()).collect();
+        format!("unknown, among recordings {}", labels.join(", "))
+    }
+}
+
+impl GpuInner {
+    fn completed(&self) -> Result<u64> {
+        // SAFETY: the semaphore lives as long as `self`.
+        unsafe { self.device.raw.get_semaphore_counter_value(self.timeline) }.named("vkGetSemaphoreCounterValue")
+    }
+
+    fn wait(&self, ticket: u64) -> Result<()> {
+        let (semaphores, values) = ([self.timeline], [ticket]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: as above.
+        unsafe { self.device.raw.wait_semaphores(&info, u64::MAX) }.named("vkWaitSemaphores")
+    }
+}
+
+impl Drop for GpuInner {
+    fn drop(&mut self) {
+        let last = lock(&self.state).last;
+        // A lost device cannot be waited for, and its objects may then be destroyed without.
+        let _ = self.wait(last);
+        // SAFETY: everything submitted has finished, or the device is lost.
+        unsafe {
+            lock(&self.state).close(&self.device);
+            self.device.raw.destroy_semaphore(self.timeline, None);
+            self.device.raw.destroy_pipeline_cache(self.cache, None);
+        }
+    }
+}

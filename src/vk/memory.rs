@@ -1,0 +1,97 @@
+//! Device memory: named allocations through gpu-allocator, a tally of our own, and a limit.
+
+use ash::vk;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
+
+use super::device::Device;
+use super::error::{Error, Result};
+
+/// Where a buffer lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Fast for the device.
+    Device,
+    /// Written by the host.
+    Upload,
+    /// Read by the host.
+    Readback,
+}
+
+/// Bytes allocated for buffers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// Now.
+    pub current: u64,
+    /// At most so far.
+    pub peak: u64,
+    /// What may be allocated.
+    pub limit: u64,
+}
+
+pub(super) struct MemoryPool {
+    allocator: Allocator,
+    tally: MemoryUse,
+}
+
+impl MemoryPool {
+    pub(super) fn new(device: &Device) -> Result<MemoryPool> {
+        let mib = 1 << 20;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: device.instance.clone(),
+            device: device.raw.clone(),
+            physical_device: device.physical,
+            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(32 * mib, 16 * mib),
+        })?;
+        Ok(MemoryPool { allocator, tally: MemoryUse { limit: device.caps.memory_limit, ..Default::default() } })
+    }
+
+    pub(super) fn tally(&self) -> MemoryUse {
+        self.tally
+    }
+
+    pub(super) fn allocate(
+        &mut self,
+        name: &str,
+        memory: Memory,
+        requirements: vk::MemoryRequirements,
+    ) -> Result<Allocation> {
+        let out_of_memory = |tally: &MemoryUse| Error::OutOfDeviceMemory {
+            requested: requirements.size,
+            name: name.to_owned(),
+            in_use: tally.current,
+            limit: tally.limit,
+        };
+        if self.tally.current.saturating_add(requirements.size) > self.tally.limit {
+            return Err(out_of_memory(&self.tally));
+        }
+        let allocation = self
+            .allocator
+            .allocate(&AllocationCreateDesc {
+                name,
+                requirements,
+                location: match memory {
+                    Memory::Device => MemoryLocation::GpuOnly,
+                    Memory::Upload => MemoryLocation::CpuToGpu,
+                    Memory::Readback => MemoryLocation::GpuToCpu,
+                },
+                linear: true,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            })
+            .map_err(|error| match error {
+                AllocationError::OutOfMemory => out_of_memory(&self.tally),
+                error => Error::Allocator(error),
+            })?;
+        self.tally.current += allocation.size();
+        self.tally.peak = self.tally.peak.max(self.tally.current);
+        Ok(allocation)
+    }
+
+    pub(super) fn free(&mut self, allocation: Allocation) {
+        self.tally.current = self.tally.current.saturating_sub(allocation.size());
+        // Freeing fails only for an allocation of another allocator, which cannot be.
+        let _ = self.allocator.free(allocation);
+    }
+}

@@ -1,0 +1,87 @@
+//! How a device is opened.
+
+use std::path::PathBuf;
+
+/// Whether the Khronos validation layer watches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validation {
+    /// No layer.
+    #[default]
+    Off,
+    /// Core and synchronization validation; [`crate::vk::Error::MissingLayer`] where the layer is not installed.
+    CoreAndSync,
+}
+
+/// How floats are added atomically.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FloatAtomics {
+    /// `atomicAdd` on floats.
+    Native,
+    /// A compare-and-swap loop on their bits.
+    CompareAndSwap,
+}
+
+/// Choices for [`crate::vk::Gpu::open`]. `default()` reads no environment; [`OpenOptions::from_env`] does.
+#[derive(Clone, Debug)]
+pub struct OpenOptions {
+    /// Index in the list of devices, or part of a name in any case; `None` takes a discrete GPU before an integrated one
+    /// before a CPU.
+    pub device: Option<String>,
+    /// The validation layer.
+    pub validation: Validation,
+    /// Put a guard of known bytes behind every buffer, inside the bound range, for [`crate::vk::Gpu::check_canaries`].
+    pub canaries: bool,
+    /// Check every submit with the hazard checker before it goes to the device.
+    pub check_hazards: bool,
+    /// Write a marker before every command, so that a lost device names the pass. Commands no longer overlap.
+    pub breadcrumbs: bool,
+    /// Use this kind of float atomics rather than the best available.
+    pub float_atomics: Option<FloatAtomics>,
+    /// Emulate subgroups of this width in shared memory rather than use the hardware's.
+    pub emulate_subgroup: Option<u32>,
+    /// Refuse allocations past this many bytes rather than past what the device reports.
+    pub max_device_memory: Option<u64>,
+    /// Folder of the pipeline cache; `None` keeps it in memory only.
+    pub pipeline_cache: Option<PathBuf>,
+}
+
+impl Default for OpenOptions {
+    fn default() -> Self {
+        OpenOptions {
+            device: None,
+            validation: Validation::Off,
+            canaries: cfg!(debug_assertions),
+            check_hazards: cfg!(debug_assertions),
+            breadcrumbs: false,
+            float_atomics: None,
+            emulate_subgroup: None,
+            max_device_memory: None,
+            pipeline_cache: None,
+        }
+    }
+}
+
+impl OpenOptions {
+    /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
+    /// `PSRGS_VALIDATION=1`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
+    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`. Values that do not parse are ignored.
+    pub fn from_env() -> Self {
+        let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+        let flag = |name: &str, default: bool| get(name).map_or(default, |value| value != "0");
+        let base = OpenOptions::default();
+        OpenOptions {
+            device: get("PSRGS_DEVICE"),
+            validation: if flag("PSRGS_VALIDATION", false) { Validation::CoreAndSync } else { Validation::Off },
+            canaries: flag("PSRGS_CANARIES", base.canaries),
+            breadcrumbs: flag("PSRGS_BREADCRUMBS", false),
+            float_atomics: get("PSRGS_FLOAT_ATOMICS").and_then(|value| match value.as_str() {
+                "native" => Some(FloatAtomics::Native),
+                "cas" => Some(FloatAtomics::CompareAndSwap),
+                _ => None,
+            }),
+            emulate_subgroup: get("PSRGS_SUBGROUP").and_then(|value| value.parse().ok()),
+            max_device_memory: get("PSRGS_MAX_DEVICE_MEMORY").and_then(|value| value.parse().ok()),
+            ..base
+        }
+    }
+}

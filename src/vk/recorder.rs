@@ -1,0 +1,281 @@
+//! The recorder: commands as data. Barriers, descriptors and the command buffer are made when it is submitted, in submission
+//! order, so that recorders may be filled side by side.
+
+use super::barrier::{BufferUse, Use};
+use super::buffer::{Buffer, BufferSlice};
+use super::error::{Error, Result};
+use super::gpu::Gpu;
+use super::kernel::Access;
+use super::pipeline::Pipeline;
+
+/// Workgroups along one axis that every device takes.
+const AXIS: u64 = 65_535;
+
+/// How much a dispatch runs.
+#[derive(Clone, Copy, Debug)]
+pub enum Groups<'a> {
+    /// At least this many threads.
+    Items(u64),
+    /// At least this many workgroups.
+    Workgroups(u64),
+    /// Workgroup counts (x, y, z as u32) at a byte offset of a buffer.
+    Indirect(&'a Buffer, u64),
+}
+
+/// Folds a number of workgroups over x and y, with as little excess as the axis limit allows.
+pub fn fold(groups: u64) -> Option<(u32, u32)> {
+    let y = groups.div_ceil(AXIS).max(1);
+    let x = groups.div_ceil(y);
+    (y <= AXIS).then_some((x as u32, y as u32))
+}
+
+pub(super) enum Counts {
+    Fixed(u32, u32),
+    Indirect(Buffer, u64),
+}
+
+/// A bound range, guard included where it reaches the end of the buffer.
+pub(super) struct Bound {
+    pub(super) buffer: Buffer,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+pub(super) enum Command {
+    Dispatch { pipeline: Pipeline, buffers: Vec<Bound>, push: Vec<u8>, counts: Counts },
+    Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
+    Copy { from: Buffer, from_offset: u64, to: Buffer, to_offset: u64, bytes: u64, staged: bool },
+}
+
+impl Command {
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Command::Dispatch { pipeline, .. } => pipeline.name(),
+            Command::Fill { .. } => "clear",
+            Command::Copy { staged: true, .. } => "upload",
+            Command::Copy { .. } => "copy",
+        }
+    }
+
+    pub(super) fn uses(&self) -> Vec<BufferUse> {
+        let one = |buffer: &Buffer, offset: u64, bytes: u64, kind: Use| BufferUse {
+            buffer: buffer.inner.id,
+            range: offset..offset + bytes,
+            kind,
+        };
+        match self {
+            Command::Dispatch { pipeline, buffers, counts, .. } => {
+                let mut uses: Vec<BufferUse> = Vec::with_capacity(buffers.len() + 1);
+                for (bound, binding) in buffers.iter().zip(pipeline.inner.bindings) {
+                    let kind = match binding.access {
+                        Access::Read => Use::ShaderRead,
+                        Access::Write => Use::ShaderWrite,
+                        Access::ReadWrite => Use::ShaderReadWrite,
+                    };
+                    uses.push(one(&bound.buffer, bound.offset, bound.bytes, kind));
+                }
+                if let Counts::Indirect(buffer, offset) = counts {
+                    uses.push(one(buffer, *offset, 12, Use::Indirect));
+                }
+                uses
+            }
+            Command::Fill { buffer, offset, bytes, .. } => vec![one(buffer, *offset, *bytes, Use::CopyWrite)],
+            // Staging memory is written by the host only, before the submit and after the ticket of the one before.
+            Command::Copy { to, to_offset, bytes, staged: true, .. } => {
+                vec![one(to, *to_offset, *bytes, Use::CopyWrite)]
+            }
+            Command::Copy { from, from_offset, to, to_offset, bytes, .. } => {
+                vec![one(from, *from_offset, *bytes, Use::CopyRead), one(to, *to_offset, *bytes, Use::CopyWrite)]
+            }
+        }
+    }
+
+    pub(super) fn buffers(&self) -> Vec<&Buffer> {
+        match self {
+            Command::Dispatch { buffers, counts, .. } => {
+                let mut all: Vec<&Buffer> = buffers.iter().map(|b| &b.buffer).collect();
+                if let Counts::Indirect(buffer, _) = counts {
+                    all.push(buffer);
+                }
+                all
+            }
+            Command::Fill { buffer, .. } => vec![buffer],
+            Command::Copy { from, to, .. } => vec![from, to],
+        }
+    }
+}
+
+/// A finished submit's place on the timeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(pub(super) u64);
+
+/// Commands on their way to the device. They run in order, overlapping where no barrier is needed.
+pub struct Recorder {
+    pub(super) gpu: Gpu,
+    pub(super) label: String,
+    pub(super) commands: Vec<Command>,
+    /// Staging buffers and the bytes used of each.
+    pub(super) staging: Vec<(Buffer, u64)>,
+    pub(super) profile: bool,
+    pub(super) omit_barrier: Option<usize>,
+}
+
+impl Recorder {
+    /// Sets every word of a buffer, or of a slice, to `value`.
+    pub fn fill<'a>(&mut self, target: impl Into<BufferSlice<'a>>, value: u32) -> Result<()> {
+        let BufferSlice { buffer, offset, bytes } = target.into();
+        self.inside(buffer, offset, bytes)?;
+        if offset % 4 != 0 || bytes % 4 != 0 {
+            return Err(buffer.bad_range(offset, bytes, "a fill covers whole words"));
+        }
+        if bytes > 0 {
+            self.commands.push(Command::Fill { buffer: buffer.clone(), offset, bytes, value });
+        }
+        Ok(())
+    }
+
+    /// Copies bytes from one buffer to another, or within one where the ranges do not overlap.
+    pub fn copy(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) -> Result<()> {
+        from.inside(from_offset, bytes)?;
+        to.inside(to_offset, bytes)?;
+        let apart = from_offset + bytes <= to_offset || to_offset + bytes <= from_offset;
+        if from.inner.id == to.inner.id && !apart {
+            return Err(to.bad_range(to_offset, bytes, "source and destination of a copy overlap"));
+        }
+        if bytes > 0 {
+            let (from, to) = (from.clone(), to.clone());
+            self.commands.push(Command::Copy { from, from_offset, to, to_offset, bytes, staged: false });
+        }
+        Ok(())
+    }
+
+    /// Writes host bytes into a buffer. They are copied at once; the device sees them when the recorder's turn comes.
+    pub fn upload(&mut self, to: &Buffer, to_offset: u64, bytes: &[u8]) -> Result<()> {
+        let len = bytes.len() as u64;
+        to.inside(to_offset, len)?;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        let fits = self.staging.last().is_some_and(|(chunk, used)| chunk.size() - used >= len);
+        if !fits {
+            let chunk = self.gpu.staging(len)?;
+            self.staging.push((chunk, 0));
+        }
+        if let Some((chunk, used)) = self.staging.last_mut() {
+            chunk.store(*used, bytes)?;
+            let (from, from_offset, to) = (chunk.clone(), *used, to.clone());
+            *used += len.next_multiple_of(16).min(chunk.size() - *used);
+            self.commands.push(Command::Copy { from, from_offset, to, to_offset, bytes: len, staged: true });
+        }
+        Ok(())
+    }
+
+    /// Runs a kernel with `buffers` in binding order. A dispatch of nothing is left out.
+    pub fn dispatch<'a, B: Copy + Into<BufferSlice<'a>>>(
+        &mut self,
+        pipeline: &Pipeline,
+        buffers: &[B],
+        push: &impl bytemuck::NoUninit,
+        groups: Groups<'_>,
+    ) -> Result<()> {
+        let kernel = pipeline.name();
+        let bad = |what: String| Error::Interface { kernel, what };
+        let bindings = pipeline.inner.bindings;
+        if buffers.len() != bindings.len() {
+            return Err(bad(format!("{} buffers for {} bindings", buffers.len(), bindings.len())));
+        }
+        let push = bytemuck::bytes_of(push);
+        if push.len() != pipeline.inner.push_bytes as usize {
+            return Err(bad(format!("{} bytes of push constants for {}", push.len(), pipeline.inner.push_bytes)));
+        }
+        let limits = &self.gpu.caps().limits;
+        let mut bound = Vec::with_capacity(buffers.len());
+        for slice in buffers.iter().map(|&b| -> BufferSlice<'a> { b.into() }) {
+            let BufferSlice { buffer, offset, bytes } = slice;
+            self.inside(buffer, offset, bytes)?;
+            if offset % limits.storage_alignment != 0 || bytes == 0 {
+                return Err(buffer.bad_range(
+                    offset,
+                    bytes,
+                    "a binding is not empty and starts at a multiple of the device's storage alignment",
+                ));
+            }
+            if bytes > limits.storage_range {
+                let (buffer, limit) = (buffer.name().to_owned(), limits.storage_range);
+                return Err(Error::BindingTooLarge { buffer, bytes, limit });
+            }
+            // The guard is bound too, so that a write past the end lands in it rather than being dropped by the driver.
+            let last = offset + bytes == buffer.inner.capacity && bytes + buffer.inner.guard <= limits.storage_range;
+            let bytes = if last { bytes + buffer.inner.guard } else { bytes };
+            bound.push(Bound { buffer: buffer.clone(), offset, bytes });
+        }
+        let size = u64::from(pipeline.workgroup_size());
+        let counts = match groups {
+            Groups::Items(0) | Groups::Workgroups(0) => return Ok(()),
+            Groups::Items(items) => fold(items.div_ceil(size)).map(|(x, y)| Counts::Fixed(x, y)),
+            Groups::Workgroups(groups) => fold(groups).map(|(x, y)| Counts::Fixed(x, y)),
+            Groups::Indirect(buffer, offset) => {
+                buffer.inside(offset, 12)?;
+                if offset % 4 != 0 {
+                    return Err(buffer.bad_range(offset, 12, "indirect counts start at a multiple of 4"));
+                }
+                Some(Counts::Indirect(buffer.clone(), offset))
+            }
+        };
+        let counts = counts.ok_or_else(|| bad(format!("{groups:?} is more than a dispatch holds")))?;
+        let (pipeline, push) = (pipeline.clone(), push.to_vec());
+        self.commands.push(Command::Dispatch { pipeline, buffers: bound, push, counts });
+        Ok(())
+    }
+
+    /// Takes timestamps around every command; [`Gpu::timings`] has them after the ticket has passed.
+    pub fn profile(&mut self, on: bool) {
+        self.profile = on;
+    }
+
+    /// Number of commands recorded so far.
+    pub fn len(&self) -> usize {
+        self.commands.len()
+    }
+
+    /// True when nothing was recorded.
+    pub fn is_empty(&self) -> bool {
+        self.commands.is_empty()
+    }
+
+    /// Hands the commands to the device and returns at once.
+    pub fn submit(self) -> Result<Ticket> {
+        let gpu = self.gpu.clone();
+        gpu.submit(self)
+    }
+
+    /// Leaves out the `n`th inferred barrier of this recording: for tests that something notices.
+    #[doc(hidden)]
+    pub fn omit_barrier(&mut self, n: usize) {
+        self.omit_barrier = Some(n);
+    }
+
+    fn inside(&self, buffer: &Buffer, offset: u64, bytes: u64) -> Result<()> {
+        // Up to the capacity: a whole buffer is bound and filled with its last word and its least size.
+        match offset.checked_add(bytes) {
+            Some(end) if end <= buffer.inner.capacity => Ok(()),
+            _ => Err(buffer.bad_range(offset, bytes, "it reaches past the end")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fold;
+
+    #[test]
+    fn folding_covers_every_group_with_less_than_a_row_of_excess() {
+        for groups in [0, 1, 65_535, 65_536, 70_000, 129_600, 131_070, 131_071, 5_000_000, 65_535 * 65_535] {
+            let (x, y) = fold(groups).unwrap();
+            assert!(x <= 65_535 && y <= 65_535);
+            let run = u64::from(x) * u64::from(y);
+            assert!(run >= groups && run < groups + u64::from(y), "{groups} as {x} x {y}");
+        }
+        assert!(fold(65_535 * 65_535 + 1).is_none());
+    }
+}

@@ -1,0 +1,45 @@
+//! What the integration tests share.
+#![allow(dead_code, unreachable_pub)]
+
+use std::path::PathBuf;
+
+use psrgs_vk::vk::{Error, Gpu, OpenOptions};
+
+/// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a printed
+/// reason, only where there is no Vulkan driver at all.
+pub fn gpu() -> Option<Gpu> {
+    gpu_with(|_| ())
+}
+
+/// As [`gpu`], with the options changed.
+pub fn gpu_with(change: impl FnOnce(&mut OpenOptions)) -> Option<Gpu> {
+    let mut options = OpenOptions::from_env();
+    change(&mut options);
+    match Gpu::open(&options) {
+        Ok(gpu) => Some(gpu),
+        Err(Error::NoVulkan(why)) => {
+            println!("skipped: no Vulkan driver: {why}");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Fails on any message of the validation layer so far.
+pub fn assert_no_messages(gpu: &Gpu) {
+    let messages = gpu.validation_messages();
+    assert!(messages.is_empty(), "{} validation messages, first: {}", messages.len(), messages[0]);
+}
+
+/// A folder or file of the shared test data: under `$PSRGS_DATA`, else `../shared/data`. `None`, with a printed reason, where
+/// it is not there.
+pub fn data(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("PSRGS_DATA")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let path = root.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: {} is not there", path.display());
+    None
+}
