@@ -179,3 +179,47 @@ fn a_reader_that_goes_away_is_no_failure() {
         .expect("sh starts");
     assert_eq!(stderr(&status).trim(), "0");
 }
+
+#[test]
+fn devices_are_described_and_a_wrong_one_has_its_code() {
+    let info = psrgs(&["info", "--json"]);
+    if info.status.code() == Some(4) {
+        eprintln!("skipped: no Vulkan device ({})", stderr(&info).trim());
+        return;
+    }
+    let json: serde_json::Value = serde_json::from_str(&stdout(&info)).expect("JSON");
+    let used = json["in_use"]["name"].as_str().expect("a device in use");
+    assert!(json["devices"].as_array().expect("devices").iter().any(|d| d["name"] == used));
+    assert!(stdout(&psrgs(&["info"])).contains(used));
+    fails(&["info", "--device", "no such device"], 4, &["no such device", used]);
+}
+
+#[test]
+fn without_a_driver_the_message_says_what_to_install() {
+    let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"))
+        .arg("info")
+        .envs([("VK_DRIVER_FILES", "/nowhere"), ("VK_ICD_FILENAMES", "/nowhere")])
+        .output()
+        .expect("the command starts");
+    assert_eq!(output.status.code(), Some(4));
+    assert!(stderr(&output).contains("mesa-vulkan-drivers"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_demo_writes_a_dataset_and_leaves_other_folders_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("demo");
+    let name = out.to_str().expect("UTF-8");
+    let output = psrgs(&["demo", "--out", name, "--images", "3", "--max-side", "48", "--no-train", "-q"]);
+    assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
+    for file in
+        ["world.toml", "images", "depth", "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"]
+    {
+        assert!(out.join(file).exists(), "no {file}");
+    }
+    std::fs::remove_file(out.join("world.toml")).expect("removed");
+    fails(&["demo", "--out", name, "--no-train"], 2, &["choose another --out"]);
+    fails(&["demo", "--out", name, "--images", "0"], 2, &[]);
+    let file = write(folder.path(), "file", "");
+    fails(&["demo", "--out", &format!("{file}/x"), "--images", "1", "--no-train"], 8, &["cannot write"]);
+}

@@ -58,6 +58,14 @@ fn line(text: &dyn Display) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
+/// Says why the command failed, at every level.
+pub(crate) fn error(text: impl Display, remedy: Option<&str>) {
+    line(&format_args!("psrgs-vk: {text}"));
+    if let Some(remedy) = remedy {
+        line(&format_args!("  {remedy}"));
+    }
+}
+
 /// Writes a result to standard output.
 pub(crate) fn print(text: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();

@@ -1,41 +1,117 @@
 //! `psrgs-vk demo`: a made-up aerial scene of known geometry, trained.
 
 use std::path::PathBuf;
+use std::time::Instant;
+
+use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
+use super::exit::Failure;
+use super::progress::duration;
+use super::train;
+
+/// Folder of the trained model inside the scene's.
+const TRAINED: &str = "trained";
 
 /// Make a small aerial scene of known geometry, train on it and leave a report
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   psrgs-vk demo --out demo-out                       about five minutes on two CPU cores
-  psrgs-vk demo --out world --images 80 --max-side 640 --no-train")]
+  psrgs-vk demo --out world --images 80 --max-side 640 --no-train
+
+Written to DIR: images/, sparse/0/, depth/ (ground truth along the camera's axis, EXR), world.toml, and trained/.")]
 pub(crate) struct Args {
     /// Folder for the scene; the trained model goes to DIR/trained
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
-    pub(crate) out: PathBuf,
+    out: PathBuf,
     /// Photographs
-    #[arg(long, value_name = "N", default_value_t = 40)]
-    pub(crate) images: u32,
+    #[arg(long, value_name = "N", default_value_t = WorldParams::default().images)]
+    images: u32,
     /// Longer side of a photograph in pixels
-    #[arg(long, value_name = "PX", default_value_t = 320)]
-    pub(crate) max_side: u32,
+    #[arg(long, value_name = "PX", default_value_t = WorldParams::default().max_side)]
+    max_side: u32,
     /// Side of the square site in metres
-    #[arg(long, value_name = "M", default_value_t = 80.0)]
-    pub(crate) extent: f64,
+    #[arg(long, value_name = "M", default_value_t = WorldParams::default().extent)]
+    extent: f64,
     /// Seed of the scene and of training
     #[arg(long, value_name = "S", default_value_t = 0)]
-    pub(crate) seed: u64,
+    seed: u64,
     /// Training steps
     #[arg(long, value_name = "N", default_value_t = 1000)]
-    pub(crate) iterations: u32,
+    iterations: u32,
     /// Only make the scene
     #[arg(long)]
-    pub(crate) no_train: bool,
+    no_train: bool,
     #[command(flatten)]
-    pub(crate) device: psrgs_vk::train::settings::DeviceChoice,
+    device: DeviceChoice,
 }
 
-pub(crate) fn run(_args: &Args, _console: &Console) -> anyhow::Result<()> {
-    anyhow::bail!("the demo is not part of this build")
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    make(args, console)?;
+    if args.no_train {
+        return Ok(());
+    }
+    let out = args.out.join(TRAINED);
+    train::train(
+        &train::Plan { settings: settings(args)?, out: out.clone(), resume: false, overwrite: true },
+        console,
+    )?;
+    console.say(format_args!("look at {}", std::path::absolute(out.join("report.html"))?.display()));
+    Ok(())
+}
+
+fn make(args: &Args, console: &Console) -> anyhow::Result<Summary> {
+    // A folder that holds something else is left alone: photographs of another scene would be trained on.
+    let taken = args.out.join("images").exists() && !args.out.join("world.toml").exists();
+    if taken {
+        return Err(Failure::Usage(format!(
+            "{}: holds photographs that no demo made; choose another --out",
+            args.out.display()
+        ))
+        .into());
+    }
+    let params = WorldParams {
+        images: args.images,
+        max_side: args.max_side,
+        extent: args.extent,
+        seed: args.seed,
+        ..WorldParams::default()
+    };
+    let begin = Instant::now();
+    console.say(format_args!("making a scene of {} m with {} photographs", params.extent, params.images));
+    let target = if console.draws() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(Some(u64::from(params.images)), target);
+    bar.set_style(ProgressStyle::with_template("{bar:24} {pos}/{len} photographs")?);
+    let summary = generate(&params, &args.out, &mut |progress| {
+        if progress.stage == Stage::Photographs {
+            bar.set_position(u64::from(progress.done));
+        }
+    });
+    bar.finish_and_clear();
+    let summary = summary?;
+    console.say(format_args!(
+        "{}: {} photographs of {}x{}, {} points, in {}",
+        args.out.display(),
+        summary.images,
+        summary.width,
+        summary.height,
+        HumanCount(summary.points as u64),
+        duration(begin.elapsed().as_secs_f64()),
+    ));
+    Ok(summary)
+}
+
+fn settings(args: &Args) -> anyhow::Result<Settings> {
+    let mut settings = Settings { data: Some(std::path::absolute(&args.out)?), ..Settings::default() };
+    settings.run.iterations = args.iterations;
+    settings.run.scale_schedule = true;
+    settings.run.seed = args.seed;
+    settings.run.eval_every = (args.iterations / 5).max(1);
+    settings.device = args.device.clone();
+    settings.check()?;
+    Ok(settings)
 }

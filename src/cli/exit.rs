@@ -1,7 +1,8 @@
 //! Exit codes, and the message that goes with one. The README lists them.
 
 use psrgs_vk::train::settings::SettingsError;
-use psrgs_vk::{dataset, format};
+use psrgs_vk::world::WorldError;
+use psrgs_vk::{dataset, format, vk};
 
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
@@ -62,6 +63,23 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
             SettingsError::Write(_) => FAILURE,
         });
     }
+    if let Some(device) = cause.downcast_ref::<vk::Error>() {
+        return Some(match device {
+            vk::Error::NoVulkan(_)
+            | vk::Error::NoDevice { .. }
+            | vk::Error::MissingFeature { .. }
+            | vk::Error::MissingLayer { .. } => DEVICE,
+            vk::Error::OutOfDeviceMemory { .. } => MEMORY,
+            vk::Error::DeviceLost { .. } => LOST,
+            _ => FAILURE,
+        });
+    }
+    if let Some(world) = cause.downcast_ref::<WorldError>() {
+        return Some(match world {
+            WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } => USAGE,
+            _ => OUTPUT,
+        });
+    }
     if let Some(data) = cause.downcast_ref::<dataset::Error>() {
         return Some(if matches!(data, dataset::Error::ZeroMaxSide) { USAGE } else { INPUT });
     }
@@ -73,6 +91,19 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
         });
     }
     None
+}
+
+/// What to do about an error, where its code says enough to know.
+pub(crate) fn remedy(code: u8) -> Option<&'static str> {
+    match code {
+        DEVICE => Some(
+            "`psrgs-vk info` lists the devices. Without a GPU, Mesa's software device will do; on Debian: \
+             apt-get install mesa-vulkan-drivers (and vulkan-validationlayers for --validate)",
+        ),
+        MEMORY => Some("a smaller --max-side or a --max-splats needs less; checkpoints already saved are kept"),
+        LOST => Some("`train --resume DIR` goes on from the last checkpoint; PSRGS_BREADCRUMBS=1 finds the pass"),
+        _ => None,
+    }
 }
 
 /// The error and its causes on one line, without a cause that the text before it already says.

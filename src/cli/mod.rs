@@ -4,6 +4,7 @@ mod bench;
 mod completions;
 mod console;
 mod demo;
+mod device;
 mod eval;
 mod exit;
 mod info;
@@ -72,8 +73,9 @@ pub(crate) fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("psrgs-vk: {}", exit::message(&error));
-            ExitCode::from(exit::code(&error))
+            let code = exit::code(&error);
+            console::error(exit::message(&error), exit::remedy(code));
+            ExitCode::from(code)
         }
     }
 }

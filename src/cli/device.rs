@@ -1,0 +1,42 @@
+//! Opening the device that the options name.
+
+use std::path::PathBuf;
+
+use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
+
+use super::console::Console;
+
+/// What the options and the environment ask for; options win.
+pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> OpenOptions {
+    let mut options = OpenOptions::from_env();
+    if choice.device.is_some() {
+        options.device.clone_from(&choice.device);
+    }
+    if let Some(limit) = choice.max_device_memory {
+        options.max_device_memory = Some(limit.0);
+    }
+    if validate {
+        options.validation = Validation::CoreAndSync;
+    }
+    options.pipeline_cache = cache_folder();
+    options
+}
+
+/// Opens the device and says which it is.
+pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> anyhow::Result<Gpu> {
+    let gpu = Gpu::open(&options(choice, validate))?;
+    let caps = gpu.caps();
+    console.say(format_args!("device: {} ({})", caps.device, caps.kind));
+    for choice in &caps.choices {
+        console.detail(format_args!("  {}: {} ({})", choice.what, choice.picked, choice.why));
+    }
+    Ok(gpu)
+}
+
+/// Where compiled pipelines are kept between runs.
+fn cache_folder() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let base = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
+    Some(base.join("psrgs-vk"))
+}
