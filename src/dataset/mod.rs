@@ -95,8 +95,8 @@ impl Dataset {
         let mut model = Model::read(path)?;
         check_names(&mut model)?;
         let mut warnings = Vec::new();
-        if model.files.points.is_none() {
-            warnings.push(Warning::NoPointsFile);
+        if model.points.is_empty() {
+            warnings.push(Warning::NoPoints { file: model.files.points.clone() });
         }
         let cameras =
             model.poses.iter().map(|pose| full_size_camera(&model, pose)).collect::<Result<Vec<Camera>, Error>>()?;

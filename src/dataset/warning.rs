@@ -1,6 +1,7 @@
 //! What the user should know about a dataset that loads.
 
 use std::fmt;
+use std::path::PathBuf;
 
 /// A peculiarity of a dataset.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,8 +18,11 @@ pub enum Warning {
         /// Number of photographs.
         views: usize,
     },
-    /// The model has no points file.
-    NoPointsFile,
+    /// The model has no points: training needs them, or a model to begin with.
+    NoPoints {
+        /// The points file, if there is one.
+        file: Option<PathBuf>,
+    },
     /// The folder has photographs that the model does not place.
     PhotographsWithoutPose {
         /// How many.
@@ -39,7 +43,8 @@ impl fmt::Display for Warning {
                     "{views} photographs are too few to hold any out: all are trained on, and no quality is measured"
                 )
             }
-            Self::NoPointsFile => write!(f, "the model has no points3D file"),
+            Self::NoPoints { file: None } => write!(f, "the model has no points3D file"),
+            Self::NoPoints { file: Some(file) } => write!(f, "{}: the model has no points", file.display()),
             Self::PhotographsWithoutPose { photographs } => {
                 write!(f, "{photographs} photographs have no pose in the model and are not used")
             }

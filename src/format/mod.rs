@@ -1,8 +1,10 @@
 //! Files that hold models, states of training and pictures.
 
 pub mod atomic;
+pub mod checkpoint;
 mod error;
 mod frame_file;
+pub mod image_out;
 pub mod ply;
 pub(crate) mod source;
 

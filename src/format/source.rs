@@ -23,10 +23,6 @@ impl Source {
         Ok(Self { file: file.to_owned(), reader: BufReader::with_capacity(1 << 16, opened), at: 0, len })
     }
 
-    pub(crate) fn file(&self) -> &Path {
-        &self.file
-    }
-
     /// Bytes from the beginning of the file.
     pub(crate) fn at(&self) -> u64 {
         self.at
@@ -60,12 +56,6 @@ impl Source {
         Ok(out)
     }
 
-    /// Reads into `out`, which the caller has sized by something already checked against the file.
-    pub(crate) fn into_slice(&mut self, out: &mut [u8], field: impl Display) -> Result<(), Error> {
-        self.need(out.len() as u64, field)?;
-        self.fill(out)
-    }
-
     /// `bytes` bytes, allocated only once the file is known to hold them.
     pub(crate) fn bytes(&mut self, bytes: u64, field: impl Display) -> Result<Vec<u8>, Error> {
         self.need(bytes, &field)?;
@@ -73,10 +63,6 @@ impl Source {
         let mut out = vec![0; size];
         self.fill(&mut out)?;
         Ok(out)
-    }
-
-    pub(crate) fn u8(&mut self, field: impl Display) -> Result<u8, Error> {
-        self.array(field).map(|[b]| b)
     }
 
     pub(crate) fn u32(&mut self, field: impl Display) -> Result<u32, Error> {
@@ -168,16 +154,21 @@ impl Lines {
 
     /// The next line without its end; `None` after the last.
     pub(crate) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
-        self.raw.clear();
-        let read = self.reader.read_until(b'\n', &mut self.raw).map_err(Error::io(&self.file, "read"))?;
-        if read == 0 {
+        if self.reader.fill_buf().map_err(Error::io(&self.file, "read"))?.is_empty() {
             return Ok(None);
         }
+        self.raw.clear();
+        self.reader.read_until(b'\n', &mut self.raw).map_err(Error::io(&self.file, "read"))?;
         self.number += 1;
         let text = std::str::from_utf8(&self.raw)
             .map_err(|_| Error::malformed(&self.file, "text", At::Line(self.number), "is not UTF-8"))?;
         let text = text.trim_end_matches(['\n', '\r']);
         Ok(Some(Line { file: &self.file, number: self.number, text, rest: text }))
+    }
+
+    /// Whether the line read last has its end.
+    pub(crate) fn ended(&self) -> bool {
+        self.raw.last() == Some(&b'\n')
     }
 
     pub(crate) fn error(&self, field: impl Display, problem: impl Display) -> Error {

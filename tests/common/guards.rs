@@ -41,7 +41,9 @@ impl Guards {
                 let error = (f64::from(g) - w).abs();
                 let bound = self.element * w.abs().max(self.floor * scale) + 1e-36;
                 if error.is_nan() || error > bound {
-                    return Err(format!("element {k} of row {r}: {g:e} instead of {w:e}, off by {error:e} > {bound:e}"));
+                    return Err(format!(
+                        "element {k} of row {r}: {g:e} instead of {w:e}, off by {error:e} > {bound:e}"
+                    ));
                 }
             }
         }

@@ -111,8 +111,11 @@ fn text_records<T>(
         }
         out.push(record(line)?);
         if let Some(check) = second_line {
-            // The last image of a file may end it: a line of no keypoints is empty.
-            lines.next()?.map_or(Ok(()), check)?;
+            match lines.next()? {
+                Some(line) => check(line)?,
+                None if announced.is_some() => return Err(lines.error(what, "the last one lacks its second line")),
+                None => {}
+            }
         }
     }
     match announced {
@@ -123,6 +126,7 @@ fn text_records<T>(
                 out.len()
             ),
         )),
+        Some(_) if !lines.ended() => Err(lines.error(what, "the file ends within a line")),
         _ => Ok(out),
     }
 }

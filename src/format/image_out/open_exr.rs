@@ -1,0 +1,100 @@
+//! OpenEXR, lossless f32: depth in the channel `Z`, as compositing programs expect it, normals in `N.X`, `N.Y`, `N.Z`.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::meta::MetaData;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder,
+    ReadChannels, ReadLayers, WritableImage,
+};
+
+use super::check_size;
+use crate::format::{At, Error, atomic};
+
+/// Depths row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthMap {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Depth along the camera's z axis, in whatever units the writer had.
+    pub values: Vec<f32>,
+}
+
+/// Writes one depth per pixel.
+pub fn write_depth(file: &Path, width: u32, height: u32, depths: &[f32]) -> Result<(), Error> {
+    check_size(file, width, height, depths.len(), true)?;
+    write(file, width, height, vec![("Z", depths.to_vec())])
+}
+
+/// Writes one normal per pixel.
+pub fn write_normals(file: &Path, width: u32, height: u32, normals: &[[f32; 3]]) -> Result<(), Error> {
+    check_size(file, width, height, normals.len(), true)?;
+    let channel = |k: usize| normals.iter().map(|n| n[k]).collect();
+    write(file, width, height, vec![("N.X", channel(0)), ("N.Y", channel(1)), ("N.Z", channel(2))])
+}
+
+fn write(file: &Path, width: u32, height: u32, channels: Vec<(&str, Vec<f32>)>) -> Result<(), Error> {
+    let list = channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values))).collect();
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let size = (width as usize, height as usize);
+    let image = Image::from_layer(Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(list)));
+    let mut bytes = Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| Error::Unwritable {
+        file: file.to_owned(),
+        what: "the EXR",
+        problem: e.to_string(),
+    })?;
+    atomic::write(file, |out| out.write_all(bytes.get_ref()))
+}
+
+/// Reads the channel `Z` of a file, or its only channel.
+pub fn read_depth(file: &Path) -> Result<DepthMap, Error> {
+    let bytes = std::fs::read(file).map_err(Error::io(file, "read"))?;
+    let mut cursor = Cursor::new(bytes.as_slice());
+    let header = MetaData::read_from_buffered(&mut cursor, false);
+    let fail = |field: &str, at: u64, problem: String| Error::malformed(file, field, At::Byte(at), problem);
+    let header = header.map_err(|e| fail("header", cursor.position(), e.to_string()))?;
+    for layer in &header.headers {
+        check_memory(file, layer.layer_size.0, layer.layer_size.1, layer.channels.list.len(), bytes.len())?;
+    }
+    cursor.set_position(0);
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(&mut cursor);
+    let layer = image.map_err(|e| fail("pixels", cursor.position(), e.to_string()))?.layer_data;
+    let channels = &layer.channel_data.list;
+    let channel = match channels.as_slice() {
+        [only] => Some(only),
+        several => several.iter().find(|c| c.name.eq("Z")),
+    };
+    let channel = channel.ok_or_else(|| {
+        let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+        fail("channels", 0, format!("there is no channel 'Z' among {}", names.join(", ")))
+    })?;
+    let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
+    let side = |v: usize| u32::try_from(v).map_err(|_| fail("size", 0, format!("a side of {v} is too long")));
+    let (width, height) = (side(layer.size.0)?, side(layer.size.1)?);
+    if values.len() as u64 != u64::from(width) * u64::from(height) {
+        return Err(fail("channel", 0, format!("{} values are not {width}x{height}", values.len())));
+    }
+    Ok(DepthMap { width, height, values })
+}
+
+/// Compression does not reach a thousandfold by much (deflate ends at 1032): more is a damaged size, not a picture.
+fn check_memory(file: &Path, width: usize, height: usize, channels: usize, bytes: usize) -> Result<(), Error> {
+    let wanted = width.checked_mul(height).and_then(|n| n.checked_mul(channels.max(1)));
+    if wanted.is_some_and(|n| n / 1100 <= bytes) {
+        return Ok(());
+    }
+    let problem = format!("{width}x{height} pixels of {channels} channels cannot be in {bytes} bytes");
+    Err(Error::malformed(file, "size", At::Byte(0), problem))
+}

@@ -1,0 +1,292 @@
+//! Truncated, damaged and foreign files for every reader: an error that names the file and the place, never a panic.
+
+mod colmap_folder;
+
+use std::fs;
+use std::path::Path;
+
+use colmap_folder::Folder;
+use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
+use psrgs_vk::format::checkpoint::Checkpoint;
+use psrgs_vk::format::{FrameFile, image_out, ply};
+use psrgs_vk::scene::{Frame, Gaussians};
+
+/// Says the file's name and a place in it.
+fn names_the_place(message: &str, file: &Path) -> bool {
+    let name = file.file_name().and_then(|n| n.to_str()).expect("name");
+    message.contains(name) && (message.contains(" at byte ") || message.contains(" at line "))
+}
+
+/// Every proper beginning of a file: `read` must fail and name the place.
+fn truncated_everywhere<T>(file: &Path, read: impl Fn() -> Result<T, String>) {
+    let whole = fs::read(file).expect("file");
+    for length in 0..whole.len() {
+        fs::write(file, &whole[..length]).expect("truncated");
+        match read() {
+            Ok(_) => panic!("{}: the first {length} bytes of {} were read", file.display(), whole.len()),
+            Err(message) => assert!(names_the_place(&message, file), "{length} bytes: {message}"),
+        }
+    }
+    fs::write(file, whole).expect("restored");
+}
+
+/// Bytes replaced one at a time, by several values each: whatever comes of it, no panic. Gives how many were refused.
+fn damaged_everywhere<T>(file: &Path, read: impl Fn() -> Result<T, String>) -> usize {
+    let whole = fs::read(file).expect("file");
+    let step = (whole.len() / 500).max(1);
+    let mut refused = 0;
+    for at in (0..whole.len()).step_by(step) {
+        for value in [whole[at] ^ 1, whole[at] ^ 0x80, 0, 0xff, b'9'] {
+            let mut bytes = whole.clone();
+            bytes[at] = value;
+            fs::write(file, bytes).expect("damaged");
+            refused += usize::from(read().is_err());
+        }
+    }
+    fs::write(file, whole).expect("restored");
+    refused
+}
+
+/// Files of other kinds.
+fn foreign<T>(file: &Path, read: impl Fn() -> Result<T, String>) {
+    let whole = fs::read(file).expect("file");
+    let noise: Vec<u8> = (0..4000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let others: [&[u8]; 6] =
+        [b"hello\n", b"\x89PNG\r\n\x1a\n\0\0", &[0xff; 300], &noise, b"1 2 3 4\n5 6 7 8\n", b"ply\n"];
+    for other in others {
+        fs::write(file, other).expect("foreign");
+        match read() {
+            Ok(_) => panic!("{}: {other:?} was read", file.display()),
+            Err(message) => assert!(names_the_place(&message, file), "{message}"),
+        }
+    }
+    fs::write(file, whole).expect("restored");
+}
+
+fn load(root: &Path) -> Result<Dataset, String> {
+    let options = LoadOptions { photographs: false, ..LoadOptions::default() };
+    Dataset::load(root, &options).map_err(|e| e.to_string())
+}
+
+#[test]
+fn colmap_binary() {
+    let folder = Folder::ring(&["a.png", "b/c.png", "d.png"], [1.0, 2.0, 3.0]);
+    let root = tempfile::tempdir().expect("temporary folder");
+    folder.write(root.path(), &folder.binary());
+    for name in ["cameras.bin", "images.bin", "points3D.bin"] {
+        let file = root.path().join("sparse/0").join(name);
+        truncated_everywhere(&file, || load(root.path()));
+        foreign(&file, || load(root.path()));
+        assert!(damaged_everywhere(&file, || load(root.path())) > 0);
+        // Counts far beyond the file: refused before any memory is asked for.
+        let whole = fs::read(&file).expect("file");
+        for count in [u64::MAX, u64::MAX / 8, 1 << 40, 1 << 31, 100] {
+            let mut bytes = whole.clone();
+            bytes[..8].copy_from_slice(&count.to_le_bytes());
+            fs::write(&file, bytes).expect("damaged");
+            let error = load(root.path()).expect_err("a count");
+            assert!(error.contains(name) && error.contains("at byte 0"), "{error}");
+        }
+        let mut longer = whole.clone();
+        longer.push(0);
+        fs::write(&file, longer).expect("longer");
+        let error = load(root.path()).expect_err("more than the format has");
+        assert!(error.contains(&format!("at byte {}: 1 bytes follow", whole.len())), "{error}");
+        fs::write(&file, whole).expect("restored");
+    }
+    load(root.path()).expect("the restored files load");
+}
+
+#[test]
+fn colmap_text() {
+    let folder = Folder::ring(&["a.png", "b/c.png", "d e.png"], [1.0, 2.0, 3.0]);
+    let root = tempfile::tempdir().expect("temporary folder");
+    folder.write(root.path(), &folder.text());
+    let whole = load(root.path()).expect("loads");
+    for (name, bytes) in folder.text() {
+        let file = root.path().join("sparse/0").join(name);
+        let first = bytes.windows(9).position(|w| w == b"# Number ").expect("comment");
+        for length in 0..bytes.len() {
+            fs::write(&file, &bytes[..length]).expect("truncated");
+            match load(root.path()) {
+                // Nothing is left of the points, not even how many there should be: the warning says it.
+                Ok(dataset) => {
+                    let empty = Warning::NoPoints { file: Some(file.clone()) };
+                    assert!(
+                        name == "points3D.txt" && length < first + 22,
+                        "{name}: the first {length} bytes were read"
+                    );
+                    assert!(dataset.warnings.contains(&empty), "{:?}", dataset.warnings);
+                }
+                Err(message) => assert!(message.contains(name), "{length} bytes of {name}: {message}"),
+            }
+        }
+        fs::write(&file, &bytes).expect("restored");
+        damaged_everywhere(&file, || load(root.path()));
+    }
+    // Not written by COLMAP: no comments, no end of the last line, no last line of keypoints.
+    for (name, bytes) in folder.text() {
+        let text = String::from_utf8(bytes).expect("text");
+        let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('#')).collect();
+        let lines = if name == "images.txt" { &lines[..5] } else { &lines[..] };
+        fs::write(root.path().join("sparse/0").join(name), lines.join("\r\n")).expect("written");
+    }
+    let by_hand = load(root.path()).expect("loads");
+    assert_eq!((by_hand.views, by_hand.points), (whole.views, whole.points));
+}
+
+#[test]
+fn colmap_text_names_the_line_and_the_field() {
+    let folder = Folder::ring(&["a.png", "b.png"], [0.0; 3]);
+    let root = tempfile::tempdir().expect("temporary folder");
+    for (name, from, to, place) in [
+        ("cameras.txt", "PINHOLE", "PINHOLES", "model of camera 1 at line 4: 'PINHOLES' is unknown"),
+        ("cameras.txt", "24 16", "24 0", "size of camera 1 at line 4: is 24x0"),
+        ("cameras.txt", "20.5", "-20.5", "focal length of camera 1 at line 4: is -20.5"),
+        ("cameras.txt", "8.75", "inf", "parameter 3 of camera 1 at line 4: is inf"),
+        ("cameras.txt", "8.75", "8.75 1", "parameters of camera 1 at line 4: 1 more than PINHOLE has"),
+        ("images.txt", "0 1 0 0 -2", "0 0 0 0 -2", "rotation of image 'a.png' at line 3: the quaternion is zero"),
+        ("images.txt", "0 1 0 0 -2", "0 1 0 zero -2", "qz of image 0 at line 3: 'zero' is not a number"),
+        ("images.txt", "1 a.png", "77 a.png", "camera of image 'a.png' at line 3: there is no camera 77"),
+        ("images.txt", " 1 a.png", " 1", "name of image 0 at line 3: is missing"),
+        ("points3D.txt", "98 ", "98 NaN ", "x of point 98 at line 5: is NaN"),
+        ("points3D.txt", "100 -1 -1 0.1 0 255 128", "100 -1 -1 0.1 0 256 128", "colour of point 100 at line 3: '256'"),
+    ] {
+        folder.write(root.path(), &folder.text());
+        let file = root.path().join("sparse/0").join(name);
+        let text = fs::read_to_string(&file).expect("text");
+        assert!(text.contains(from), "{name} has {from}: {text}");
+        fs::write(&file, text.replacen(from, to, 1)).expect("damaged");
+        let error = load(root.path()).expect_err(to);
+        assert!(error.contains(name) && error.contains(place), "{error}");
+    }
+}
+
+#[test]
+fn photographs() {
+    let folder = Folder::ring(&["a.png", "b.png"], [0.0; 3]);
+    let root = folder.dataset(false);
+    let file = root.path().join("images/b.png");
+    let read = || {
+        let dataset = Dataset::load(root.path(), &LoadOptions::default()).map_err(|e| e.to_string())?;
+        dataset.photographs(Role::Train).map_err(|e| e.to_string())
+    };
+    // A PNG ends in a chunk that holds nothing: decoders may do without it.
+    let whole = fs::read(&file).expect("photograph");
+    let end = whole.windows(4).position(|w| w == b"IEND").expect("end") - 4;
+    for length in 0..end {
+        fs::write(&file, &whole[..length]).expect("truncated");
+        match read() {
+            Ok(photographs) => assert!(length > 60, "{length} bytes gave {} photographs", photographs.len()),
+            Err(message) => assert!(names_the_place(&message, &file), "{length} bytes: {message}"),
+        }
+    }
+    fs::write(&file, whole).expect("restored");
+    damaged_everywhere(&file, read);
+    foreign(&file, read);
+}
+
+#[test]
+fn models() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("point_cloud.ply");
+    let read = || ply::read(&file).map_err(|e| e.to_string());
+    let frame = Frame { offset: [5e5, 4.6e6, 100.0], scale: 1.0 };
+    ply::save(&file, &Gaussians::zeros(3), &frame, true).expect("written");
+    truncated_everywhere(&file, read);
+    foreign(&file, read);
+    assert!(damaged_everywhere(&file, read) > 0);
+    let whole = fs::read(&file).expect("file");
+    let text = String::from_utf8_lossy(&whole[..whole.len() - 3 * 248]).into_owned();
+    let tail = &whole[text.len()..];
+    for (from, to, place) in [
+        ("element vertex 3", "element vertex 4", "element vertex at byte"),
+        ("element vertex 3", "element vertex 18446744073709551615", "element vertex at byte"),
+        ("element vertex 3", "element vertex 4000000000", "element vertex at byte"),
+        ("element vertex 3", "element vortex 3", "there is no element 'vertex'"),
+        ("property float opacity\n", "", "the property 'opacity' is missing"),
+        ("property float f_rest_44\n", "", "44 properties f_rest_N"),
+        ("f_rest_44", "f_rest_45", "45 properties f_rest_N"),
+        ("property float x", "property list uchar float x", "'x' is missing"),
+        ("property float nx", "property list uchar float nx", "lists are not supported"),
+        ("property float x", "property quad x", "the type 'quad' of 'x' is unknown"),
+        ("property float y", "property float x", "'x' occurs twice"),
+        ("property float nx", "property uint packed_position", "compressed layout"),
+        ("format binary_little_endian", "format binary_middle_endian", "'binary_middle_endian' is unknown"),
+        ("format binary_little_endian 1.0\n", "", "it names no format"),
+        ("offset 500000", "offset north", "comment at byte"),
+        ("antialias 1", "antialias maybe", "comment at byte"),
+        ("end_header\n", "", "point_cloud.ply: header at byte"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        fs::write(&file, [text.replacen(from, to, 1).as_bytes(), tail].concat()).expect("damaged");
+        let error = read().expect_err(to);
+        assert!(error.contains(place) && names_the_place(&error, &file), "{to}: {error}");
+    }
+    // The same as text, where places are lines.
+    let zeros = vec!["0"; 62].join(" ");
+    let ascii = text.replace("binary_little_endian", "ascii") + &format!("{zeros}\n{zeros}\n");
+    fs::write(&file, format!("{ascii}{zeros} \n")).expect("written");
+    assert_eq!(ply::read(&file).expect("read").gaussians.len(), 3);
+    let lines = ascii.lines().count() + 1;
+    fs::write(&file, format!("{ascii}{}x\n", &zeros[..zeros.len() - 1])).expect("written");
+    let error = read().expect_err("a letter");
+    assert!(error.contains(&format!("rot_3 of vertex 2 at line {lines}: is not a number")), "{error}");
+    fs::write(&file, format!("{ascii}{}  \n", &zeros[..zeros.len() - 2])).expect("written");
+    let error = read().expect_err("a number less");
+    assert!(error.contains(&format!("rot_3 of vertex 2 at line {lines}: is missing")), "{error}");
+}
+
+#[test]
+fn checkpoints() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("checkpoint-000500.ckpt");
+    let read = || Checkpoint::read(&file).map_err(|e| e.to_string());
+    let mut checkpoint = Checkpoint::new();
+    checkpoint.put_values("means", &[1.0_f32, 2.0, 3.0]);
+    checkpoint.put_text("settings", "iterations = 500");
+    checkpoint.write(&file).expect("written");
+    truncated_everywhere(&file, read);
+    foreign(&file, read);
+    // The sums see every change of a byte.
+    let whole = fs::read(&file).expect("file");
+    for at in 0..whole.len() {
+        for flip in [1, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= flip;
+            fs::write(&file, bytes).expect("damaged");
+            match read() {
+                Ok(_) => panic!("byte {at} changed and nobody saw it"),
+                Err(message) => assert!(names_the_place(&message, &file), "{message}"),
+            }
+        }
+    }
+    let mut other = whole.clone();
+    other[8] = 2;
+    fs::write(&file, other).expect("version");
+    assert!(read().expect_err("another version").contains("version at byte 8: is 2, this program reads 1"));
+}
+
+#[test]
+fn depth_maps() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("depth.exr");
+    let read = || image_out::read_depth(&file).map_err(|e| e.to_string());
+    image_out::write_depth(&file, 5, 40, &(0..200).map(|i| i as f32 * 0.37).collect::<Vec<_>>()).expect("written");
+    truncated_everywhere(&file, read);
+    foreign(&file, read);
+    assert!(damaged_everywhere(&file, read) > 0);
+}
+
+#[test]
+fn frames() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("frame.json");
+    FrameFile::new(Frame::IDENTITY).write(&file).expect("written");
+    let whole = fs::read(&file).expect("file");
+    for length in 0..whole.len() - 2 {
+        fs::write(&file, &whole[..length]).expect("truncated");
+        let error = FrameFile::read(&file).expect_err("truncated").to_string();
+        assert!(names_the_place(&error, &file), "{error}");
+    }
+}

@@ -1,0 +1,299 @@
+//! Gradients in f64 against finite differences: the brute-force renderer whole, and the projection's twin by columns.
+
+#[path = "common/guards.rs"]
+mod guards;
+#[path = "common/splats.rs"]
+mod splats;
+
+use guards::Guards;
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::scene::Camera;
+use psrgs_vk::twin::project::{Projected, project};
+use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
+use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use splats::{Random, camera, in_view};
+
+/// Families of parameters, whose units differ.
+const FAMILIES: [(&str, std::ops::Range<usize>); 5] =
+    [("mean", 0..3), ("quat", 3..7), ("log scale", 7..10), ("logit", 10..11), ("sh", 11..PARAMETERS)];
+
+/// Five-point derivative of a vector-valued function of parameter `k`.
+fn difference(splat: &Splat<f64>, k: usize, h: f64, f: &mut dyn FnMut(&Splat<f64>) -> Vec<f64>) -> Vec<f64> {
+    let mut at = |step: f64| {
+        let mut values = splat.to_array();
+        values[k] += step;
+        f(&Splat::from_array(&values))
+    };
+    let (a, b, c, d) = (at(-2.0 * h), at(-h), at(h), at(2.0 * h));
+    (0..a.len()).map(|i| (a[i] - 8.0 * b[i] + 8.0 * c[i] - d[i]) / (12.0 * h)).collect()
+}
+
+/// Weighted sum over everything an image holds.
+fn loss(image: &Image, g: &ImageGradient) -> f64 {
+    let dot = |a: &[[f64; 3]], b: &[[f64; 3]]| -> f64 {
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(x, y)| x * y).sum()
+    };
+    let scalar = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(x, y)| x * y).sum() };
+    dot(&image.color, &g.color)
+        + scalar(&image.transmittance, &g.transmittance)
+        + scalar(&image.depth, &g.depth)
+        + dot(&image.normal, &g.normal)
+}
+
+/// Which parts of the image the loss sees.
+#[derive(Clone, Copy)]
+enum Seen {
+    Color,
+    DepthAndNormal,
+    Transmittance,
+}
+
+fn random_gradient(random: &mut Random, pixels: usize, what: Seen) -> ImageGradient {
+    let mut g = ImageGradient::zeros(pixels);
+    for i in 0..pixels {
+        match what {
+            Seen::Color => g.color[i] = random.vector(),
+            Seen::DepthAndNormal => {
+                g.depth[i] = random.symmetric();
+                g.normal[i] = random.vector();
+            }
+            Seen::Transmittance => g.transmittance[i] = random.symmetric(),
+        }
+    }
+    g
+}
+
+/// A scene in which no pixel is near a threshold: finite differences do not cross one.
+fn calm_scene(first_seed: u64, camera: &Camera, settings: &Settings) -> (Vec<Splat<f64>>, Random) {
+    for seed in first_seed..first_seed + 400 {
+        let mut random = Random::new(seed);
+        let splats: Vec<_> = (0..4).map(|_| in_view(&mut random, camera)).collect();
+        let image = reference::render(&splats, camera, settings);
+        // The steps below move ln(alpha) by at most some 1e-5; conditions are some tens and more.
+        let calm = image.margin.iter().all(|m| *m > 2e-6);
+        let used = image.blended.iter().sum::<u32>() > 200;
+        if calm && used {
+            return (splats, random);
+        }
+    }
+    panic!("no scene away from thresholds from seed {first_seed}")
+}
+
+fn brute_force_against_differences(settings: Settings, what: Seen, seed: u64) {
+    let camera = camera(22, 17);
+    let (splats, mut random) = calm_scene(seed, &camera, &settings);
+    let pixels = (camera.width * camera.height) as usize;
+    let g = random_gradient(&mut random, pixels, what);
+    let analytic = reference::backward(&splats, &camera, &settings, &g);
+    for i in 0..splats.len() {
+        let got = analytic.splats[i].to_array();
+        let mut scene = splats.clone();
+        let want: Vec<f64> = (0..PARAMETERS)
+            .map(|k| {
+                difference(&splats[i], k, 1e-6, &mut |moved| {
+                    scene[i] = moved.clone();
+                    vec![loss(&reference::render(&scene, &camera, &settings), &g)]
+                })[0]
+            })
+            .collect();
+        for (name, family) in FAMILIES {
+            let scale = want[family.clone()].iter().fold(1e-3f64, |m, v| m.max(v.abs()));
+            for k in family {
+                let error = (got[k] - want[k]).abs();
+                // The second term is the rounding of the loss over the step.
+                assert!(error < 2e-6 * scale + 5e-8, "splat {i}, {name} {k}: {} against {}", got[k], want[k]);
+            }
+        }
+    }
+    // Degrees in use have gradients, the others none.
+    let used = ((settings.sh_degree + 1) * (settings.sh_degree + 1)) as usize;
+    if let Seen::Color = what {
+        for splat in &analytic.splats {
+            assert!(splat.sh[..used].iter().any(|rgb| rgb.iter().any(|v| *v != 0.0)));
+            assert!(splat.sh[used..].iter().all(|rgb| rgb.iter().all(|v| *v == 0.0)));
+        }
+    }
+}
+
+fn settings(sh_degree: u32, antialias: bool) -> Settings {
+    Settings { sh_degree, near: 0.2, antialias, background: [0.3, 0.7, 0.1] }
+}
+
+#[test]
+fn brute_force_color_gradients_of_every_sh_degree() {
+    for degree in 0..=3 {
+        brute_force_against_differences(settings(degree, false), Seen::Color, 1000 * u64::from(degree));
+    }
+}
+
+#[test]
+fn brute_force_color_gradients_with_antialiasing() {
+    brute_force_against_differences(settings(3, true), Seen::Color, 5000);
+}
+
+#[test]
+fn brute_force_depth_normal_and_transmittance_gradients() {
+    for antialias in [false, true] {
+        brute_force_against_differences(settings(1, antialias), Seen::DepthAndNormal, 6000);
+        brute_force_against_differences(settings(1, antialias), Seen::Transmittance, 7000);
+    }
+}
+
+/// Everything the projection outputs that has a gradient, in the order of `grad2d` and then the normal.
+fn outputs(p: &Projected<f64>) -> Vec<f64> {
+    let ([x, y], [a, b, c], [red, green, blue]) = (p.mean, p.conic, p.color);
+    let mut out = vec![x, y, a, b, c, p.opacity, red, green, blue, p.depth];
+    out.extend(p.normal);
+    out
+}
+
+/// The discrete state of a splat's projection; finite differences must not cross a change of it.
+fn state(splat: &Splat<f64>, view: &View<f64>) -> (bool, [bool; 2], bool, [bool; 3]) {
+    let (_, e) = psrgs_vk::twin::project::geometry(splat, view);
+    match project(splat, view, None) {
+        Ok(p) => (true, e.clamped, e.floored, p.color.map(|c| c > 0.0)),
+        Err(_) => (false, e.clamped, e.floored, [false; 3]),
+    }
+}
+
+fn projection_against_differences(projection: Projection, spread: f64, seed: u64) -> usize {
+    let camera = camera(64, 48);
+    let view = View::<f64>::exact(&camera, &projection);
+    let mut random = Random::new(seed);
+    let (mut compared, mut clamped) = (0, 0);
+    for case in 0..60 {
+        let splat = splats::spread(&mut random, &camera, spread);
+        let Ok(here) = project(&splat, &view, None) else { continue };
+        let calm = (0..PARAMETERS).all(|k| {
+            [-4e-4, 4e-4].iter().all(|h| {
+                let mut values = splat.to_array();
+                values[k] += h;
+                state(&Splat::from_array(&values), &view) == state(&splat, &view)
+            })
+        });
+        if !calm {
+            continue;
+        }
+        compared += 1;
+        clamped += usize::from(state(&splat, &view).1 != [false; 2]);
+        let slopes: Vec<Vec<f64>> = (0..PARAMETERS)
+            .map(|k| {
+                difference(&splat, k, 1e-4, &mut |moved| project(moved, &view, None).map_or(vec![], |p| outputs(&p)))
+            })
+            .collect();
+        for column in 0..13 {
+            let mut g = Grad2d { row: [0.0; 12], normal: [0.0; 3] };
+            if column < 10 {
+                g.row[column] = 1.0
+            } else {
+                g.normal[column - 10] = 1.0
+            }
+            let got = project_backward(&splat, &view, here.color, &g).to_array();
+            for (name, family) in FAMILIES {
+                let scale = family.clone().fold(0.0f64, |m, k| m.max(slopes[k][column].abs()));
+                let noise = 1e-11 * (1.0 + outputs(&here)[column].abs());
+                for k in family {
+                    let (got, want) = (got[k], slopes[k][column]);
+                    let error = (got - want).abs();
+                    assert!(error < 1e-6 * scale + noise, "case {case}, column {column}, {name} {k}: {got} against {want}");
+                }
+            }
+        }
+    }
+    assert!(compared > 30, "{compared} of 60 splats compared");
+    clamped
+}
+
+#[test]
+fn projection_twin_columns_for_every_sh_degree_and_antialiasing() {
+    for sh_degree in 0..=3 {
+        for antialias in [false, true] {
+            let projection = Projection { sh_degree, antialias, ..Projection::default() };
+            projection_against_differences(projection, 0.9, 10 + u64::from(sh_degree));
+        }
+    }
+}
+
+#[test]
+fn projection_twin_beyond_the_field_of_view_clamp() {
+    let clamped = projection_against_differences(Projection { antialias: true, ..Projection::default() }, 2.2, 77);
+    assert!(clamped > 10, "only {clamped} splats were clamped");
+}
+
+#[test]
+fn reference_clamp_doubles_the_depth_term_only_where_clamped() {
+    let camera = camera(64, 48);
+    let honest = View::<f64>::exact(&camera, &Projection::default());
+    let quirk = View::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });
+    let mut random = Random::new(5);
+    let g = Grad2d { row: [0.1, -0.2, 3.0, -2.0, 1.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], normal: [0.0; 3] };
+    let mut differed = 0;
+    for _ in 0..60 {
+        let splat = splats::spread(&mut random, &camera, 2.2);
+        let Ok(p) = project(&splat, &honest, None) else { continue };
+        let (_, e) = psrgs_vk::twin::project::geometry(&splat, &honest);
+        let a = project_backward(&splat, &honest, p.color, &g);
+        let b = project_backward(&splat, &quirk, p.color, &g);
+        assert_eq!((a.quat, a.log_scale, a.logit), (b.quat, b.log_scale, b.logit));
+        assert_eq!(a.mean != b.mean, e.clamped != [false; 2]);
+        differed += usize::from(a.mean != b.mean);
+    }
+    assert!(differed > 10);
+}
+
+/// The brute-force renderer and the twin share no arithmetic: the twin's chain rule on the renderer's 2D gradients must give the
+/// renderer's own gradients.
+#[test]
+fn projection_twin_agrees_with_the_brute_force_renderer() {
+    let camera = camera(40, 30);
+    for (antialias, sh_degree) in [(false, 3), (true, 2)] {
+        let settings = settings(sh_degree, antialias);
+        let mut random = Random::new(31);
+        let splats: Vec<_> = (0..60).map(|_| splats::spread(&mut random, &camera, 1.4)).collect();
+        let mut g = random_gradient(&mut random, 1200, Seen::Color);
+        let other = random_gradient(&mut random, 1200, Seen::DepthAndNormal);
+        (g.depth, g.normal) = (other.depth, other.normal);
+        let want = reference::backward(&splats, &camera, &settings, &g);
+        let view = View::<f64>::exact(&camera, &Projection { sh_degree, antialias, ..Projection::default() });
+        let mut touched = 0;
+        for (i, splat) in splats.iter().enumerate() {
+            let Ok(p) = project(splat, &view, None) else { continue };
+            let grad = Grad2d { row: want.grad2d[i], normal: want.normals[i] };
+            let got = project_backward(splat, &view, p.color, &grad).to_array();
+            let want = want.splats[i].to_array();
+            touched += usize::from(want.iter().any(|v| *v != 0.0));
+            for (name, family) in FAMILIES {
+                let scale = want[family.clone()].iter().fold(1e-12f64, |m, v| m.max(v.abs()));
+                for k in family {
+                    assert!((got[k] - want[k]).abs() < 1e-9 * scale, "{i} {name} {k}: {} against {}", got[k], want[k]);
+                }
+            }
+        }
+        assert!(touched > 30);
+    }
+}
+
+#[test]
+fn guards_object_to_each_kind_of_error() {
+    let mut random = Random::new(3);
+    let want: Vec<f64> = (0..400).map(|_| random.symmetric() + 2.0 * random.symmetric().signum()).collect();
+    let rounded: Vec<f32> = want.iter().map(|v| *v as f32).collect();
+    let guards = Guards::of(1e-4);
+    assert_eq!(guards.verdict(4, &rounded, &want), Ok(()));
+    let objects = |change: &dyn Fn(&mut [f32]), word: &str| {
+        let mut got = rounded.clone();
+        change(&mut got);
+        let verdict = guards.verdict(4, &got, &want);
+        assert!(verdict.as_ref().is_err_and(|why| why.contains(word)), "{verdict:?} lacks {word}");
+    };
+    objects(&|got| got[17] *= 1.01, "element");
+    objects(&|got| got[17] = f32::NAN, "element");
+    objects(&|got| got[8..12].fill(0.0), "row 2");
+    objects(
+        &|got| got.iter_mut().enumerate().for_each(|(i, v)| *v *= if i % 2 == 0 { 1.00005 } else { 0.99995 }),
+        "norm",
+    );
+    objects(&|got| got.iter_mut().for_each(|v| *v *= 1.00002), "bias");
+    assert!(guards.verdict(4, &[1.0; 4], &[0.0; 4]).is_err());
+}
