@@ -196,7 +196,10 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
                 for k in family {
                     let (got, want) = (got[k], slopes[k][column]);
                     let error = (got - want).abs();
-                    assert!(error < 1e-6 * scale + noise, "case {case}, column {column}, {name} {k}: {got} against {want}");
+                    assert!(
+                        error < 1e-6 * scale + noise,
+                        "case {case}, column {column}, {name} {k}: {got} against {want}"
+                    );
                 }
             }
         }

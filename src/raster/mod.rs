@@ -1,1 +1,5 @@
-//! (module raster)
+//! Passes composed into a differentiable renderer.
+
+pub mod scan;
+pub mod sort;
+pub mod tiles;

@@ -1,6 +1,63 @@
 //! Every registered pass against its twin.
+//!
+//! A module per pass (or per family of passes) with `pub fn run(gpu: &Gpu)`, and a line in [`cases!`] with the kernels it
+//! covers; a kernel without one fails [`every_pass_has_a_case`].
 
+// Nothing of a test binary is reachable from outside.
+#![allow(unreachable_pub)]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod harness;
+
+mod compact;
 mod density;
 mod density_model;
 mod density_reference;
 mod density_twin;
+mod emit;
+mod fill;
+mod plan;
+mod radix;
+mod scan;
+mod subgroup_probe;
+mod tile_ranges;
+
+use psrgs_vk::pass;
+
+macro_rules! cases {
+    ($($module:ident: $($kernel:literal)+;)+) => {
+        $(
+            #[test]
+            fn $module() {
+                if let Some(gpu) = common::gpu() {
+                    $module::run(&gpu);
+                    common::assert_no_messages(&gpu);
+                }
+            }
+        )+
+        const COVERED: &[&str] = &[$($($kernel),+),+];
+    };
+}
+
+cases! {
+    compact: "compact" "gather_counts";
+    emit: "emit";
+    fill: "fill";
+    plan: "plan" "finish";
+    radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
+        "radix_scatter_groups_emulated";
+    scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
+        "scan_add_emulated";
+    subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
+    tile_ranges: "tile_ranges";
+}
+
+#[test]
+fn every_pass_has_a_case() {
+    let registered: Vec<&str> = pass::ALL.iter().map(|pass| pass.kernel.name).collect();
+    let without: Vec<_> = registered.iter().filter(|name| !COVERED.contains(name)).collect();
+    assert!(without.is_empty(), "passes without a twin test: {without:?}");
+    let unknown: Vec<_> = COVERED.iter().filter(|name| !registered.contains(name)).collect();
+    assert!(unknown.is_empty(), "tests of passes that are not registered: {unknown:?}");
+}

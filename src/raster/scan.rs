@@ -1,0 +1,108 @@
+//! Exclusive prefix sum of words on the device.
+
+use crate::pass::plan::{Entry, NO_COUNTER};
+use crate::pass::scan::{self as pass, Push};
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+
+/// Words that one workgroup sums.
+pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
+
+/// How many words there are, and the dispatches that cover them.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent<'a> {
+    /// Counter that holds the count, or [`NO_COUNTER`].
+    pub source: u32,
+    /// The count when there is no counter.
+    pub count: u32,
+    /// The words are `ceil(count / divide) * multiply`.
+    pub divide: u32,
+    /// See `divide`.
+    pub multiply: u32,
+    /// One workgroup per [`BLOCK`] words.
+    pub blocks: Groups<'a>,
+    /// One workgroup, or none when the event is void.
+    pub once: Groups<'a>,
+}
+
+impl<'a> Extent<'a> {
+    /// A number of words that the host knows.
+    pub fn host(count: u32) -> Extent<'a> {
+        let blocks = Groups::Workgroups(u64::from(count.div_ceil(BLOCK)));
+        Extent { source: NO_COUNTER, count, divide: 1, multiply: 1, blocks, once: Groups::Workgroups(1) }
+    }
+
+    /// As many words as a counter says. Entry `blocks` of `args` was planned by [`entry`], entry `once` by
+    /// [`Entry::fixed`]`(1)`.
+    pub fn counted(source: u32, args: &'a Buffer, blocks: u32, once: u32) -> Extent<'a> {
+        Extent {
+            source,
+            count: 0,
+            divide: 1,
+            multiply: 1,
+            blocks: Groups::Indirect(args, Entry::offset(blocks)),
+            once: Groups::Indirect(args, Entry::offset(once)),
+        }
+    }
+}
+
+/// The entry of `args` for a prefix sum over a counter.
+pub const fn entry() -> Entry {
+    Entry::items(BLOCK)
+}
+
+/// What is summed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Summand {
+    /// The words.
+    Words,
+    /// 1 for every word that is not 0.
+    NonZero,
+}
+
+/// The three passes and the sums between them.
+pub struct Scan {
+    reduce: Pipeline,
+    spine: Pipeline,
+    add: Pipeline,
+    sums: Buffer,
+}
+
+impl Scan {
+    /// For up to `most` words at a time. `name` is the owner's, for the buffer.
+    pub fn new(gpu: &Gpu, name: &str, most: u64) -> Result<Scan> {
+        let (kernels, width) = match gpu.caps().subgroup {
+            Subgroup::Hardware(_) => ([&pass::REDUCE, &pass::SPINE, &pass::ADD], None),
+            Subgroup::Emulated(width) => {
+                ([&pass::REDUCE_EMULATED, &pass::SPINE_EMULATED, &pass::ADD_EMULATED], Some(("EMULATED_WIDTH", width)))
+            }
+        };
+        let [reduce, spine, add] = kernels.map(|pass| gpu.pipeline(&pass.kernel, width.as_slice()));
+        let bytes = 4 * most.div_ceil(u64::from(BLOCK)).max(1);
+        let sums = gpu.buffer(&format!("{name}.sums"), bytes, Memory::Device)?;
+        Ok(Scan { reduce: reduce?, spine: spine?, add: add?, sums })
+    }
+
+    /// Writes to `target[i]` the sum of `source[0..i]`, and the sum of all to counter `total` (or nowhere: [`NO_COUNTER`]).
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        source: &Buffer,
+        target: &Buffer,
+        counters: &Buffer,
+        extent: Extent<'_>,
+        summand: Summand,
+        total: u32,
+    ) -> Result<()> {
+        let push = Push {
+            source: extent.source,
+            count: extent.count,
+            divide: extent.divide,
+            multiply: extent.multiply,
+            predicate: u32::from(summand == Summand::NonZero),
+            total,
+        };
+        rec.dispatch(&self.reduce, &[source, counters, &self.sums], &push, extent.blocks)?;
+        rec.dispatch(&self.spine, &[counters, &self.sums], &push, extent.once)?;
+        rec.dispatch(&self.add, &[source, counters, &self.sums, target], &push, extent.blocks)
+    }
+}

@@ -1,0 +1,195 @@
+//! Stable radix sort of (key, value) words on the device, least significant digit first.
+
+use super::scan::{BLOCK as SCAN_BLOCK, Extent, Scan, Summand};
+use crate::pass::plan::{Entry, NO_COUNTER};
+use crate::pass::radix::{self as pass, Push};
+use crate::vk::{Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+
+/// How the passes split their work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear.
+    Runs,
+    /// A workgroup owns a block of keys: for GPUs.
+    Groups,
+}
+
+impl Shape {
+    /// The shape for a device.
+    pub fn of(caps: &Caps) -> Shape {
+        if caps.kind == DeviceKind::Cpu { Shape::Runs } else { Shape::Groups }
+    }
+
+    /// Keys in a block, a column of the table of digit counts.
+    pub const fn block(self) -> u32 {
+        match self {
+            Shape::Runs => pass::RUNS_BLOCK,
+            Shape::Groups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS,
+        }
+    }
+
+    /// Keys covered by one workgroup.
+    pub const fn keys_per_group(self) -> u32 {
+        match self {
+            Shape::Runs => pass::RUNS_BLOCK * pass::RUNS_LOCAL_SIZE,
+            Shape::Groups => self.block(),
+        }
+    }
+
+    /// The digits of a sort by the lowest `bits` bits: as few as the shape allows, all of the same width but for the bits that
+    /// the last one leaves out.
+    pub fn digits(self, bits: u32) -> Digits {
+        let most = match self {
+            Shape::Runs => pass::RUNS_BITS,
+            Shape::Groups => pass::GROUPS_BITS,
+        };
+        let bits = bits.min(32);
+        let passes = bits.div_ceil(most);
+        Digits { bits, passes, width: bits.div_ceil(passes.max(1)) }
+    }
+
+    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes, the prefix sum of the table.
+    pub fn entries(self, bits: u32) -> [Entry; 2] {
+        let table = Entry { divide: self.block(), multiply: self.digits(bits).rows(), items: SCAN_BLOCK };
+        [Entry::items(self.keys_per_group()), table]
+    }
+}
+
+/// The digits of a sort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Digits {
+    bits: u32,
+    /// Number of digits.
+    pub passes: u32,
+    /// Bits of a digit.
+    pub width: u32,
+}
+
+impl Digits {
+    /// Values of a digit: rows of the table.
+    pub fn rows(self) -> u32 {
+        1 << self.width
+    }
+
+    /// The ping-pong side that holds the result when side 0 held the input.
+    pub fn side(self) -> usize {
+        (self.passes % 2) as usize
+    }
+
+    fn shift_and_mask(self, digit: u32) -> (u32, u32) {
+        let shift = digit * self.width;
+        (shift, (1 << self.width.min(self.bits - shift)) - 1)
+    }
+}
+
+/// How many keys there are.
+#[derive(Clone, Copy, Debug)]
+pub enum Keys<'a> {
+    /// A number that the host knows.
+    Host(u32),
+    /// As many as a counter says.
+    Counted {
+        /// The counter.
+        counter: u32,
+        /// Workgroup numbers.
+        args: &'a Buffer,
+        /// The entry of the two of [`Shape::entries`].
+        first: u32,
+        /// An entry of [`Entry::fixed`]`(1)`.
+        once: u32,
+    },
+}
+
+/// The passes and their tables.
+pub struct RadixSort {
+    shape: Shape,
+    count: Pipeline,
+    scatter: Pipeline,
+    table: Buffer,
+    places: Buffer,
+    scan: Scan,
+}
+
+impl RadixSort {
+    /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffers.
+    pub fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<RadixSort> {
+        let (count, scatter, width) = match (shape, gpu.caps().subgroup) {
+            (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
+            (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
+            (Shape::Groups, Subgroup::Emulated(width)) => {
+                (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
+            }
+        };
+        // Fewer bits may mean wider digits: 17 are three of 6, 16 are two of 8.
+        let rows = (0..=bits).map(|bits| shape.digits(bits).rows()).max().unwrap_or(1);
+        let words = most.div_ceil(u64::from(shape.block())).max(1) * u64::from(rows);
+        Ok(RadixSort {
+            shape,
+            count: gpu.pipeline(&count.kernel, width.as_slice())?,
+            scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
+            table: gpu.buffer(&format!("{name}.table"), 4 * words, Memory::Device)?,
+            places: gpu.buffer(&format!("{name}.places"), 4 * words, Memory::Device)?,
+            scan: Scan::new(gpu, name, words)?,
+        })
+    }
+
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        keys: [&Buffer; 2],
+        vals: [&Buffer; 2],
+        counters: &Buffer,
+        extent: Keys<'_>,
+        bits: u32,
+    ) -> Result<usize> {
+        let digits = self.shape.digits(bits);
+        let block = self.shape.block();
+        let (source, number, groups, table) = match extent {
+            Keys::Host(n) => {
+                let groups = Groups::Workgroups(u64::from(n.div_ceil(self.shape.keys_per_group())));
+                let words = n.div_ceil(block).saturating_mul(digits.rows());
+                (NO_COUNTER, n, groups, Extent::host(words))
+            }
+            Keys::Counted { counter, args, first, once } => {
+                let table = Extent {
+                    divide: block,
+                    multiply: digits.rows(),
+                    ..Extent::counted(counter, args, first + 1, once)
+                };
+                (counter, 0, Groups::Indirect(args, Entry::offset(first)), table)
+            }
+        };
+        let (table_buffer, places) = (&self.table, &self.places);
+        for digit in 0..digits.passes {
+            let (from, to) = ((digit % 2) as usize, (digit as usize + 1) % 2);
+            let (shift, mask) = digits.shift_and_mask(digit);
+            let push = Push { source, count: number, shift, mask, digits: digits.rows() };
+            rec.dispatch(&self.count, &[keys[from], counters, table_buffer], &push, groups)?;
+            self.scan.record(rec, table_buffer, places, counters, table, Summand::Words, NO_COUNTER)?;
+            let bound = [keys[from], vals[from], counters, places, keys[to], vals[to]];
+            rec.dispatch(&self.scatter, &bound, &push, groups)?;
+        }
+        Ok(digits.side())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Shape;
+
+    #[test]
+    fn digits_cover_every_bit_once() {
+        for shape in [Shape::Runs, Shape::Groups] {
+            for bits in 0..=32 {
+                let digits = shape.digits(bits);
+                let covered = (0..digits.passes).fold(0u64, |seen, digit| {
+                    let (shift, mask) = digits.shift_and_mask(digit);
+                    assert!(mask < digits.rows() && seen & (u64::from(mask) << shift) == 0, "{shape:?} {bits}");
+                    seen | u64::from(mask) << shift
+                });
+                assert_eq!(covered, (1u64 << bits) - 1, "{shape:?} {bits}");
+            }
+        }
+    }
+}

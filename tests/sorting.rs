@@ -1,0 +1,320 @@
+//! The prefix sum, the radix sort and the tile lists as the renderer records them, against plain CPU code.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use psrgs_vk::pass::counters;
+use psrgs_vk::pass::plan::{self, Entry, NO_COUNTER};
+use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
+use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
+use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, TileLists};
+use psrgs_vk::twin::tile::{TileGrid, list};
+use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
+
+fn words(state: u64, count: usize) -> Vec<u32> {
+    let mut state = state;
+    (0..count)
+        .map(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 32) as u32
+        })
+        .collect()
+}
+
+fn upload(gpu: &Gpu, name: &str, content: &[u32]) -> Buffer {
+    let buffer = gpu.buffer(name, 4 * content.len().max(1) as u64, Memory::Device).unwrap();
+    gpu.write(&buffer, content).unwrap();
+    buffer
+}
+
+fn counters_with(gpu: &Gpu, set: &[(usize, u32)]) -> Buffer {
+    let mut counts = [0u32; counters::COUNT];
+    set.iter().for_each(|&(i, value)| counts[i] = value);
+    upload(gpu, "counters", &counts)
+}
+
+/// Plans `entries` for a counter into a fresh args buffer.
+fn planned(gpu: &Gpu, counts: &Buffer, counter: u32, entries: &[Entry]) -> Buffer {
+    let args = upload(gpu, "args", &words(9, 128));
+    let mut rec = gpu.recorder("plan").unwrap();
+    let pipeline = gpu.pipeline(&plan::PASS.kernel, &[]).unwrap();
+    let push = plan::Push::unlimited(counter, 0, entries);
+    rec.dispatch(&pipeline, &[counts, &args], &push, Groups::Workgroups(1)).unwrap();
+    rec.submit().unwrap();
+    args
+}
+
+/// Sorts on the device, with the count on the host or in a counter, and compares with a stable sort of 64-bit (key, position).
+fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
+    let n = keys.len();
+    let what = format!("{shape:?}, {n} keys, {bits} bits, counted {counted}");
+    let sorter = RadixSort::new(gpu, "test", shape, n as u64, bits).unwrap();
+    // One word more than the keys, which must stay.
+    let with_tail = |content: Vec<u32>| [content, vec![0x1234_5678]].concat();
+    let sides = |name: &str, content: Vec<u32>| {
+        [upload(gpu, name, &with_tail(content)), upload(gpu, name, &with_tail(words(1, n)))]
+    };
+    let keys_buffers = sides("keys", keys.to_vec());
+    let vals_buffers = sides("vals", (0..n as u32).collect());
+    let counter = counters::VISIBLE as u32;
+    let counts = counters_with(gpu, &[(counters::VISIBLE, n as u32)]);
+    let [passes, table] = shape.entries(bits);
+    let args = planned(gpu, &counts, counter, &[passes, table, Entry::fixed(1)]);
+    let extent = if counted { Keys::Counted { counter, args: &args, first: 0, once: 2 } } else { Keys::Host(n as u32) };
+    let mut rec = gpu.recorder("sort").unwrap();
+    let k = [&keys_buffers[0], &keys_buffers[1]];
+    let v = [&vals_buffers[0], &vals_buffers[1]];
+    let side = sorter.record(&mut rec, k, v, &counts, extent, bits).unwrap();
+    assert_eq!(side, shape.digits(bits).side());
+    let start = std::time::Instant::now();
+    gpu.wait(rec.submit().unwrap()).unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    if n >= 100_000 {
+        println!("{what}: {:.1} ms, {:.1} Mkeys/s", 1e3 * seconds, 1e-6 * n as f64 / seconds);
+    }
+    let mask = ((1u64 << bits) - 1) as u32;
+    let mut expected: Vec<u64> = keys.iter().zip(0u64..).map(|(&k, i)| u64::from(k & mask) << 32 | i).collect();
+    expected.sort_unstable();
+    let vals: Vec<u32> = gpu.read(v[side]).unwrap();
+    let sorted: Vec<u32> = gpu.read(k[side]).unwrap();
+    for (j, &pair) in expected.iter().enumerate() {
+        let from = pair as u32;
+        assert_eq!((vals[j], sorted[j]), (from, keys[from as usize]), "{what}: place {j}");
+    }
+    assert_eq!((vals[n], sorted[n]), (0x1234_5678, 0x1234_5678), "{what}: written past the end");
+}
+
+#[test]
+fn radix_sort_agrees_with_a_64_bit_sort() {
+    let Some(gpu) = common::gpu() else { return };
+    for shape in [Shape::Runs, Shape::Groups] {
+        for n in [0, 1, 255, 256, 257, 8191, 8192, 8193, 30_000] {
+            let random = words(n as u64, n);
+            sort(&gpu, shape, &random, 32, true);
+            sort(&gpu, shape, &random, 31, false);
+            for bits in [1, 5, 9, 14] {
+                sort(&gpu, shape, &random, bits, true);
+            }
+            sort(&gpu, shape, &vec![0xabcd_ef01; n], 32, true);
+            let ascending: Vec<u32> = (0..n as u32).collect();
+            sort(&gpu, shape, &ascending, 17, true);
+            let descending: Vec<u32> = ascending.iter().rev().copied().collect();
+            sort(&gpu, shape, &descending, 17, true);
+        }
+    }
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn radix_sort_of_a_million_and_more() {
+    let Some(gpu) = common::gpu() else { return };
+    for shape in [Shape::Runs, Shape::Groups] {
+        sort(&gpu, shape, &words(3, 1_000_000), 32, true);
+        // Tiles of a 4K image in 8x8 tiles, more numbers than 16 bits hold.
+        let tiles: Vec<u32> = words(5, 3_000_001).iter().map(|w| w % 129_601).collect();
+        sort(&gpu, shape, &tiles, 17, true);
+    }
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn prefix_sum_of_millions() {
+    let Some(gpu) = common::gpu() else { return };
+    let n = (1usize << 22) + 77;
+    let source = words(8, n);
+    let input = upload(&gpu, "source", &source);
+    let output = upload(&gpu, "target", &words(4, n));
+    let counts = counters_with(&gpu, &[(counters::PAIRS, n as u32)]);
+    let args = planned(&gpu, &counts, counters::PAIRS as u32, &[scan::entry(), Entry::fixed(1)]);
+    let scan = Scan::new(&gpu, "test", n as u64).unwrap();
+    for extent in [Extent::host(n as u32), Extent::counted(counters::PAIRS as u32, &args, 0, 1)] {
+        let mut rec = gpu.recorder("scan").unwrap();
+        let total = counters::SCAN_TOTAL as u32;
+        scan.record(&mut rec, &input, &output, &counts, extent, Summand::Words, total).unwrap();
+        rec.submit().unwrap();
+        let mut sum = 0u32;
+        for (i, (&word, prefix)) in source.iter().zip(gpu.read::<u32>(&output).unwrap()).enumerate() {
+            assert_eq!(prefix, sum, "word {i}");
+            sum = sum.wrapping_add(word);
+        }
+        assert_eq!(gpu.read::<u32>(&counts).unwrap()[counters::SCAN_TOTAL], sum);
+    }
+    assert_ne!(NO_COUNTER, counters::SCAN_TOTAL as u32);
+}
+
+struct Scene {
+    grid: TileGrid,
+    rows: Vec<[f32; 12]>,
+    tiles: Vec<Vec<u32>>,
+}
+
+impl Scene {
+    /// Splats with many equal depths; every fifth is off screen.
+    fn new(n: usize, grid: TileGrid) -> Scene {
+        let random = words(n as u64 + 100, 6 * n);
+        let unit = |w: u32| (w >> 8) as f32 / (1 << 24) as f32;
+        let rows: Vec<[f32; 12]> = random
+            .chunks(6)
+            .enumerate()
+            .map(|(i, r)| {
+                let [s0, s1] = [0.6 * (3.5 * unit(r[2])).exp(), 0.6 * (3.5 * unit(r[3])).exp()];
+                let (sin, cos) = (3.0 * unit(r[4])).sin_cos();
+                let (a, b) = (1.0 / (s0 * s0), 1.0 / (s1 * s1));
+                let off = if i % 5 == 0 { 1e4 } else { 0.0 };
+                let (x, y) = (unit(r[0]) * grid.image[0] as f32 + off, unit(r[1]) * grid.image[1] as f32);
+                let depth = 0.25 + (r[5] % 50) as f32;
+                let (ca, cb, cc) = (cos * cos * a + sin * sin * b, cos * sin * (a - b), sin * sin * a + cos * cos * b);
+                [x, y, ca, cb, cc, 0.01 + 0.9 * unit(r[4]), depth, 0.0, 0.0, 0.0, 0.0, 0.0]
+            })
+            .collect();
+        let tiles = rows.iter().map(|r| list([r[0], r[1]], [r[2], r[3], r[4]], r[5], &grid)).collect();
+        Scene { grid, rows, tiles }
+    }
+
+    fn pairs(&self) -> usize {
+        self.tiles.iter().map(Vec::len).sum()
+    }
+
+    /// (tile, depth bits, splat) of every pair, sorted.
+    fn expected(&self) -> Vec<(u32, u32, u32)> {
+        let mut all: Vec<_> = self
+            .tiles
+            .iter()
+            .zip(&self.rows)
+            .zip(0..)
+            .flat_map(|((tiles, row), i)| tiles.iter().map(move |&tile| (tile, row[6].to_bits(), i)))
+            .collect();
+        all.sort_unstable();
+        all
+    }
+}
+
+struct Frame {
+    splat2d: Buffer,
+    tile_counts: Buffer,
+    counts: Buffer,
+    args: Buffer,
+}
+
+fn frame(gpu: &Gpu, scene: &Scene) -> Frame {
+    let rows: Vec<u32> = scene.rows.iter().flatten().map(|x| x.to_bits()).collect();
+    let per_splat: Vec<u32> = scene.tiles.iter().map(|tiles| tiles.len() as u32).collect();
+    Frame {
+        splat2d: upload(gpu, "splat2d", &rows),
+        tile_counts: upload(gpu, "tile_counts", &per_splat),
+        counts: counters_with(gpu, &[(counters::SPLATS, scene.rows.len() as u32), (counters::PAIRS, 12345)]),
+        args: upload(gpu, "args", &words(17, 128)),
+    }
+}
+
+fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &Frame, grid: &TileGrid) -> Lists<'a> {
+    let Frame { splat2d, tile_counts, counts, args } = frame;
+    let mut rec = gpu.recorder("lists").unwrap();
+    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry: 32 - ENTRIES };
+    let result = lists.record(&mut rec, inputs, grid).unwrap();
+    rec.submit().unwrap();
+    result
+}
+
+fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &Lists<'_>) {
+    let expected = scene.expected();
+    let counts: Vec<u32> = gpu.read(&frame.counts).unwrap();
+    let visible = scene.tiles.iter().filter(|tiles| !tiles.is_empty()).count();
+    assert_eq!(counts[counters::STATUS], 0);
+    assert_eq!(counts[counters::VISIBLE] as usize, visible);
+    assert_eq!(counts[counters::PAIRS] as usize, expected.len());
+    let splats: Vec<u32> = gpu.read(result.sorted_splats).unwrap();
+    let slots: Vec<u32> = gpu.read(result.sorted_slots).unwrap();
+    let slot_splat: Vec<u32> = gpu.read(result.slot_splat).unwrap();
+    for (j, &(_, _, splat)) in expected.iter().enumerate() {
+        assert_eq!(splats[j], splat, "pair {j}");
+        assert_eq!(slot_splat[slots[j] as usize], splat, "pair {j}");
+    }
+    let mut ranges = BTreeMap::new();
+    for (j, &(tile, ..)) in expected.iter().enumerate() {
+        ranges.entry(tile).or_insert([j as u32, 0])[1] = j as u32 + 1;
+    }
+    let [columns, rows] = scene.grid.counts();
+    let found: Vec<[u32; 2]> = gpu.read(result.tile_ranges).unwrap();
+    for tile in 0..columns * rows {
+        assert_eq!(found[tile as usize], ranges.get(&tile).copied().unwrap_or([0, 0]), "tile {tile}");
+    }
+    // A splat's slots are consecutive, in depth order.
+    let order: Vec<u32> = gpu.read(result.order).unwrap();
+    let offsets: Vec<u32> = gpu.read(result.pair_offsets).unwrap();
+    let mut slot = 0;
+    for k in 0..visible {
+        assert_eq!(offsets[k] as usize, slot);
+        let count = scene.tiles[order[k] as usize].len();
+        assert!(slot_splat[slot..slot + count].iter().all(|&s| s == order[k]));
+        slot += count;
+    }
+}
+
+#[test]
+fn tile_lists_hold_every_pair_in_depth_order() {
+    let Some(gpu) = common::gpu() else { return };
+    let grids = [
+        TileGrid { image: [640, 360], tile: [16, 16] },
+        TileGrid { image: [250, 131], tile: [8, 8] },
+        TileGrid { image: [64, 64], tile: [16, 16] },
+    ];
+    for shape in [Shape::Runs, Shape::Groups] {
+        for (grid, n) in grids.into_iter().zip([5000, 1025, 1]) {
+            let scene = Scene::new(n, grid);
+            let capacities = Capacities { splats: n as u64, pairs: scene.pairs() as u64, tiles: 1000 };
+            let lists = TileLists::with_shape(&gpu, capacities, shape).unwrap();
+            let frame = frame(&gpu, &scene);
+            // Twice, so that the second run meets the leavings of the first.
+            for _ in 0..2 {
+                let result = record(&gpu, &lists, &frame, &scene.grid);
+                check(&gpu, &scene, &frame, &result);
+            }
+        }
+    }
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn no_splats_and_all_culled_give_empty_lists() {
+    let Some(gpu) = common::gpu() else { return };
+    let grid = TileGrid { image: [100, 100], tile: [16, 16] };
+    let mut culled = Scene::new(100, grid);
+    culled.tiles.iter_mut().for_each(Vec::clear);
+    let mut none = Scene::new(1, grid);
+    none.tiles[0].clear();
+    for (scene, splats) in [(&culled, 100), (&none, 0)] {
+        let lists = TileLists::new(&gpu, Capacities { splats: 100, pairs: 10, tiles: 100 }).unwrap();
+        let frame = frame(&gpu, scene);
+        gpu.write(&frame.counts, &[0u32, splats]).unwrap();
+        let result = record(&gpu, &lists, &frame, &grid);
+        check(&gpu, scene, &frame, &result);
+    }
+}
+
+#[test]
+fn too_many_pairs_set_the_status_and_emit_nothing() {
+    let Some(gpu) = common::gpu() else { return };
+    let grid = TileGrid { image: [640, 360], tile: [16, 16] };
+    let scene = Scene::new(2000, grid);
+    let pairs = scene.pairs() as u64;
+    let small = TileLists::new(&gpu, Capacities { splats: 2000, pairs: pairs - 1, tiles: 1000 }).unwrap();
+    let frame = frame(&gpu, &scene);
+    let result = record(&gpu, &small, &frame, &grid);
+    let counts: Vec<u32> = gpu.read(&frame.counts).unwrap();
+    assert_eq!(counts[counters::STATUS], counters::PAIRS_BIT);
+    assert_eq!(u64::from(counts[counters::WANT_PAIRS]), pairs);
+    let ranges: Vec<u32> = gpu.read(result.tile_ranges).unwrap();
+    assert!(ranges.iter().all(|&word| word == 0), "a void event has lists");
+    // Later events are void as well, and do not touch the counts.
+    record(&gpu, &small, &frame, &grid);
+    assert_eq!(gpu.read::<u32>(&frame.counts).unwrap(), counts);
+    let args: Vec<[u32; 4]> = gpu.read(&frame.args).unwrap();
+    assert!(args[32 - ENTRIES as usize..].iter().all(|entry| *entry == [0; 4]));
+    // Cleared and with room, the same frame comes out whole.
+    let large = TileLists::new(&gpu, Capacities { splats: 2000, pairs, tiles: 1000 }).unwrap();
+    gpu.write(&frame.counts, &[0u32]).unwrap();
+    let result = record(&gpu, &large, &frame, &grid);
+    check(&gpu, &scene, &frame, &result);
+}

@@ -1,0 +1,281 @@
+//! The ellipse-tile test against brute force over the pixels: no pixel that a splat shows in may lie outside the listed tiles.
+
+use std::collections::HashSet;
+
+use psrgs_vk::twin::tile::{TileGrid, count, list};
+
+/// A small counter-based generator.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn log_between(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.ln(), high.ln()).exp()
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[(self.next() % from.len() as u64) as usize]
+    }
+}
+
+/// A splat as stored.
+#[derive(Clone, Copy, Debug)]
+struct Splat {
+    mean: [f32; 2],
+    conic: [f32; 3],
+    opacity: f32,
+}
+
+/// The conic of an ellipse with standard deviations `s`, the first along `angle`.
+fn conic(s: [f64; 2], angle: f64) -> [f32; 3] {
+    let (sin, cos) = angle.sin_cos();
+    let (i, j) = (1.0 / (s[0] * s[0]), 1.0 / (s[1] * s[1]));
+    [cos * cos * i + sin * sin * j, cos * sin * (i - j), sin * sin * i + cos * cos * j].map(|x| x as f32)
+}
+
+fn q(splat: &Splat, x: f64, y: f64) -> f64 {
+    let [a, b, c] = splat.conic.map(f64::from);
+    let (dx, dy) = (x - f64::from(splat.mean[0]), y - f64::from(splat.mean[1]));
+    a * dx * dx + 2.0 * b * dx * dy + c * dy * dy
+}
+
+/// The alpha that blending computes in f32, with the formula of the conventions; 0 where it skips.
+fn alpha32(splat: &Splat, x: f32, y: f32) -> f32 {
+    let [a, b, c] = splat.conic;
+    let (dx, dy) = (x - splat.mean[0], y - splat.mean[1]);
+    let power = -0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy;
+    if power > 0.0 { 0.0 } else { (splat.opacity * power.exp()).min(0.99) }
+}
+
+/// The same with every multiplication and addition contracted that can be.
+fn alpha32_fused(splat: &Splat, x: f32, y: f32) -> f32 {
+    let [a, b, c] = splat.conic;
+    let (dx, dy) = (x - splat.mean[0], y - splat.mean[1]);
+    let power = (-b * dx).mul_add(dy, -0.5 * (a * dx).mul_add(dx, c * dy * dy));
+    if power > 0.0 { 0.0 } else { (splat.opacity * power.exp()).min(0.99) }
+}
+
+/// Smallest q over a rectangle of pixel centres, and where.
+fn least_q(splat: &Splat, x: [f64; 2], y: [f64; 2]) -> (f64, [f64; 2]) {
+    let [a, b, c] = splat.conic.map(f64::from);
+    let mean = splat.mean.map(f64::from);
+    let mut best = (f64::INFINITY, [0.0; 2]);
+    let mut consider = |px: f64, py: f64| {
+        let value = q(splat, px, py);
+        if value < best.0 {
+            best = (value, [px, py]);
+        }
+    };
+    consider(mean[0].clamp(x[0], x[1]), mean[1].clamp(y[0], y[1]));
+    for edge in x {
+        let free = mean[1] - b * (edge - mean[0]) / c;
+        consider(edge, free.clamp(y[0], y[1]));
+    }
+    for edge in y {
+        let free = mean[0] - b * (edge - mean[1]) / a;
+        consider(free.clamp(x[0], x[1]), edge);
+    }
+    best
+}
+
+#[derive(Default)]
+struct Tally {
+    splats: usize,
+    listed: usize,
+    beyond: usize,
+    visible: usize,
+}
+
+/// Checks one splat: nothing lost, and with `tight` nothing listed beyond the documented margins.
+fn check(splat: &Splat, grid: &TileGrid, tight: bool, tally: &mut Tally) {
+    let tiles = list(splat.mean, splat.conic, splat.opacity, grid);
+    assert_eq!(tiles.len(), count(splat.mean, splat.conic, splat.opacity, grid) as usize);
+    let listed: HashSet<u32> = tiles.iter().copied().collect();
+    assert_eq!(listed.len(), tiles.len(), "a tile twice: {splat:?}");
+    let columns = grid.counts()[0];
+    for j in 0..grid.image[1] {
+        for i in 0..grid.image[0] {
+            let tile = j / grid.tile[1] * columns + i / grid.tile[0];
+            if listed.contains(&tile) {
+                continue;
+            }
+            let (x, y) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
+            let value = q(splat, x, y);
+            let alpha = f64::from(splat.opacity) * (-0.5 * value).exp();
+            let seen = value >= 0.0 && alpha >= (1.0 + 1e-6) / 255.0;
+            let (x, y) = (x as f32, y as f32);
+            let seen32 = alpha32(splat, x, y).max(alpha32_fused(splat, x, y)) >= 1.0 / 255.0;
+            assert!(
+                !seen && !seen32,
+                "pixel ({i}, {j}) of tile {tile} is lost: alpha {alpha} q {value} {splat:?} {grid:?}"
+            );
+        }
+    }
+    let level = 2.0 * (255.0 * f64::from(splat.opacity)).ln();
+    let [a, b, c] = splat.conic.map(f64::from);
+    let steepest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
+    tally.splats += 1;
+    tally.listed += tiles.len();
+    tally.visible += usize::from(!tiles.is_empty());
+    for tile in tiles {
+        let (row, column) = (tile / columns, tile % columns);
+        let span =
+            |k: u32, size: u32, most: u32| [f64::from(k * size) + 0.5, f64::from(((k + 1) * size).min(most)) - 0.5];
+        let x = span(column, grid.tile[0], grid.image[0]);
+        let y = span(row, grid.tile[1], grid.image[1]);
+        let (least, at) = least_q(splat, x, y);
+        tally.beyond += usize::from(least > level);
+        if tight {
+            let d = [at[0] - f64::from(splat.mean[0]), at[1] - f64::from(splat.mean[1])];
+            let reach = f64::from(splat.mean[0].abs() + splat.mean[1].abs()) + d[0].abs() + d[1].abs();
+            let end = 2f64.powi(-19) * reach;
+            let slack = 2f64.powi(-13)
+                + 2f64.powi(-18) * (a * d[0] * d[0] + c * d[1] * d[1])
+                + 4.0 * end * (steepest * level.max(1e-3)).sqrt()
+                + 2.0 * steepest * end * end;
+            assert!(
+                least <= level + slack,
+                "tile {tile} is listed at q {least} over {level} + {slack}: {splat:?} {grid:?}"
+            );
+        }
+    }
+}
+
+fn grids() -> [TileGrid; 4] {
+    [
+        TileGrid { image: [70, 53], tile: [16, 16] },
+        TileGrid { image: [64, 48], tile: [8, 8] },
+        TileGrid { image: [129, 33], tile: [32, 4] },
+        TileGrid { image: [1, 1], tile: [16, 16] },
+    ]
+}
+
+fn opacity(random: &mut Random) -> f32 {
+    match random.next() % 4 {
+        0 => random.log_between(1.0 / 256.0, 1.0 / 240.0) as f32,
+        1 => random.between(0.9, 1.0) as f32,
+        _ => random.log_between(1.0 / 255.0, 1.0) as f32,
+    }
+}
+
+fn run(name: &str, number: usize, tight: bool, mut splat: impl FnMut(&mut Random, &TileGrid) -> Splat) -> Tally {
+    let mut random = Random(name.bytes().fold(1, |h, b| h * 31 + u64::from(b)));
+    let mut tally = Tally::default();
+    for i in 0..number {
+        let grid = grids()[i % 4];
+        check(&splat(&mut random, &grid), &grid, tight, &mut tally);
+    }
+    let Tally { splats, listed, beyond, visible } = tally;
+    println!("{name}: {splats} splats, {visible} visible, {listed} tiles, {beyond} beyond the exact ellipse");
+    assert!(visible * 20 > splats, "{name}: too few splats are visible for the test to mean something");
+    tally
+}
+
+fn inside(random: &mut Random, grid: &TileGrid, margin: f64) -> [f32; 2] {
+    grid.image.map(|size| random.between(-margin, f64::from(size) + margin) as f32)
+}
+
+#[test]
+fn ordinary_splats_are_listed_exactly() {
+    let tally = run("ordinary", 4000, true, |random, grid| Splat {
+        mean: inside(random, grid, 30.0),
+        conic: conic([random.log_between(0.55, 40.0), random.log_between(0.55, 40.0)], random.between(0.0, 3.2)),
+        opacity: opacity(random),
+    });
+    assert!(tally.beyond * 2000 < tally.listed, "{} of {} tiles are listed in vain", tally.beyond, tally.listed);
+}
+
+#[test]
+fn needles_lose_no_pixel() {
+    run("needles", 2000, true, |random, grid| {
+        let thin = random.log_between(0.55, 2.0);
+        Splat {
+            mean: inside(random, grid, 30.0),
+            conic: conic([thin * random.log_between(30.0, 300.0), thin], random.between(0.0, 3.2)),
+            opacity: opacity(random),
+        }
+    });
+    run("needles of aspect 1000 and more", 2000, false, |random, grid| Splat {
+        mean: inside(random, grid, 30.0),
+        conic: conic([0.55 * random.pick(&[1e3, 1.0001e3, 4e3, 1e4, 1e6]), 0.55], random.between(0.0, 3.2)),
+        opacity: opacity(random),
+    });
+}
+
+#[test]
+fn far_needles_lose_no_pixel() {
+    // Aimed at the image from far away, where the terms of the power cancel to nothing.
+    run("far needles", 2000, false, |random, grid| {
+        let target = inside(random, grid, 2.0).map(f64::from);
+        let (angle, distance) = (random.between(0.0, 6.3), random.log_between(50.0, 20_000.0));
+        let mean = [target[0] - distance * angle.cos(), target[1] - distance * angle.sin()];
+        Splat {
+            mean: mean.map(|x| x as f32),
+            conic: conic([distance * random.log_between(0.3, 2.0), random.log_between(0.55, 5.0)], angle),
+            opacity: opacity(random),
+        }
+    });
+}
+
+#[test]
+fn giants_and_centres_far_away_lose_no_pixel() {
+    run("giants", 1000, true, |random, grid| Splat {
+        mean: inside(random, grid, 1000.0),
+        conic: conic([random.log_between(50.0, 1e4), random.log_between(50.0, 1e4)], random.between(0.0, 3.2)),
+        opacity: opacity(random),
+    });
+    run("far centres", 1000, true, |random, _| {
+        let distance = random.log_between(1e3, 1e7);
+        let angle = random.between(0.0, 6.3);
+        Splat {
+            mean: [(distance * angle.cos()) as f32, (distance * angle.sin()) as f32],
+            conic: conic([distance * random.between(0.2, 1.0), distance * random.between(0.2, 1.0)], angle),
+            opacity: opacity(random),
+        }
+    });
+}
+
+#[test]
+fn means_on_tile_borders_lose_no_pixel() {
+    run("borders", 4000, true, |random, grid| {
+        let mean = [0, 1].map(|axis| {
+            let tile = random.next() % u64::from(grid.counts()[axis] + 1);
+            (tile * u64::from(grid.tile[axis])) as f32 + random.pick(&[-0.5f32, 0.0, 0.5])
+        });
+        let size = random.pick(&[0.55, 1.0, 2.0, 4.0]);
+        let angle = random.pick(&[0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2]);
+        let opacity = random.pick(&[1.0 / 255.0, 1.000_001 / 255.0, 0.5, 1.0]) as f32;
+        Splat { mean, conic: conic([size, size * random.pick(&[1.0, 2.0, 3.0])], angle), opacity }
+    });
+}
+
+#[test]
+fn ill_formed_rows_list_nothing() {
+    let grid = TileGrid { image: [640, 360], tile: [16, 16] };
+    let good = Splat { mean: [100.0, 100.0], conic: [0.1, 0.0, 0.1], opacity: 0.5 };
+    assert!(count(good.mean, good.conic, good.opacity, &grid) > 0);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for column in 0..6 {
+            let mut row = [100.0, 100.0, 0.1, 0.0, 0.1, 0.5];
+            row[column] = bad;
+            assert_eq!(count([row[0], row[1]], [row[2], row[3], row[4]], row[5], &grid), 0, "{row:?}");
+        }
+    }
+    for conic in [[0.0, 0.0, 0.1], [0.1, 0.0, 0.0], [-0.1, 0.0, 0.1], [0.1, 0.0, -0.1]] {
+        assert_eq!(count(good.mean, conic, good.opacity, &grid), 0);
+    }
+    for opacity in [0.0, -1.0, 0.99 / 255.0] {
+        assert_eq!(count(good.mean, good.conic, opacity, &grid), 0);
+    }
+}

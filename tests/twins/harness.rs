@@ -1,0 +1,103 @@
+//! Runs a pass on the device and its twin on the CPU, on the same buffers.
+
+use psrgs_vk::pass::Pass;
+use psrgs_vk::twin::TwinCall;
+use psrgs_vk::vk::{Gpu, Groups, Memory};
+
+/// What a dispatch left in its buffers, in binding order.
+pub struct Outcome {
+    /// By the device.
+    pub device: Vec<Vec<u8>>,
+    /// By the twin.
+    pub twin: Vec<Vec<u8>>,
+}
+
+impl Outcome {
+    /// Buffer `i` as the device left it.
+    pub fn device<T: bytemuck::AnyBitPattern>(&self, i: usize) -> Vec<T> {
+        values(&self.device[i])
+    }
+
+    /// Buffer `i` as the twin left it.
+    pub fn twin<T: bytemuck::AnyBitPattern>(&self, i: usize) -> Vec<T> {
+        values(&self.twin[i])
+    }
+
+    /// Fails unless device and twin left the same bits in every buffer, garbage included.
+    pub fn assert_same_bits(&self, what: &str) {
+        for (i, (device, twin)) in self.device.iter().zip(&self.twin).enumerate() {
+            if let Some(at) = device.chunks(4).zip(twin.chunks(4)).position(|(d, t)| d != t) {
+                let word = |bytes: &[u8]| values::<u32>(&bytes[4 * at..4 * at + 4])[0];
+                panic!("{what}: buffer {i}, word {at}: device {:#x}, twin {:#x}", word(device), word(twin));
+            }
+        }
+    }
+}
+
+fn values<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> Vec<T> {
+    bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
+}
+
+/// A buffer's content.
+pub fn bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
+    bytemuck::cast_slice(values).to_vec()
+}
+
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`.
+pub fn run<P: bytemuck::NoUninit>(
+    gpu: &Gpu,
+    pass: &Pass,
+    given: &[(&str, u32)],
+    buffers: &[Vec<u8>],
+    push: &P,
+    groups: u32,
+) -> Outcome {
+    let pipeline = gpu.pipeline(&pass.kernel, given).unwrap();
+    let mut recorder = gpu.recorder(pass.kernel.name).unwrap();
+    let mut bound = Vec::new();
+    for (content, binding) in buffers.iter().zip(pass.kernel.bindings) {
+        let buffer = gpu.buffer(binding.name, content.len() as u64, Memory::Device).unwrap();
+        recorder.upload(&buffer, 0, content).unwrap();
+        bound.push(buffer);
+    }
+    let all: Vec<_> = bound.iter().collect();
+    recorder.dispatch(&pipeline, &all, push, Groups::Workgroups(u64::from(groups))).unwrap();
+    recorder.submit().unwrap();
+    let device = bound.iter().map(|buffer| gpu.read(buffer).unwrap()).collect();
+
+    let constant = |name: &str, default| given.iter().find(|(n, _)| *n == name).map_or(default, |&(_, value)| value);
+    let constants: Vec<u32> = pass.kernel.constants.iter().map(|c| constant(c.name, c.default)).collect();
+    let mut twin = buffers.to_vec();
+    let push = bytemuck::bytes_of(push);
+    (pass.twin)(&mut TwinCall { buffers: &mut twin, push, constants: &constants, groups });
+    Outcome { device, twin }
+}
+
+/// A small counter-based generator (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next word.
+    pub fn word(&mut self) -> u32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 32) as u32
+    }
+
+    /// Uniform in [low, high).
+    pub fn between(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * (self.word() >> 8) as f32 / (1u32 << 24) as f32
+    }
+
+    /// Words.
+    pub fn words(&mut self, count: usize) -> Vec<u32> {
+        (0..count).map(|_| self.word()).collect()
+    }
+}
+
+/// `count` words that mean nothing, for buffers that a pass writes.
+pub fn garbage(count: usize) -> Vec<u8> {
+    bytes(&Random(count as u64 + 77).words(count))
+}

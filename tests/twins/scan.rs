@@ -1,0 +1,76 @@
+//! The three passes of the prefix sum: each against its twin, and together against a plain sum.
+
+use psrgs_vk::pass::plan::NO_COUNTER;
+use psrgs_vk::pass::scan::{ADD, ADD_EMULATED, LOCAL_SIZE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED};
+use psrgs_vk::pass::{Pass, counters};
+use psrgs_vk::vk::Gpu;
+
+use super::harness::{self, Random, bytes, garbage};
+
+type Constants<'a> = &'a [(&'a str, u32)];
+
+fn chain(gpu: &Gpu, passes: [&Pass; 3], given: Constants<'_>, words: &[u32], push: &Push) {
+    let items = given.iter().find(|(name, _)| *name == "ITEMS").map_or(16, |&(_, items)| items);
+    let n = words.len();
+    let blocks = n.div_ceil((LOCAL_SIZE * items) as usize);
+    let what = format!("{} of {n} words, {given:?}", passes[0].kernel.name);
+    let mut counts = [7u32; counters::COUNT];
+    if push.source != NO_COUNTER {
+        counts[push.source as usize] = n as u32;
+    }
+    let mut source = words.to_vec();
+    source.extend(Random(3).words(8));
+    let (source, counts) = (bytes(&source), bytes(&counts));
+    // One workgroup more than needed: it must touch nothing.
+    let groups = blocks as u32 + 1;
+    let reduce =
+        harness::run(gpu, passes[0], given, &[source.clone(), counts.clone(), garbage(blocks + 8)], push, groups);
+    reduce.assert_same_bits(&what);
+    let spine = harness::run(gpu, passes[1], given, &[counts.clone(), reduce.device[2].clone()], push, 1);
+    spine.assert_same_bits(&what);
+    let add =
+        harness::run(gpu, passes[2], given, &[source, counts, spine.device[1].clone(), garbage(n + 8)], push, groups);
+    add.assert_same_bits(&what);
+    let value = |word: u32| if push.predicate != 0 { u32::from(word != 0) } else { word };
+    let mut sum = 0u32;
+    for (i, (&word, prefix)) in words.iter().zip(add.device::<u32>(3)).enumerate() {
+        assert_eq!(prefix, sum, "{what}: word {i}");
+        sum = sum.wrapping_add(value(word));
+    }
+    assert_eq!(spine.device::<u32>(0)[counters::SCAN_TOTAL], sum, "{what}");
+}
+
+pub fn run(gpu: &Gpu) {
+    let hardware = [&REDUCE, &SPINE, &ADD];
+    let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED];
+    let mut random = Random(11);
+    let total = counters::SCAN_TOTAL as u32;
+    let host = |n: usize| Push { source: NO_COUNTER, count: n as u32, divide: 1, multiply: 1, predicate: 0, total };
+    let counted = Push { source: counters::PAIRS as u32, count: 1, divide: 1, multiply: 1, predicate: 1, total };
+    for n in [0, 1, 15, 16, 17, 63, 64, 65, 1023, 1024, 1025, 2047, 2049, 10_000] {
+        let words = random.words(n);
+        let sparse: Vec<u32> = words.iter().map(|&w| if w % 3 == 0 { 0 } else { w }).collect();
+        chain(gpu, hardware, &[], &words, &host(n));
+        chain(gpu, hardware, &[], &sparse, &counted);
+        for width in [8, 16, 32, 64] {
+            chain(gpu, emulated, &[("EMULATED_WIDTH", width)], &words, &host(n));
+            chain(gpu, emulated, &[("EMULATED_WIDTH", width)], &sparse, &counted);
+        }
+    }
+    // One item per thread: a spine of several turns.
+    for n in [4095, 4096, 4097, 64 * 64 * 3 + 1] {
+        let words = random.words(n);
+        chain(gpu, hardware, &[("ITEMS", 1)], &words, &host(n));
+        chain(gpu, emulated, &[("ITEMS", 1), ("EMULATED_WIDTH", 32)], &words, &counted_words(&counted));
+    }
+    // A table's size: ceil(n / 10) * 4 words.
+    let table = Push { source: NO_COUNTER, count: 41, divide: 10, multiply: 4, predicate: 0, total };
+    chain(gpu, hardware, &[], &random.words(20), &table);
+    // More blocks than one turn of the default spine.
+    let many = random.words((1 << 20) + 3 * 1024 + 5);
+    chain(gpu, hardware, &[], &many, &host(many.len()));
+}
+
+fn counted_words(push: &Push) -> Push {
+    Push { predicate: 0, ..*push }
+}
