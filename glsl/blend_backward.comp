@@ -1,0 +1,344 @@
+#version 460
+// blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back to front.
+// column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
+// workgroup (256 threads) a tile of 16x16.
+// slots: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up.
+// atomic, cas: added to the splat's row by native float atomics, or by compare-and-swap.
+//! variant column_slots COLUMN SLOTS
+//! variant column_atomic COLUMN ATOMIC
+//! variant column_cas COLUMN CAS
+//! variant column_emulated_slots COLUMN SLOTS SUBGROUP_EMULATED
+//! variant pixel_slots PIXEL SLOTS
+//! variant pixel_atomic PIXEL ATOMIC WITH_SUBGROUPS
+//! variant pixel_cas PIXEL CAS WITH_SUBGROUPS
+//! variant pixel_emulated_cas PIXEL CAS WITH_SUBGROUPS SUBGROUP_EMULATED
+#extension GL_GOOGLE_include_directive : require
+#ifdef ATOMIC
+#extension GL_EXT_shader_atomic_float : require
+#endif
+#ifdef COLUMN
+#include "blend_column.glsl"
+#else
+#include "blend_pixel.glsl"
+#endif
+
+layout(constant_id = 2) const uint ABS = 1u;                    // 1: sums of absolute values of the mean's gradient too
+layout(constant_id = 3) const uint CLAMP_GRADIENT_PASSES = 0u;  // 1: the 3DGS reference's gradient through min(0.99, alpha)
+
+layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
+layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };
+layout(set = 0, binding = 3) readonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 4) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 5) readonly buffer Last { uint last[]; };
+layout(set = 0, binding = 6) readonly buffer GradImage { vec4 grad_image[]; };
+layout(set = 0, binding = 7) readonly buffer GradAux { vec4 grad_aux[]; };
+#ifdef SLOTS
+layout(set = 0, binding = 8) readonly buffer SortedSlots { uint sorted_slots[]; };
+layout(set = 0, binding = 9) writeonly buffer SlotGrads { float slot_grads[]; };
+layout(set = 0, binding = 10) writeonly buffer SlotNormals { float slot_normals[]; };
+layout(set = 0, binding = 11) buffer PairCounts { uint pair_counts[]; };
+#else
+#ifdef CAS
+#define WORD uint
+#else
+#define WORD float
+#endif
+layout(set = 0, binding = 8) buffer Grad2d { WORD grad2d[]; };
+layout(set = 0, binding = 9) buffer GradNormals { WORD grad_normals[]; };
+layout(set = 0, binding = 10) buffer PairCounts { uint pair_counts[]; };
+#endif
+
+const float LN_2 = 0.69314718;
+
+Splat load_splat(uint i) {
+    const vec4 p = splat2d[3u * i];
+    const vec4 q = splat2d[3u * i + 1u];
+    const vec4 color = splat2d[3u * i + 2u];
+    const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
+    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? normals[i].xyz : vec3(0.0));
+}
+
+// The row that the sums of a pair go to: its slot's, or its splat's.
+uint row_of(uint pair) {
+#ifdef SLOTS
+    return sorted_slots[pair];
+#else
+    return sorted_splats[pair];
+#endif
+}
+
+#ifdef CAS
+#define ADD(buffer, index, value)                                                                           \
+    {                                                                                                       \
+        uint seen = buffer[index];                                                                          \
+        uint expected;                                                                                      \
+        do {                                                                                                \
+            expected = seen;                                                                                \
+            seen = atomicCompSwap(buffer[index], expected, floatBitsToUint(uintBitsToFloat(expected) + value)); \
+        } while (seen != expected);                                                                         \
+    }
+#endif
+
+// Column `column` of a row: 0 to 11 are grad2d's, 12 to 14 (AUX only) the normal's.
+void put(uint row, uint column, float value) {
+#ifdef SLOTS
+    if (column < 12u) slot_grads[12u * row + column] = value;
+    else if (AUX != 0u) slot_normals[4u * row + column - 12u] = value;
+#else
+    if (value == 0.0) return;
+#ifdef CAS
+    if (column < 12u) ADD(grad2d, 12u * row + column, value)
+    else if (AUX != 0u) ADD(grad_normals, 4u * row + column - 12u, value)
+#else
+    if (column < 12u) atomicAdd(grad2d[12u * row + column], value);
+    else if (AUX != 0u) atomicAdd(grad_normals[4u * row + column - 12u], value);
+#endif
+#endif
+}
+
+// A pixel on its way back. `behind` is dL/d(colour) dotted with what lies behind the current splat, the background and the
+// gradient of the final transmittance included: with it, dL/d(alpha) = T (c . g - behind) needs no division.
+struct Pixel {
+    float transmittance;
+    float behind;
+    vec3 grad;
+    vec4 grad_aux;
+    uint last;
+};
+
+// Sums over the pixels of one thread: of v = dL/d(exponent, base e) times 1, dy, dy^2, and the blended channels.
+struct Sums {
+    vec3 v;
+    vec3 color;
+    vec4 aux;
+    vec2 abs_mean;
+};
+
+uint evaluated = 0u;
+uint blended = 0u;
+
+Pixel load_pixel(uvec2 at, bool inside) {
+    Pixel pixel = Pixel(1.0, 0.0, vec3(0.0), vec4(0.0), 0u);
+    if (inside) {
+        const uint k = at.y * push.width + at.x;
+        const vec4 grad = grad_image[k];
+        pixel.transmittance = image[k].w;
+        pixel.grad = grad.rgb;
+        pixel.behind = dot(grad.rgb, vec3(push.red, push.green, push.blue)) + grad.w;
+        if (AUX != 0u) pixel.grad_aux = grad_aux[k];
+        pixel.last = last[k];
+    }
+    return pixel;
+}
+
+void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float dx, float row_x, float slope, float dy, uint place) {
+    float unclamped = unclamped_alpha(exponent(row_x, slope, s.c, dy), s.opacity);
+    unclamped = place <= pixel.last ? unclamped : 0.0;
+    const float alpha = min(unclamped, ALPHA_MAX);
+    const float transmittance = pixel.transmittance / (1.0 - alpha);
+    const float weight = alpha * transmittance;
+    float here = dot(s.color, pixel.grad);
+    if (AUX != 0u) here += dot(vec4(s.depth, s.normal), pixel.grad_aux);
+    const float difference = here - pixel.behind;
+    pixel.behind += alpha * difference;
+    pixel.transmittance = transmittance;
+    const float passed = CLAMP_GRADIENT_PASSES != 0u ? unclamped * transmittance : unclamped > ALPHA_MAX ? 0.0 : weight;
+    const float v = passed * difference;
+    const float v_dy = v * dy;
+    sums.v += vec3(v, v_dy, v_dy * dy);
+    sums.color += weight * pixel.grad;
+    if (AUX != 0u) sums.aux += weight * pixel.grad_aux;
+    if (ABS != 0u) sums.abs_mean += abs(v * vec2(2.0 * s.a * dx + s.b * dy, 2.0 * s.c * dy + slope));
+    if (COUNT != 0u) {
+        evaluated += place <= pixel.last ? 1u : 0u;
+        blended += weight > 0.0 ? 1u : 0u;
+    }
+}
+
+// The columns 0 to 4 (mean, conic) from the sums: exponent = -(A dx^2 + C dy^2) / 2 - B dx dy with d = pixel - mean.
+void columns(Sums sums, Splat s, float dx, float slope, out float mean_x, out float mean_y, out vec3 conic) {
+    mean_x = -LN_2 * (2.0 * s.a * dx * sums.v.x + s.b * sums.v.y);
+    mean_y = -LN_2 * (2.0 * s.c * sums.v.y + slope * sums.v.x);
+    conic = vec3(-0.5 * dx * dx * sums.v.x, -dx * sums.v.y, -0.5 * sums.v.z);
+}
+
+#ifdef COLUMN
+
+// One step of a transposing butterfly: adds lanes that differ in `bit`; those without it keep x, those with it y.
+float fold(float x, float y, uint lane, uint bit) {
+    const bool upper = (lane & bit) != 0u;
+    return (upper ? y : x) + subgroup_shuffle(upper ? x : y, lane ^ bit);
+}
+
+// Lane k gets the sum of column k over the 8 lanes, in an order that is the same everywhere.
+float fold8(vec4 low, vec4 high, uint lane) {
+    const float a = fold(fold(low.x, low.y, lane, 1u), fold(low.z, low.w, lane, 1u), lane, 2u);
+    const float b = fold(fold(high.x, high.y, lane, 1u), fold(high.z, high.w, lane, 1u), lane, 2u);
+    return fold(a, b, lane, 4u);
+}
+
+void main() {
+    const uint tile = group_index();
+    const bool real = tile < tile_total(SIDE);
+    const uvec2 range = real ? tile_ranges[tile] : uvec2(0u);
+    const uint lane = subgroup_lane();
+    const uvec2 corner = tile_corner(tile, SIDE) + uvec2(lane, 0u);
+    const vec2 center = vec2(corner) + 0.5;
+
+    Pixel pixels[SIDE];
+    uint mine_last = 0u;
+    [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+        const uvec2 at = corner + uvec2(0u, j);
+        pixels[j] = load_pixel(at, real && at.x < push.width && at.y < push.height);
+        mine_last = max(mine_last, pixels[j].last);
+    }
+    const uint top = min(subgroup_max(mine_last), range.y - range.x);
+
+#ifdef SLOTS
+    for (uint i = range.x + top; i < range.y; ++i) {
+        const uint row = sorted_slots[i];
+        put(row, lane, 0.0);
+        if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, 0.0);
+    }
+#endif
+
+    for (uint left = top; left > 0u; left -= min(left, BATCH)) {
+        const uint n = min(left, BATCH);
+        const uint pair = range.x + left - 1u - min(lane, n - 1u);
+        Splat mine = load_splat(sorted_splats[pair]);
+        mine.opacity = lane < n ? mine.opacity : 0.0;
+        const float mine_inverse = mine.opacity > 0.0 ? 1.0 / mine.opacity : 0.0;
+        const uint mine_row = row_of(pair);
+        for (uint k = 0u; k < n; ++k) {
+            const Splat s = shuffled(mine, k);
+            const uint place = left - k;
+            const float dx = center.x - s.x;
+            precise float row_x = s.a * dx * dx;
+            precise float slope = s.b * dx;
+            precise float dy0 = center.y - s.y;
+            Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
+            [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+                precise float dy = dy0 + float(j);
+                blend_back(pixels[j], sums, s, dx, row_x, slope, dy, place);
+            }
+            float mean_x, mean_y;
+            vec3 conic;
+            columns(sums, s, dx, slope, mean_x, mean_y, conic);
+            const float opacity = sums.v.x * subgroup_shuffle(mine_inverse, k);
+            const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.color.rg), lane);
+            const vec2 abs_mean = LN_2 * sums.abs_mean;
+            float second;
+            if (AUX != 0u) {
+                second = fold8(vec4(sums.color.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
+            } else {
+                second = fold(sums.color.b, 0.0, lane, 1u);
+                second = fold(second, ABS != 0u ? fold(abs_mean.x, abs_mean.y, lane, 1u) : 0.0, lane, 2u);
+                second += subgroup_shuffle(second, lane ^ 4u);
+            }
+            const uint row = subgroup_shuffle(mine_row, k);
+            put(row, lane, first);
+            if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, second);
+        }
+    }
+    if (COUNT != 0u) {
+        atomicAdd(pair_counts[BACKWARD_EVALUATED], evaluated);
+        atomicAdd(pair_counts[BACKWARD_BLENDED], blended);
+    }
+}
+
+#else
+
+shared Splat batch[BATCH];
+shared float batch_inverse[BATCH];
+shared uint batch_row[BATCH];
+shared uint most;
+#ifdef SLOTS
+shared float parts[16u * LOCAL_SIZE];
+shared float part_sums[LOCAL_SIZE];
+
+// Adds 16 columns over the workgroup in a fixed order and stores them. Called by all threads with the same row.
+void add_up(uint row, float column[16]) {
+    const uint t = local_index();
+    [[unroll]] for (uint c = 0u; c < 16u; ++c) parts[c * LOCAL_SIZE + t] = column[c];
+    barrier();
+    const uint first = t / 16u * LOCAL_SIZE + t % 16u;
+    float sum = 0.0;
+    for (uint i = 0u; i < 16u; ++i) sum += parts[first + 16u * i];
+    part_sums[t] = sum;
+    barrier();
+    if (t < (AUX != 0u ? 15u : 12u)) {
+        sum = 0.0;
+        for (uint i = 0u; i < 16u; ++i) sum += part_sums[16u * t + i];
+        put(row, t, sum);
+    }
+}
+#else
+// Adds each column over the subgroup; one lane passes it on. Called by all threads with the same row.
+void add_up(uint row, float column[16]) {
+    [[unroll]] for (uint c = 0u; c < 15u; ++c) {
+        if (c == 9u && AUX == 0u || c >= 12u && AUX == 0u || (c == 10u || c == 11u) && ABS == 0u) continue;
+        const float sum = subgroup_add(column[c]);
+        if (subgroup_elect()) put(row, c, sum);
+    }
+}
+#endif
+
+void main() {
+    const uint tile = group_index();
+    const bool real = tile < tile_total(SIDE);
+    const uvec2 range = real ? tile_ranges[tile] : uvec2(0u);
+    const uint t = local_index();
+    const uvec2 at = tile_corner(tile, SIDE) + uvec2(t % SIDE, t / SIDE);
+    const vec2 center = vec2(at) + 0.5;
+    Pixel pixel = load_pixel(at, real && at.x < push.width && at.y < push.height);
+
+    if (t == 0u) most = 0u;
+    barrier();
+    atomicMax(most, pixel.last);
+    barrier();
+    const uint top = min(most, range.y - range.x);
+
+#ifdef SLOTS
+    for (uint i = range.x + top; i < range.y; ++i) {
+        if (t < (AUX != 0u ? 15u : 12u)) put(sorted_slots[i], t, 0.0);
+    }
+#endif
+
+    for (uint left = top; left > 0u; left -= min(left, BATCH)) {
+        const uint n = min(left, BATCH);
+        barrier();
+        if (t < n) {
+            const uint pair = range.x + left - 1u - t;
+            const Splat s = load_splat(sorted_splats[pair]);
+            batch[t] = s;
+            batch_inverse[t] = s.opacity > 0.0 ? 1.0 / s.opacity : 0.0;
+            batch_row[t] = row_of(pair);
+        }
+        barrier();
+        for (uint k = 0u; k < n; ++k) {
+            const Splat s = batch[k];
+            const float dx = center.x - s.x;
+            precise float row_x = s.a * dx * dx;
+            precise float slope = s.b * dx;
+            Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
+            blend_back(pixel, sums, s, dx, row_x, slope, center.y - s.y, left - k);
+#if !defined(SLOTS) && !defined(SUBGROUP_EMULATED)
+            if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) continue;
+#endif
+            float mean_x, mean_y;
+            vec3 conic;
+            columns(sums, s, dx, slope, mean_x, mean_y, conic);
+            const vec2 abs_mean = LN_2 * sums.abs_mean;
+            add_up(batch_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * batch_inverse[k],
+                sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
+                sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
+        }
+    }
+    if (COUNT != 0u) {
+        atomicAdd(pair_counts[BACKWARD_EVALUATED], evaluated);
+        atomicAdd(pair_counts[BACKWARD_BLENDED], blended);
+    }
+}
+
+#endif

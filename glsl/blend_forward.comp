@@ -1,0 +1,160 @@
+#version 460
+// blend_forward: alpha-blends every tile's splats front to back into image, aux and last.
+// column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
+// workgroup (256 threads) a tile of 16x16.
+//! variant column COLUMN
+//! variant column_emulated COLUMN SUBGROUP_EMULATED
+//! variant pixel PIXEL
+#extension GL_GOOGLE_include_directive : require
+#ifdef COLUMN
+#include "blend_column.glsl"
+#else
+#include "blend_pixel.glsl"
+#endif
+
+layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
+layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };
+layout(set = 0, binding = 3) readonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 4) writeonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 5) writeonly buffer Aux { vec4 aux[]; };
+layout(set = 0, binding = 6) writeonly buffer Last { uint last[]; };
+layout(set = 0, binding = 7) buffer PairCounts { uint pair_counts[]; };
+
+Splat load_splat(uint i) {
+    const vec4 p = splat2d[3u * i];
+    const vec4 q = splat2d[3u * i + 1u];
+    const vec4 color = splat2d[3u * i + 2u];
+    const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
+    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? normals[i].xyz : vec3(0.0));
+}
+
+// A pixel on its way through the list. Its transmittance is kept with a minus sign once it has stopped.
+struct Pixel {
+    float transmittance;
+    vec3 color;
+    vec4 aux;
+    uint last;
+};
+
+uint evaluated = 0u;
+uint blended = 0u;
+
+// Branch-free: a stopped pixel and a skipped splat both give a weight of 0.
+void blend(inout Pixel pixel, Splat s, float row_x, float slope, float dy, uint place) {
+    const float alpha = min(unclamped_alpha(exponent(row_x, slope, s.c, dy), s.opacity), ALPHA_MAX);
+    const float next = behind(pixel.transmittance, alpha);
+    const bool goes_on = next >= TRANSMITTANCE_MIN;
+    const float weight = goes_on ? alpha * pixel.transmittance : 0.0;
+    pixel.color += weight * s.color;
+    if (AUX != 0u) pixel.aux += weight * vec4(s.depth, s.normal);
+    pixel.last = weight > 0.0 ? place : pixel.last;
+    if (COUNT != 0u) {
+        evaluated += pixel.transmittance > 0.0 && s.opacity > 0.0 ? 1u : 0u;
+        blended += weight > 0.0 ? 1u : 0u;
+    }
+    pixel.transmittance = goes_on ? next : -abs(pixel.transmittance);
+}
+
+void store(Pixel pixel, uvec2 at) {
+    const uint k = at.y * push.width + at.x;
+    const float transmittance = abs(pixel.transmittance);
+    image[k] = vec4(pixel.color + transmittance * vec3(push.red, push.green, push.blue), transmittance);
+    if (AUX != 0u) aux[k] = pixel.aux;
+    last[k] = pixel.last;
+}
+
+Pixel fresh(uvec2 at) {
+    const bool inside = at.x < push.width && at.y < push.height;
+    return Pixel(inside ? 1.0 : -1.0, vec3(0.0), vec4(0.0), 0u);
+}
+
+#ifdef COLUMN
+
+// Splats per round of the loop. Two, because at every turn of a loop a software rasterizer merges all loop variables under the
+// mask of active lanes; more does not fit its instruction cache.
+const uint UNROLL = 2u;
+
+void main() {
+    const uint tile = group_index();
+    const uvec2 range = tile < tile_total(SIDE) ? tile_ranges[tile] : uvec2(0u);
+    const uint lane = subgroup_lane();
+    const uvec2 top = tile_corner(tile, SIDE) + uvec2(lane, 0u);
+    const vec2 center = vec2(top) + 0.5;
+
+    Pixel pixels[SIDE];
+    [[unroll]] for (uint j = 0u; j < SIDE; ++j) pixels[j] = fresh(top + uvec2(0u, j));
+
+    for (uint base = range.x; base < range.y; base += BATCH) {
+        float most = -1.0;
+        [[unroll]] for (uint j = 0u; j < SIDE; ++j) most = max(most, pixels[j].transmittance);
+        if (!subgroup_any(most > 0.0)) break;
+
+        const uint n = min(BATCH, range.y - base);
+        Splat mine = load_splat(sorted_splats[base + min(lane, n - 1u)]);
+        mine.opacity = lane < n ? mine.opacity : 0.0;
+        for (uint k0 = 0u; k0 < n; k0 += UNROLL) {
+            [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
+                const uint k = k0 + u;
+                const Splat s = shuffled(mine, k);
+                const float dx = center.x - s.x;
+                precise float row_x = s.a * dx * dx;
+                precise float slope = s.b * dx;
+                precise float dy0 = center.y - s.y;
+                [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+                    precise float dy = dy0 + float(j);
+                    blend(pixels[j], s, row_x, slope, dy, base - range.x + k + 1u);
+                }
+            }
+        }
+    }
+
+    [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+        const uvec2 at = top + uvec2(0u, j);
+        if (tile < tile_total(SIDE) && at.x < push.width && at.y < push.height) store(pixels[j], at);
+    }
+    if (COUNT != 0u) {
+        atomicAdd(pair_counts[FORWARD_EVALUATED], evaluated);
+        atomicAdd(pair_counts[FORWARD_BLENDED], blended);
+    }
+}
+
+#else
+
+shared Splat batch[BATCH];
+shared uint going_on;
+
+void main() {
+    const uint tile = group_index();
+    const uvec2 range = tile < tile_total(SIDE) ? tile_ranges[tile] : uvec2(0u);
+    const uvec2 at = tile_corner(tile, SIDE) + uvec2(local_index() % SIDE, local_index() / SIDE);
+    const vec2 center = vec2(at) + 0.5;
+    Pixel pixel = fresh(at);
+
+    for (uint base = range.x; base < range.y; base += BATCH) {
+        if (local_index() == 0u) going_on = 0u;
+        barrier();
+        if (pixel.transmittance > 0.0) going_on = 1u;
+        const uint n = min(BATCH, range.y - base);
+        if (local_index() < n) batch[local_index()] = load_splat(sorted_splats[base + local_index()]);
+        barrier();
+        if (going_on == 0u) break;
+        for (uint k = 0u; k < n; ++k) {
+            if (pixel.transmittance <= 0.0) break;
+            const Splat s = batch[k];
+            const float dx = center.x - s.x;
+            precise float row_x = s.a * dx * dx;
+            precise float slope = s.b * dx;
+            blend(pixel, s, row_x, slope, center.y - s.y, base - range.x + k + 1u);
+        }
+        barrier();
+    }
+
+    if (tile < tile_total(SIDE) && at.x < push.width && at.y < push.height) store(pixel, at);
+    if (COUNT != 0u) {
+        atomicAdd(pair_counts[FORWARD_EVALUATED], evaluated);
+        atomicAdd(pair_counts[FORWARD_BLENDED], blended);
+    }
+}
+
+#endif

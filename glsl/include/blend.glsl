@@ -1,0 +1,40 @@
+// What blend_forward and blend_backward share: constants, push constants, tiles, and the splat as the blending loops hold it.
+#ifndef BLEND_GLSL
+#define BLEND_GLSL
+
+#include "alpha.glsl"
+#include "common.glsl"
+
+layout(constant_id = 0) const uint AUX = 0u;    // 1: blend depth and normal too
+layout(constant_id = 1) const uint COUNT = 0u;  // 1: count evaluated and blended pixel-splats
+
+layout(push_constant) uniform Push {
+    uint width;
+    uint height;
+    float red;  // background
+    float green;
+    float blue;
+} push;
+
+// Entries of pair_counts.
+const uint FORWARD_EVALUATED = 0u;
+const uint FORWARD_BLENDED = 1u;
+const uint BACKWARD_EVALUATED = 2u;
+const uint BACKWARD_BLENDED = 3u;
+
+// Folding a dispatch over two axes can start a few workgroups too many: they get tile numbers past the last.
+uint tile_columns(uint side) { return (push.width + side - 1u) / side; }
+uint tile_total(uint side) { return tile_columns(side) * ((push.height + side - 1u) / side); }
+uvec2 tile_corner(uint tile, uint side) { return uvec2(tile % tile_columns(side), tile / tile_columns(side)) * side; }
+
+// A row of splat2d, the conic scaled for base-2 exponents; and its normal when AUX.
+struct Splat {
+    float x, y;
+    float a, b, c;
+    float opacity;
+    float depth;
+    vec3 color;
+    vec3 normal;
+};
+
+#endif

@@ -1,0 +1,42 @@
+// The COLUMN shape: tiles of 8x8 pixels, a workgroup of 8 threads per tile, one thread per column of 8 pixels. For devices whose
+// subgroups are 8 wide, which are processors: there a load costs as much for one pixel as for eight, shared memory and barriers
+// are dear, and a shuffle is one instruction. Eight splats are loaded at a time, one per thread, and passed round by shuffles.
+// The workgroup is one subgroup of width 8: the hardware's own, or the emulation with that width.
+#ifndef BLEND_COLUMN_GLSL
+#define BLEND_COLUMN_GLSL
+
+#extension GL_EXT_control_flow_attributes : require
+#define LOCAL_SIZE 8
+#include "subgroup.glsl"
+#include "blend.glsl"
+
+layout(local_size_x = 8) in;
+
+const uint SIDE = 8u;
+const uint BATCH = 8u;
+
+// The splat of lane k.
+Splat shuffled(Splat mine, uint k) {
+    Splat s;
+    s.x = subgroup_shuffle(mine.x, k);
+    s.y = subgroup_shuffle(mine.y, k);
+    s.a = subgroup_shuffle(mine.a, k);
+    s.b = subgroup_shuffle(mine.b, k);
+    s.c = subgroup_shuffle(mine.c, k);
+    s.opacity = subgroup_shuffle(mine.opacity, k);
+    s.color.x = subgroup_shuffle(mine.color.x, k);
+    s.color.y = subgroup_shuffle(mine.color.y, k);
+    s.color.z = subgroup_shuffle(mine.color.z, k);
+    if (AUX != 0u) {
+        s.depth = subgroup_shuffle(mine.depth, k);
+        s.normal.x = subgroup_shuffle(mine.normal.x, k);
+        s.normal.y = subgroup_shuffle(mine.normal.y, k);
+        s.normal.z = subgroup_shuffle(mine.normal.z, k);
+    } else {
+        s.depth = 0.0;
+        s.normal = vec3(0.0);
+    }
+    return s;
+}
+
+#endif
