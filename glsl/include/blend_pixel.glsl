@@ -3,11 +3,11 @@
 #ifndef BLEND_PIXEL_GLSL
 #define BLEND_PIXEL_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
 #define LOCAL_SIZE 256
 #ifdef WITH_SUBGROUPS
 #include "subgroup.glsl"
 #endif
-#extension GL_EXT_control_flow_attributes : require
 #include "blend.glsl"
 
 layout(local_size_x = 256) in;

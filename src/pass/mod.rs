@@ -3,6 +3,8 @@
 //! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
 
 pub mod adam;
+pub mod blend_backward;
+pub mod blend_forward;
 pub mod camera;
 pub mod compact;
 pub mod counters;
@@ -24,6 +26,7 @@ pub mod project_backward;
 pub mod radix;
 pub mod scan;
 mod shaders;
+pub mod slot_sum;
 pub mod subgroup_probe;
 pub mod tile_ranges;
 
@@ -61,6 +64,17 @@ pub struct Pass {
 /// from their modules, and a test compares the shader folder with this list).
 pub const ALL: &[&Pass] = &[
     &adam::PASS,
+    &blend_backward::COLUMN_ATOMIC,
+    &blend_backward::COLUMN_CAS,
+    &blend_backward::COLUMN_EMULATED_SLOTS,
+    &blend_backward::COLUMN_SLOTS,
+    &blend_backward::PIXEL_ATOMIC,
+    &blend_backward::PIXEL_CAS,
+    &blend_backward::PIXEL_EMULATED_CAS,
+    &blend_backward::PIXEL_SLOTS,
+    &blend_forward::COLUMN,
+    &blend_forward::COLUMN_EMULATED,
+    &blend_forward::PIXEL,
     &compact::PASS,
     &densify_classify::PASS,
     &densify_finish::PASS,
@@ -89,6 +103,7 @@ pub const ALL: &[&Pass] = &[
     &scan::REDUCE_EMULATED,
     &scan::SPINE,
     &scan::SPINE_EMULATED,
+    &slot_sum::PASS,
     &subgroup_probe::EMULATED,
     &subgroup_probe::SUBGROUP,
     &tile_ranges::PASS,

@@ -4,6 +4,8 @@
 //! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
 
 pub mod adam;
+pub mod blend_backward;
+pub mod blend_forward;
 pub mod compact;
 pub mod densify_classify;
 pub mod densify_finish;
@@ -26,6 +28,7 @@ pub mod random;
 pub mod reference;
 pub mod scan;
 pub mod sh;
+pub mod slot_sum;
 pub mod splat;
 pub mod subgroup_probe;
 pub mod tile;

@@ -10,6 +10,8 @@
 mod common;
 mod harness;
 
+mod blend_scene;
+mod blend_twin;
 mod compact;
 mod density;
 mod density_model;

@@ -1,0 +1,107 @@
+//! Gradients of the blended image with respect to the projected splats: two shapes, three ways of adding up.
+
+use super::blend_forward::{AUX, COUNT, Push};
+use super::{Pass, module};
+use crate::twin::{TwinCall, blend_backward as twin};
+use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
+
+/// Sum absolute values of the mean's per-pixel gradient into columns 10 and 11 (0 or 1); without it they are 0.
+pub(super) const ABS: Constant = Constant { id: 2, name: "ABS", default: 1 };
+/// Let the gradient through min(0.99, alpha), as the 3DGS reference does (0 or 1).
+pub(super) const CLAMP_GRADIENT_PASSES: Constant = Constant { id: 3, name: "CLAMP_GRADIENT_PASSES", default: 0 };
+/// Width of an emulated subgroup in the COLUMN shape, which is written for 8.
+pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 8 };
+const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
+
+const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES];
+
+/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
+const SLOT_BINDINGS: &[Binding] = &[
+    read("splat2d"),
+    read("normals"),
+    read("sorted_splats"),
+    read("tile_ranges"),
+    read("image"),
+    read("last"),
+    read("grad_image"),
+    read("grad_aux"),
+    read("sorted_slots"),
+    write("slot_grads"),
+    write("slot_normals"),
+    read_write("pair_counts"),
+];
+
+/// Atomic and compare-and-swap: `grad2d` (and `grad_normals` when AUX) must be zero beforehand.
+const SUM_BINDINGS: &[Binding] = &[
+    read("splat2d"),
+    read("normals"),
+    read("sorted_splats"),
+    read("tile_ranges"),
+    read("image"),
+    read("last"),
+    read("grad_image"),
+    read("grad_aux"),
+    read_write("grad2d"),
+    read_write("grad_normals"),
+    read_write("pair_counts"),
+];
+
+const fn pass(
+    name: &'static str,
+    column: bool,
+    bindings: &'static [Binding],
+    constants: &'static [Constant],
+    run: fn(&mut TwinCall<'_>),
+) -> Pass {
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings,
+            push_bytes: Push::BYTES,
+            constants,
+            local_size: Some(if column { 8 } else { 256 }),
+        },
+        doc: if column {
+            "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels."
+        } else {
+            "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels."
+        },
+        dispatch: "one workgroup per tile",
+        push: Push::FIELDS,
+        twin: run,
+    }
+}
+
+/// COLUMN shape (subgroups exactly 8 wide), partial sums to slots: deterministic, and on lavapipe the fastest.
+pub const COLUMN_SLOTS: Pass =
+    pass("blend_backward_column_slots", true, SLOT_BINDINGS, CONSTANTS, twin::run_column_slots);
+/// COLUMN shape, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
+pub const COLUMN_ATOMIC: Pass =
+    pass("blend_backward_column_atomic", true, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+/// COLUMN shape, compare-and-swap.
+pub const COLUMN_CAS: Pass = pass("blend_backward_column_cas", true, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+/// COLUMN shape with its shuffles through shared memory, slots.
+pub const COLUMN_EMULATED_SLOTS: Pass = pass(
+    "blend_backward_column_emulated_slots",
+    true,
+    SLOT_BINDINGS,
+    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8],
+    twin::run_column_slots,
+);
+/// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
+pub const PIXEL_SLOTS: Pass =
+    pass("blend_backward_pixel_slots", false, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+/// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
+pub const PIXEL_ATOMIC: Pass =
+    pass("blend_backward_pixel_atomic", false, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+/// PIXEL shape, subgroup sums and compare-and-swap.
+pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", false, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+/// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
+pub const PIXEL_EMULATED_CAS: Pass = pass(
+    "blend_backward_pixel_emulated_cas",
+    false,
+    SUM_BINDINGS,
+    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH],
+    twin::run_pixel_sums,
+);

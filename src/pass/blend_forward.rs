@@ -1,0 +1,82 @@
+//! Alpha blending front to back, in two shapes of one kernel.
+
+use super::{Pass, module};
+use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
+
+crate::push_constants! {
+    /// Push constants of the blending passes: the image and the background that shows through.
+    pub struct Push {
+        /// Image width in pixels.
+        pub width: u32,
+        /// Image height in pixels.
+        pub height: u32,
+        /// Background, red.
+        pub red: f32,
+        /// Background, green.
+        pub green: f32,
+        /// Background, blue.
+        pub blue: f32,
+    }
+}
+
+/// Side of a tile of the COLUMN shape, in pixels.
+pub const COLUMN_SIDE: u32 = 8;
+/// Side of a tile of the PIXEL shape, in pixels.
+pub const PIXEL_SIDE: u32 = 16;
+
+/// Entries of `pair_counts` (4 x u32, never cleared by the passes): pixel-splats evaluated and blended, forward and backward.
+pub const PAIR_COUNTS: usize = 4;
+
+/// Blend depth and normal too (0 or 1).
+pub(super) const AUX: Constant = Constant { id: 0, name: "AUX", default: 0 };
+/// Count pixel-splats into `pair_counts` (0 or 1).
+pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 };
+
+/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT; they are bound all the same.
+const BINDINGS: &[Binding] = &[
+    read("splat2d"),
+    read("normals"),
+    read("sorted_splats"),
+    read("tile_ranges"),
+    write("image"),
+    write("aux"),
+    write("last"),
+    read_write("pair_counts"),
+];
+
+const fn pass(
+    name: &'static str,
+    local_size: u32,
+    doc: &'static str,
+    twin: fn(&mut crate::twin::TwinCall<'_>),
+) -> Pass {
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings: BINDINGS,
+            push_bytes: Push::BYTES,
+            constants: &[AUX, COUNT],
+            local_size: Some(local_size),
+        },
+        doc,
+        dispatch: "one workgroup per tile",
+        push: Push::FIELDS,
+        twin,
+    }
+}
+
+const COLUMN_DOC: &str = "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels.";
+const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.";
+
+/// For devices whose subgroups are exactly 8 wide: lavapipe.
+pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC, crate::twin::blend_forward::run_column);
+/// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
+pub const COLUMN_EMULATED: Pass =
+    emulated(pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column));
+/// For devices with wide subgroups and shared memory of their own.
+pub const PIXEL: Pass = pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel);
+
+const fn emulated(pass: Pass) -> Pass {
+    Pass { kernel: Kernel { constants: &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8], ..pass.kernel }, ..pass }
+}

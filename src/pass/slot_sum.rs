@@ -1,0 +1,34 @@
+//! Sums of the slots of each visible splat, in order.
+
+use super::blend_forward::AUX;
+use super::{Pass, module};
+use crate::vk::{Kernel, read, write};
+
+/// Visible splats that one workgroup owns.
+pub const SPLATS_PER_WORKGROUP: u32 = 16;
+
+/// The pass. `order` is the splat of each rank of the depth order (`vals0` after the sort). Rows of splats that are not visible
+/// are left as they are.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "slot_sum",
+        spirv: module("slot_sum"),
+        bindings: &[
+            read("counters"),
+            read("order"),
+            read("pair_offsets"),
+            read("tile_counts"),
+            read("slot_grads"),
+            read("slot_normals"),
+            write("grad2d"),
+            write("grad_normals"),
+        ],
+        push_bytes: 0,
+        constants: &[AUX],
+        local_size: Some(64),
+    },
+    doc: "One thread owns four columns of one visible splat; a workgroup of 64 threads owns 16 visible splats.",
+    dispatch: "four threads per visible splat (16 splats per workgroup)",
+    push: &[],
+    twin: crate::twin::slot_sum::run,
+};

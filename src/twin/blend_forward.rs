@@ -1,0 +1,177 @@
+//! Twin of `glsl/blend_forward.comp`.
+
+use super::{Real, TwinCall};
+use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
+
+/// What is blended, and where.
+#[derive(Clone, Debug)]
+pub struct Blend<R> {
+    /// Image width in pixels.
+    pub width: usize,
+    /// Image height in pixels.
+    pub height: usize,
+    /// Background colour.
+    pub background: [R; 3],
+    /// Side of a tile in pixels.
+    pub side: usize,
+    /// Rows of `splat2d`.
+    pub splats: Vec<[R; 12]>,
+    /// Camera-frame normals, where depth and normal are blended too.
+    pub normals: Option<Vec<[R; 4]>>,
+    /// Splats of the tiles' lists, front to back.
+    pub sorted: Vec<u32>,
+    /// List of each tile in `sorted`.
+    pub ranges: Vec<[u32; 2]>,
+}
+
+/// The blended image.
+#[derive(Clone, Debug)]
+pub struct Blended<R> {
+    /// (r, g, b, final transmittance) per pixel.
+    pub image: Vec<[R; 4]>,
+    /// (sum w z, sum w n) per pixel; zeros without normals.
+    pub aux: Vec<[R; 4]>,
+    /// Entries of the tile's list up to and including the last contributor.
+    pub last: Vec<u32>,
+    /// Pixel-splats evaluated.
+    pub evaluated: u32,
+    /// Pixel-splats blended.
+    pub blended: u32,
+}
+
+/// A splat at a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation<R> {
+    /// Pixel centre minus mean.
+    pub d: [R; 2],
+    /// exp(power).
+    pub falloff: R,
+    /// Opacity times falloff, not clamped; 0 where the splat is skipped.
+    pub unclamped: R,
+}
+
+impl<R: Real> Evaluation<R> {
+    /// min(0.99, alpha).
+    pub fn alpha(&self) -> R {
+        self.unclamped.min(R::of(0.99))
+    }
+}
+
+/// The splat `row` at the pixel whose centre is `center`.
+pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2]) -> Evaluation<R> {
+    let d = [center[0] - row[0], center[1] - row[1]];
+    let power = -(row[2] * d[0] * d[0] + row[4] * d[1] * d[1]) / R::of(2.0) - row[3] * d[0] * d[1];
+    let falloff = power.exp();
+    let alpha = row[5] * falloff;
+    let skipped = power > R::zero() || alpha < R::one() / R::of(255.0);
+    Evaluation { d, falloff, unclamped: if skipped { R::zero() } else { alpha } }
+}
+
+impl<R: Real> Blend<R> {
+    /// The tile of a pixel.
+    pub fn tile(&self, x: usize, y: usize) -> usize {
+        y / self.side * self.width.div_ceil(self.side) + x / self.side
+    }
+
+    /// The list of a pixel's tile.
+    pub fn list(&self, x: usize, y: usize) -> &[u32] {
+        let [begin, end] = self.ranges[self.tile(x, y)];
+        &self.sorted[begin as usize..end as usize]
+    }
+
+    /// Centre of a pixel.
+    pub fn center(x: usize, y: usize) -> [R; 2] {
+        [R::of(x as f64 + 0.5), R::of(y as f64 + 0.5)]
+    }
+
+    /// Depth and normal of a splat as blended into the auxiliary image.
+    pub fn aux_of(&self, splat: usize) -> [R; 4] {
+        let [x, y, z, _] = self.normals.as_ref().map_or([R::zero(); 4], |n| n[splat]);
+        [self.splats[splat][6], x, y, z]
+    }
+}
+
+/// Blends every pixel of the image.
+pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
+    let pixels = blend.width * blend.height;
+    let mut out = Blended {
+        image: Vec::with_capacity(pixels),
+        aux: Vec::with_capacity(pixels),
+        last: Vec::with_capacity(pixels),
+        evaluated: 0,
+        blended: 0,
+    };
+    for y in 0..blend.height {
+        for x in 0..blend.width {
+            let (mut transmittance, mut color, mut aux, mut last) = (R::one(), [R::zero(); 3], [R::zero(); 4], 0);
+            for (place, &splat) in blend.list(x, y).iter().enumerate() {
+                let row = &blend.splats[splat as usize];
+                let alpha = evaluate(row, Blend::center(x, y)).alpha();
+                out.evaluated += 1;
+                if alpha == R::zero() {
+                    continue;
+                }
+                let next = transmittance * (R::one() - alpha);
+                if next < R::of(1e-4) {
+                    break;
+                }
+                let weight = alpha * transmittance;
+                for k in 0..3 {
+                    color[k] += weight * row[8 + k];
+                }
+                for (sum, value) in aux.iter_mut().zip(blend.aux_of(splat as usize)) {
+                    *sum += weight * value;
+                }
+                transmittance = next;
+                last = place as u32 + 1;
+                out.blended += 1;
+            }
+            let [r, g, b] = std::array::from_fn(|k| color[k] + transmittance * blend.background[k]);
+            out.image.push([r, g, b, transmittance]);
+            out.aux.push(if blend.normals.is_some() { aux } else { [R::zero(); 4] });
+            out.last.push(last);
+        }
+    }
+    out
+}
+
+/// The input buffers that both blending passes begin with.
+pub(super) fn inputs(call: &TwinCall<'_>, side: u32) -> Blend<f32> {
+    let push: Push = call.push();
+    Blend {
+        width: push.width as usize,
+        height: push.height as usize,
+        background: [push.red, push.green, push.blue],
+        side: side as usize,
+        splats: call.get(0),
+        normals: (call.constants[0] != 0).then(|| call.get(1)),
+        sorted: call.get(2),
+        ranges: call.get(3),
+    }
+}
+
+fn run(call: &mut TwinCall<'_>, side: u32) {
+    let blend = inputs(call, side);
+    let out = forward(&blend);
+    call.set(4, &out.image);
+    if blend.normals.is_some() {
+        call.set(5, &out.aux);
+    }
+    call.set(6, &out.last);
+    if call.constants[1] != 0 {
+        let mut counts = call.get::<u32>(7);
+        counts[0] += out.evaluated;
+        counts[1] += out.blended;
+        call.set(7, &counts);
+    }
+}
+
+/// Adapter over raw buffers, tiles of the COLUMN shape.
+pub fn run_column(call: &mut TwinCall<'_>) {
+    run(call, COLUMN_SIDE);
+}
+
+/// Adapter over raw buffers, tiles of the PIXEL shape.
+pub fn run_pixel(call: &mut TwinCall<'_>) {
+    run(call, PIXEL_SIDE);
+}

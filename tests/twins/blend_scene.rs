@@ -1,0 +1,167 @@
+//! Scenes for the blending tests: splats on an image with their tile lists, and where the f32 device may decide otherwise.
+
+use psrgs_vk::twin::Real;
+use psrgs_vk::twin::blend_forward::{Blend, evaluate};
+
+/// Uniform numbers from a counter (SplitMix64), so that a scene is named by its seed.
+pub struct Draws(pub u64);
+
+impl Draws {
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+}
+
+/// A splat with standard deviations `sigma` (before the dilation of 0.3) along axes turned by `angle`.
+pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f64, color: [f64; 3]) -> [f32; 12] {
+    let (s, c) = angle.sin_cos();
+    let [u, v] = sigma.map(|x| x * x);
+    let (xx, xy, yy) = (c * c * u + s * s * v + 0.3, c * s * (u - v), s * s * u + c * c * v + 0.3);
+    let det = xx * yy - xy * xy;
+    let [r, g, b] = color;
+    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 0.0, r, g, b, 0.0].map(|x| x as f32)
+}
+
+/// A scene as the device gets it.
+pub struct Scene {
+    pub name: &'static str,
+    pub width: usize,
+    pub height: usize,
+    pub background: [f32; 3],
+    /// In depth order.
+    pub splats: Vec<[f32; 12]>,
+    /// Whether the tile lists hold every splat (else only those whose box of three to four deviations touches the tile).
+    pub everywhere: bool,
+}
+
+impl Scene {
+    /// `n` random splats, opacities up to `most`.
+    pub fn random(name: &'static str, seed: u64, n: usize, size: [usize; 2], most: f64) -> Self {
+        let mut d = Draws(seed);
+        let [width, height] = size;
+        let splats = (0..n)
+            .map(|i| {
+                let mean = [d.within(-4.0, width as f64 + 4.0), d.within(-4.0, height as f64 + 4.0)];
+                let sigma = [d.within(-1.0, 2.2).exp(), d.within(-1.0, 2.2).exp()];
+                let color = [d.unit(), d.unit(), d.unit()];
+                splat(mean, sigma, d.within(0.0, 3.2), d.within(0.0, most), 1.0 + i as f64 * 0.01, color)
+            })
+            .collect();
+        Self { name, width, height, background: [0.2, 0.5, 0.9], splats, everywhere: false }
+    }
+
+    fn touches(&self, s: &[f32; 12], x: usize, y: usize, side: usize) -> bool {
+        let [a, b, c, o] = [s[2], s[3], s[4], s[5]].map(f64::from);
+        let level = 2.0 * (255.0 * o).max(1.0).ln() + 0.1;
+        let det = a * c - b * b;
+        let (ex, ey) = ((level * c / det).sqrt(), (level * a / det).sqrt());
+        let (mx, my) = (f64::from(s[0]), f64::from(s[1]));
+        let near = |m: f64, e: f64, t: usize| m + e >= (t * side) as f64 && m - e <= ((t + 1) * side) as f64;
+        self.everywhere || near(mx, ex, x) && near(my, ey, y)
+    }
+
+    /// Tile lists for tiles of `side` pixels: the splats' own numbers are permuted so that depth order is not memory order.
+    pub fn blend(&self, side: usize, aux: bool) -> Blend<f32> {
+        let n = self.splats.len();
+        let step = (n / 2..).find(|&k| k > 0 && gcd(k, n.max(1)) == 1).unwrap_or(1);
+        let place = |rank: usize| rank * step % n;
+        let mut splats = vec![[0.0; 12]; n];
+        let mut normals = vec![[0.0; 4]; n];
+        for (rank, s) in self.splats.iter().enumerate() {
+            splats[place(rank)] = *s;
+            let mut d = Draws(rank as u64 + 77);
+            let v: [f64; 3] = std::array::from_fn(|_| d.within(-1.0, 1.0));
+            let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+            normals[place(rank)] = [v[0] / length, v[1] / length, v[2] / length, 0.0].map(|x| x as f32);
+        }
+        let (columns, rows) = (self.width.div_ceil(side), self.height.div_ceil(side));
+        let (mut sorted, mut ranges) = (Vec::new(), Vec::new());
+        for tile in 0..columns * rows {
+            let begin = sorted.len() as u32;
+            for (rank, s) in self.splats.iter().enumerate() {
+                if s[5] > 0.0 && self.touches(s, tile % columns, tile / columns, side) {
+                    sorted.push(place(rank) as u32);
+                }
+            }
+            ranges.push([begin, sorted.len() as u32]);
+        }
+        Blend {
+            width: self.width,
+            height: self.height,
+            background: self.background,
+            side,
+            splats,
+            normals: aux.then_some(normals),
+            sorted,
+            ranges,
+        }
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// The same scene in another precision.
+pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
+    let up = |x: f32| R::of(f64::from(x));
+    Blend {
+        width: b.width,
+        height: b.height,
+        background: b.background.map(up),
+        side: b.side,
+        splats: b.splats.iter().map(|s| s.map(up)).collect(),
+        normals: b.normals.as_ref().map(|n| n.iter().map(|s| s.map(up)).collect()),
+        sorted: b.sorted.clone(),
+        ranges: b.ranges.clone(),
+    }
+}
+
+/// Pixels where f32 arithmetic may fall on the other side of a threshold than exact arithmetic does.
+///
+/// With u = 2^-24: the exponent e = dy (c dy + b dx) + a dx^2 in base 2 is evaluated from scaled conics (2u each: constant and
+/// product), differences d (u each, and their products inherit it twice) and five further roundings; so its error is at most 12 u
+/// times the sum S of the absolute values of its terms. exp2 adds 2^-21 (four times what an approximation of degree 5 may have),
+/// the product with the opacity u. Hence alpha is off by at most (0.7 * 12 u S + 2^-21 + u) alpha. The transmittance after k
+/// splats has collected the errors of its factors: d ln(1 - alpha) = d alpha / (1 - alpha), and 2 u per step.
+pub fn uncertain(blend: &Blend<f64>) -> Vec<bool> {
+    let u = 2.0f64.powi(-24);
+    let mut out = vec![false; blend.width * blend.height];
+    for (pixel, flag) in out.iter_mut().enumerate() {
+        let (x, y) = (pixel % blend.width, pixel / blend.width);
+        let (mut transmittance, mut drift) = (1.0f64, 0.0f64);
+        for &splat in blend.list(x, y) {
+            let row = &blend.splats[splat as usize];
+            let at = evaluate(row, Blend::center(x, y));
+            let [dx, dy] = at.d;
+            let terms = [row[2] * dx * dx / 2.0, row[4] * dy * dy / 2.0, row[3] * dx * dy];
+            let size: f64 = terms.iter().map(|t| t.abs()).sum();
+            let power = -(terms[0] + terms[1] + terms[2]);
+            let off_power = 12.0 * u * size;
+            let off = off_power + 2.0f64.powi(-21) + u;
+            let raw = row[5] * power.exp();
+            *flag |= (raw * 255.0 - 1.0).abs() <= off || raw > 1.0 / 300.0 && size > 0.0 && power.abs() <= off_power;
+            let alpha = at.alpha();
+            // Where the clamp sets in, only gradients jump.
+            *flag |= (raw / 0.99 - 1.0).abs() <= off;
+            if alpha == 0.0 {
+                continue;
+            }
+            let next = transmittance * (1.0 - alpha);
+            drift += off * alpha / (1.0 - alpha) + 2.0 * u;
+            *flag |= (next / 1e-4 - 1.0).abs() <= drift;
+            if next < 1e-4 {
+                break;
+            }
+            transmittance = next;
+        }
+    }
+    out
+}
