@@ -7,6 +7,7 @@ mod colmap;
 mod error;
 mod extent;
 mod folder;
+mod jpeg_end;
 mod photograph;
 mod split;
 mod warning;

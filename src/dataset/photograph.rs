@@ -8,6 +8,7 @@ use image::imageops::{self, FilterType};
 use image::{DynamicImage, ImageDecoder, ImageReader, RgbaImage};
 
 use super::error::Error;
+use super::jpeg_end;
 use crate::format;
 
 /// An image in memory.
@@ -46,6 +47,9 @@ pub(super) fn size_on_disk(file: &Path) -> Result<(u32, u32), Error> {
 /// same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses.
 pub(super) fn decode(file: &Path, expected: (u32, u32), width: u32, height: u32) -> Result<Photograph, Error> {
     let bytes = std::fs::read(file).map_err(format::Error::io(file, "read"))?;
+    if !jpeg_end::is_whole(&bytes) {
+        return Err(Error::undecodable(file, "pixels", bytes.len() as u64, "the file ends before the picture does"));
+    }
     let mut cursor = Cursor::new(bytes.as_slice());
     let decoded = pixels(file, &mut cursor);
     let image = decoded?.map_err(|e| Error::undecodable(file, "pixels", cursor.position(), e))?;
