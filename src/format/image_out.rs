@@ -24,7 +24,7 @@ pub fn to_rgb8(pixels: &[f32], floats_per_pixel: usize) -> Vec<u8> {
 
 /// Writes rows of 8-bit RGB.
 pub fn write_png(file: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<(), Error> {
-    check_size(file, width, height, rgb.len() / 3, rgb.len() % 3 == 0)?;
+    check_size(file, width, height, rgb.len() / 3, rgb.len().is_multiple_of(3))?;
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
         .write_image(rgb, width, height, ExtendedColorType::Rgb8)

@@ -1,13 +1,14 @@
 //! COLMAP folders in: what is read, what is refused, the split, the frame.
 
+#[path = "../colmap_folder/mod.rs"]
 mod colmap_folder;
+mod frame;
 
 use std::fs;
 use std::path::Path;
 
 use colmap_folder::{CameraRow, Folder, OPENCV, SIMPLE_PINHOLE, real_scenes, write_photograph};
 use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
-use psrgs_vk::scene::Frame;
 
 const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
 
@@ -253,74 +254,6 @@ fn split_counts_names_sorted_bytewise() {
     assert_eq!(of(Split::Val, Role::Unused), ["0.png", "a-b.png", "é.png"]);
     assert_eq!(of(Split::Val, Role::Train).len(), 12);
     assert_eq!(of(Split::None, Role::Train).len(), 17);
-}
-
-#[test]
-fn the_frame_is_that_of_the_training_cameras() {
-    let folder = Folder::ring(&NAMES, [3.0, -4.0, 5.0]);
-    let dataset = load(folder.dataset(false).path()).expect("loads");
-    // "a.png" is held out: two cameras remain, at 120 and 240 degrees of the ring.
-    let middle = [3.0 - 1.0, -4.0, 15.0];
-    for (got, want) in dataset.frame.offset.iter().zip(middle) {
-        assert!((got - want).abs() < 1e-12, "{got} {want}");
-    }
-    let reach = 2.0 * (std::f64::consts::TAU / 3.0).sin();
-    assert!((dataset.extent - 1.1 * reach).abs() < 1e-12);
-    assert!((dataset.frame.scale - 5.0 / dataset.extent).abs() < 1e-12);
-    let all = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
-    let dataset = Dataset::load(folder.dataset(false).path(), &all).expect("loads");
-    assert!((dataset.extent - 2.2).abs() < 1e-12);
-}
-
-#[test]
-fn one_photograph_and_cameras_at_one_place_take_the_extent_of_the_points() {
-    let folder = Folder::ring(&["only.png"], [50.0, 0.0, 0.0]);
-    let dataset = load(folder.dataset(false).path()).expect("loads");
-    assert_eq!(dataset.views[0].role, Role::Train);
-    assert!(dataset.warnings.contains(&Warning::NothingHeldOut { views: 1 }));
-    let extent = dataset.extent;
-    assert!((10.0..10.7).contains(&extent), "the points are about 10 from the camera: {extent}");
-    assert!(dataset.warnings.contains(&Warning::CamerasAtOnePlace { cameras: 1, extent }));
-    assert_eq!(dataset.frame.scale, Frame::EXTENT / extent);
-
-    let mut same = Folder::ring(&NAMES, [5e5, 4.6e6, 100.0]);
-    for image in &mut same.images {
-        image.translation = [-5e5, 4.6e6, 110.0];
-        // A turn about the viewing axis changes the rounding of the centre.
-        image.quaternion = [0.0, 1.0, 1e-3 * f64::from(image.id), 0.0];
-        let (w, h) = (1.0, 1e-3 * f64::from(image.id));
-        let (c, s) = ((w * w - h * h) / (w * w + h * h), 2.0 * w * h / (w * w + h * h));
-        // Rows of the rotation [[c, s, 0], [s, -c, 0], [0, 0, -1]].
-        image.translation = [-(c * 5e5 + s * 4.6e6), -(s * 5e5 - c * 4.6e6), 110.0];
-    }
-    let dataset = load(same.dataset(false).path()).expect("loads");
-    assert!(dataset.warnings.iter().any(|w| matches!(w, Warning::CamerasAtOnePlace { cameras: 2, .. })));
-    assert!((9.9..10.7).contains(&dataset.extent), "{}", dataset.extent);
-
-    same.points.clear();
-    let dataset = load(same.dataset(true).path()).expect("loads");
-    assert_eq!(dataset.extent, 1.0);
-}
-
-#[test]
-fn geo_referenced_coordinates_give_the_same_scene() {
-    let shift = [5e5, 4.6e6, 100.0];
-    let near = load(Folder::ring(&NAMES, [0.0; 3]).dataset(false).path()).expect("near");
-    let far = load(Folder::ring(&NAMES, shift).dataset(false).path()).expect("far");
-    assert!((near.frame.scale - far.frame.scale).abs() < 1e-8);
-    for (a, b) in near.points.iter().zip(&far.points) {
-        for (x, y) in near.frame.to_scene(a.position).iter().zip(far.frame.to_scene(b.position)) {
-            assert!((x - y).abs() < 1e-8, "{x} {y}");
-        }
-    }
-    for i in 0..3 {
-        let (a, b) = (near.scene_camera(i).expect("camera"), far.scene_camera(i).expect("camera"));
-        for (x, y) in a.translation.iter().zip(b.translation) {
-            assert!((x - y).abs() < 1e-8, "{x} {y}");
-        }
-    }
-    assert_eq!(near.frame.shift(), [0.0; 3]);
-    assert_eq!(far.frame.shift(), far.frame.offset);
 }
 
 #[test]

@@ -1,0 +1,65 @@
+//! Files out and back: models, frames, checkpoints, pictures.
+
+mod checkpoints;
+mod models;
+mod pictures;
+
+use std::fs;
+
+use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::scene::{Frame, Gaussians};
+
+/// Splats whose every value is different and whose bits are not all those of round numbers.
+pub(crate) fn splats(n: usize) -> Gaussians {
+    let mut g = Gaussians::zeros(n);
+    let mut state = 7_u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / 8_388_608.0 - 1.0
+    };
+    let [a, b, c, d] = &mut g.sh;
+    for plane in [&mut g.means, &mut g.quats, &mut g.scales, &mut g.opacities, a, b, c, d] {
+        plane.iter_mut().for_each(|v| *v = next() * 3.0);
+    }
+    if n > 1 {
+        g.means[1] = -0.0;
+        g.scales[2] = 0.0;
+        g.scales[3] = -0.0;
+        g.means[4] = f32::MIN_POSITIVE / 4.0;
+    }
+    g
+}
+
+#[test]
+fn frame_file_keeps_every_bit() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let model = folder.path().join("point_cloud.ply");
+    assert_eq!(FrameFile::beside(&model).expect("no file is no error"), None);
+    let frame = Frame { offset: [0.1 + 0.2, 4.6e6 / 3.0, -1e-300], scale: 5.0 / 17.3 };
+    FrameFile::new(frame).write(&folder.path().join("frame.json")).expect("written");
+    let read = FrameFile::beside(&model).expect("read").expect("there");
+    assert_eq!((read.frame, read.shift), (frame, frame.offset));
+    for broken in [
+        "",
+        "{",
+        "{}",
+        r#"{"offset":[0,0,0],"scale":0,"shift":[0,0,0]}"#,
+        r#"{"offset":[0,0],"scale":1,"shift":[0,0,0]}"#,
+    ] {
+        fs::write(folder.path().join("frame.json"), broken).expect("written");
+        let error = FrameFile::beside(&model).expect_err(broken).to_string();
+        assert!(error.contains("frame.json: frame at line 1"), "{error}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn files_have_ordinary_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let (ours, ordinary) = (folder.path().join("a.ply"), folder.path().join("b"));
+    ply::save(&ours, &splats(1), &Frame::IDENTITY, false).expect("written");
+    fs::write(&ordinary, "").expect("written");
+    let mode = |file: &std::path::Path| fs::metadata(file).expect("file").permissions().mode();
+    assert_eq!(mode(&ours), mode(&ordinary));
+}
