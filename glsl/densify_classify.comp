@@ -8,16 +8,17 @@
 #include "common.glsl"
 #include "counters.glsl"
 #include "densify.glsl"
+#include "finite.glsl"
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
-layout(set = 0, binding = 1) readonly buffer Means { uint means[]; };
-layout(set = 0, binding = 2) readonly buffer Quats { uint quats[]; };
+layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
+layout(set = 0, binding = 2) readonly buffer Quats { float quats[]; };
 layout(set = 0, binding = 3) readonly buffer Scales { float scales[]; };
 layout(set = 0, binding = 4) readonly buffer Opacities { float opacities[]; };
-layout(set = 0, binding = 5) readonly buffer Sh0 { uint sh0[]; };
-layout(set = 0, binding = 6) readonly buffer Sh1 { uint sh1[]; };
-layout(set = 0, binding = 7) readonly buffer Sh2 { uint sh2[]; };
-layout(set = 0, binding = 8) readonly buffer Sh3 { uint sh3[]; };
+layout(set = 0, binding = 5) readonly buffer Sh0 { float sh0[]; };
+layout(set = 0, binding = 6) readonly buffer Sh1 { float sh1[]; };
+layout(set = 0, binding = 7) readonly buffer Sh2 { float sh2[]; };
+layout(set = 0, binding = 8) readonly buffer Sh3 { float sh3[]; };
 layout(set = 0, binding = 9) readonly buffer Stats { vec4 stats[]; };
 layout(set = 0, binding = 10) writeonly buffer Flags { uint flags[]; };
 layout(set = 0, binding = 11) buffer Tally { uint tally[]; };
@@ -34,13 +35,13 @@ layout(push_constant) uniform Push {
 
 // sum / views >= threshold without the division, whose rounding Vulkan leaves open; no views or no number scores 0.
 bool reaches(float sum, float views, float threshold) {
-    if (!(views > 0.0) || !finite(floatBitsToUint(sum))) return threshold <= 0.0;
+    if (!(views > 0.0) || !finite(sum)) return threshold <= 0.0;
     return sum >= threshold * views;
 }
 
 bool all_finite(uint i) {
-    bool ok = finite(floatBitsToUint(opacities[i]));
-    for (uint k = 0u; k < 3u; ++k) ok = ok && finite(means[3u * i + k]) && finite(floatBitsToUint(scales[3u * i + k]));
+    bool ok = finite(opacities[i]);
+    for (uint k = 0u; k < 3u; ++k) ok = ok && finite(means[3u * i + k]) && finite(scales[3u * i + k]);
     for (uint k = 0u; k < 4u; ++k) ok = ok && finite(quats[4u * i + k]);
     for (uint k = 0u; k < 12u; ++k) {
         const uint e = 12u * i + k;

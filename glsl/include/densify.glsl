@@ -16,7 +16,4 @@ uint map_entry(uint source, uint kind) { return source | (kind << 30u); }
 uint map_source(uint entry) { return entry & 0x3fffffffu; }
 uint map_kind(uint entry) { return entry >> 30u; }
 
-// By bits, because compilers may assume that floats are finite.
-bool finite(uint bits) { return (bits & 0x7f800000u) != 0x7f800000u; }
-
 #endif

@@ -13,7 +13,9 @@ mod harness;
 mod blend_scene;
 mod blend_twin;
 mod compact;
+mod densify_passes;
 mod density;
+mod density_device;
 mod density_model;
 mod density_reference;
 mod density_twin;
@@ -44,6 +46,8 @@ macro_rules! cases {
 
 cases! {
     compact: "compact" "gather_counts";
+    densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
+        "densify_stats" "opacity_reset";
     emit: "emit";
     fill: "fill";
     plan: "plan" "finish";

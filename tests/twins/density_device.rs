@@ -1,0 +1,302 @@
+//! Density changes on the device against the twins of their passes: bit for bit where words are copied and counted.
+
+use super::common::{assert_no_messages, gpu};
+use super::density::{random_rows, rules};
+use super::density_model::{MEANS, Model, OPACITIES, Rng, Row, SCALES, WIDTHS};
+use super::density_twin;
+use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
+use psrgs_vk::pass::densify_stats;
+use psrgs_vk::train::density::{ARGS, DensityControl, DensityRules, Model as DeviceModel, logit};
+use psrgs_vk::twin::densify_stats::add_view;
+use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
+
+/// The entry of `args` that density control begins with in these tests.
+const FIRST_ENTRY: u32 = 5;
+
+struct OnDevice {
+    gpu: Gpu,
+    capacity: usize,
+    planes: [Buffer; 8],
+    first_moments: [Buffer; 8],
+    second_moments: [Buffer; 8],
+    stats: Buffer,
+    ids: Buffer,
+    counters: Buffer,
+    args: Buffer,
+    control: DensityControl,
+}
+
+impl OnDevice {
+    fn new(gpu: &Gpu, model: &Model) -> Self {
+        let buffer = |name: &str, words: &[u32]| {
+            let buffer = gpu.buffer(name, 4 * words.len() as u64, Memory::Device).unwrap();
+            gpu.write(&buffer, words).unwrap();
+            buffer
+        };
+        Self {
+            gpu: gpu.clone(),
+            capacity: model.capacity,
+            planes: std::array::from_fn(|p| buffer(&format!("plane {p}"), &model.planes[p])),
+            first_moments: std::array::from_fn(|p| buffer(&format!("m {p}"), &model.moments[p])),
+            second_moments: std::array::from_fn(|p| buffer(&format!("v {p}"), &model.moments[8 + p])),
+            stats: buffer("stats", &model.stats),
+            ids: buffer("ids", &model.ids),
+            counters: buffer("counters", &model.counters),
+            args: buffer("args", &[u32::MAX; 4 * 32]),
+            control: DensityControl::new(gpu, model.capacity as u32, FIRST_ENTRY).unwrap(),
+        }
+    }
+
+    fn view(&self) -> DeviceModel<'_> {
+        DeviceModel {
+            planes: &self.planes,
+            first_moments: &self.first_moments,
+            second_moments: &self.second_moments,
+            stats: &self.stats,
+            ids: &self.ids,
+            counters: &self.counters,
+            args: &self.args,
+        }
+    }
+
+    fn read(&self) -> Model {
+        let words = |b: &Buffer| self.gpu.read::<u32>(b).unwrap();
+        let moments = |p: usize| if p < 8 { &self.first_moments[p] } else { &self.second_moments[p - 8] };
+        Model {
+            capacity: self.capacity,
+            planes: std::array::from_fn(|p| words(&self.planes[p])),
+            moments: std::array::from_fn(|p| words(moments(p))),
+            stats: words(&self.stats),
+            ids: words(&self.ids),
+            counters: words(&self.counters).try_into().unwrap(),
+        }
+    }
+
+    /// Several changes in one submission: no count is known to the host between them.
+    fn change(&self, rules: &DensityRules, events: &[u32]) {
+        let mut rec = self.gpu.recorder("density").unwrap();
+        for &event in events {
+            self.control.record(&mut rec, &self.view(), rules, event).unwrap();
+        }
+        let ticket = rec.submit().unwrap();
+        self.gpu.wait(ticket).unwrap();
+        let args = self.gpu.read::<u32>(&self.args).unwrap();
+        let own = 4 * FIRST_ENTRY as usize..4 * (FIRST_ENTRY + ARGS) as usize;
+        assert!(args.iter().enumerate().all(|(i, a)| own.contains(&i) || *a == u32::MAX), "entries of others");
+    }
+}
+
+/// All live rows equal in every bit but for centres of children, where square root and division are the device's.
+fn assert_same(got: &Model, want: &Model, born: u32) {
+    assert_eq!(got.counters, want.counters);
+    let n = want.len();
+    for p in 0..8 {
+        let live = ..WIDTHS[p] * n;
+        if p != MEANS {
+            assert_eq!(got.planes[p][live], want.planes[p][live], "plane {p}");
+        }
+    }
+    for p in 0..16 {
+        let live = ..WIDTHS[p % 8] * n;
+        assert_eq!(got.moments[p][live], want.moments[p][live], "moments {p}");
+    }
+    assert_eq!(got.stats[..4 * n], want.stats[..4 * n]);
+    assert_eq!(got.ids[..n], want.ids[..n]);
+    for (g, w) in got.rows().iter().zip(want.rows()) {
+        if w.id < born {
+            assert!((0..3).all(|k| g.planes[MEANS][k].to_bits() == w.planes[MEANS][k].to_bits()));
+        } else {
+            let sigma = w.planes[SCALES].iter().copied().fold(f32::MIN, f32::max).exp() * 1.6;
+            for k in 0..3 {
+                let (g, w) = (g.planes[MEANS][k], w.planes[MEANS][k]);
+                assert!((g - w).abs() <= 1e-6 * (6.0 * sigma + w.abs()), "{g} for {w}");
+            }
+        }
+    }
+}
+
+#[test]
+fn device_follows_the_twin() {
+    let Some(gpu) = gpu() else { return };
+    for n in [0, 1, 2, 63, 64, 65, 257, 1025] {
+        for max_splats in [None, Some(n as u32 + 3)] {
+            let rng = &mut Rng(n as u64);
+            let (rows, born) = random_rows(rng, n);
+            let mut want = Model::new(&rows, 2 * n + 1, born, rng);
+            let rules = DensityRules { max_splats, split_absolute: n % 2 == 0, ..rules() };
+            let device = OnDevice::new(&gpu, &want);
+            device.change(&rules, &[9]);
+            density_twin::change(&mut want, &rules, 9);
+            let got = device.read();
+            assert_same(&got, &want, born);
+            // Room that was and stays spare keeps its contents.
+            let spare = n.max(want.len());
+            assert_eq!(got.ids[spare..], want.ids[spare..]);
+        }
+    }
+    assert_no_messages(&gpu);
+}
+
+#[test]
+fn changes_in_one_submission_follow_each_other() {
+    let Some(gpu) = gpu() else { return };
+    let rng = &mut Rng(31);
+    let (rows, born) = random_rows(rng, 500);
+    let mut want = Model::new(&rows, 1000, born, rng);
+    // Statistics are reset by the first change, so a second one only prunes; with thresholds of 0 everything grows again.
+    let rules = DensityRules { clone_threshold: 0.0, max_splats: Some(900), ..rules() };
+    let device = OnDevice::new(&gpu, &want);
+    device.change(&rules, &[3, 6, 9]);
+    for event in [3, 6, 9] {
+        density_twin::change(&mut want, &rules, event);
+    }
+    assert!(want.len() > rows.len());
+    assert_same(&device.read(), &want, born);
+    assert_no_messages(&gpu);
+}
+
+#[test]
+fn everything_cloned_split_or_pruned_on_the_device() {
+    let Some(gpu) = gpu() else { return };
+    for n in [1, 64, 65] {
+        for (scale, logit) in [(0.0, 0.0), (0.6, 0.0), (0.6, -9.0)] {
+            let rng = &mut Rng(5);
+            let rows: Vec<Row> =
+                (0..n).map(|i| Row::random(rng, i as u32).with(1.0, 1.0, scale, logit)).collect();
+            let mut want = Model::new(&rows, 2 * n, n as u32, rng);
+            let device = OnDevice::new(&gpu, &want);
+            device.change(&rules(), &[1]);
+            density_twin::change(&mut want, &rules(), 1);
+            assert_eq!(want.len(), if logit < 0.0 { 0 } else { 2 * n });
+            assert_same(&device.read(), &want, n as u32);
+        }
+    }
+}
+
+#[test]
+fn overflow_writes_nothing_on_the_device() {
+    let Some(gpu) = gpu() else { return };
+    let rng = &mut Rng(6);
+    let rows: Vec<Row> = (0..70).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.6, 0.0)).collect();
+    let before = Model::new(&rows, 139, 70, rng);
+    let device = OnDevice::new(&gpu, &before);
+    // The second change would fit: it must not run either, for the first is lost.
+    device.change(&rules(), &[1]);
+    device.change(&DensityRules { max_splats: Some(100), ..rules() }, &[2]);
+    let after = device.read();
+    let mut expected = before.counters;
+    expected[STATUS] = SPLATS_BIT;
+    expected[WANT_SPLATS] = 140;
+    expected[counters::SCAN_TOTAL] = after.counters[counters::SCAN_TOTAL];
+    assert_eq!(after.counters, expected);
+    assert_eq!((after.planes, after.moments), (before.planes.clone(), before.moments.clone()));
+    assert_eq!((after.stats, after.ids), (before.stats.clone(), before.ids.clone()));
+    // With room, and the bit cleared, the lost change comes out as it would have at first.
+    let mut roomy = Model::new(&rows, 200, 70, rng);
+    let grown = OnDevice::new(&gpu, &roomy);
+    grown.change(&rules(), &[1]);
+    density_twin::change(&mut roomy, &rules(), 1);
+    assert_same(&grown.read(), &roomy, 70);
+}
+
+#[test]
+fn opacity_reset_follows_the_twin() {
+    let Some(gpu) = gpu() else { return };
+    for n in [0, 1, 64, 65, 200] {
+        for status in [0, SPLATS_BIT] {
+            let rng = &mut Rng(40);
+            let rows: Vec<Row> = (0..n)
+                .map(|i| {
+                    let opacity = [rng.uniform(-8.0, 3.0), logit(0.01), -f32::INFINITY, f32::INFINITY][rng.below(4)];
+                    Row::random(rng, i).with(0.0, 1.0, 0.0, opacity)
+                })
+                .collect();
+            let mut model = Model::new(&rows, 201, n, rng);
+            model.counters[STATUS] = status;
+            let device = OnDevice::new(&gpu, &model);
+            let mut rec = gpu.recorder("reset").unwrap();
+            device.control.record_reset(&mut rec, &device.view(), 0.01).unwrap();
+            gpu.wait(rec.submit().unwrap()).unwrap();
+            let got = device.read();
+            let mut want = model.clone();
+            for i in 0..if status == 0 { n as usize } else { 0 } {
+                let capped = f32::from_bits(want.planes[OPACITIES][i]).min((0.01_f64 / 0.99).ln() as f32);
+                want.planes[OPACITIES][i] = capped.to_bits();
+                want.moments[OPACITIES][i] = 0;
+                want.moments[8 + OPACITIES][i] = 0;
+            }
+            assert_eq!((got.planes, got.moments, got.counters), (want.planes, want.moments, want.counters));
+        }
+    }
+    assert_no_messages(&gpu);
+}
+
+#[test]
+fn statistics_follow_f64() {
+    let Some(gpu) = gpu() else { return };
+    let pipeline = gpu.pipeline(&densify_stats::PASS.kernel, &[]).unwrap();
+    for n in [1, 63, 64, 65, 500] {
+        let rng = &mut Rng(50 + n as u64);
+        let room = n + 3;
+        let mut tile_counts: Vec<u32> = (0..room).map(|_| rng.below(3) as u32).collect();
+        tile_counts[0] = 1;
+        let mut splat2d: Vec<f32> = (0..12 * room).map(|_| rng.uniform(-1.0, 1.0)).collect();
+        // Conics of ellipses with axes up to 1 : 100 at any angle, from covariances in f64.
+        for row in splat2d.chunks_exact_mut(12) {
+            let (long, ratio, angle) = (rng.uniform(0.6, 300.0), rng.uniform(0.01, 1.0), rng.uniform(0.0, 6.3));
+            let (s, c) = f64::from(angle).sin_cos();
+            let (p, q) = (1.0 / f64::from(long).powi(2), 1.0 / f64::from(long * ratio).powi(2));
+            row[2] = (c * c * p + s * s * q) as f32;
+            row[3] = (c * s * (p - q)) as f32;
+            row[4] = (s * s * p + c * c * q) as f32;
+        }
+        let grad2d: Vec<f32> = (0..12 * room).map(|_| rng.uniform(-1e-3, 1e-3)).collect();
+        let stats: Vec<f32> = (0..4 * room).map(|_| rng.uniform(0.0, 2.0)).collect();
+        let mut counts = [0_u32; counters::COUNT];
+        counts[counters::SPLATS] = n as u32;
+
+        let upload = |name: &str, words: &[u32]| {
+            let buffer = gpu.buffer(name, 4 * words.len() as u64, Memory::Device).unwrap();
+            gpu.write(&buffer, words).unwrap();
+            buffer
+        };
+        let floats = |name: &str, values: &[f32]| upload(name, bytemuck::cast_slice(values));
+        let buffers = [
+            upload("counters", &counts),
+            upload("tile_counts", &tile_counts),
+            floats("splat2d", &splat2d),
+            floats("grad2d", &grad2d),
+            floats("stats", &stats),
+        ];
+        let mut rec = gpu.recorder("stats").unwrap();
+        let push = densify_stats::Push { half_width: 320.0, half_height: 180.0 };
+        rec.dispatch(&pipeline, &buffers.each_ref(), &push, Groups::Items(room as u64)).unwrap();
+        gpu.wait(rec.submit().unwrap()).unwrap();
+        let got: Vec<f32> = gpu.read(&buffers[4]).unwrap();
+
+        let wide = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+        for i in 0..room {
+            let before = &stats[4 * i..4 * i + 4];
+            let after = &got[4 * i..4 * i + 4];
+            if i >= n || tile_counts[i] == 0 {
+                assert_eq!(after, before, "splat {i} was not on screen");
+                continue;
+            }
+            let row = 12 * i..12 * i + 12;
+            let (s, g) = (wide(&splat2d[row.clone()]), wide(&grad2d[row]));
+            let want = add_view(std::array::from_fn(|k| f64::from(before[k])), &s, &g, [320.0, 180.0]);
+            for k in 0..3 {
+                assert!((f64::from(after[k]) - want[k]).abs() <= 4e-7 * want[k], "{after:?} {want:?}");
+            }
+            // The determinant cancels for long ellipses: its relative error, halved by the square root.
+            let (ac, bb) = (s[2] * s[4], s[3] * s[3]);
+            let bound = 6e-8 * (0.5 * (ac + bb) / (ac - bb) * 3.0 + 8.0);
+            assert!((f64::from(after[3]) - want[3]).abs() <= bound * want[3], "{after:?} {want:?}");
+            // Written out once more: radius from the eigenvalues of the inverse.
+            let (mid, det) = (0.5 * (s[2] + s[4]), ac - bb);
+            let smaller = det / (mid + (mid * mid - det).max(0.0).sqrt());
+            assert!((want[3] - (3.0 / smaller.sqrt()).max(f64::from(before[3]))).abs() < 1e-6 * want[3]);
+        }
+    }
+    assert_no_messages(&gpu);
+}
