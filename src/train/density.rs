@@ -158,7 +158,18 @@ impl DensityControl {
         rec.fill(&self.tally, 0)?;
         let [means, quats, scales, opacities, sh0, sh1, sh2, sh3] = model.planes;
         let buffers = [
-            model.counters, means, quats, scales, opacities, sh0, sh1, sh2, sh3, model.stats, &self.flags, &self.tally,
+            model.counters,
+            means,
+            quats,
+            scales,
+            opacities,
+            sh0,
+            sh1,
+            sh2,
+            sh3,
+            model.stats,
+            &self.flags,
+            &self.tally,
         ];
         rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
         self.scan_flags(rec, model)?;

@@ -56,14 +56,13 @@ fn assert_same(got: &[Row], want: &[Row], born: u32) {
     }
 }
 
-#[test]
-fn thresholds_exactly_hit_and_children_pruned() {
+/// Splats that just reach or just miss a rule of [`rules`], each with how many rows it shall leave: kept, clones, children.
+pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
     // (score, views, log scale, logit) -> kept, clones, children; border ln 1.5, prune ln 2.2, logit of 0.4.
-    let s = rules();
     let (border, giant, faint) = (1.5_f64.ln() as f32, 2.2_f64.ln() as f32, logit(0.4));
     let up = |x: f32| f32::from_bits(x.to_bits() + 1);
     let down = |x: f32| f32::from_bits(x.to_bits() - 1);
-    let cases = [
+    [
         ("idle", 0.0, 3.0, 0.0, 0.0, [1, 0, 0]),
         ("never seen", 9.0, 0.0, 0.0, 0.0, [1, 0, 0]),
         ("clone threshold hit", 0.5, 3.0, 0.0, 0.0, [1, 1, 0]),
@@ -83,14 +82,23 @@ fn thresholds_exactly_hit_and_children_pruned() {
         ("unless they are giants too", 1.0, 1.0, giant + 0.48, 0.0, [0, 0, 0]),
         ("an infinite score is none", f32::INFINITY, 1.0, 0.0, 0.0, [1, 0, 0]),
         ("a NaN score is none", f32::NAN, 1.0, up(border), 0.0, [1, 0, 0]),
-    ];
-    for (what, score, views, scale, logit, expected) in cases {
-        let rng = &mut Rng(3);
-        let row = Row::random(rng, 5).with(score, views, scale, logit);
-        let mut model = Model::new(&[row], 4, 6, rng);
-        density_twin::change(&mut model, &s, 1);
+    ]
+    .into_iter()
+    .enumerate()
+    .map(|(i, (what, score, views, scale, logit, expected))| {
+        (what, Row::random(&mut Rng(3), i as u32).with(score, views, scale, logit), expected)
+    })
+    .collect()
+}
+
+#[test]
+fn thresholds_exactly_hit_and_children_pruned() {
+    for (what, row, expected) in borderline() {
+        let (rng, id) = (&mut Rng(3), row.id);
+        let mut model = Model::new(&[row], 4, 100, rng);
+        density_twin::change(&mut model, &rules(), 1);
         let rows = model.rows();
-        let kept = rows.iter().filter(|r| r.id == 5).count();
+        let kept = rows.iter().filter(|r| r.id == id).count();
         let counts = [kept, model.counters[CLONED] as usize, 2 * model.counters[SPLIT] as usize];
         assert_eq!(counts, expected, "{what}");
         assert_eq!(rows.len(), expected.iter().sum::<usize>(), "{what}");

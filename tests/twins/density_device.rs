@@ -1,11 +1,11 @@
 //! Density changes on the device against the twins of their passes: bit for bit where words are copied and counted.
 
 use super::common::{assert_no_messages, gpu};
-use super::density::{random_rows, rules};
+use super::density::{borderline, random_rows, rules};
 use super::density_model::{MEANS, Model, OPACITIES, Rng, Row, SCALES, WIDTHS};
 use super::density_twin;
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
-use psrgs_vk::pass::densify_stats;
+use psrgs_vk::pass::{densify_stats, opacity_reset};
 use psrgs_vk::train::density::{ARGS, DensityControl, DensityRules, Model as DeviceModel, logit};
 use psrgs_vk::twin::densify_stats::add_view;
 use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
@@ -115,6 +115,17 @@ fn assert_same(got: &Model, want: &Model, born: u32) {
     }
 }
 
+/// Every word equal, spare room included; the counters aside.
+fn assert_unchanged(got: &Model, want: &Model) {
+    for p in 0..8 {
+        assert!(got.planes[p] == want.planes[p], "plane {p}");
+    }
+    for p in 0..16 {
+        assert!(got.moments[p] == want.moments[p], "moments {p}");
+    }
+    assert!(got.stats == want.stats && got.ids == want.ids, "statistics or identities");
+}
+
 #[test]
 fn device_follows_the_twin() {
     let Some(gpu) = gpu() else { return };
@@ -135,6 +146,17 @@ fn device_follows_the_twin() {
         }
     }
     assert_no_messages(&gpu);
+}
+
+#[test]
+fn thresholds_are_exact_on_the_device() {
+    let Some(gpu) = gpu() else { return };
+    let rows: Vec<Row> = borderline().into_iter().map(|(_, row, _)| row).collect();
+    let mut want = Model::new(&rows, 2 * rows.len(), 100, &mut Rng(2));
+    let device = OnDevice::new(&gpu, &want);
+    device.change(&rules(), &[1]);
+    density_twin::change(&mut want, &rules(), 1);
+    assert_same(&device.read(), &want, 100);
 }
 
 #[test]
@@ -161,8 +183,7 @@ fn everything_cloned_split_or_pruned_on_the_device() {
     for n in [1, 64, 65] {
         for (scale, logit) in [(0.0, 0.0), (0.6, 0.0), (0.6, -9.0)] {
             let rng = &mut Rng(5);
-            let rows: Vec<Row> =
-                (0..n).map(|i| Row::random(rng, i as u32).with(1.0, 1.0, scale, logit)).collect();
+            let rows: Vec<Row> = (0..n).map(|i| Row::random(rng, i as u32).with(1.0, 1.0, scale, logit)).collect();
             let mut want = Model::new(&rows, 2 * n, n as u32, rng);
             let device = OnDevice::new(&gpu, &want);
             device.change(&rules(), &[1]);
@@ -189,8 +210,7 @@ fn overflow_writes_nothing_on_the_device() {
     expected[WANT_SPLATS] = 140;
     expected[counters::SCAN_TOTAL] = after.counters[counters::SCAN_TOTAL];
     assert_eq!(after.counters, expected);
-    assert_eq!((after.planes, after.moments), (before.planes.clone(), before.moments.clone()));
-    assert_eq!((after.stats, after.ids), (before.stats.clone(), before.ids.clone()));
+    assert_unchanged(&after, &before);
     // With room, and the bit cleared, the lost change comes out as it would have at first.
     let mut roomy = Model::new(&rows, 200, 70, rng);
     let grown = OnDevice::new(&gpu, &roomy);
@@ -200,7 +220,7 @@ fn overflow_writes_nothing_on_the_device() {
 }
 
 #[test]
-fn opacity_reset_follows_the_twin() {
+fn opacity_reset_caps_and_forgets() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 64, 65, 200] {
         for status in [0, SPLATS_BIT] {
@@ -225,7 +245,18 @@ fn opacity_reset_follows_the_twin() {
                 want.moments[OPACITIES][i] = 0;
                 want.moments[8 + OPACITIES][i] = 0;
             }
-            assert_eq!((got.planes, got.moments, got.counters), (want.planes, want.moments, want.counters));
+            assert_unchanged(&got, &want);
+            assert_eq!(got.counters, want.counters);
+            if status == 0 {
+                let mut twin = model;
+                let (mut counts, push) = (twin.counters.to_vec(), opacity_reset::Push { logit_cap: logit(0.01) });
+                let (first, second) = twin.moments.split_at_mut(8);
+                let [opacities, first, second] =
+                    [&mut twin.planes[OPACITIES], &mut first[OPACITIES], &mut second[OPACITIES]];
+                let mut buffers = [&mut counts, opacities, first, second];
+                density_twin::run(&opacity_reset::PASS, &mut buffers, bytemuck::bytes_of(&push), &[], n as usize);
+                assert_unchanged(&twin, &want);
+            }
         }
     }
     assert_no_messages(&gpu);
@@ -273,6 +304,15 @@ fn statistics_follow_f64() {
         rec.dispatch(&pipeline, &buffers.each_ref(), &push, Groups::Items(room as u64)).unwrap();
         gpu.wait(rec.submit().unwrap()).unwrap();
         let got: Vec<f32> = gpu.read(&buffers[4]).unwrap();
+
+        let words = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
+        let mut twin = [counts.to_vec(), tile_counts.clone(), words(&splat2d), words(&grad2d), words(&stats)];
+        let mut all: Vec<&mut Vec<u32>> = twin.iter_mut().collect();
+        density_twin::run(&densify_stats::PASS, &mut all, bytemuck::bytes_of(&push), &[], room);
+        for (t, g) in twin[4].iter().map(|w| f32::from_bits(*w)).zip(&got) {
+            // The radius of the longest ellipse allowed here may differ by 1e-3 of itself, see below; sums hardly.
+            assert!((t - g).abs() <= 1e-3 * g.abs(), "{t} {g}");
+        }
 
         let wide = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
         for i in 0..room {

@@ -48,9 +48,11 @@ pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
         offsets = scan(&flags, &mut c);
     }
     let total = c[counters::SCAN_TOTAL] as usize;
-    if total > n {
-        c[counters::STATUS] |= counters::SPLATS_BIT;
+    if c[counters::STATUS] == 0 {
         c[counters::WANT_SPLATS] = c[counters::WANT_SPLATS].max(total as u32);
+        if total > n {
+            c[counters::STATUS] = counters::SPLATS_BIT;
+        }
     }
     // Indirect dispatches: nothing runs once the status is set.
     let go = c[counters::STATUS] == 0;
