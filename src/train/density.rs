@@ -126,9 +126,9 @@ impl DensityControl {
         self.set_aside(rec, means, WIDTHS[MEANS])?;
         let buffers = [model.counters, &self.map, &self.old_ids, &self.source, quats, scales, means];
         rec.dispatch(&self.means, &buffers, &densify_means::Push { seed: rules.seed, event }, new_rows)?;
-        for p in QUATS..WIDTHS.len() {
+        for (p, (plane, width)) in model.planes.iter().zip(WIDTHS).enumerate().filter(|(p, _)| *p != MEANS) {
             let mode = if p == SCALES { MODE_SHRINK } else { MODE_COPY };
-            self.gather(rec, model, &model.planes[p], WIDTHS[p], mode)?;
+            self.gather(rec, model, plane, width, mode)?;
         }
         for moments in [model.first_moments, model.second_moments] {
             for (plane, width) in moments.iter().zip(WIDTHS) {

@@ -22,13 +22,14 @@ pub fn run(call: &mut TwinCall<'_>) {
     let (flags, offsets, old_ids) = (call.get::<u32>(1), call.get::<u32>(2), call.get::<u32>(3));
     let (mut map, mut ids) = (call.get::<u32>(4), call.get::<u32>(5));
     let kept = offsets[stride];
-    for i in 0..(counters[SPLATS] as usize).min(stride).min(64 * call.groups as usize) {
+    let splats = (counters[SPLATS] as usize).min(stride).min(64 * call.groups as usize);
+    for (i, &id) in old_ids.iter().enumerate().take(splats) {
         for kind in 0..KINDS {
             let e = kind * stride + i;
             if flags[e] != 0 {
                 let row = offsets[e];
                 map[row as usize] = entry(i, kind);
-                ids[row as usize] = if kind == 0 { old_ids[i] } else { counters[NEXT_ID].wrapping_add(row - kept) };
+                ids[row as usize] = if kind == 0 { id } else { counters[NEXT_ID].wrapping_add(row - kept) };
             }
         }
     }

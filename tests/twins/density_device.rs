@@ -90,15 +90,13 @@ impl OnDevice {
 fn assert_same(got: &Model, want: &Model, born: u32) {
     assert_eq!(got.counters, want.counters);
     let n = want.len();
-    for p in 0..8 {
+    for (p, (got, want)) in got.planes.iter().zip(&want.planes).enumerate().filter(|(p, _)| *p != MEANS) {
         let live = ..WIDTHS[p] * n;
-        if p != MEANS {
-            assert_eq!(got.planes[p][live], want.planes[p][live], "plane {p}");
-        }
+        assert!(got[live] == want[live], "plane {p}");
     }
-    for p in 0..16 {
+    for (p, (got, want)) in got.moments.iter().zip(&want.moments).enumerate() {
         let live = ..WIDTHS[p % 8] * n;
-        assert_eq!(got.moments[p][live], want.moments[p][live], "moments {p}");
+        assert!(got[live] == want[live], "moments {p}");
     }
     assert_eq!(got.stats[..4 * n], want.stats[..4 * n]);
     assert_eq!(got.ids[..n], want.ids[..n]);
