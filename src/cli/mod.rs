@@ -12,6 +12,7 @@ mod interrupt;
 mod passes;
 mod progress;
 mod render;
+mod run_folder;
 mod train;
 
 use std::process::ExitCode;

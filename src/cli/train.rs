@@ -8,9 +8,7 @@ use psrgs_vk::train::Settings;
 
 use super::console::{self, Console};
 use super::exit::Failure;
-
-/// Name of the settings file beside the results.
-pub(crate) const SETTINGS_FILE: &str = "settings.toml";
+use super::run_folder::{self, RunFolder};
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
 const FREE_ON_RESUME: [&str; 5] = ["iterations", "checkpoint-every", "eval-every", "device", "max-device-memory"];
@@ -69,7 +67,7 @@ impl Args {
         };
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
-                let before = Settings::read(&run.join(SETTINGS_FILE))
+                let before = Settings::read(&run.join(run_folder::SETTINGS))
                     .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
                 let resumed = self.settings.over(&before, given)?;
                 unchanged_on_resume(&before, &resumed)?;
@@ -128,6 +126,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
 }
 
 /// Trains as planned.
-pub(crate) fn train(_plan: &Plan, _console: &Console) -> anyhow::Result<()> {
+pub(crate) fn train(plan: &Plan, _console: &Console) -> anyhow::Result<()> {
+    let _folder = RunFolder::open(plan)?;
     anyhow::bail!("training is not part of this build")
 }

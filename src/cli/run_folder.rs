@@ -1,0 +1,161 @@
+//! The folder of a training run: one run at a time, no earlier result replaced unasked, settings beside the results.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use psrgs_vk::format::atomic;
+
+use super::exit::Failure;
+use super::train::Plan;
+
+/// Name of the settings file.
+pub(crate) const SETTINGS: &str = "settings.toml";
+/// Name of the model.
+pub(crate) const MODEL: &str = "point_cloud.ply";
+/// Name of the file with the scores.
+pub(crate) const METRICS: &str = "metrics.json";
+/// Name of the report.
+pub(crate) const REPORT: &str = "report.html";
+/// Name of the folder of checkpoints.
+pub(crate) const CHECKPOINTS: &str = "checkpoints";
+/// Held while a run writes here.
+const LOCK: &str = ".lock";
+
+/// A folder that this process alone writes a run into, until it is dropped.
+#[derive(Debug)]
+pub(crate) struct RunFolder {
+    path: PathBuf,
+    /// The lock ends with the file: also when the process is killed.
+    _lock: File,
+}
+
+impl RunFolder {
+    /// Makes the folder, takes it, and writes the settings.
+    pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
+        let path = plan.out.clone();
+        let checkpoints = path.join(CHECKPOINTS);
+        fs::create_dir_all(&checkpoints).map_err(|e| unwritable(&checkpoints, &e))?;
+        let lock_file = path.join(LOCK);
+        let lock = File::create(&lock_file).map_err(|e| unwritable(&lock_file, &e))?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let text = format!("{}: another run is writing here; choose another --out", path.display());
+                return Err(Failure::Usage(text).into());
+            }
+            Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(e)) => return Err(unwritable(&lock_file, &e)),
+        }
+        if !plan.resume {
+            let old = results(&path)?;
+            if !old.is_empty() && !plan.overwrite {
+                return Err(Failure::Usage(format!(
+                    "{0}: holds an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
+                    path.display()
+                ))
+                .into());
+            }
+            // All of the earlier run goes at once: a mixture of two runs would be taken for one.
+            for file in old {
+                fs::remove_file(&file).map_err(|e| unwritable(&file, &e))?;
+            }
+        }
+        let settings = plan.settings.to_toml()?;
+        atomic::write(&path.join(SETTINGS), |out| out.write_all(settings.as_bytes()))
+            .with_context(|| format!("{}", path.display()))?;
+        Ok(Self { path, _lock: lock })
+    }
+
+    /// A file of the run.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// The folder of its checkpoints.
+    pub(crate) fn checkpoints(&self) -> PathBuf {
+        self.file(CHECKPOINTS)
+    }
+}
+
+/// What an earlier run has left that would be lost or mistaken for the new run's.
+fn results(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut found: Vec<PathBuf> =
+        [MODEL, METRICS, REPORT].iter().map(|name| folder.join(name)).filter(|file| file.exists()).collect();
+    let checkpoints = folder.join(CHECKPOINTS);
+    for entry in fs::read_dir(&checkpoints).map_err(|e| unwritable(&checkpoints, &e))? {
+        let file = entry.map_err(|e| unwritable(&checkpoints, &e))?.path();
+        if file.extension().is_some_and(|e| e == "ckpt") {
+            found.push(file);
+        }
+    }
+    Ok(found)
+}
+
+fn unwritable(path: &Path, error: &io::Error) -> anyhow::Error {
+    Failure::Output(format!("{}: {error}", path.display())).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::exit;
+    use psrgs_vk::train::Settings;
+
+    fn plan(out: &Path) -> Plan {
+        Plan { settings: Settings::default(), out: out.to_owned(), resume: false, overwrite: false }
+    }
+
+    fn refused(plan: &Plan) -> (u8, String) {
+        let error = RunFolder::open(plan).unwrap_err();
+        (exit::code(&error), exit::message(&error))
+    }
+
+    #[test]
+    fn a_second_run_is_kept_out_until_the_first_is_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = RunFolder::open(&plan(folder.path())).unwrap();
+        let (code, text) = refused(&Plan { overwrite: true, ..plan(folder.path()) });
+        assert!(code == 2 && text.contains("another run"), "{code} {text}");
+        drop(first);
+        RunFolder::open(&plan(folder.path())).unwrap();
+    }
+
+    #[test]
+    fn an_earlier_run_is_replaced_whole_and_only_when_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::open(&plan(folder.path())).unwrap();
+        let (model, checkpoint) = (run.file(MODEL), run.checkpoints().join("checkpoint-000100.ckpt"));
+        let own = run.file("notes.txt");
+        [&model, &checkpoint, &own].iter().for_each(|file| fs::write(file, "x").unwrap());
+        drop(run);
+        let (code, text) = refused(&plan(folder.path()));
+        assert!(code == 2 && text.contains("--overwrite") && text.contains("--resume"), "{code} {text}");
+        assert!(model.exists() && checkpoint.exists());
+
+        drop(RunFolder::open(&Plan { resume: true, ..plan(folder.path()) }).unwrap());
+        assert!(model.exists() && checkpoint.exists(), "resuming removes nothing");
+
+        drop(RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap());
+        assert!(!model.exists() && !checkpoint.exists() && own.exists());
+    }
+
+    #[test]
+    fn settings_are_there_from_the_beginning() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut settings = Settings::default();
+        settings.run.seed = 9;
+        let run = RunFolder::open(&Plan { settings: settings.clone(), ..plan(folder.path()) }).unwrap();
+        assert_eq!(Settings::read(&run.file(SETTINGS)).unwrap(), settings);
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_written_is_an_output_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        let (code, text) = refused(&plan(&file.join("run")));
+        assert!(code == 8 && text.contains("cannot write"), "{code} {text}");
+    }
+}
