@@ -1,7 +1,7 @@
 //! The folder of a training run: one run at a time, no earlier result replaced unasked, settings beside the results.
 
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
