@@ -77,8 +77,8 @@ fn geo_referenced_coordinates_give_the_same_scene() {
     ply::save(&file, &far.first_gaussians().expect("points"), &far.frame, false).expect("written");
     let model = ply::read(&file).expect("read");
     for (mean, point) in model.gaussians.means.chunks_exact(3).zip(&far.points) {
-        for k in 0..3 {
-            let error = f64::from(mean[k]) + model.shift[k] - point.position[k];
+        for (k, value) in mean.iter().enumerate() {
+            let error = f64::from(*value) + model.shift[k] - point.position[k];
             assert!(error.abs() < 1e-6 * far.extent, "{error}");
         }
     }
