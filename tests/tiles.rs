@@ -170,7 +170,7 @@ fn opacity(random: &mut Random) -> f32 {
 }
 
 fn run(name: &str, number: usize, tight: bool, mut splat: impl FnMut(&mut Random, &TileGrid) -> Splat) -> Tally {
-    let mut random = Random(name.bytes().fold(1, |h, b| h * 31 + u64::from(b)));
+    let mut random = Random(name.bytes().fold(1, |h: u64, b| h.wrapping_mul(31).wrapping_add(u64::from(b))));
     let mut tally = Tally::default();
     for i in 0..number {
         let grid = grids()[i % 4];

@@ -82,12 +82,12 @@ impl Scan {
         Ok(Scan { reduce: reduce?, spine: spine?, add: add?, sums })
     }
 
-    /// Writes to `target[i]` the sum of `source[0..i]`, and the sum of all to counter `total` (or nowhere: [`NO_COUNTER`]).
+    /// Writes to word i of the second buffer the sum of words 0..i of the first, and the sum of all to counter `total`
+    /// (or nowhere: [`NO_COUNTER`]).
     pub fn record(
         &self,
         rec: &mut Recorder,
-        source: &Buffer,
-        target: &Buffer,
+        [source, target]: [&Buffer; 2],
         counters: &Buffer,
         extent: Extent<'_>,
         summand: Summand,

@@ -166,7 +166,7 @@ impl RadixSort {
             let (shift, mask) = digits.shift_and_mask(digit);
             let push = Push { source, count: number, shift, mask, digits: digits.rows() };
             rec.dispatch(&self.count, &[keys[from], counters, table_buffer], &push, groups)?;
-            self.scan.record(rec, table_buffer, places, counters, table, Summand::Words, NO_COUNTER)?;
+            self.scan.record(rec, [table_buffer, places], counters, table, Summand::Words, NO_COUNTER)?;
             let bound = [keys[from], vals[from], counters, places, keys[to], vals[to]];
             rec.dispatch(&self.scatter, &bound, &push, groups)?;
         }

@@ -151,7 +151,7 @@ impl TileLists {
         plan(rec, plan::Push::unlimited(splats, at(SPLAT_SCAN), &[scan::entry(), items, once]))?;
         let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
         let places = &self.pair_offsets;
-        self.splat_scan.record(rec, tile_counts, places, counts, extent, Summand::NonZero, visible)?;
+        self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
         let bound = [splat2d, tile_counts, places, counts, &self.keys[0], &self.vals[0]];
         rec.dispatch(&self.compact, &bound, &(), indirect(SPLAT_ITEMS))?;
 
@@ -164,8 +164,8 @@ impl TileLists {
         let bound = [order, tile_counts, counts, &self.visible_counts];
         rec.dispatch(&self.gather_counts, &bound, &(), indirect(VISIBLE_ITEMS))?;
         let extent = Extent::counted(visible, args, at(VISIBLE_SCAN), at(VISIBLE_ONCE));
-        let (from, to) = (&self.visible_counts, &self.pair_offsets);
-        self.splat_scan.record(rec, from, to, counts, extent, Summand::Words, pairs)?;
+        let sides = [&self.visible_counts, &self.pair_offsets];
+        self.splat_scan.record(rec, sides, counts, extent, Summand::Words, pairs)?;
 
         // Pairs, if they fit; `emit` is dispatched through the visible splats' entry, planned anew because it must not run when
         // they do not.
