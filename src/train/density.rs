@@ -184,7 +184,7 @@ impl DensityControl {
     fn scan_flags(&self, rec: &mut Recorder, model: &Model<'_>) -> Result<()> {
         let extent = Extent::host(4 * self.capacity);
         let total = counters::SCAN_TOTAL as u32;
-        self.scan.record(rec, &self.flags, &self.offsets, model.counters, extent, Summand::Words, total)
+        self.scan.record(rec, [&self.flags, &self.offsets], model.counters, extent, Summand::Words, total)
     }
 
     fn set_aside(&self, rec: &mut Recorder, plane: &Buffer, width: u32) -> Result<()> {
