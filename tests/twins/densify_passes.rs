@@ -55,7 +55,7 @@ fn classify(gpu: &Gpu, random: &mut Random, n: usize) {
         let mut plane = floats(random, width * stride, -1.0, 1.0);
         for value in &mut plane {
             // About one splat in ten has a value that is not finite.
-            if random.word() % 600 == 0 {
+            if random.word().is_multiple_of(600) {
                 *value = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][random.word() as usize % 3];
             }
         }
@@ -136,7 +136,7 @@ fn finish(gpu: &Gpu, n: usize, offsets: &[u32], total: u32) {
 
 /// A map of `rows` rows onto `n` sources.
 fn entries(random: &mut Random, n: usize, rows: usize) -> Vec<u32> {
-    (0..rows).map(|_| random.word() % n as u32 | random.word() << 30).collect()
+    (0..rows).map(|_| (random.word() % n as u32) | (random.word() << 30)).collect()
 }
 
 fn gather(gpu: &Gpu, random: &mut Random, n: usize) {

@@ -218,6 +218,20 @@ fn overflow_writes_nothing_on_the_device() {
 }
 
 #[test]
+fn no_barrier_of_a_change_is_idle() {
+    let Some(gpu) = gpu() else { return };
+    let rng = &mut Rng(3);
+    let (rows, born) = random_rows(rng, 70);
+    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng));
+    let mut rec = gpu.recorder("density").unwrap();
+    let rules = DensityRules { max_splats: Some(100), ..rules() };
+    device.control.record(&mut rec, &device.view(), &rules, 1).unwrap();
+    device.control.record_reset(&mut rec, &device.view(), 0.01).unwrap();
+    let (barriers, idle) = gpu.missed_barriers(&rec);
+    assert!(barriers > 20 && idle.is_empty(), "of {barriers} barriers: {idle:?}");
+}
+
+#[test]
 fn opacity_reset_caps_and_forgets() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 64, 65, 200] {

@@ -50,8 +50,8 @@ fn newborn(parent: &Row, id: u32) -> Row {
 fn child(parent: &Row, which: u32, seed: u32, event: u32) -> Row {
     let n = normals::<f64>([seed, event, parent.id, which]);
     let (r, mut row) = (rotation(&parent.planes[QUATS]), newborn(parent, 0));
-    for k in 0..3 {
-        let offset: f64 = (0..3).map(|j| r[k][j] * f64::from(parent.planes[SCALES][j]).exp() * n[j]).sum();
+    for (k, axis) in r.iter().enumerate() {
+        let offset: f64 = (0..3).map(|j| axis[j] * f64::from(parent.planes[SCALES][j]).exp() * n[j]).sum();
         row.planes[MEANS][k] = (f64::from(parent.planes[MEANS][k]) + offset) as f32;
         row.planes[SCALES][k] = (f64::from(parent.planes[SCALES][k]) - 1.6_f64.ln()) as f32;
     }
@@ -73,7 +73,7 @@ pub(crate) fn change(rows: &[Row], s: &DensityRules, event: u32, next_id: u32) -
     let split: Vec<&Row> = healthy.iter().copied().filter(|r| wants_split(r)).collect();
     let kept = healthy.iter().copied().filter(|r| !wants_split(r));
 
-    let mut out: Vec<Row> = kept.cloned().filter(|r| !prune(r, s)).collect();
+    let mut out: Vec<Row> = kept.filter(|r| !prune(r, s)).cloned().collect();
     let originals = out.len();
     out.extend(cloned.iter().map(|r| newborn(r, 0)).filter(|r| !prune(r, s)));
     counts.cloned = (out.len() - originals) as u32;
