@@ -127,6 +127,11 @@ impl Buffer {
         self.inner.memory
     }
 
+    /// The Vulkan buffer, for a host that shares the device. It lives as long as a handle of this buffer.
+    pub fn raw(&self) -> vk::Buffer {
+        self.inner.raw
+    }
+
     /// The bytes `range` as something to bind, fill or name in a command.
     pub fn slice(&self, range: Range<u64>) -> BufferSlice<'_> {
         BufferSlice { buffer: self, offset: range.start, bytes: range.end.saturating_sub(range.start) }
@@ -178,10 +183,10 @@ impl Drop for BufferInner {
     fn drop(&mut self) {
         // SAFETY: no handle is left, and the recorder holds one until every submit that uses the buffer has finished.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
-        if let Some(allocation) = lock(&self.allocation).take() {
-            if let Some(pool) = lock(&self.device.memory).as_mut() {
-                pool.free(allocation);
-            }
+        if let Some(allocation) = lock(&self.allocation).take()
+            && let Some(pool) = lock(&self.device.memory).as_mut()
+        {
+            pool.free(self.memory, allocation);
         }
         lock(&self.device.live).remove(&self.id);
         lock(&self.device.freed).push(self.id);

@@ -5,9 +5,13 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::buffer::Buffer;
+use super::buffer::{Buffer, GUARD};
 use super::device::Device;
-use super::submit::full_barrier;
+use super::encode::full_barrier;
+use super::error::{Error, Result};
+use super::gpu::Gpu;
+use super::memory::Memory;
+use super::recorder::Command;
 
 /// The word that fills a guard.
 pub(super) const PATTERN: u32 = 0xca9a_51e5;
@@ -30,5 +34,46 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
     if !seen.is_empty() {
         // SAFETY: the caller's promise.
         unsafe { full_barrier(device, commands) };
+    }
+}
+
+impl Gpu {
+    /// Waits, and reports the first write past the end of a buffer. Does nothing where [`super::OpenOptions::canaries`] is off.
+    pub fn check_canaries(&self) -> Result<()> {
+        let guarded: Vec<Buffer> = self
+            .live_buffers()
+            .into_iter()
+            .filter(|b| b.inner.guard > 0 && b.inner.armed.load(Ordering::Acquire))
+            .collect();
+        if guarded.is_empty() {
+            return Ok(());
+        }
+        let landing = self.buffer("guards", guarded.len() as u64 * GUARD, Memory::Readback)?;
+        let mut recorder = self.recorder("check guards")?;
+        for (i, buffer) in guarded.iter().enumerate() {
+            recorder.commands.push(Command::Copy {
+                from: buffer.clone(),
+                from_offset: buffer.inner.capacity,
+                to: landing.clone(),
+                to_offset: i as u64 * GUARD,
+                bytes: GUARD,
+                staged: false,
+            });
+        }
+        self.wait(recorder.submit()?)?;
+        let words: Vec<u32> = landing.load(0, (landing.size() / 4) as usize)?;
+        for (buffer, guard) in guarded.iter().zip(words.chunks_exact((GUARD / 4) as usize)) {
+            if let Some(at) = guard.iter().position(|&word| word != PATTERN) {
+                // Armed again, so that one overrun is reported once.
+                buffer.inner.armed.store(false, Ordering::Release);
+                return Err(Error::Overrun {
+                    buffer: buffer.name().to_owned(),
+                    size: buffer.size(),
+                    offset: buffer.inner.capacity + 4 * at as u64,
+                    value: guard[at],
+                });
+            }
+        }
+        Ok(())
     }
 }

@@ -8,10 +8,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use ash::vk;
 
 use super::buffer::BufferInner;
-use super::caps::{Caps, Reported, report};
+use super::caps::Caps;
 use super::error::{Error, Named, Result};
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
+use super::report::{Reported, report};
 use super::validation::{LAYER, Messages, Messenger};
 
 /// Locks a mutex; a panic elsewhere does not make the data unusable here.

@@ -83,6 +83,26 @@ pub enum Error {
     /// The hazard checker found two accesses without a barrier between them: a bug of the recorder.
     #[error("{0}")]
     Hazard(String),
+    /// A shader wrote past the end of a buffer: its guard has changed.
+    #[error("write past the end of buffer {buffer} of {size} bytes: {value:#010x} at byte {offset}")]
+    Overrun {
+        /// Name of the buffer.
+        buffer: String,
+        /// Its size in bytes.
+        size: u64,
+        /// First byte of the guard that changed.
+        offset: u64,
+        /// What stands there.
+        value: u32,
+    },
+    /// A ticket that this device has not given out.
+    #[error("ticket {ticket} is of another device: this one has given out {last}")]
+    ForeignTicket {
+        /// The ticket.
+        ticket: u64,
+        /// The last one given out.
+        last: u64,
+    },
     /// The device was lost.
     #[error("device lost in {during}; last pass known to have started: {pass}")]
     DeviceLost {

@@ -1,14 +1,17 @@
 //! The device as its users see it.
 
 use std::collections::HashMap;
-use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, Weak};
 
 use ash::vk;
 
 use super::buffer::Buffer;
+use super::cache;
 use super::caps::Caps;
 use super::device::{Device, lock};
+use super::encode::External;
 use super::error::{Error, Named, Result};
 use super::hazard::HazardChecker;
 use super::kernel::Kernel;
@@ -17,16 +20,22 @@ use super::options::OpenOptions;
 use super::pipeline::{Pipeline, constants};
 use super::profile::{PassTime, Stats};
 use super::recorder::{Recorder, Ticket};
-use super::submit::{External, STAGING, State};
+use super::submit::{STAGING, State};
+
+/// Kernel's name, its module's address, constants.
+type PipelineKey = (&'static str, usize, Vec<u32>);
 
 struct GpuInner {
     device: Arc<Device>,
     timeline: vk::Semaphore,
     state: Mutex<State>,
-    pipelines: Mutex<HashMap<(&'static str, Vec<u32>), Pipeline>>,
+    pipelines: Mutex<HashMap<PipelineKey, Pipeline>>,
     cache: vk::PipelineCache,
     /// Valid bits of a timestamp.
     timestamp_mask: u64,
+    /// Where the pipeline cache is kept, and whether it has grown.
+    cache_file: Option<PathBuf>,
+    cache_grown: AtomicBool,
 }
 
 /// An open device with its queue. Cheap to clone; everything runs in order of submission.
@@ -57,11 +66,14 @@ impl Gpu {
             pipelines: Mutex::default(),
             cache: vk::PipelineCache::null(),
             timestamp_mask: if bits >= 64 { u64::MAX } else { (1 << bits) - 1 },
+            cache_file: options.pipeline_cache.as_deref().map(|folder| cache::file(folder, device.caps.cache_id)),
+            cache_grown: AtomicBool::new(false),
             device,
         };
-        // SAFETY: valid description; on failure `inner` destroys what is there.
-        inner.cache = unsafe { inner.device.raw.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
-            .named("vkCreatePipelineCache")?;
+        let data = inner.cache_file.as_deref().map(cache::load).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+        // SAFETY: the data are whole and came from a driver of this identifier; on failure `inner` destroys what is there.
+        inner.cache = unsafe { inner.device.raw.create_pipeline_cache(&info, None) }.named("vkCreatePipelineCache")?;
         if options.breadcrumbs {
             let crumbs = Buffer::new(&inner.device, "breadcrumbs", 4, Memory::Readback)?;
             lock(&inner.state).crumbs = Some(crumbs);
@@ -84,11 +96,13 @@ impl Gpu {
     pub fn pipeline(&self, kernel: &Kernel, given: &[(&str, u32)]) -> Result<Pipeline> {
         let values = constants(kernel, given)?;
         let mut pipelines = lock(&self.inner.pipelines);
-        if let Some(pipeline) = pipelines.get(&(kernel.name, values.clone())) {
+        let key = (kernel.name, kernel.spirv.as_ptr() as usize, values);
+        if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let pipeline = Pipeline::new(&self.inner.device, self.inner.cache, kernel, &values)?;
-        pipelines.insert((kernel.name, values), pipeline.clone());
+        let pipeline = Pipeline::new(&self.inner.device, self.inner.cache, kernel, &key.2)?;
+        self.inner.cache_grown.store(true, Ordering::Release);
+        pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 
@@ -112,7 +126,10 @@ impl Gpu {
         }
         {
             let mut state = lock(&self.inner.state);
-            if ticket.0 >= state.last {
+            if ticket.0 > state.last {
+                return Err(Error::ForeignTicket { ticket: ticket.0, last: state.last });
+            }
+            if ticket.0 == state.last {
                 state.stats.host_waits += 1;
             } else {
                 state.stats.pacing_waits += 1;
@@ -200,11 +217,11 @@ impl Gpu {
     }
 
     pub(super) fn submit(&self, recorder: Recorder) -> Result<Ticket> {
-        self.submit_with(recorder, External::default())
+        self.submit_external(recorder, External::default())
     }
 
-    pub(super) fn submit_with(&self, mut recorder: Recorder, external: External<'_>) -> Result<Ticket> {
-        recorder.profile &= self.inner.timestamp_mask != 0;
+    pub(super) fn submit_external(&self, mut recorder: Recorder, external: External<'_>) -> Result<Ticket> {
+        recorder.profile &= self.inner.timestamp_mask != 0 && self.caps().limits.timestamp_ns > 0.0;
         let result = {
             let mut state = lock(&self.inner.state);
             let done = state.submit(&self.inner.device, self.inner.timeline, recorder, external);
@@ -215,12 +232,32 @@ impl Gpu {
 
     /// A host-visible buffer for uploads of `bytes` bytes or more.
     pub(super) fn staging(&self, bytes: u64) -> Result<Buffer> {
-        if bytes <= STAGING {
-            if let Some(chunk) = lock(&self.inner.state).staging.pop() {
-                return Ok(chunk);
-            }
+        if bytes <= STAGING
+            && let Some(chunk) = lock(&self.inner.state).staging.pop()
+        {
+            return Ok(chunk);
         }
         Buffer::new(&self.inner.device, "staging", bytes.max(STAGING), Memory::Upload)
+    }
+
+    pub(super) fn raw_timeline(&self) -> vk::Semaphore {
+        self.inner.timeline
+    }
+
+    /// Every buffer that is alive.
+    pub(super) fn live_buffers(&self) -> Vec<Buffer> {
+        let live = lock(&self.inner.device.live);
+        let mut buffers: Vec<Buffer> = live.values().filter_map(Weak::upgrade).map(|inner| Buffer { inner }).collect();
+        // Outside the lock before any of them can be dropped.
+        drop(live);
+        buffers.sort_by_key(|b| b.inner.id);
+        buffers
+    }
+
+    /// Writes the pipeline cache to its file, if it has one and has grown. Also done, as far as it goes, when the last handle
+    /// of the device is dropped.
+    pub fn save_pipeline_cache(&self) -> Result<()> {
+        self.inner.save_cache()
     }
 
     fn retire(&self) -> Result<()> {
@@ -266,9 +303,23 @@ impl GpuInner {
     }
 }
 
+impl GpuInner {
+    fn save_cache(&self) -> Result<()> {
+        let Some(path) = &self.cache_file else { return Ok(()) };
+        if !self.cache_grown.swap(false, Ordering::AcqRel) {
+            return Ok(());
+        }
+        // SAFETY: the cache lives as long as `self`.
+        let data = unsafe { self.device.raw.get_pipeline_cache_data(self.cache) }.named("vkGetPipelineCacheData")?;
+        cache::save(path, &data)
+    }
+}
+
 impl Drop for GpuInner {
     fn drop(&mut self) {
         let last = lock(&self.state).last;
+        // Whoever wants to know of a failure calls `save_pipeline_cache`.
+        let _ = self.save_cache();
         // A lost device cannot be waited for, and its objects may then be destroyed without.
         let _ = self.wait(last);
         // SAFETY: everything submitted has finished, or the device is lost.

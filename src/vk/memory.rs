@@ -4,6 +4,7 @@ use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
 
+use super::caps::DeviceKind;
 use super::device::Device;
 use super::error::{Error, Result};
 
@@ -18,7 +19,7 @@ pub enum Memory {
     Readback,
 }
 
-/// Bytes allocated for buffers.
+/// Bytes allocated for buffers in device memory, which on integrated GPUs and CPUs is all memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
     /// Now.
@@ -32,6 +33,8 @@ pub struct MemoryUse {
 pub(super) struct MemoryPool {
     allocator: Allocator,
     tally: MemoryUse,
+    /// The device works in the host's memory, so that host-visible buffers count as well.
+    unified: bool,
 }
 
 impl MemoryPool {
@@ -45,7 +48,12 @@ impl MemoryPool {
             buffer_device_address: false,
             allocation_sizes: AllocationSizes::new(32 * mib, 16 * mib),
         })?;
-        Ok(MemoryPool { allocator, tally: MemoryUse { limit: device.caps.memory_limit, ..Default::default() } })
+        let unified = matches!(device.caps.kind, DeviceKind::Cpu | DeviceKind::Integrated);
+        Ok(MemoryPool {
+            allocator,
+            unified,
+            tally: MemoryUse { limit: device.caps.memory_limit, ..Default::default() },
+        })
     }
 
     pub(super) fn tally(&self) -> MemoryUse {
@@ -64,7 +72,7 @@ impl MemoryPool {
             in_use: tally.current,
             limit: tally.limit,
         };
-        if self.tally.current.saturating_add(requirements.size) > self.tally.limit {
+        if self.counts(memory) && self.tally.current.saturating_add(requirements.size) > self.tally.limit {
             return Err(out_of_memory(&self.tally));
         }
         let allocation = self
@@ -84,13 +92,21 @@ impl MemoryPool {
                 AllocationError::OutOfMemory => out_of_memory(&self.tally),
                 error => Error::Allocator(error),
             })?;
-        self.tally.current += allocation.size();
-        self.tally.peak = self.tally.peak.max(self.tally.current);
+        if self.counts(memory) {
+            self.tally.current += allocation.size();
+            self.tally.peak = self.tally.peak.max(self.tally.current);
+        }
         Ok(allocation)
     }
 
-    pub(super) fn free(&mut self, allocation: Allocation) {
-        self.tally.current = self.tally.current.saturating_sub(allocation.size());
+    fn counts(&self, memory: Memory) -> bool {
+        self.unified || memory == Memory::Device
+    }
+
+    pub(super) fn free(&mut self, memory: Memory, allocation: Allocation) {
+        if self.counts(memory) {
+            self.tally.current = self.tally.current.saturating_sub(allocation.size());
+        }
         // Freeing fails only for an allocation of another allocator, which cannot be.
         let _ = self.allocator.free(allocation);
     }

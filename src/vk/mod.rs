@@ -2,11 +2,14 @@
 //!
 //! Nothing here knows of Gaussians. All `unsafe` and every Vulkan handle of the crate stay in this module.
 
+mod adopt;
 mod barrier;
 mod buffer;
+mod cache;
 mod canary;
 mod caps;
 mod device;
+mod encode;
 mod error;
 mod gpu;
 mod hazard;
@@ -16,12 +19,15 @@ mod options;
 mod pipeline;
 mod profile;
 mod recorder;
+mod report;
 mod slot;
 mod submit;
 mod validation;
 
+pub use adopt::{HostDevice, HostSemaphore, QueueLock};
+pub use ash;
 pub use buffer::{Buffer, BufferSlice};
-pub use caps::{Caps, Choice, DeviceKind, Features, Heap, Limits, Subgroup};
+pub use caps::{Caps, Choice, DeviceKind, Features, Heap, Limits, REQUIRED, Subgroup};
 pub use device::{DeviceInfo, devices};
 pub use error::{Error, Result};
 pub use gpu::Gpu;

@@ -64,7 +64,8 @@ impl Default for OpenOptions {
 impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
     /// `PSRGS_VALIDATION=1`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
-    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`. Values that do not parse are ignored.
+    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`,
+    /// `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
     pub fn from_env() -> Self {
         let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
         let flag = |name: &str, default: bool| get(name).map_or(default, |value| value != "0");
@@ -79,9 +80,19 @@ impl OpenOptions {
                 "cas" => Some(FloatAtomics::CompareAndSwap),
                 _ => None,
             }),
-            emulate_subgroup: get("PSRGS_SUBGROUP").and_then(|value| value.parse().ok()),
+            emulate_subgroup: get("PSRGS_SUBGROUP")
+                .and_then(|value| value.parse().ok())
+                .filter(|width| [8, 16, 32, 64].contains(width)),
             max_device_memory: get("PSRGS_MAX_DEVICE_MEMORY").and_then(|value| value.parse().ok()),
+            pipeline_cache: get("PSRGS_CACHE").map(PathBuf::from).or_else(cache_folder),
             ..base
         }
     }
+}
+
+/// `psrgs-vk` in the user's cache folder, by the XDG base directory specification.
+fn cache_folder() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let base = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")));
+    base.map(|base| base.join("psrgs-vk"))
 }

@@ -84,7 +84,7 @@ impl Pipeline {
                 limits.workgroup_size
             )));
         }
-        if kernel.push_bytes > limits.push_bytes.min(128) || kernel.push_bytes % 4 != 0 {
+        if kernel.push_bytes > limits.push_bytes.min(128) || !kernel.push_bytes.is_multiple_of(4) {
             return Err(bad(format!("{} bytes of push constants", kernel.push_bytes)));
         }
         if kernel.bindings.len() > limits.storage_buffers as usize {
@@ -98,14 +98,14 @@ impl Pipeline {
             kernel.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let capabilities = capabilities(&words);
         for &capability in &capabilities {
-            if let Some((feature, there)) = needed_feature(capability, &device.caps.features) {
-                if !there {
-                    return Err(Error::MissingFeature {
-                        feature,
-                        needed_for: format!("kernel {}", kernel.name),
-                        device: device.caps.device.clone(),
-                    });
-                }
+            if let Some((feature, there)) = needed_feature(capability, &device.caps.features)
+                && !there
+            {
+                return Err(Error::MissingFeature {
+                    feature,
+                    needed_for: format!("kernel {}", kernel.name),
+                    device: device.caps.device.clone(),
+                });
             }
         }
         let subgroups = capabilities.iter().any(|c| (61..=68).contains(c));

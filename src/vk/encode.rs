@@ -1,0 +1,215 @@
+//! From commands and their barriers to a command buffer, and from that to the queue.
+
+use ash::vk;
+
+use super::adopt::HostSemaphore;
+use super::barrier::Barrier;
+use super::buffer::Buffer;
+use super::canary;
+use super::device::Device;
+use super::error::{Named, Result};
+use super::recorder::{Command, Counts, Recorder};
+use super::slot::Slot;
+use super::submit::Plan;
+
+fn everything() -> vk::MemoryBarrier2<'static> {
+    vk::MemoryBarrier2::default()
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
+}
+
+/// Records a barrier over all memory.
+///
+/// # Safety
+/// `commands` is being recorded.
+pub(super) unsafe fn full_barrier(device: &Device, commands: vk::CommandBuffer) {
+    let all = [everything()];
+    let info = vk::DependencyInfo::default().memory_barriers(&all);
+    // SAFETY: the caller's promise; synchronization2 is enabled.
+    unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
+}
+
+/// Semaphores of a host around a submit.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct External<'a> {
+    pub(super) wait: &'a [HostSemaphore],
+    pub(super) signal: &'a [HostSemaphore],
+}
+
+/// Records the commands of a recording into a slot's command buffer.
+pub(super) fn encode(
+    device: &Device,
+    slot: &mut Slot,
+    recorder: &Recorder,
+    plan: &Plan,
+    unsure: bool,
+    crumbs: Option<(&Buffer, u32)>,
+) -> Result<()> {
+    let raw = &device.raw;
+    let commands = slot.commands;
+    device.name(commands, &recorder.label);
+    let queries = if recorder.profile { Some(slot.queries(device, recorder.commands.len() as u32 + 1)?) } else { None };
+    let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+    // SAFETY: the slot is not in flight and was reset; every object recorded below is kept alive by the commands, which are
+    // kept until the ticket has passed.
+    unsafe {
+        raw.begin_command_buffer(commands, &begin).named("vkBeginCommandBuffer")?;
+        if unsure {
+            full_barrier(device, commands);
+        }
+        canary::arm(device, commands, recorder.commands.iter().flat_map(Command::buffers));
+        if let Some(pool) = queries {
+            raw.cmd_reset_query_pool(commands, pool, 0, recorder.commands.len() as u32 + 1);
+            raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, 0);
+        }
+        for (i, command) in recorder.commands.iter().enumerate() {
+            if let Some((crumbs, first)) = crumbs {
+                full_barrier(device, commands);
+                raw.cmd_fill_buffer(commands, crumbs.inner.raw, 0, 4, first.wrapping_add(i as u32));
+                full_barrier(device, commands);
+            }
+            barrier(device, commands, recorder, &plan.commands[i]);
+            begin_label(device, commands, command.name());
+            one(device, slot, command)?;
+            end_label(device, commands);
+            if let Some(pool) = queries {
+                raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, i as u32 + 1);
+            }
+        }
+        barrier(device, commands, recorder, &plan.end);
+        raw.end_command_buffer(commands).named("vkEndCommandBuffer")
+    }
+}
+
+/// # Safety
+/// `commands` is being recorded and the buffers named by the barriers are among the recorder's.
+unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, recorder: &Recorder, barriers: &[Barrier]) {
+    if barriers.is_empty() {
+        return;
+    }
+    let find = |id: u64| recorder.commands.iter().flat_map(Command::buffers).find(|b| b.inner.id == id);
+    let list: Vec<vk::BufferMemoryBarrier2<'_>> = barriers
+        .iter()
+        .filter_map(|b| {
+            let buffer = find(b.buffer)?;
+            Some(
+                vk::BufferMemoryBarrier2::default()
+                    .buffer(buffer.inner.raw)
+                    .offset(b.range.start)
+                    .size(b.range.end - b.range.start)
+                    .src_stage_mask(b.src_stage)
+                    .src_access_mask(b.src_access)
+                    .dst_stage_mask(b.dst_stage)
+                    .dst_access_mask(b.dst_access)
+                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED),
+            )
+        })
+        .collect();
+    let info = vk::DependencyInfo::default().buffer_memory_barriers(&list);
+    // SAFETY: the caller's promise; synchronization2 is enabled.
+    unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
+}
+
+/// # Safety
+/// As [`encode`].
+unsafe fn one(device: &Device, slot: &mut Slot, command: &Command) -> Result<()> {
+    let raw = &device.raw;
+    let commands = slot.commands;
+    match command {
+        Command::Dispatch { pipeline, buffers, push, counts } => {
+            let pipeline = &pipeline.inner;
+            let set = slot.set(device, pipeline.set_layout)?;
+            let infos: Vec<vk::DescriptorBufferInfo> = buffers
+                .iter()
+                .map(|b| vk::DescriptorBufferInfo { buffer: b.buffer.inner.raw, offset: b.offset, range: b.bytes })
+                .collect();
+            let writes: Vec<vk::WriteDescriptorSet<'_>> = infos
+                .iter()
+                .enumerate()
+                .map(|(i, info)| {
+                    vk::WriteDescriptorSet::default()
+                        .dst_set(set)
+                        .dst_binding(i as u32)
+                        .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                        .buffer_info(std::slice::from_ref(info))
+                })
+                .collect();
+            // SAFETY: ranges were checked against buffers and limits when the command was recorded.
+            unsafe {
+                raw.update_descriptor_sets(&writes, &[]);
+                raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
+                let point = vk::PipelineBindPoint::COMPUTE;
+                raw.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[]);
+                if !push.is_empty() {
+                    raw.cmd_push_constants(commands, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                }
+                match counts {
+                    Counts::Fixed(x, y) => raw.cmd_dispatch(commands, *x, *y, 1),
+                    Counts::Indirect(buffer, offset) => raw.cmd_dispatch_indirect(commands, buffer.inner.raw, *offset),
+                }
+            }
+        }
+        Command::Fill { buffer, offset, bytes, value } => {
+            // SAFETY: as above.
+            unsafe { raw.cmd_fill_buffer(commands, buffer.inner.raw, *offset, *bytes, *value) };
+        }
+        Command::Copy { from, from_offset, to, to_offset, bytes, .. } => {
+            let region = [vk::BufferCopy { src_offset: *from_offset, dst_offset: *to_offset, size: *bytes }];
+            // SAFETY: as above; ranges within one buffer do not overlap.
+            unsafe { raw.cmd_copy_buffer(commands, from.inner.raw, to.inner.raw, &region) };
+        }
+    }
+    Ok(())
+}
+
+/// Hands a command buffer to the queue, inside the host's lock where there is one.
+pub(super) fn enqueue(
+    device: &Device,
+    commands: vk::CommandBuffer,
+    timeline: vk::Semaphore,
+    ticket: u64,
+    external: External<'_>,
+) -> Result<()> {
+    let point = |&HostSemaphore { semaphore, value }: &HostSemaphore| {
+        vk::SemaphoreSubmitInfo::default()
+            .semaphore(semaphore)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+    };
+    let wait: Vec<_> = external.wait.iter().map(point).collect();
+    let mut signal: Vec<_> = external.signal.iter().map(point).collect();
+    signal.push(point(&HostSemaphore { semaphore: timeline, value: ticket }));
+    let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
+    let info = vk::SubmitInfo2::default()
+        .wait_semaphore_infos(&wait)
+        .command_buffer_infos(&buffers)
+        .signal_semaphore_infos(&signal);
+    if let Some(host) = &device.host_lock {
+        (host.lock)();
+    }
+    // SAFETY: the queue is ours, guarded by the caller's lock on the state, or the host's, guarded by its callbacks.
+    let result = unsafe { device.raw.queue_submit2(device.queue, &[info], vk::Fence::null()) };
+    if let Some(host) = &device.host_lock {
+        (host.unlock)();
+    }
+    result.named("vkQueueSubmit2")
+}
+
+fn begin_label(device: &Device, commands: vk::CommandBuffer, name: &str) {
+    if let (Some(debug), Ok(name)) = (&device.debug, std::ffi::CString::new(name)) {
+        // SAFETY: `commands` is being recorded.
+        unsafe {
+            debug.cmd_begin_debug_utils_label(commands, &vk::DebugUtilsLabelEXT::default().label_name(&name));
+        }
+    }
+}
+
+fn end_label(device: &Device, commands: vk::CommandBuffer) {
+    if let Some(debug) = &device.debug {
+        // SAFETY: `commands` is being recorded, and a label was begun with every command.
+        unsafe { debug.cmd_end_debug_utils_label(commands) };
+    }
+}
