@@ -282,6 +282,17 @@ fn dataset_is_consistent() {
 
     let written: WorldParams = toml::from_str(&fs::read_to_string(dir.path().join("world.toml")).unwrap()).unwrap();
     assert_eq!(written, params);
+    // The project's own reader finds the same.
+    let options = psrgs_vk::dataset::LoadOptions::default();
+    let dataset = psrgs_vk::dataset::Dataset::load(dir.path(), &options).unwrap();
+    assert!(dataset.warnings.is_empty(), "{:?}", dataset.warnings);
+    assert_eq!((dataset.views.len(), dataset.points.len()), (8, summary.points));
+    let world = World::new(&params).unwrap();
+    for (read, made) in dataset.views.iter().zip(world.views()) {
+        assert_eq!(read.name, made.name);
+        let (a, b) = (read.camera.center(), made.camera.center());
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+    }
     for p in &photos {
         let image = image::open(dir.path().join("images").join(&p.name)).unwrap().to_rgb8();
         assert_eq!(image.dimensions(), (96, 72));

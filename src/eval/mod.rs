@@ -1,1 +1,8 @@
-//! (module eval)
+//! Quality and cost of a model: metrics, colour maps, the report.
+
+pub mod colormap;
+mod metrics;
+mod report;
+
+pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
+pub use report::{Curve, DepthMap, ReportData, ReportError, ViewPanel, render_report, write_report};

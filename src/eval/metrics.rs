@@ -1,0 +1,149 @@
+//! The numbers of a run, as they stand in `metrics.json`.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Quality of one held-out view. Values are taken after rounding the render to 8 bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImageScore {
+    /// Name of the photograph.
+    pub name: String,
+    /// Peak signal-to-noise ratio over all pixels and channels, decibels. Infinite for equal images, `null` in JSON.
+    #[serde(serialize_with = "finite_or_null", deserialize_with = "null_is_infinite")]
+    pub psnr: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+}
+
+/// The numbers of a run. The field names are the keys of `metrics.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// Training method.
+    pub method: String,
+    /// Training steps.
+    pub iterations: u32,
+    /// Name of the dataset.
+    pub scene: String,
+    /// Photographs trained on.
+    pub train_images: usize,
+    /// Photographs held out.
+    pub test_images: usize,
+    /// Width of the first held-out view in pixels (of the first training view when none is held out).
+    pub width: u32,
+    /// Height of the same view.
+    pub height: u32,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Name of the device.
+    pub device: String,
+    /// Mean of the views' PSNR; `null` without held-out views (or when a render equals its photograph).
+    pub psnr: Option<f64>,
+    /// Mean of the views' SSIM; `null` without held-out views.
+    pub ssim: Option<f64>,
+    /// Gaussians of the final model.
+    pub splats: usize,
+    /// Size of `point_cloud.ply` in bytes.
+    pub bytes: u64,
+    /// Seconds from the start of the process to the final model.
+    pub seconds: f64,
+    /// Mean seconds of a training step.
+    pub seconds_per_iteration: f64,
+    /// Largest amount of device memory allocated at once.
+    pub peak_device_bytes: u64,
+    /// Largest resident set of the process; `null` where the system does not tell.
+    pub peak_host_bytes: Option<u64>,
+    /// Each held-out view.
+    pub images: Vec<ImageScore>,
+}
+
+/// Errors of reading and writing metrics.
+#[derive(Debug, thiserror::Error)]
+pub enum MetricsError {
+    /// The file could not be read or written.
+    #[error("cannot access {path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The file is not what was expected.
+    #[error("{path} holds no metrics: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// The cause, with line and column.
+        source: serde_json::Error,
+    },
+}
+
+impl Metrics {
+    /// Sets the views, their number, and the means over them.
+    pub fn with_images(mut self, images: Vec<ImageScore>) -> Self {
+        self.test_images = images.len();
+        self.psnr = mean(images.iter().map(|i| i.psnr));
+        self.ssim = mean(images.iter().map(|i| i.ssim));
+        self.images = images;
+        self
+    }
+
+    /// Writes `metrics.json`.
+    pub fn write(&self, path: &Path) -> Result<(), MetricsError> {
+        let json = |source| MetricsError::Json { path: path.to_owned(), source };
+        let mut text = serde_json::to_string_pretty(self).map_err(json)?;
+        text.push('\n');
+        std::fs::write(path, text).map_err(|source| MetricsError::File { path: path.to_owned(), source })
+    }
+
+    /// Reads `metrics.json`.
+    pub fn read(path: &Path) -> Result<Self, MetricsError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| MetricsError::File { path: path.to_owned(), source })?;
+        serde_json::from_str(&text).map_err(|source| MetricsError::Json { path: path.to_owned(), source })
+    }
+}
+
+/// The mean, or nothing when there are no values or it is not finite.
+pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v, n + 1));
+    Some(sum / f64::from(count)).filter(|m| m.is_finite())
+}
+
+/// The largest resident set of this process so far, in bytes, where the system tells (`VmHWM` of Linux).
+pub fn peak_host_bytes() -> Option<u64> {
+    parse_peak(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+fn parse_peak(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
+}
+
+fn finite_or_null<S: Serializer>(value: &f64, s: S) -> Result<S::Ok, S::Error> {
+    if value.is_finite() { s.serialize_f64(*value) } else { s.serialize_none() }
+}
+
+fn null_is_infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::INFINITY))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn peak_memory_in_bytes() {
+        assert_eq!(parse_peak("Name:\tx\nVmHWM:\t  123456 kB\nVmRSS:\t1 kB\n"), Some(123_456 * 1024));
+        assert_eq!(parse_peak("VmRSS: 1 kB\n"), None);
+        assert_eq!(parse_peak("VmHWM: many kB\n"), None);
+    }
+
+    #[test]
+    fn means_of_nothing_and_of_infinity_are_absent() {
+        assert_eq!(mean([1.0, 4.0].into_iter()), Some(2.5));
+        assert_eq!(mean([].into_iter()), None);
+        assert_eq!(mean([1.0, f64::INFINITY].into_iter()), None);
+    }
+}

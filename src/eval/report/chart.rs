@@ -1,0 +1,182 @@
+//! Line charts as inline SVG.
+
+use std::fmt::Write;
+
+use super::Curve;
+use super::text::{escape, grouped, tick};
+
+const WIDTH: f64 = 420.0;
+const HEIGHT: f64 = 230.0;
+const LEFT: f64 = 50.0;
+const RIGHT: f64 = 14.0;
+const TOP: f64 = 12.0;
+const BOTTOM: f64 = 34.0;
+/// Points drawn at most; longer curves are drawn by the mean of their parts, with the range as a band.
+const PARTS: usize = 240;
+
+/// Values over a stretch of steps.
+struct Part {
+    step: f64,
+    mean: f64,
+    low: f64,
+    high: f64,
+}
+
+/// One figure: title, unit, axes from step 0 to `steps`, line. The drawn points go along as data for the reading under the cursor.
+pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
+    let points: Vec<(f64, f64)> =
+        curve.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
+    let heading = format!(
+        "<figcaption><span class=\"name\">{}</span> <span class=\"unit\">{}</span></figcaption>",
+        escape(&curve.name),
+        escape(&curve.unit)
+    );
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return format!("<figure class=\"chart\">{heading}<p class=\"empty\">no values</p></figure>");
+    };
+    let parts = parts(&points);
+    let low = parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min);
+    let high = parts.iter().map(|p| p.high).fold(f64::NEG_INFINITY, f64::max);
+    // A range that starts near zero is drawn from zero.
+    let low = if low > 0.0 && low < 0.35 * high { 0.0 } else { low };
+    let (y_ticks, y_step) = ticks(low, high, 5);
+    let (y0, y1) = (y_ticks[0].min(low), y_ticks[y_ticks.len() - 1].max(high));
+    let (x0, x1) = (first.0.min(0.0), steps.max(last.0).max(1.0));
+    let (x_ticks, x_step) = ticks(x0, x1, 5);
+    let sx = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
+    let sy = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0).max(1e-300) * (HEIGHT - TOP - BOTTOM);
+
+    let mut svg = String::new();
+    for &t in &y_ticks {
+        let y = sy(t);
+        let _ = write!(
+            svg,
+            "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
+             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            WIDTH - RIGHT,
+            LEFT - 7.0,
+            y + 3.8,
+            tick(t, y_step)
+        );
+    }
+    for &t in x_ticks.iter().filter(|t| (x0..=x1).contains(*t)) {
+        let (x, y) = (sx(t), HEIGHT - BOTTOM);
+        let _ = write!(
+            svg,
+            "<line class=\"axis\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{y:.1}\" y2=\"{:.1}\"/>\
+             <text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+            y + 4.0,
+            y + 16.0,
+            tick(t, x_step)
+        );
+    }
+    let floor = HEIGHT - BOTTOM;
+    let _ = write!(
+        svg,
+        "<line class=\"axis\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{floor}\" y2=\"{floor}\"/>\
+         <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">step</text>",
+        WIDTH - RIGHT,
+        WIDTH - RIGHT,
+        HEIGHT - 3.0
+    );
+    if parts.iter().any(|p| p.high > p.low) {
+        let upper = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.high)));
+        let lower = parts.iter().rev().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.low)));
+        let outline: Vec<String> = upper.chain(lower).collect();
+        let _ = write!(svg, "<polygon class=\"band\" points=\"{}\"/>", outline.join(" "));
+    }
+    let line: Vec<String> = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.mean))).collect();
+    let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
+    if parts.len() <= 24 {
+        for p in &parts {
+            let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"/>", sx(p.step), sy(p.mean));
+        }
+    }
+    let data: Vec<String> = parts
+        .iter()
+        .map(|p| format!("{:.1}|{:.1}|{}|{}", sx(p.step), sy(p.mean), short(p.step.round()), short(p.mean)))
+        .collect();
+    let summary = format!(
+        "{} against training step: from {} at step {} to {} at step {}, lowest {}, highest {}",
+        curve.name,
+        short(first.1),
+        short(first.0),
+        short(last.1),
+        short(last.0),
+        short(parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min)),
+        short(high)
+    );
+    format!(
+        "<figure class=\"chart chart{}\">{heading}<output class=\"reading\" aria-hidden=\"true\">{}</output>\
+         <svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\" data-points=\"{}\">{svg}\
+         <g class=\"cursor\" visibility=\"hidden\"><line class=\"rule\" y1=\"{TOP}\" y2=\"{floor}\"/>\
+         <circle class=\"mark\" r=\"4\"/></g></svg></figure>",
+        number % 3,
+        escape(&format!("{} at step {}", short(last.1), short(last.0))),
+        escape(&summary),
+        data.join(";")
+    )
+}
+
+fn parts(points: &[(f64, f64)]) -> Vec<Part> {
+    let size = points.len().div_ceil(PARTS).max(1);
+    points
+        .chunks(size)
+        .map(|c| {
+            let n = c.len() as f64;
+            Part {
+                step: c.iter().map(|p| p.0).sum::<f64>() / n,
+                mean: c.iter().map(|p| p.1).sum::<f64>() / n,
+                low: c.iter().map(|p| p.1).fold(f64::INFINITY, f64::min),
+                high: c.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max),
+            }
+        })
+        .collect()
+}
+
+/// Round values that enclose [low, high] in about `count` steps of 1, 2 or 5 times a power of ten; at least two values.
+fn ticks(low: f64, high: f64, count: usize) -> (Vec<f64>, f64) {
+    let span = if high > low { high - low } else { low.abs().max(1.0) * 0.1 };
+    let raw = span / count as f64;
+    let power = 10f64.powf(raw.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= raw * 0.999).unwrap_or(10.0 * power);
+    let (from, to) = ((low / step + 1e-9).floor() as i64, (high / step - 1e-9).ceil() as i64);
+    let to = to.max(from + 1);
+    ((from..=to).map(|k| k as f64 * step).collect(), step)
+}
+
+/// A value to read: whole numbers as they are, else four significant digits.
+fn short(value: f64) -> String {
+    if value.fract() == 0.0 {
+        return if value >= 10_000.0 { grouped(value as u64) } else { format!("{value}") };
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
+    format!("{value:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_enclose() {
+        assert_eq!(ticks(0.0, 1500.0, 5).0, [0.0, 500.0, 1000.0, 1500.0]);
+        assert_eq!(ticks(17.3, 26.1, 5).0, [16.0, 18.0, 20.0, 22.0, 24.0, 26.0, 28.0]);
+        for (low, high) in [(5.0, 5.0), (0.0, 0.0), (-3.0, 1e-7), (1e6, 1.7e6)] {
+            let (t, _) = ticks(low, high, 5);
+            assert!(t.len() >= 2 && t.len() <= 9, "{t:?}");
+            assert!(t[0] <= low + 1e-9 && t[t.len() - 1] >= high - 1e-9, "{low} {high} {t:?}");
+        }
+    }
+
+    #[test]
+    fn odd_curves_are_drawn() {
+        let curve = |points: Vec<(f64, f64)>| Curve { name: "x<y".into(), unit: String::new(), points };
+        assert!(figure(&curve(vec![]), 0, 9.0).contains("no values"));
+        assert!(figure(&curve(vec![(1.0, f64::NAN)]), 0, 9.0).contains("no values"));
+        let one = figure(&curve(vec![(10.0, 0.5)]), 1, 0.0);
+        assert!(one.contains("x&lt;y") && !one.contains("NaN") && !one.contains("inf"), "{one}");
+        let long = figure(&curve((0..5000).map(|k| (f64::from(k), f64::from(k % 7))).collect()), 2, 5000.0);
+        assert!(long.contains("class=\"band\"") && long.len() < 40_000);
+    }
+}

@@ -1,0 +1,353 @@
+//! The report of a run: one HTML file that needs nothing else, with curves, numbers and pictures.
+
+mod chart;
+mod panel;
+mod text;
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use image::RgbImage;
+
+use super::Metrics;
+use super::colormap::Colormap;
+use panel::{STORAGES, Storage};
+use text::{bytes, decibels, duration, escape, fill, grouped, link, significant};
+
+/// Largest size of the pictures on a page, as data addresses, bytes.
+const PICTURE_BUDGET: usize = 18_000_000;
+
+/// A quantity over the training steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curve {
+    /// What it is.
+    pub name: String,
+    /// Its unit, may be empty.
+    pub unit: String,
+    /// Step and value, by ascending step.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Depth (z in the camera frame, dataset units), row-major; 0 or not finite where there is no surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthMap {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// `width * height` values.
+    pub values: Vec<f32>,
+}
+
+/// A held-out view.
+#[derive(Clone, Debug)]
+pub struct ViewPanel {
+    /// Name of the photograph.
+    pub name: String,
+    /// The photograph at the size it was compared at.
+    pub photograph: RgbImage,
+    /// The render, of the same size.
+    pub render: RgbImage,
+    /// Depth of the render.
+    pub depth: Option<DepthMap>,
+    /// PSNR in decibels.
+    pub psnr: f64,
+    /// SSIM.
+    pub ssim: f64,
+}
+
+/// Everything a report shows.
+#[derive(Clone, Debug)]
+pub struct ReportData {
+    /// Heading of the page.
+    pub title: String,
+    /// Settings by name.
+    pub settings: Vec<(String, String)>,
+    /// Curves, drawn in this order.
+    pub curves: Vec<Curve>,
+    /// The numbers of the run.
+    pub metrics: Metrics,
+    /// Held-out views, shown in this order.
+    pub views: Vec<ViewPanel>,
+    /// Files of the run: path relative to the report, and what it is.
+    pub files: Vec<(String, String)>,
+    /// Remarks, one paragraph each.
+    pub notes: Vec<String>,
+}
+
+/// Errors of making a report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// Photograph, render and depth of a view must have one size.
+    #[error("view {name}: the {what} is {got:?} pixels, the photograph {expected:?}")]
+    Size {
+        /// Name of the view.
+        name: String,
+        /// Which picture.
+        what: &'static str,
+        /// Its size (for depth of a wrong length: the number of values and 1).
+        got: (u32, u32),
+        /// Size of the photograph.
+        expected: (u32, u32),
+    },
+    /// A picture could not be encoded.
+    #[error("cannot encode a picture: {0}")]
+    Picture(#[from] image::ImageError),
+    /// The page could not be written.
+    #[error("cannot write {path}: {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+}
+
+/// Writes the page to `path`.
+pub fn write_report(data: &ReportData, path: &Path) -> Result<(), ReportError> {
+    let page = render_report(data)?;
+    std::fs::write(path, page).map_err(|source| ReportError::Write { path: path.to_owned(), source })
+}
+
+/// The page as text.
+pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
+    for view in &data.views {
+        check(view)?;
+    }
+    let m = &data.metrics;
+    let (views, shown) = views(&data.views)?;
+    let mut notes: Vec<String> = data.notes.clone();
+    if shown < data.views.len() {
+        notes.push(format!(
+            "Pictures of the first {shown} of {} held-out views are shown; the table has all of them.",
+            data.views.len()
+        ));
+    }
+    let notes: String = notes.iter().map(|n| format!("<p class=\"note\">{}</p>", escape(n))).collect();
+    let steps = data.curves.iter().flat_map(|c| &c.points).map(|p| p.0).fold(f64::from(m.iterations), f64::max);
+    let curves: String = data.curves.iter().enumerate().map(|(k, c)| chart::figure(c, k, steps)).collect();
+    let settings: String = data.settings.iter().map(|(k, v)| row(k, v)).collect();
+    let subtitle = format!(
+        "{} with {}, {} steps on {}",
+        escape(&m.scene),
+        escape(&m.method),
+        grouped(u64::from(m.iterations)),
+        escape(&m.device)
+    );
+    Ok(fill(
+        include_str!("page.html"),
+        &[
+            ("title", &escape(&data.title)),
+            ("subtitle", &subtitle),
+            ("style", include_str!("page.css")),
+            ("script", include_str!("page.js")),
+            ("tiles", &tiles(m)),
+            ("notes", &notes),
+            ("curves", &section("curves", "Training", "", "charts", &curves)),
+            ("views", &section("views", "Held-out views", HINT, "views", &views)),
+            ("numbers", &numbers(m)),
+            ("scores", &scores(m)),
+            ("settings", &settings),
+            ("files", &files(&data.files)),
+        ],
+    ))
+}
+
+fn check(view: &ViewPanel) -> Result<(), ReportError> {
+    let expected = view.photograph.dimensions();
+    let wrong = |what, got| Err(ReportError::Size { name: view.name.clone(), what, got, expected });
+    if view.render.dimensions() != expected {
+        return wrong("render", view.render.dimensions());
+    }
+    match &view.depth {
+        Some(d) if (d.width, d.height) != expected => wrong("depth", (d.width, d.height)),
+        Some(d) if d.values.len() as u64 != u64::from(d.width) * u64::from(d.height) => {
+            wrong("depth", (d.values.len() as u32, 1))
+        }
+        _ => Ok(()),
+    }
+}
+
+const HINT: &str = "<p class=\"hint\">Drag over a large picture, or focus it and use the arrow keys, to uncover what lies \
+    under the photograph. Render, error and depth can each be chosen for that by their names.</p>";
+
+fn section(id: &str, heading: &str, intro: &str, class: &str, body: &str) -> String {
+    if body.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2>{intro}<div class=\"{class}\">{body}</div></section>"
+    )
+}
+
+fn row(name: &str, value: &str) -> String {
+    format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", escape(name), escape(value))
+}
+
+fn tiles(m: &Metrics) -> String {
+    let ssim = m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.3}"));
+    let per_step = format!("{} a step", duration(m.seconds_per_iteration));
+    let held_out = format!("mean of {} held-out views", m.test_images);
+    [
+        ("PSNR", decibels(m.psnr), "dB", held_out.as_str()),
+        ("SSIM", ssim, "", "1 is identical"),
+        ("Splats", grouped(m.splats as u64), "", bytes(m.bytes).as_str()),
+        ("Time", duration(m.seconds), "", per_step.as_str()),
+    ]
+    .into_iter()
+    .map(|(name, value, unit, detail)| {
+        format!(
+            "<div class=\"tile\"><dt>{name}</dt><dd><span class=\"value\">{value}</span> \
+             <span class=\"unit\">{unit}</span><span class=\"detail\">{detail}</span></dd></div>"
+        )
+    })
+    .collect()
+}
+
+fn numbers(m: &Metrics) -> String {
+    let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
+    [
+        ("method", m.method.clone()),
+        ("iterations", grouped(u64::from(m.iterations))),
+        ("scene", m.scene.clone()),
+        ("training images", m.train_images.to_string()),
+        ("held-out images", m.test_images.to_string()),
+        ("size", format!("{} \u{d7} {} px", m.width, m.height)),
+        ("seed", m.seed.to_string()),
+        ("device", m.device.clone()),
+        ("PSNR", format!("{} dB", decibels(m.psnr))),
+        ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.4}"))),
+        ("splats", grouped(m.splats as u64)),
+        ("model file", bytes(m.bytes)),
+        ("total time", duration(m.seconds)),
+        ("time per step", duration(m.seconds_per_iteration)),
+        ("peak device memory", bytes(m.peak_device_bytes)),
+        ("peak host memory", optional(m.peak_host_bytes)),
+    ]
+    .iter()
+    .map(|(k, v)| row(k, v))
+    .collect()
+}
+
+fn scores(m: &Metrics) -> String {
+    if m.images.is_empty() {
+        return String::new();
+    }
+    let finite = || m.images.iter().map(|i| i.psnr).filter(|p| p.is_finite());
+    let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    let body: String = m
+        .images
+        .iter()
+        .map(|i| {
+            // Bars start one decibel below the worst view, so that it has one too.
+            let share = ((i.psnr - low + 1.0) / (high - low + 1.0)).clamp(0.0, 1.0) * 100.0;
+            let share = if share.is_nan() { 100.0 } else { share };
+            format!(
+                "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td class=\"bar\" aria-hidden=\"true\">\
+                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{:.4}</td></tr>",
+                escape(&i.name),
+                decibels(Some(i.psnr)),
+                i.ssim
+            )
+        })
+        .collect();
+    format!(
+        "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
+         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">SSIM</th>\
+         </tr></thead><tbody>{body}</tbody></table>"
+    )
+}
+
+fn files(files: &[(String, String)]) -> String {
+    if files.is_empty() {
+        return String::new();
+    }
+    let items: String = files
+        .iter()
+        .map(|(path, what)| {
+            // A path that begins like an address would leave the folder.
+            let address = link(path);
+            let address = address.trim_start_matches('/');
+            format!("<li><a href=\"./{address}\">{}</a> {}</li>", escape(path), escape(what))
+        })
+        .collect();
+    section("files", "Files", "", "files", &format!("<ul>{items}</ul>"))
+}
+
+/// The cards of all views that fit the page, and how many these are.
+fn views(all: &[ViewPanel]) -> Result<(String, usize), ReportError> {
+    let differences: Vec<Vec<f32>> = all.iter().map(|v| panel::differences(&v.photograph, &v.render)).collect();
+    // One scale for all views, so that they compare: most of the errors, at least a few 8-bit steps.
+    let error_high = panel::quantile(differences.iter().flatten().copied(), 0.99).max(8.0).ceil();
+    for storage in STORAGES {
+        let last = Some(&storage) == STORAGES.last();
+        let (mut out, mut shown) = (String::new(), 0);
+        for (k, (view, errors)) in all.iter().zip(&differences).enumerate() {
+            let card = card(view, errors, error_high, storage, k)?;
+            if out.len() + card.len() > PICTURE_BUDGET {
+                break;
+            }
+            out.push_str(&card);
+            shown += 1;
+        }
+        if shown == all.len() || last {
+            return Ok((out, shown));
+        }
+    }
+    Ok((String::new(), 0))
+}
+
+/// One view: a slider over photograph and another picture, and all pictures beside it. The script fills the slider from the
+/// pictures, which are stored once.
+fn card(
+    view: &ViewPanel,
+    errors: &[f32],
+    error_high: f32,
+    storage: Storage,
+    number: usize,
+) -> Result<String, ReportError> {
+    let size = view.photograph.dimensions();
+    let mut panels = String::new();
+    let mut add = |kind: &str, title: &str, picture: &RgbImage, scale: &str| -> Result<(), ReportError> {
+        let source = panel::address(picture, storage)?;
+        let alt = format!("{title} of {}", view.name);
+        let _ = write!(
+            panels,
+            "<figure class=\"panel\" data-kind=\"{kind}\"><img src=\"{source}\" alt=\"{}\" width=\"{}\" \
+             height=\"{}\"><figcaption><span class=\"title\">{title}</span>{scale}</figcaption></figure>",
+            escape(&alt),
+            size.0,
+            size.1
+        );
+        Ok(())
+    };
+    add("photograph", "Photograph", &view.photograph, "")?;
+    add("render", "Render", &view.render, "")?;
+    let map = Colormap::error();
+    let painted = panel::paint(errors, size, (0.0, error_high), &map);
+    add("error", "Error", &painted, &scale(&map, "0", &format!("\u{2265} {error_high} / 255")))?;
+    if let Some(depth) = &view.depth {
+        let (picture, (low, high)) = panel::depth(depth);
+        let bar = scale(&Colormap::depth(), &significant(f64::from(low)), &significant(f64::from(high)));
+        add("depth", "Depth", &picture, &bar)?;
+    }
+    Ok(fill(
+        include_str!("view.html"),
+        &[
+            ("number", &number.to_string()),
+            ("name", &escape(&view.name)),
+            ("psnr", &decibels(Some(view.psnr))),
+            ("ssim", &format!("{:.3}", view.ssim)),
+            ("aspect", &format!("{} / {}", size.0.max(1), size.1.max(1))),
+            ("panels", &panels),
+        ],
+    ))
+}
+
+fn scale(map: &Colormap, low: &str, high: &str) -> String {
+    format!(
+        "<span class=\"scale\"><span>{low}</span><span class=\"ramp\" style=\"background:{}\"></span>\
+         <span>{high}</span></span>",
+        panel::gradient(map)
+    )
+}

@@ -1,0 +1,170 @@
+//! Numbers and text for people, and the page's templates.
+
+use std::fmt::Write;
+
+/// Text that is safe in HTML content and in double-quoted attributes.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// Replaces each `{{key}}` of a template, in one pass over the template: values are never searched.
+pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
+    let mut out = String::new();
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        out.push_str(before);
+        match after.split_once("}}") {
+            Some((key, tail)) => {
+                out.push_str(values.iter().find(|(k, _)| *k == key).map_or("", |(_, v)| v));
+                rest = tail;
+            }
+            None => {
+                out.push_str("{{");
+                rest = after;
+            }
+        }
+    }
+    out.push_str(rest);
+    out
+}
+
+/// 1234567 as "1,234,567".
+pub(super) fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (k, c) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k) % 3 == 0 {
+            out.push(',');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// Bytes with a decimal unit.
+pub(super) fn bytes(n: u64) -> String {
+    let units = ["B", "kB", "MB", "GB", "TB"];
+    let mut value = n as f64;
+    let mut unit = 0;
+    while value >= 999.5 && unit + 1 < units.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{n} B") } else { format!("{} {}", significant(value), units[unit]) }
+}
+
+/// A duration.
+pub(super) fn duration(seconds: f64) -> String {
+    if !seconds.is_finite() || seconds < 0.0 {
+        return "\u{2013}".into();
+    }
+    if seconds < 1.0 {
+        return format!("{} ms", significant(seconds * 1000.0));
+    }
+    if seconds < 59.95 {
+        return format!("{seconds:.1} s");
+    }
+    let whole = seconds.round() as u64;
+    let (h, m, s) = (whole / 3600, whole / 60 % 60, whole % 60);
+    if h > 0 { format!("{h} h {m} min") } else { format!("{m} min {s} s") }
+}
+
+/// Three significant digits, without exponent.
+pub(super) fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
+    format!("{value:.digits$}")
+}
+
+/// An axis label: as many decimals as the step needs, thousands as k and M.
+pub(super) fn tick(value: f64, step: f64) -> String {
+    let (scaled, unit, step) = if value.abs() >= 1e6 {
+        (value / 1e6, "M", step / 1e6)
+    } else if value.abs() >= 1e4 {
+        (value / 1e3, "k", step / 1e3)
+    } else {
+        (value, "", step)
+    };
+    let digits = (-(step * 1.0001).log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{scaled:.digits$}{unit}")
+}
+
+/// Decibels, or a dash.
+pub(super) fn decibels(value: Option<f64>) -> String {
+    value.map_or_else(|| "\u{2013}".into(), |v| if v.is_finite() { format!("{v:.2}") } else { "\u{221e}".into() })
+}
+
+/// Base64 with padding (RFC 4648).
+pub(super) fn base64(data: &[u8]) -> String {
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(data.len().div_ceil(3) * 4);
+    for chunk in data.chunks(3) {
+        let word = chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
+        for k in 0..4 {
+            let symbol = ALPHABET[(word >> (18 - 6 * k) & 63) as usize];
+            out.push(if k <= chunk.len() { char::from(symbol) } else { '=' });
+        }
+    }
+    out
+}
+
+/// A file's relative address: percent-encoded where needed.
+pub(super) fn link(path: &str) -> String {
+    path.bytes().fold(String::new(), |mut out, b| {
+        if b.is_ascii_alphanumeric() || b"-._~/".contains(&b) {
+            out.push(char::from(b));
+        } else {
+            // Writing to a String cannot fail.
+            let _ = write!(out, "%{b:02X}");
+        }
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_read_numbers() {
+        assert_eq!([grouped(0), grouped(999), grouped(1000), grouped(1_234_567)], ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!([bytes(12), bytes(999_600), bytes(1_234_567)], ["12 B", "1.00 MB", "1.23 MB"]);
+        assert_eq!(
+            [duration(0.0123), duration(59.9), duration(60.0), duration(3599.7), duration(f64::NAN)],
+            ["12.3 ms", "59.9 s", "1 min 0 s", "1 h 0 min", "\u{2013}"]
+        );
+        assert_eq!(
+            [tick(0.05, 0.05), tick(20_000.0, 5000.0), tick(2.5e6, 5e5), tick(1500.0, 500.0)],
+            ["0.05", "20k", "2.5M", "1500"]
+        );
+    }
+
+    #[test]
+    fn base64_vectors_of_the_rfc() {
+        let cases =
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")];
+        for (plain, coded) in cases {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+    }
+
+    #[test]
+    fn templates_and_escapes() {
+        assert_eq!(fill("a {{x}} b {{y}} {{none}}c {{", &[("x", "{{y}}"), ("y", "2")]), "a {{y}} b 2 c {{");
+        assert_eq!(escape("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
+        assert_eq!(link("a b/ä.ply"), "a%20b/%C3%A4.ply");
+    }
+}
