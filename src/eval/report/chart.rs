@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::Curve;
-use super::text::{escape, grouped, tick};
+use super::text::{escape, grouped, rounded, tick};
 
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 230.0;
@@ -150,8 +150,7 @@ fn short(value: f64) -> String {
     if value.fract() == 0.0 {
         return if value >= 10_000.0 { grouped(value as u64) } else { format!("{value}") };
     }
-    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
-    format!("{value:.digits$}")
+    rounded(value, 4)
 }
 
 #[cfg(test)]

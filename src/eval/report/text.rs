@@ -44,7 +44,7 @@ pub(super) fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k) % 3 == 0 {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
             out.push(',');
         }
         out.push(c);
@@ -82,11 +82,18 @@ pub(super) fn duration(seconds: f64) -> String {
 
 /// Three significant digits, without exponent.
 pub(super) fn significant(value: f64) -> String {
+    rounded(value, 3)
+}
+
+/// A number of significant digits, without exponent. The decade is that after rounding: 9.996 is "10.0".
+pub(super) fn rounded(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
-    format!("{value:.digits$}")
+    let scientific = format!("{value:.*e}", digits.saturating_sub(1));
+    let decade: i32 = scientific.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
+    let decimals = (digits as i32 - 1 - decade).clamp(0, 9) as usize;
+    format!("{value:.decimals$}")
 }
 
 /// An axis label: as many decimals as the step needs, thousands as k and M.
@@ -142,6 +149,10 @@ mod tests {
     fn people_read_numbers() {
         assert_eq!([grouped(0), grouped(999), grouped(1000), grouped(1_234_567)], ["0", "999", "1,000", "1,234,567"]);
         assert_eq!([bytes(12), bytes(999_600), bytes(1_234_567)], ["12 B", "1.00 MB", "1.23 MB"]);
+        assert_eq!(
+            [significant(9.996), significant(99.96), significant(0.001_234), significant(-4567.0)],
+            ["10.0", "100", "0.00123", "-4567"]
+        );
         assert_eq!(
             [duration(0.0123), duration(59.9), duration(60.0), duration(3599.7), duration(f64::NAN)],
             ["12.3 ms", "59.9 s", "1 min 0 s", "1 h 0 min", "\u{2013}"]
