@@ -1,18 +1,15 @@
 //! Gradients in f64 against finite differences: the brute-force renderer whole, and the projection's twin by columns.
 
-#[path = "common/guards.rs"]
-mod guards;
-#[path = "common/splats.rs"]
-mod splats;
+mod common;
 
-use guards::Guards;
+use common::guards::Guards;
+use common::splats::{self, Random, camera, in_view};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::scene::Camera;
 use psrgs_vk::twin::project::{Projected, project};
 use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
-use splats::{Random, camera, in_view};
 
 /// Families of parameters, whose units differ.
 const FAMILIES: [(&str, std::ops::Range<usize>); 5] =

@@ -62,7 +62,7 @@ pub struct Ewa<R> {
     /// Standard deviations.
     pub scale: [R; 3],
     /// Rows of W R S.
-    u: [[R; 3]; 3],
+    pub u: [[R; 3]; 3],
     /// x/z and y/z after the clamp to the field of view.
     pub ratio: [R; 2],
     /// Whether the clamp is active.
@@ -70,9 +70,9 @@ pub struct Ewa<R> {
     /// Focal lengths over z.
     pub zoom: [R; 2],
     /// Rows of J W R S, pixels.
-    m: [[R; 3]; 2],
+    pub m: [[R; 3]; 2],
     /// m0 x m1.
-    n: [R; 3],
+    pub n: [R; 3],
     /// Determinant of the dilated 2D covariance.
     pub det: R,
     /// (A, B, C).

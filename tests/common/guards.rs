@@ -3,6 +3,7 @@
 //!
 //! One guard alone lets errors through: an element bound passes a bias of every element, a norm passes a wrong small row, a
 //! cosine passes a wrong factor.
+#![allow(dead_code, unreachable_pub)]
 
 /// Bounds of the guards.
 #[derive(Clone, Copy, Debug)]

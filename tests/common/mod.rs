@@ -1,6 +1,9 @@
 //! What the integration tests share.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod guards;
+pub mod splats;
+
 use std::path::PathBuf;
 
 use psrgs_vk::vk::{Error, Gpu, OpenOptions};

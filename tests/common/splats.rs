@@ -1,4 +1,5 @@
 //! Random splats and a camera for tests of the projection and the renderer.
+#![allow(dead_code, unreachable_pub)]
 
 use psrgs_vk::scene::Camera;
 use psrgs_vk::twin::splat::Splat;

@@ -1,0 +1,207 @@
+//! `project`: every column against the f64 twin, tile counts against the shared test on the stored row, hard and poisoned splats.
+
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::{counters, project::PASS};
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::twin::project::{Culled, Projected, project};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::tile::{self, TileGrid};
+use psrgs_vk::vk::Gpu;
+
+use super::common::guards::Guards;
+use super::harness::{self, Outcome};
+use super::projection_scene as scene;
+
+/// Columns of `splat2d` that belong together: the size of the terms they are sums of (a difference of such terms is as wrong as
+/// the terms), and the bound of their elements in that size. Means are pixels of an image of 200.
+const COLUMNS: [(&str, &[usize], f64, f64); 5] = [
+    ("mean", &[0, 1], 200.0, 4e-6),
+    ("conic", &[2, 3, 4], 0.0, 2e-5),
+    ("opacity", &[5], 0.0, 4e-6),
+    ("depth", &[6], 2.0, 1e-6),
+    ("color", &[8, 9, 10], 1.0, 4e-6),
+];
+
+/// A determinant near the end of f32's range: the projection overflows on the device, and the splat is culled.
+const OVERFLOW: f64 = 1e37;
+
+struct Case<'a> {
+    model: &'a Gaussians,
+    projection: Projection,
+    tile: [u32; 2],
+    aux: bool,
+}
+
+fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
+    let constants = [("TILE_W", case.tile[0]), ("TILE_H", case.tile[1]), ("AUX", u32::from(case.aux))];
+    // At least one group, so that a model of no splats is a dispatch that does nothing.
+    let groups = case.model.len().div_ceil(64).max(1) as u32;
+    harness::run(gpu, &PASS, &constants, &scene::project_buffers(case.model), &scene::push(&case.projection), groups)
+}
+
+/// Whether rounding may decide if the splat is culled: the verdict changes when depth, opacity or place move a little.
+fn undecided(splat: &Splat<f64>, view: &View<f64>, grid: &TileGrid) -> bool {
+    let verdict = |view: &View<f64>| project(splat, view, Some(grid)).is_ok();
+    let here = verdict(view);
+    let z = psrgs_vk::twin::project::to_camera(view, splat.mean)[2];
+    let near = (z / view.near - 1.0).abs() < 1e-5;
+    let moved = [-2e-3, 2e-3].iter().any(|step| {
+        (0..2).any(|axis| {
+            let mut other = view.clone();
+            other.principal[axis] += step;
+            verdict(&other) != here
+        })
+    });
+    let faint = project(splat, view, None).is_ok_and(|p| (p.opacity * 255.0 - 1.0).abs() < 1e-4);
+    near || moved || faint
+}
+
+/// Compares one dispatch; returns how many splats were compared.
+fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
+    let n = case.model.len();
+    let outcome = dispatch(gpu, case);
+    let view = View::<f64>::of(&scene::push(&case.projection));
+    let grid = TileGrid { image: view.size, tile: case.tile };
+    let got = outcome.device::<[f32; 12]>(9);
+    let tiles = outcome.device::<u32>(10);
+    let normals = outcome.device::<[f32; 4]>(11);
+    let untouched = scene::project_buffers(case.model);
+    let mut pairs: Vec<(usize, Projected<f64>)> = Vec::new();
+    let mut left_out = 0;
+    for i in 0..n {
+        let splat = Splat::<f64>::of(case.model, i);
+        let want = match psrgs_vk::twin::project::geometry(&splat, &view).1.det {
+            det if det < OVERFLOW => project(&splat, &view, Some(&grid)),
+            _ => Err(Culled::Faint),
+        };
+        if (tiles[i] > 0) != want.is_ok() {
+            assert!(undecided(&splat, &view, &grid), "{what}: splat {i}: {} tiles, twin says {want:?}", tiles[i]);
+            left_out += 1;
+            continue;
+        }
+        let Ok(want) = want else {
+            assert_eq!(bytemuck::bytes_of(&got[i]), &untouched[9][48 * i..48 * i + 48], "{what}: culled splat {i} written");
+            continue;
+        };
+        let r = got[i];
+        assert!(r.iter().all(|v| v.is_finite()), "{what}: splat {i}: {r:?}");
+        let same_row = tile::count([r[0], r[1]], [r[2], r[3], r[4]], r[5], &grid);
+        assert_eq!(tiles[i], same_row, "{what}: splat {i}: tiles of the stored row");
+        pairs.push((i, want));
+    }
+    assert!(left_out * 50 <= n.max(50), "{what}: {left_out} of {n} splats undecided");
+    let mut complaints = Vec::new();
+    for (name, columns, size, bound) in COLUMNS {
+        let each = || pairs.iter().flat_map(|(i, p)| columns.iter().map(move |&c| (*i, c, p)));
+        let device: Vec<f32> = each().map(|(i, c, _)| got[i][c] + size as f32).collect();
+        let twin: Vec<f64> = each().map(|(_, c, p)| p.row()[c] + size).collect();
+        let guards = match name {
+            // The anti-aliasing factor holds the area of the shape before its dilation.
+            "opacity" if case.projection.antialias => {
+                for ((i, p), (d, t)) in pairs.iter().zip(device.iter().zip(&twin)) {
+                    let condition = scene::condition(&Splat::of(case.model, *i), &view);
+                    if (f64::from(*d) - t).abs() > bound * condition.max(1.0) * t.abs() {
+                        complaints.push(format!("opacity of splat {i}: {d} instead of {t}, condition {condition}, {p:?}"));
+                    }
+                }
+                Guards { element: 1.0, ..Guards::of(4.0 * bound) }
+            }
+            _ => Guards::of(bound),
+        };
+        complaints.extend(guards.verdict(columns.len(), &device, &twin).err().map(|why| format!("{name}: {why}")));
+    }
+    assert!(complaints.is_empty(), "{what}: {}", complaints.join("\n"));
+    if case.aux {
+        let device: Vec<f32> = pairs.iter().flat_map(|(i, _)| normals[*i][..3].to_vec()).collect();
+        let twin: Vec<f64> = pairs.iter().flat_map(|(_, p)| p.normal).collect();
+        Guards::of(4e-6).check(&format!("{what}: normals"), 3, &device, &twin);
+        assert!(pairs.iter().all(|(i, _)| normals[*i][3] == 0.0));
+    } else {
+        assert_eq!(outcome.device[11], untouched[11], "{what}: normals written without AUX");
+    }
+    // Behind the last splat nothing changes, and of the counters at most that of bad splats.
+    for (k, row) in [(9, 12), (10, 1), (11, 4)] {
+        assert_eq!(outcome.device[k][4 * row * n..], untouched[k][4 * row * n..], "{what}: buffer {k} beyond its rows");
+    }
+    assert_eq!(outcome.device[0], scene::counts(n), "{what}: counters");
+    pairs.len()
+}
+
+fn ordinary(gpu: &Gpu) {
+    for (k, projection) in scene::settings().into_iter().enumerate() {
+        let model = scene::ordinary(600, k as u64);
+        let tile = if k % 2 == 0 { [16, 16] } else { [8, 4] };
+        let case = Case { model: &model, projection, tile, aux: k % 3 != 1 };
+        let compared = compare(gpu, &case, &format!("ordinary splats, {projection:?}"));
+        assert!(compared > 250, "{compared} compared");
+    }
+}
+
+fn sizes(gpu: &Gpu) {
+    for n in [0, 1, 63, 64, 65, 129] {
+        let model = scene::ordinary(n, 40 + n as u64);
+        let case = Case { model: &model, projection: Projection::default(), tile: [16, 16], aux: true };
+        compare(gpu, &case, &format!("{n} splats"));
+    }
+}
+
+fn hard(gpu: &Gpu) {
+    let model = scene::hard();
+    for antialias in [false, true] {
+        let projection = Projection { antialias, ..Projection::default() };
+        let case = Case { model: &model, projection, tile: [16, 16], aux: true };
+        let compared = compare(gpu, &case, &format!("hard splats, anti-aliasing {antialias}"));
+        assert!(compared > 150, "{compared} compared");
+    }
+}
+
+/// Every parameter of a splat in turn is NaN or infinite: it is culled and counted, and its neighbours keep their bits.
+fn poison(gpu: &Gpu) {
+    let clean = scene::ordinary(64, 8);
+    let projection = Projection::default();
+    let view = View::<f32>::of(&scene::push(&projection));
+    let grid = TileGrid { image: view.size, tile: [16, 16] };
+    let seen: Vec<usize> =
+        (0..64).filter(|&i| project(&Splat::<f32>::of(&clean, i), &view, Some(&grid)).is_ok()).collect();
+    let victim = seen[seen.len() / 2];
+    let healthy = dispatch(gpu, &Case { model: &clean, projection, tile: [16, 16], aux: true });
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        // 59 copies side by side, copy k with parameter k poisoned.
+        let mut model = Gaussians::zeros(64 * PARAMETERS);
+        for k in 0..PARAMETERS {
+            for i in 0..64 {
+                let mut values = Splat::<f32>::of(&clean, i).to_array();
+                if i == victim {
+                    values[k] = value;
+                }
+                let splat = Splat::from_array(&values);
+                splat.store(&mut model, 64 * k + i);
+                let verdict = project(&splat, &view, Some(&grid));
+                assert_eq!(matches!(verdict, Err(Culled::Bad)), i == victim);
+            }
+        }
+        let outcome = dispatch(gpu, &Case { model: &model, projection, tile: [16, 16], aux: true });
+        let counts = outcome.device::<u32>(0);
+        assert_eq!(counts[counters::BAD_SPLATS], 7 + PARAMETERS as u32, "{value}: bad splats counted");
+        let tiles = outcome.device::<u32>(10);
+        let rows = outcome.device::<[u32; 12]>(9);
+        let (healthy_tiles, healthy_rows) = (healthy.device::<u32>(10), healthy.device::<[u32; 12]>(9));
+        for k in 0..PARAMETERS {
+            for &i in &seen {
+                if i == victim {
+                    assert_eq!(tiles[64 * k + i], 0, "{value} in parameter {k}");
+                } else {
+                    assert_eq!(tiles[64 * k + i], healthy_tiles[i]);
+                    assert_eq!(rows[64 * k + i], healthy_rows[i]);
+                }
+            }
+        }
+    }
+}
+
+pub fn run(gpu: &Gpu) {
+    sizes(gpu);
+    ordinary(gpu);
+    hard(gpu);
+    poison(gpu);
+}

@@ -1,0 +1,118 @@
+//! `project_backward`: every family of parameters against the f64 twin; culled rows; hard splats stay finite.
+
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::project_backward::PASS;
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::twin::project::project;
+use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
+use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::tile::TileGrid;
+use psrgs_vk::vk::Gpu;
+
+use super::common::guards::Guards;
+use super::common::splats::Random;
+use super::harness::{self, bytes, garbage};
+use super::projection_scene as scene;
+
+/// Families of a splat's 59 gradients, with the bound of their elements relative to the largest of the splat's family.
+const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] =
+    [("means", 0..3, 2e-4), ("quats", 3..7, 2e-4), ("scales", 7..10, 2e-4), ("opacities", 10..11, 1e-5), ("sh", 11..59, 1e-5)];
+
+/// Random gradients of the size that blending gives: those of a conic grow with the inverse conic.
+fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f64> {
+    let size = 1.0 / (conic[0] * conic[2]).sqrt();
+    let row = std::array::from_fn(|k| match k {
+        2..=4 => size * random.symmetric(),
+        10 | 11 => f64::NAN,
+        _ => random.symmetric(),
+    });
+    Grad2d { row, normal: if aux { random.vector() } else { [0.0; 3] } }
+}
+
+/// Runs one dispatch and compares it; returns how many splats had gradients.
+fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what: &str) -> usize {
+    let n = model.len();
+    let push = scene::push(&projection);
+    let view = View::<f64>::of(&push);
+    let grid = TileGrid { image: view.size, tile: [16, 16] };
+    let mut random = Random::new(n as u64);
+    let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
+    let (mut grad2d, mut grad_normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);
+    let mut want = Gaussians::zeros(n);
+    let mut exact: Vec<Splat<f64>> = Vec::new();
+    let mut seen = 0;
+    for i in 0..n {
+        let splat = Splat::<f64>::of(model, i);
+        // Projections that overflow in f32 are culled on the device.
+        let on_device = project(&Splat::<f32>::of(model, i), &View::of(&push), Some(&grid)).is_ok();
+        let Some(p) = project(&splat, &view, Some(&grid)).ok().filter(|_| on_device) else {
+            exact.push(Splat::of(&want, i));
+            continue;
+        };
+        seen += 1;
+        tiles[i] = p.tiles;
+        splat2d[i] = p.row().map(|v| v as f32);
+        let g = random_gradient(&mut random, p.conic, aux);
+        grad2d[i] = g.row.map(|v| v as f32);
+        grad_normals[i] = [g.normal[0] as f32, g.normal[1] as f32, g.normal[2] as f32, f32::NAN];
+        // The twin gets what the device gets.
+        let g = Grad2d { row: grad2d[i].map(f64::from), normal: [0, 1, 2].map(|k| f64::from(grad_normals[i][k])) };
+        let color = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
+        let gradient = project_backward(&splat, &view, color, &g);
+        gradient.store(&mut want, i);
+        exact.push(gradient);
+    }
+    let mut buffers = vec![scene::counts(n)];
+    buffers.extend(scene::planes(model));
+    buffers.extend([bytes(&splat2d), bytes(&tiles), bytes(&grad2d), bytes(&grad_normals)].map(|b| [b, garbage(8)].concat()));
+    let rows = [3, 4, 3, 1, 12, 12, 12, 12];
+    buffers.extend(rows.map(|row| garbage(row * n + scene::BEYOND)));
+    let outcome = harness::run(gpu, &PASS, &[("AUX", u32::from(aux))], &buffers, &push, n.div_ceil(64).max(1) as u32);
+
+    for k in 0..8 {
+        let name = PASS.kernel.bindings[13 + k].name;
+        let got = outcome.device::<f32>(13 + k);
+        let (inside, beyond) = got.split_at(rows[k] * n);
+        assert!(inside.iter().all(|v| v.is_finite()), "{what}: {name} is not finite");
+        assert_eq!(bytes(beyond), buffers[13 + k][4 * rows[k] * n..], "{what}: {name} beyond its rows");
+        for i in (0..n).filter(|&i| tiles[i] == 0) {
+            assert!(inside[rows[k] * i..rows[k] * (i + 1)].iter().all(|v| *v == 0.0), "{what}: {name} of a culled splat");
+        }
+    }
+    let plane = |k: usize| outcome.device::<f32>(13 + k)[..rows[k] * n].to_vec();
+    let device = Gaussians {
+        means: plane(0),
+        quats: plane(1),
+        scales: plane(2),
+        opacities: plane(3),
+        sh: std::array::from_fn(|g| plane(4 + g)),
+        ids: Vec::new(),
+    };
+    let mut complaints = Vec::new();
+    for (name, family, bound) in FAMILIES {
+        let got: Vec<f32> = (0..n).flat_map(|i| Splat::<f32>::of(&device, i).to_array()[family.clone()].to_vec()).collect();
+        let want: Vec<f64> = exact.iter().flat_map(|s| s.to_array()[family.clone()].to_vec()).collect();
+        complaints.extend(Guards::of(bound).verdict(family.len(), &got, &want).err().map(|why| format!("{name}: {why}")));
+    }
+    assert!(complaints.is_empty(), "{what}: {}", complaints.join("\n"));
+    for k in 0..13 {
+        assert_eq!(outcome.device[k], buffers[k], "{what}: input {k} changed");
+    }
+    seen
+}
+
+pub fn run(gpu: &Gpu) {
+    for n in [0, 1, 63, 64, 65] {
+        compare(gpu, &scene::ordinary(n, 300 + n as u64), Projection::default(), true, &format!("{n} splats"));
+    }
+    for (k, projection) in scene::settings().into_iter().enumerate() {
+        let model = scene::ordinary(600, 20 + k as u64);
+        let seen = compare(gpu, &model, projection, k % 2 == 1, &format!("ordinary splats, {projection:?}"));
+        assert!(seen > 250, "{seen} seen");
+    }
+    for antialias in [false, true] {
+        let projection = Projection { antialias, ..Projection::default() };
+        let seen = compare(gpu, &scene::hard(), projection, true, &format!("hard splats, anti-aliasing {antialias}"));
+        assert!(seen > 150, "{seen} seen");
+    }
+}
