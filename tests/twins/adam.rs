@@ -19,8 +19,7 @@ struct Plane {
 fn step(gpu: &Gpu, n: usize, push: &Push, grad: &[f32], plane: &mut Plane) {
     let tail = garbage(BEYOND);
     let padded = |values: &[f32]| [bytes(values), tail.clone()].concat();
-    let buffers =
-        [counts(n), padded(grad), padded(&plane.param), padded(&plane.first), padded(&plane.second)];
+    let buffers = [counts(n), padded(grad), padded(&plane.param), padded(&plane.first), padded(&plane.second)];
     let elements = n * push.row as usize;
     let outcome = harness::run(gpu, &PASS, &[], &buffers, push, elements.div_ceil(64).max(1) as u32);
     for (k, values) in [(2, &mut plane.param), (3, &mut plane.first), (4, &mut plane.second)] {

@@ -10,6 +10,7 @@
 mod common;
 mod harness;
 
+mod adam;
 mod blend_scene;
 mod blend_twin;
 mod compact;
@@ -22,6 +23,9 @@ mod density_twin;
 mod emit;
 mod fill;
 mod plan;
+mod project;
+mod project_backward;
+mod projection_scene;
 mod radix;
 mod scan;
 mod subgroup_probe;
@@ -45,12 +49,15 @@ macro_rules! cases {
 }
 
 cases! {
+    adam: "adam";
     compact: "compact" "gather_counts";
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_stats" "opacity_reset";
     emit: "emit";
     fill: "fill";
     plan: "plan" "finish";
+    project: "project";
+    project_backward: "project_backward";
     radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"

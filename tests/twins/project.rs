@@ -80,7 +80,11 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
             continue;
         }
         let Ok(want) = want else {
-            assert_eq!(bytemuck::bytes_of(&got[i]), &untouched[9][48 * i..48 * i + 48], "{what}: culled splat {i} written");
+            assert_eq!(
+                bytemuck::bytes_of(&got[i]),
+                &untouched[9][48 * i..48 * i + 48],
+                "{what}: culled splat {i} written"
+            );
             continue;
         };
         let r = got[i];
@@ -101,7 +105,8 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
                 for ((i, p), (d, t)) in pairs.iter().zip(device.iter().zip(&twin)) {
                     let condition = scene::condition(&Splat::of(case.model, *i), &view);
                     if (f64::from(*d) - t).abs() > bound * condition.max(1.0) * t.abs() {
-                        complaints.push(format!("opacity of splat {i}: {d} instead of {t}, condition {condition}, {p:?}"));
+                        complaints
+                            .push(format!("opacity of splat {i}: {d} instead of {t}, condition {condition}, {p:?}"));
                     }
                 }
                 Guards { element: 1.0, ..Guards::of(4.0 * bound) }

@@ -15,8 +15,13 @@ use super::harness::{self, bytes, garbage};
 use super::projection_scene as scene;
 
 /// Families of a splat's 59 gradients, with the bound of their elements relative to the largest of the splat's family.
-const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] =
-    [("means", 0..3, 2e-4), ("quats", 3..7, 2e-4), ("scales", 7..10, 2e-4), ("opacities", 10..11, 1e-5), ("sh", 11..59, 1e-5)];
+const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] = [
+    ("means", 0..3, 2e-4),
+    ("quats", 3..7, 2e-4),
+    ("scales", 7..10, 2e-4),
+    ("opacities", 10..11, 1e-5),
+    ("sh", 11..59, 1e-5),
+];
 
 /// Random gradients of the size that blending gives: those of a conic grow with the inverse conic.
 fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f64> {
@@ -64,7 +69,9 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     }
     let mut buffers = vec![scene::counts(n)];
     buffers.extend(scene::planes(model));
-    buffers.extend([bytes(&splat2d), bytes(&tiles), bytes(&grad2d), bytes(&grad_normals)].map(|b| [b, garbage(8)].concat()));
+    buffers.extend(
+        [bytes(&splat2d), bytes(&tiles), bytes(&grad2d), bytes(&grad_normals)].map(|b| [b, garbage(8)].concat()),
+    );
     let rows = [3, 4, 3, 1, 12, 12, 12, 12];
     buffers.extend(rows.map(|row| garbage(row * n + scene::BEYOND)));
     let outcome = harness::run(gpu, &PASS, &[("AUX", u32::from(aux))], &buffers, &push, n.div_ceil(64).max(1) as u32);
@@ -76,7 +83,10 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
         assert!(inside.iter().all(|v| v.is_finite()), "{what}: {name} is not finite");
         assert_eq!(bytes(beyond), buffers[13 + k][4 * rows[k] * n..], "{what}: {name} beyond its rows");
         for i in (0..n).filter(|&i| tiles[i] == 0) {
-            assert!(inside[rows[k] * i..rows[k] * (i + 1)].iter().all(|v| *v == 0.0), "{what}: {name} of a culled splat");
+            assert!(
+                inside[rows[k] * i..rows[k] * (i + 1)].iter().all(|v| *v == 0.0),
+                "{what}: {name} of a culled splat"
+            );
         }
     }
     let plane = |k: usize| outcome.device::<f32>(13 + k)[..rows[k] * n].to_vec();
@@ -90,9 +100,11 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     };
     let mut complaints = Vec::new();
     for (name, family, bound) in FAMILIES {
-        let got: Vec<f32> = (0..n).flat_map(|i| Splat::<f32>::of(&device, i).to_array()[family.clone()].to_vec()).collect();
+        let got: Vec<f32> =
+            (0..n).flat_map(|i| Splat::<f32>::of(&device, i).to_array()[family.clone()].to_vec()).collect();
         let want: Vec<f64> = exact.iter().flat_map(|s| s.to_array()[family.clone()].to_vec()).collect();
-        complaints.extend(Guards::of(bound).verdict(family.len(), &got, &want).err().map(|why| format!("{name}: {why}")));
+        complaints
+            .extend(Guards::of(bound).verdict(family.len(), &got, &want).err().map(|why| format!("{name}: {why}")));
     }
     assert!(complaints.is_empty(), "{what}: {}", complaints.join("\n"));
     for k in 0..13 {
