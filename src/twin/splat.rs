@@ -77,8 +77,9 @@ impl<R: Real> Splat<R> {
         }
         model.opacities[i] = f(&self.logit);
         for (j, rgb) in self.sh.iter().enumerate() {
-            for c in 0..3 {
-                model.sh[j / 4][SH_GROUP_FLOATS * i + 3 * (j % 4) + c] = f(&rgb[c]);
+            let at = SH_GROUP_FLOATS * i + 3 * (j % 4);
+            for (c, value) in rgb.iter().enumerate() {
+                model.sh[j / 4][at + c] = f(value);
             }
         }
     }

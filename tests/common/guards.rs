@@ -76,3 +76,10 @@ impl Guards {
         }
     }
 }
+
+/// `got` with the error of each element divided by its condition: how much larger than rounding it may be, from the problem and
+/// not from the program. For comparing ill-conditioned values with the same guards.
+pub fn eased(got: &[f32], want: &[f64], condition: &[f64]) -> Vec<f32> {
+    let ease = |((g, w), c): ((&f32, &f64), &f64)| (w + (f64::from(*g) - w) / c.max(1.0)) as f32;
+    got.iter().zip(want).zip(condition).map(ease).collect()
+}

@@ -8,7 +8,7 @@ use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::twin::tile::{self, TileGrid};
 use psrgs_vk::vk::Gpu;
 
-use super::common::guards::Guards;
+use super::common::guards::{Guards, eased};
 use super::harness::{self, Outcome};
 use super::projection_scene as scene;
 
@@ -97,23 +97,16 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     let mut complaints = Vec::new();
     for (name, columns, size, bound) in COLUMNS {
         let each = || pairs.iter().flat_map(|(i, p)| columns.iter().map(move |&c| (*i, c, p)));
-        let device: Vec<f32> = each().map(|(i, c, _)| got[i][c] + size as f32).collect();
+        let mut device: Vec<f32> = each().map(|(i, c, _)| got[i][c] + size as f32).collect();
         let twin: Vec<f64> = each().map(|(_, c, p)| p.row()[c] + size).collect();
-        let guards = match name {
+        if name == "opacity" && case.projection.antialias {
             // The anti-aliasing factor holds the area of the shape before its dilation.
-            "opacity" if case.projection.antialias => {
-                for ((i, p), (d, t)) in pairs.iter().zip(device.iter().zip(&twin)) {
-                    let condition = scene::condition(&Splat::of(case.model, *i), &view);
-                    if (f64::from(*d) - t).abs() > bound * condition.max(1.0) * t.abs() {
-                        complaints
-                            .push(format!("opacity of splat {i}: {d} instead of {t}, condition {condition}, {p:?}"));
-                    }
-                }
-                Guards { element: 1.0, ..Guards::of(4.0 * bound) }
-            }
-            _ => Guards::of(bound),
-        };
-        complaints.extend(guards.verdict(columns.len(), &device, &twin).err().map(|why| format!("{name}: {why}")));
+            let of = |i: &usize| scene::condition(&Splat::of(case.model, *i), &view);
+            let condition: Vec<f64> = pairs.iter().map(|(i, _)| of(i)).collect();
+            device = eased(&device, &twin, &condition);
+        }
+        let verdict = Guards::of(bound).verdict(columns.len(), &device, &twin);
+        complaints.extend(verdict.err().map(|why| format!("{name}: {why}")));
     }
     assert!(complaints.is_empty(), "{what}: {}", complaints.join("\n"));
     if case.aux {
