@@ -27,6 +27,11 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
         if inner.armed.load(Ordering::Acquire) || seen.contains(&inner.id) {
             continue;
         }
+        if seen.is_empty() {
+            // A guard that is armed again was bound, and may have been written, before.
+            // SAFETY: the caller's promise.
+            unsafe { full_barrier(device, commands) };
+        }
         seen.push(inner.id);
         // SAFETY: the guard is the end of the buffer, a multiple of four bytes at a multiple of four.
         unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, inner.capacity, inner.guard, PATTERN) };

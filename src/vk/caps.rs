@@ -165,6 +165,7 @@ pub struct Caps {
     pub choices: Vec<Choice>,
     /// Identifies the driver's pipeline caches.
     pub(super) cache_id: [u8; 16],
+    /// A pipeline has to ask for its subgroup width, because the driver could choose another.
     pub(super) pin_subgroup: bool,
     pub(super) max_subgroups: u32,
 }

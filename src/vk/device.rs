@@ -99,6 +99,9 @@ impl Device {
         options: &OpenOptions,
     ) -> Result<(vk::PhysicalDevice, ash::Device, u32, Caps)> {
         let found = enumerate(instance)?;
+        if found.is_empty() {
+            return Err(Error::NoVulkan("it offers no device".into()));
+        }
         let index = choose(&found, options.device.as_deref())?;
         let (physical, reported) = found.into_iter().nth(index).ok_or(Error::NoVulkan("no device".into()))?;
         reported.check()?;

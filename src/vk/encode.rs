@@ -1,5 +1,7 @@
 //! From commands and their barriers to a command buffer, and from that to the queue.
 
+use std::collections::HashMap;
+
 use ash::vk;
 
 use super::adopt::HostSemaphore;
@@ -30,6 +32,9 @@ pub(super) unsafe fn full_barrier(device: &Device, commands: vk::CommandBuffer) 
     // SAFETY: the caller's promise; synchronization2 is enabled.
     unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
 }
+
+/// Vulkan buffers by number.
+type Handles = HashMap<u64, vk::Buffer>;
 
 /// Semaphores of a host around a submit.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,13 +69,19 @@ pub(super) fn encode(
             raw.cmd_reset_query_pool(commands, pool, 0, recorder.commands.len() as u32 + 1);
             raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, 0);
         }
+        let handles: Handles = recorder
+            .commands
+            .iter()
+            .flat_map(Command::buffers)
+            .map(|buffer| (buffer.inner.id, buffer.inner.raw))
+            .collect();
         for (i, command) in recorder.commands.iter().enumerate() {
             if let Some((crumbs, first)) = crumbs {
                 full_barrier(device, commands);
                 raw.cmd_fill_buffer(commands, crumbs.inner.raw, 0, 4, first.wrapping_add(i as u32));
                 full_barrier(device, commands);
             }
-            barrier(device, commands, recorder, &plan.commands[i]);
+            barrier(device, commands, &handles, &plan.commands[i]);
             begin_label(device, commands, command.name());
             one(device, slot, command)?;
             end_label(device, commands);
@@ -78,25 +89,24 @@ pub(super) fn encode(
                 raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, i as u32 + 1);
             }
         }
-        barrier(device, commands, recorder, &plan.end);
+        barrier(device, commands, &handles, &plan.end);
         raw.end_command_buffer(commands).named("vkEndCommandBuffer")
     }
 }
 
 /// # Safety
 /// `commands` is being recorded and the buffers named by the barriers are among the recorder's.
-unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, recorder: &Recorder, barriers: &[Barrier]) {
+unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handles, barriers: &[Barrier]) {
     if barriers.is_empty() {
         return;
     }
-    let find = |id: u64| recorder.commands.iter().flat_map(Command::buffers).find(|b| b.inner.id == id);
     let list: Vec<vk::BufferMemoryBarrier2<'_>> = barriers
         .iter()
         .filter_map(|b| {
-            let buffer = find(b.buffer)?;
+            let buffer = handles.get(&b.buffer)?;
             Some(
                 vk::BufferMemoryBarrier2::default()
-                    .buffer(buffer.inner.raw)
+                    .buffer(*buffer)
                     .offset(b.range.start)
                     .size(b.range.end - b.range.start)
                     .src_stage_mask(b.src_stage)

@@ -110,7 +110,8 @@ impl Pipeline {
         }
         let subgroups = capabilities.iter().any(|c| (61..=68).contains(c));
         let width = device.caps.subgroup.width();
-        let pin = subgroups && device.caps.pin_subgroup && matches!(device.caps.subgroup, super::Subgroup::Hardware(_));
+        let hardware = subgroups && matches!(device.caps.subgroup, super::Subgroup::Hardware(_));
+        let pin = hardware && device.caps.pin_subgroup;
         if pin && workgroup_size > width.saturating_mul(device.caps.max_subgroups) {
             return Err(bad(format!(
                 "{workgroup_size} threads are more than {} subgroups of {width}",
@@ -164,9 +165,9 @@ impl Pipeline {
             .specialization_info(&special);
         if pin {
             stage = stage.push_next(&mut required);
-            if workgroup_size % width == 0 {
-                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
-            }
+        }
+        if hardware && device.caps.features.subgroup_size_control && workgroup_size.is_multiple_of(width) {
+            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
         }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         // SAFETY: module and layout were made above; constants and features were checked against the device.

@@ -190,8 +190,9 @@ impl Reported {
             | vk::SubgroupFeatureFlags::BALLOT
             | vk::SubgroupFeatureFlags::ARITHMETIC
             | vk::SubgroupFeatureFlags::SHUFFLE;
-        let pin_subgroup = f.subgroup_size_control && self.required_size;
-        let fixed = pin_subgroup || self.subgroup_range.0 == self.subgroup_range.1;
+        let one_width = self.subgroup_range.0 == self.subgroup_range.1;
+        let pin_subgroup = !one_width && f.subgroup_size_control && self.required_size;
+        let fixed = pin_subgroup || one_width;
         let (subgroup, why) = match options.emulate_subgroup {
             Some(width) => (Subgroup::Emulated(width), "forced".to_owned()),
             None if !self.operations.contains(needed) => {
