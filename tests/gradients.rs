@@ -179,7 +179,7 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
                 difference(&splat, k, 1e-4, &mut |moved| project(moved, &view, None).map_or(vec![], |p| outputs(&p)))
             })
             .collect();
-        for column in 0..13 {
+        for (column, value) in outputs(&here).into_iter().enumerate() {
             let mut g = Grad2d { row: [0.0; 12], normal: [0.0; 3] };
             if column < 10 {
                 g.row[column] = 1.0
@@ -187,11 +187,12 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
                 g.normal[column - 10] = 1.0
             }
             let got = project_backward(&splat, &view, here.color, &g).to_array();
+            let want: Vec<f64> = slopes.iter().map(|outputs| outputs[column]).collect();
             for (name, family) in FAMILIES {
-                let scale = family.clone().fold(0.0f64, |m, k| m.max(slopes[k][column].abs()));
-                let noise = 1e-11 * (1.0 + outputs(&here)[column].abs());
+                let scale = want[family.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+                let noise = 1e-11 * (1.0 + value.abs());
                 for k in family {
-                    let (got, want) = (got[k], slopes[k][column]);
+                    let (got, want) = (got[k], want[k]);
                     let error = (got - want).abs();
                     assert!(
                         error < 1e-6 * scale + noise,
@@ -272,6 +273,50 @@ fn projection_twin_agrees_with_the_brute_force_renderer() {
         }
         assert!(touched > 30);
     }
+}
+
+/// A wide splat whose centre is that of the middle pixel of a 5x5 image, with this alpha there.
+fn centred(camera: &Camera, alpha: f64, z: f64) -> Splat<f64> {
+    let mut splat = in_view(&mut Random::new(1), camera);
+    splat.mean = splats::to_scene(camera, [(2.5 - camera.cx) / camera.fx * z, (2.5 - camera.cy) / camera.fy * z, z]);
+    splat.logit = (alpha / (1.0 - alpha)).ln();
+    splat
+}
+
+#[test]
+fn margins_vanish_at_each_threshold_and_not_beside_it() {
+    let camera = camera(5, 5);
+    let settings = settings(0, false);
+    let margin = |alphas: &[f64]| {
+        let scene: Vec<_> = (0..).zip(alphas).map(|(i, a)| centred(&camera, *a, 2.0 + 0.1 * f64::from(i))).collect();
+        reference::render(&scene, &camera, &settings).margin[12]
+    };
+    for (on, beside) in [
+        (&[1.0 / 255.0][..], &[1.0 / 250.0][..]),
+        (&[0.99], &[0.98]),
+        // Transmittances 0.05, 0.0025, 1e-4.
+        (&[0.95, 0.95, 0.96], &[0.95, 0.95, 0.9]),
+    ] {
+        assert!(margin(on) < 1e-12, "{on:?}: {}", margin(on));
+        assert!(margin(beside) > 1e-4, "{beside:?}: {}", margin(beside));
+    }
+}
+
+#[test]
+fn clamped_alpha_passes_no_gradient_and_stays_finite_in_a_stack() {
+    let camera = camera(5, 5);
+    let settings = settings(0, false);
+    let mut g = ImageGradient::zeros(25);
+    g.color[12] = [1.0, -0.5, 0.25];
+    let one = reference::backward(&[centred(&camera, 0.999, 2.0)], &camera, &settings, &g);
+    assert_eq!((one.splats[0].logit, one.splats[0].mean[0]), (0.0, 0.0));
+    assert!(one.splats[0].sh[0][0] > 0.0);
+    let stack: Vec<_> = (0..50).map(|i| centred(&camera, 0.9999, 2.0 + 0.01 * f64::from(i))).collect();
+    let all = reference::backward(&stack, &camera, &settings, &g);
+    assert!(all.splats.iter().all(|s| s.to_array().iter().all(|v| v.is_finite())));
+    // Alpha is held at 0.99: after two splats the transmittance is 1e-4, and the third does not fit.
+    let lit = all.splats.iter().filter(|s| s.sh[0][0] != 0.0).count();
+    assert!((1..=2).contains(&lit), "{lit} splats lit");
 }
 
 #[test]

@@ -43,22 +43,22 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
         let grad: Vec<f32> = scale.iter().map(|s| (s * random.symmetric()) as f32).collect();
         let before = (plane.param.clone(), plane.first.clone(), plane.second.clone());
         step(gpu, n, &push, &grad, &mut plane);
-        for i in 0..elements {
+        for (i, &g) in grad.iter().enumerate() {
             let in_head = (i as u32) % row < head;
             let lr = f64::from(if in_head { push.lr_head } else { push.lr_rest });
             let mut want = (f64::from(before.0[i]), f64::from(before.1[i]), f64::from(before.2[i]));
-            adam(&push, lr, f64::from(grad[i]), (&mut want.0, &mut want.1, &mut want.2));
+            adam(&push, lr, f64::from(g), (&mut want.0, &mut want.1, &mut want.2));
             let close = |got: f32, want: f64, bound: f64| (f64::from(got) - want).abs() <= bound;
             let eps = f64::from(f32::EPSILON);
             // Sums may cancel: the bound is in the size of the terms.
-            let terms = f64::from(before.1[i]).abs() + f64::from(grad[i]).abs();
+            let terms = f64::from(before.1[i]).abs() + f64::from(g).abs();
             assert!(close(plane.first[i], want.1, eps * terms), "first {i} at {t}");
             assert!(close(plane.second[i], want.2, 2.0 * eps * want.2 + 1e-37), "second {i} at {t}");
             let (moved, here) = ((want.0 - f64::from(before.0[i])).abs(), want.0.abs());
             let bound = eps * here + 16.0 * eps * (moved + lr * terms / want.2.sqrt().max(1e-19));
             assert!(close(plane.param[i], want.0, bound), "param {i} at {t}: {} against {}", plane.param[i], want.0);
             // The rate of the element shows in its first step, which is the rate times the gradient's sign.
-            if t == 1 && grad[i].abs() > 1e-9 {
+            if t == 1 && g.abs() > 1e-9 {
                 assert!((moved / lr - 1.0).abs() < 1e-4, "element {i} of rows of {row} moved by {moved}, rate {lr}");
             }
         }
