@@ -274,12 +274,19 @@ void add_up(uint row, float column[16]) {
     }
 }
 #else
-// Adds each column over the subgroup; one lane passes it on. Called by all threads with the same row.
+// Adds each column over the subgroup; lane k passes column k on, so that a subgroup's atomics are few instructions.
+// Called by all threads with the same row.
 void add_up(uint row, float column[16]) {
+    const uint lane = subgroup_lane();
+    float sums[15];
     [[unroll]] for (uint c = 0u; c < 15u; ++c) {
-        if (c == 9u && AUX == 0u || c >= 12u && AUX == 0u || (c == 10u || c == 11u) && ABS == 0u) continue;
-        const float sum = subgroup_add(column[c]);
-        if (subgroup_elect()) put(row, c, sum);
+        const bool used = AUX != 0u || c != 9u && c < 12u;
+        sums[c] = used && (ABS != 0u || c != 10u && c != 11u) ? subgroup_add(column[c]) : 0.0;
+    }
+    for (uint first = 0u; first < 15u; first += subgroup_width()) {
+        float value = 0.0;
+        [[unroll]] for (uint c = 0u; c < 15u; ++c) value = c == first + lane ? sums[c] : value;
+        if (first + lane < 15u) put(row, first + lane, value);
     }
 }
 #endif

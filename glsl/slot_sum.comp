@@ -3,6 +3,7 @@
 // One thread owns four columns of one visible splat: quads 0 to 2 are grad2d's, quad 3 is the normal's (AUX). A workgroup of 64
 // threads owns 16 consecutive ranks of the depth order.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"
 #include "counters.glsl"
 layout(local_size_x = 64) in;
@@ -16,6 +17,8 @@ layout(set = 0, binding = 5) readonly buffer SlotNormals { vec4 slot_normals[]; 
 layout(set = 0, binding = 6) writeonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 7) writeonly buffer GradNormals { vec4 grad_normals[]; };
 
+const uint ROUND = 8u;
+
 void main() {
     const uint rank = global_index() / 4u;
     const uint quad = global_index() % 4u;
@@ -24,11 +27,15 @@ void main() {
     const uint begin = pair_offsets[rank];
     const uint end = begin + tile_counts[splat];
     vec4 sum = vec4(0.0);
-    if (AUX != 0u && quad == 3u) {
-        for (uint slot = begin; slot < end; ++slot) sum.xyz += slot_normals[slot].xyz;
-        grad_normals[splat] = sum;
-    } else {
-        for (uint slot = begin; slot < end; ++slot) sum += slot_grads[3u * slot + quad];
-        grad2d[3u * splat + quad] = sum;
+    // Eight slots a round: lavapipe ends an invocation's loops after 65,535 rounds in all, and a splat may cover more tiles.
+    for (uint slot = begin; slot < end; slot += ROUND) {
+        [[unroll]] for (uint i = 0u; i < ROUND; ++i) {
+            if (slot + i < end) {
+                if (AUX != 0u && quad == 3u) sum.xyz += slot_normals[slot + i].xyz;
+                else sum += slot_grads[3u * (slot + i) + quad];
+            }
+        }
     }
+    if (AUX != 0u && quad == 3u) grad_normals[splat] = sum;
+    else grad2d[3u * splat + quad] = sum;
 }

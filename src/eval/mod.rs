@@ -3,6 +3,8 @@
 pub mod colormap;
 mod metrics;
 mod report;
+mod ssim;
 
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
 pub use report::{Curve, DepthMap, ReportData, ReportError, ViewPanel, render_report, write_report};
+pub use ssim::{psnr, ssim};

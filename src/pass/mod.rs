@@ -19,6 +19,7 @@ pub mod emit;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
+pub mod loss;
 pub mod opacity_reset;
 pub mod plan;
 pub mod project;
@@ -87,6 +88,10 @@ pub const ALL: &[&Pass] = &[
     &fill::PASS,
     &finish::PASS,
     &gather_counts::PASS,
+    &loss::COLUMNS,
+    &loss::GRAD,
+    &loss::ROWS,
+    &loss::SUM,
     &opacity_reset::PASS,
     &plan::PASS,
     &project::PASS,

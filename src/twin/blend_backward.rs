@@ -64,7 +64,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
                 transmittance /= R::one() - alpha;
                 let weight = alpha * transmittance;
                 let mut grad_alpha = R::zero();
-                let mix = |front: R, back: R| alpha * front + (R::one() - alpha) * back;
+                let mix = |front: R, back: R| back + alpha * (front - back);
                 let sums = &mut out.rows[begin + place];
                 for k in 0..3 {
                     grad_alpha += transmittance * (row[8 + k] - color[k]) * grad[k];

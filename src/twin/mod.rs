@@ -18,6 +18,7 @@ pub mod emit;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
+pub mod loss;
 pub mod opacity_reset;
 pub mod plan;
 pub mod project;

@@ -124,44 +124,107 @@ pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
     }
 }
 
-/// Pixels where f32 arithmetic may fall on the other side of a threshold than exact arithmetic does.
+/// What f32 arithmetic may make of a pixel.
+pub struct Doubt {
+    /// A threshold may be decided the other way.
+    pub undecided: bool,
+    /// Bound of the error of sum w v for |v| <= 1, where decided.
+    pub weights: f64,
+    /// Bound of the relative error of the final transmittance, where decided.
+    pub transmittance: f64,
+}
+
+/// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
-/// With u = 2^-24: the exponent e = dy (c dy + b dx) + a dx^2 in base 2 is evaluated from scaled conics (2u each: constant and
-/// product), differences d (u each, and their products inherit it twice) and five further roundings; so its error is at most 12 u
-/// times the sum S of the absolute values of its terms. exp2 adds 2^-21 (four times what an approximation of degree 5 may have),
-/// the product with the opacity u. Hence alpha is off by at most (0.7 * 12 u S + 2^-21 + u) alpha. The transmittance after k
-/// splats has collected the errors of its factors: d ln(1 - alpha) = d alpha / (1 - alpha), and 2 u per step.
-pub fn uncertain(blend: &Blend<f64>) -> Vec<bool> {
+/// With u = 2^-24: the exponent dy (c dy + b dx) + a dx^2 in base 2 is evaluated from scaled conics (2u each: constant and
+/// product), differences d (u each of the coordinate and of the result) and five further roundings: its error is at most 12u times
+/// the sum of the absolute values of its terms, plus 2 ln 2 u |coordinate| |slope| for the rounding of the differences, which
+/// is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times what an approximation of degree 5 may
+/// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
+pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
-    let mut out = vec![false; blend.width * blend.height];
-    for (pixel, flag) in out.iter_mut().enumerate() {
-        let (x, y) = (pixel % blend.width, pixel / blend.width);
-        let (mut transmittance, mut drift) = (1.0f64, 0.0f64);
-        for &splat in blend.list(x, y) {
-            let row = &blend.splats[splat as usize];
-            let at = evaluate(row, Blend::center(x, y));
-            let [dx, dy] = at.d;
-            let terms = [row[2] * dx * dx / 2.0, row[4] * dy * dy / 2.0, row[3] * dx * dy];
-            let size: f64 = terms.iter().map(|t| t.abs()).sum();
-            let power = -(terms[0] + terms[1] + terms[2]);
-            let off_power = 12.0 * u * size;
-            let off = off_power + 2.0f64.powi(-21) + u;
-            let raw = row[5] * power.exp();
-            *flag |= (raw * 255.0 - 1.0).abs() <= off || raw > 1.0 / 300.0 && size > 0.0 && power.abs() <= off_power;
-            let alpha = at.alpha();
-            // Where the clamp sets in, only gradients jump.
-            *flag |= (raw / 0.99 - 1.0).abs() <= off;
-            if alpha == 0.0 {
-                continue;
+    (0..blend.width * blend.height)
+        .map(|pixel| {
+            let (x, y) = (pixel % blend.width, pixel / blend.width);
+            let mut doubt = Doubt { undecided: false, weights: 0.0, transmittance: 0.0 };
+            let mut transmittance = 1.0f64;
+            for &splat in blend.list(x, y) {
+                let row = &blend.splats[splat as usize];
+                let at = evaluate(row, Blend::center(x, y));
+                let [dx, dy] = at.d;
+                let [a, b, c] = [row[2], row[3], row[4]];
+                let terms = [a * dx * dx / 2.0, c * dy * dy / 2.0, b * dx * dy];
+                let size: f64 = terms.iter().map(|t| t.abs()).sum();
+                let slopes = (a * dx).abs() + (c * dy).abs() + b.abs() * (dx.abs() + dy.abs());
+                let off_power = 12.0 * u * size + 2.0 * u * slopes * (x.max(y) as f64 + 1.0);
+                let off = off_power + 2.0f64.powi(-21) + u;
+                let power = -terms.iter().sum::<f64>();
+                let raw = row[5] * power.exp();
+                doubt.undecided |= (raw * 255.0 - 1.0).abs() <= off;
+                doubt.undecided |= raw * 255.0 > 0.9 && size > 0.0 && power.abs() <= off_power;
+                // Where the clamp sets in, gradients jump.
+                doubt.undecided |= (raw / 0.99 - 1.0).abs() <= off;
+                let alpha = at.alpha();
+                if alpha == 0.0 {
+                    continue;
+                }
+                let next = transmittance * (1.0 - alpha);
+                doubt.weights += alpha * transmittance * (off + doubt.transmittance + 4.0 * u);
+                doubt.transmittance += off * alpha / (1.0 - alpha) + 2.0 * u;
+                doubt.undecided |= (next / 1e-4 - 1.0).abs() <= doubt.transmittance;
+                if next < 1e-4 {
+                    break;
+                }
+                transmittance = next;
             }
-            let next = transmittance * (1.0 - alpha);
-            drift += off * alpha / (1.0 - alpha) + 2.0 * u;
-            *flag |= (next / 1e-4 - 1.0).abs() <= drift;
-            if next < 1e-4 {
-                break;
-            }
-            transmittance = next;
-        }
-    }
-    out
+            // Sums of up to a few thousand terms of one sign, all below 1 in total: u per addition.
+            doubt.weights += u * (blend.list(x, y).len() as f64 + 4.0);
+            doubt
+        })
+        .collect()
+}
+
+/// Scenes that have broken rasterizers, and sizes around those of the tiles.
+pub fn hard_scenes() -> Vec<Scene> {
+    let stack = |name, size: [usize; 2], background, everywhere, splats| Scene {
+        name,
+        width: size[0],
+        height: size[1],
+        background,
+        splats,
+        everywhere,
+    };
+    let mut draws = Draws(5);
+    let mut color = || [draws.unit(), draws.unit(), draws.unit()];
+    let opaque = (0..50).map(|i| splat([6.3, 4.8], [2.0, 3.0], 0.4, 0.9999, 1.0 + f64::from(i), color())).collect();
+    let fog = (0..2000).map(|i| splat([5.0, 5.0], [400.0, 400.0], 0.0, 0.0043, 1.0 + f64::from(i), color())).collect();
+    let saturated = (0..300)
+        .map(|i| {
+            splat([f64::from(i % 23), f64::from(i % 17)], [9.0, 6.0], f64::from(i), 0.97, 2.0 + f64::from(i), color())
+        })
+        .collect();
+    let few = (0..3).map(|i| splat([50.0, 20.0 + f64::from(i)], [1.0, 2.0], 1.0, 0.8, 3.0, color())).collect();
+    let centered = (0..12)
+        .map(|i| splat([f64::from(i) + 0.5, f64::from(i % 5) + 0.5], [1.5, 0.7], 0.7, 0.6, 1.0, color()))
+        .collect();
+    let needles = (0..20)
+        .map(|i| splat([20.0, 2.0 * f64::from(i)], [30.0, 0.05], f64::from(i) * 0.16, 0.9, 1.0, color()))
+        .collect();
+    let faint = (0..40).map(|i| splat([f64::from(i), 10.0], [4.0, 4.0], 0.0, 1.3 / 255.0, 1.0, color())).collect();
+    vec![
+        stack("50 stacked opaque splats", [13, 11], [0.1, 0.2, 0.3], false, opaque),
+        stack("fog of 2,000 layers", [9, 9], [1.0, 0.0, 0.5], true, fog),
+        stack("saturated tiles", [30, 20], [1.0, 1.0, 1.0], true, saturated),
+        stack("mostly empty tiles", [64, 40], [0.3, 0.6, 0.9], false, few),
+        stack("means on pixel centres: power exactly 0", [16, 8], [0.0; 3], false, centered),
+        stack("needles", [40, 40], [0.5; 3], false, needles),
+        stack("alpha just above 1/255", [40, 20], [0.2; 3], false, faint),
+        stack("nothing visible", [20, 10], [0.7, 0.1, 0.4], false, Vec::new()),
+        Scene::random("one pixel", 21, 12, [1, 1], 0.9),
+        Scene::random("one tile", 22, 60, [8, 8], 0.99),
+        Scene::random("thin", 23, 60, [3, 41], 0.99),
+        Scene::random("wide", 24, 80, [67, 5], 0.99),
+        Scene::random("multiple of both tiles", 25, 200, [48, 32], 0.9),
+        Scene::random("multiple of neither", 26, 300, [53, 37], 1.0),
+    ]
 }

@@ -8,9 +8,13 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/guards.rs"]
+mod guards;
 mod harness;
 
 mod adam;
+mod blend_backward;
+mod blend_forward;
 mod blend_scene;
 mod blend_twin;
 mod compact;
@@ -22,12 +26,14 @@ mod density_reference;
 mod density_twin;
 mod emit;
 mod fill;
+mod loss;
 mod plan;
 mod project;
 mod project_backward;
 mod projection_scene;
 mod radix;
 mod scan;
+mod slot_sum;
 mod subgroup_probe;
 mod tile_ranges;
 
@@ -50,11 +56,16 @@ macro_rules! cases {
 
 cases! {
     adam: "adam";
+    blend_backward: "blend_backward_column_atomic" "blend_backward_column_cas" "blend_backward_column_emulated_slots"
+        "blend_backward_column_slots" "blend_backward_pixel_atomic" "blend_backward_pixel_cas" "blend_backward_pixel_emulated_cas"
+        "blend_backward_pixel_slots";
+    blend_forward: "blend_forward_column" "blend_forward_column_emulated" "blend_forward_pixel";
     compact: "compact" "gather_counts";
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_stats" "opacity_reset";
     emit: "emit";
     fill: "fill";
+    loss: "loss_columns" "loss_grad" "loss_rows" "loss_sum";
     plan: "plan" "finish";
     project: "project";
     project_backward: "project_backward";
@@ -62,6 +73,7 @@ cases! {
         "radix_scatter_groups_emulated";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
         "scan_add_emulated";
+    slot_sum: "slot_sum";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
     tile_ranges: "tile_ranges";
 }

@@ -1,0 +1,31 @@
+// What the passes of the image loss share. The loss is (1 - lambda) mean |x - y| + lambda (1 - mean SSIM) of render x and
+// photograph y over pixels and channels; outside the image both are 0 (zero padding).
+//
+// With m = mean x - mean y, V = variance of x - y and v1 + v2 = the sum of the variances in the window,
+//     SSIM = (1 - m^2 / A) (1 - V / B),  A = mu1^2 + mu2^2 + C1,  B = v1 + v2 + C2,
+// which is the usual form rewritten. All moments of the difference come from differences, so nothing cancels where the images are
+// alike: equal images give exactly 1 and a gradient of exactly 0. The variances are taken about a pivot of 1/2.
+#ifndef LOSS_GLSL
+#define LOSS_GLSL
+
+#include "common.glsl"
+#include "window.glsl"
+
+const float PIVOT = 0.5;
+const float C1 = 1e-4;
+const float C2 = 9e-4;
+const uint RUN = 64u;  // pixels of a row that one thread owns
+
+layout(push_constant) uniform Push {
+    uint width;
+    uint height;
+    uint channel;  // 0 to 2: the passes run once per channel
+    float lambda;  // weight of 1 - SSIM
+} push;
+
+// Threads that share the rows' runs: row fastest.
+uint runs() { return (push.width + RUN - 1u) / RUN; }
+
+float photograph(uint packed) { return unpackUnorm4x8(packed)[push.channel]; }
+
+#endif

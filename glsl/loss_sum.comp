@@ -1,0 +1,36 @@
+#version 460
+// loss_sum: adds the parts of the loss up, in a fixed order, and stores (total, L1, SSIM) in a slot of the ring.
+// One workgroup of 64 threads; each thread owns every 64th part.
+#extension GL_GOOGLE_include_directive : require
+layout(local_size_x = 64) in;
+#include "common.glsl"
+layout(set = 0, binding = 0) readonly buffer SsimParts { float ssim_parts[]; };
+layout(set = 0, binding = 1) readonly buffer L1Parts { float l1_parts[]; };
+layout(set = 0, binding = 2) writeonly buffer Loss { float loss[]; };
+layout(push_constant) uniform Push {
+    uint width;
+    uint height;
+    uint ssim_count;
+    uint l1_count;
+    uint slot;
+    float lambda;
+} push;
+
+shared vec2 sums[64];
+
+void main() {
+    const uint t = local_index();
+    vec2 sum = vec2(0.0);
+    for (uint i = t; i < push.ssim_count; i += 64u) sum.x += ssim_parts[i];
+    for (uint i = t; i < push.l1_count; i += 64u) sum.y += l1_parts[i];
+    sums[t] = sum;
+    barrier();
+    if (t == 0u && group_index() == 0u) {
+        sum = vec2(0.0);
+        for (uint i = 0u; i < 64u; ++i) sum += sums[i];
+        sum /= 3.0 * float(push.width) * float(push.height);
+        loss[4u * push.slot] = (1.0 - push.lambda) * sum.y + push.lambda * (1.0 - sum.x);
+        loss[4u * push.slot + 1u] = sum.y;
+        loss[4u * push.slot + 2u] = sum.x;
+    }
+}

@@ -1,0 +1,250 @@
+//! Twins of `glsl/loss_*.comp`, and the loss as its definition reads, with all 121 taps of the window.
+
+use super::{Real, TwinCall};
+use crate::pass::loss::{Push, RUN, SLOT_FLOATS, SumPush, runs};
+
+const RADIUS: usize = 5;
+const C1: f64 = 1e-4;
+const C2: f64 = 9e-4;
+const PIVOT: f64 = 0.5;
+
+/// The 11 taps of the window along one axis: a Gaussian with sigma 1.5, normalised.
+pub fn window<R: Real>() -> [R; 11] {
+    let raw: [f64; 11] = std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / 4.5).exp());
+    let sum: f64 = raw.iter().sum();
+    raw.map(|x| R::of(x / sum))
+}
+
+/// Value and gradient of the loss of one channel.
+#[derive(Clone, Debug)]
+pub struct ChannelLoss<R> {
+    /// Sum over pixels of |x - y|.
+    pub l1: R,
+    /// Sum over pixels of SSIM.
+    pub ssim: R,
+    /// d(sum of SSIM)/dx.
+    pub grad_ssim: Vec<R>,
+}
+
+/// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding.
+pub fn channel<R: Real>(x: &[R], y: &[R], width: usize, height: usize) -> ChannelLoss<R> {
+    let taps = window::<R>();
+    let near = |at: usize, size: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(size);
+    let tap = |i: usize, j: usize| taps[j + RADIUS - i];
+    let (c1, c2, two) = (R::of(C1), R::of(C2), R::of(2.0));
+    let mut out = ChannelLoss { l1: R::zero(), ssim: R::zero(), grad_ssim: vec![R::zero(); x.len()] };
+    for i in 0..height {
+        for j in 0..width {
+            let [mut mx, mut my, mut xx, mut yy, mut xy] = [R::zero(); 5];
+            for p in near(i, height) {
+                for q in near(j, width) {
+                    let (w, a, b) = (tap(i, p) * tap(j, q), x[p * width + q], y[p * width + q]);
+                    mx += w * a;
+                    my += w * b;
+                    xx += w * a * a;
+                    yy += w * b * b;
+                    xy += w * a * b;
+                }
+            }
+            let (v1, v2, cov) = (xx - mx * mx, yy - my * my, xy - mx * my);
+            let (top_mean, top_cov) = (two * mx * my + c1, two * cov + c2);
+            let (bottom_mean, bottom_var) = (mx * mx + my * my + c1, v1 + v2 + c2);
+            let ssim = top_mean * top_cov / (bottom_mean * bottom_var);
+            let of_var = -ssim / bottom_var;
+            let of_cov = two * top_mean / (bottom_mean * bottom_var);
+            let of_mean = two * my * top_cov / (bottom_mean * bottom_var)
+                - two * mx * ssim / bottom_mean
+                - two * mx * of_var
+                - my * of_cov;
+            for p in near(i, height) {
+                for q in near(j, width) {
+                    let (w, a, b) = (tap(i, p) * tap(j, q), x[p * width + q], y[p * width + q]);
+                    out.grad_ssim[p * width + q] += w * (of_mean + two * a * of_var + b * of_cov);
+                }
+            }
+            out.ssim += ssim;
+            out.l1 += (x[i * width + j] - y[i * width + j]).abs();
+        }
+    }
+    out
+}
+
+/// Loss, L1, SSIM and dL/d(image).
+#[derive(Clone, Debug)]
+pub struct Loss<R> {
+    /// (1 - lambda) L1 + lambda (1 - SSIM).
+    pub total: R,
+    /// Mean of |x - y|.
+    pub l1: R,
+    /// Mean SSIM.
+    pub ssim: R,
+    /// Gradient; the last component is 0.
+    pub grad: Vec<[R; 4]>,
+}
+
+/// The loss by its definition.
+pub fn loss<R: Real>(image: &[[R; 4]], photo: &[[R; 3]], width: usize, height: usize, lambda: R) -> Loss<R> {
+    let each = R::one() / R::of((3 * width * height) as f64);
+    let mut out = Loss { total: R::zero(), l1: R::zero(), ssim: R::zero(), grad: vec![[R::zero(); 4]; image.len()] };
+    for c in 0..3 {
+        let x: Vec<R> = image.iter().map(|p| p[c]).collect();
+        let y: Vec<R> = photo.iter().map(|p| p[c]).collect();
+        let one = channel(&x, &y, width, height);
+        out.l1 += one.l1 * each;
+        out.ssim += one.ssim * each;
+        for (k, grad) in out.grad.iter_mut().enumerate() {
+            let d = x[k] - y[k];
+            let sign = if d == R::zero() { R::zero() } else { d.signum() };
+            grad[c] = ((R::one() - lambda) * sign - lambda * one.grad_ssim[k]) * each;
+        }
+    }
+    out.total = (R::one() - lambda) * out.l1 + lambda * (R::one() - out.ssim);
+    out
+}
+
+/// The photograph's channels from packed RGBA.
+pub fn unpack<R: Real>(target: &[u32]) -> Vec<[R; 3]> {
+    target.iter().map(|&t| std::array::from_fn(|c| R::of(f64::from(t >> (8 * c) & 255)) / R::of(255.0))).collect()
+}
+
+/// The window along a line of `n` values, `outside` where there are none.
+fn along<R: Real>(n: usize, outside: [R; 4], value: impl Fn(usize) -> [R; 4]) -> Vec<[R; 4]> {
+    let taps = window::<R>();
+    (0..n)
+        .map(|i| {
+            let mut sum = [R::zero(); 4];
+            for (k, &w) in taps.iter().enumerate() {
+                let at = (i + k).wrapping_sub(RADIUS);
+                let v = if at < n { value(at) } else { outside };
+                sum.iter_mut().zip(v).for_each(|(s, v)| *s += w * v);
+            }
+            sum
+        })
+        .collect()
+}
+
+fn padding<R: Real>() -> [R; 4] {
+    [R::of(-PIVOT), R::zero(), R::zero(), R::of(2.0 * PIVOT * PIVOT)]
+}
+
+/// `loss_rows`: moments (x, x - y, (x - y)^2, x^2 + y^2) about the pivot, weighted along rows.
+pub fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
+    let line = |(x, y): (&[R], &[R])| {
+        along(x.len(), padding(), |i| {
+            let (d, p, q) = (x[i] - y[i], x[i] - R::of(PIVOT), y[i] - R::of(PIVOT));
+            [p, d, d * d, p * p + q * q]
+        })
+    };
+    x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
+}
+
+/// `loss_columns`: SSIM's derivatives weighted along columns, and the sum of SSIM of each column.
+pub fn columns<R: Real>(planes: &[[R; 4]], width: usize) -> (Vec<[R; 4]>, Vec<R>) {
+    let height = planes.len() / width;
+    let (mut out, mut sums) = (vec![[R::zero(); 4]; planes.len()], vec![R::zero(); width]);
+    for (j, sum) in sums.iter_mut().enumerate() {
+        let derivatives: Vec<[R; 4]> = along(height, padding(), |i| planes[i * width + j])
+            .into_iter()
+            .map(|mean| {
+                let (ssim, derivatives) = point(mean);
+                *sum += ssim;
+                derivatives
+            })
+            .collect();
+        for (i, v) in along(height, [R::zero(); 4], |i| derivatives[i]).into_iter().enumerate() {
+            out[i * width + j] = v;
+        }
+    }
+    (out, sums)
+}
+
+/// SSIM and what multiplies 1, (x - y) and (x - pivot) in its derivative, from the moments in a window.
+fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
+    let two = R::of(2.0);
+    let (mu1, other) = (mean + R::of(PIVOT), mean - m);
+    let mu2 = mu1 - m;
+    let a = mu1 * mu1 + mu2 * mu2 + R::of(C1);
+    let b = (squares - mean * mean - other * other).max(R::zero()) + R::of(C2);
+    let v = (square - m * m).max(R::zero());
+    let (luminance, structure) = (R::one() - m * m / a, R::one() - v / b);
+    let of_b = two * luminance * v / (b * b);
+    let constant = two * structure * m / a * (mu1 * m / a - R::one()) + two * luminance * m / b - of_b * mean;
+    (luminance * structure, [constant, -two * luminance / b, of_b, R::zero()])
+}
+
+/// `loss_grad`: dL/dx of a channel, and sums of |x - y| of runs of [`RUN`] pixels, those of a column of runs together.
+pub fn grad<R: Real>(planes: &[[R; 4]], x: &[R], y: &[R], width: usize, lambda: R) -> (Vec<R>, Vec<R>) {
+    let height = planes.len() / width;
+    let each = R::one() / R::of((3 * planes.len()) as f64);
+    let spread: Vec<[R; 4]> = planes.chunks(width).flat_map(|row| along(width, [R::zero(); 4], |i| row[i])).collect();
+    let grads = (0..planes.len())
+        .map(|k| {
+            let (d, s) = (x[k] - y[k], spread[k]);
+            let sign = if d == R::zero() { R::zero() } else { d.signum() };
+            let ssim = s[0] + d * s[1] + (x[k] - R::of(PIVOT)) * s[2];
+            (R::one() - lambda) * each * sign - lambda * each * ssim
+        })
+        .collect();
+    let mut parts = vec![R::zero(); width.div_ceil(RUN as usize) * height];
+    for k in 0..planes.len() {
+        parts[k % width / RUN as usize * height + k / width] += (x[k] - y[k]).abs();
+    }
+    (grads, parts)
+}
+
+fn channels(call: &TwinCall<'_>, push: &Push) -> (Vec<f32>, Vec<f32>) {
+    let c = push.channel as usize;
+    let pixels = (push.width * push.height) as usize;
+    let x = call.get::<[f32; 4]>(0)[..pixels].iter().map(|p| p[c]).collect();
+    let y = unpack::<f32>(&call.get::<u32>(1)[..pixels]).iter().map(|p| p[c]).collect();
+    (x, y)
+}
+
+/// Adapter over raw buffers.
+pub fn run_rows(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let (x, y) = channels(call, &push);
+    call.set(2, &rows(&x, &y, push.width as usize));
+}
+
+/// Adapter over raw buffers.
+pub fn run_columns(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let planes = call.get::<[f32; 4]>(0);
+    let (planes, sums) = columns(&planes[..(push.width * push.height) as usize], push.width as usize);
+    let mut parts = call.get::<f32>(1);
+    parts[(push.channel * push.width) as usize..][..sums.len()].copy_from_slice(&sums);
+    call.set(0, &planes);
+    call.set(1, &parts);
+}
+
+/// Adapter over raw buffers.
+pub fn run_grad(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let (x, y) = channels(call, &push);
+    let planes = call.get::<[f32; 4]>(2);
+    let (grads, sums) = grad(&planes[..x.len()], &x, &y, push.width as usize, push.lambda);
+    let (mut image, mut parts) = (call.get::<[f32; 4]>(3), call.get::<f32>(4));
+    for (pixel, g) in image.iter_mut().zip(grads) {
+        pixel[push.channel as usize] = g;
+        if push.channel == 0 {
+            pixel[3] = 0.0;
+        }
+    }
+    parts[(push.channel * runs(push.width, push.height)) as usize..][..sums.len()].copy_from_slice(&sums);
+    call.set(3, &image);
+    call.set(4, &parts);
+}
+
+/// Adapter over raw buffers.
+pub fn run_sum(call: &mut TwinCall<'_>) {
+    let push: SumPush = call.push();
+    let each = 1.0 / (3.0 * push.width as f32 * push.height as f32);
+    let mean = |parts: Vec<f32>, count: u32| parts[..count as usize].iter().sum::<f32>() * each;
+    let ssim = mean(call.get(0), push.ssim_count);
+    let l1 = mean(call.get(1), push.l1_count);
+    let mut ring = call.get::<f32>(2);
+    let total = (1.0 - push.lambda) * l1 + push.lambda * (1.0 - ssim);
+    ring[(SLOT_FLOATS * push.slot) as usize..][..3].copy_from_slice(&[total, l1, ssim]);
+    call.set(2, &ring);
+}

@@ -1,0 +1,272 @@
+//! `blend_backward` in all shapes and ways of adding up against the f64 twin; contributors as in the forward pass; equal bits of
+//! two runs with slots.
+
+use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS};
+use psrgs_vk::twin::blend_backward::{PairGrads, Upstream, backward};
+use psrgs_vk::twin::blend_forward::{Blend, forward};
+use psrgs_vk::vk::{FloatAtomics, Gpu, Subgroup};
+
+use super::blend_forward::{inputs, push, run_shape, shapes, some};
+use super::blend_scene::{Draws, doubts, hard_scenes, widen};
+use super::guards::Guards;
+use super::harness::{self, bytes, garbage};
+
+#[derive(Clone, Copy, PartialEq)]
+enum Rows {
+    Slots,
+    Sums,
+}
+
+/// Passes that run on this device: side of the tiles, where sums go, width of emulated subgroups.
+fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
+    let mut all = vec![
+        (&passes::COLUMN_EMULATED_SLOTS, 8, Rows::Slots, None),
+        (&passes::PIXEL_SLOTS, 16, Rows::Slots, None),
+        (&passes::PIXEL_CAS, 16, Rows::Sums, None),
+        (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(32)),
+        (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(64)),
+    ];
+    let eight = matches!(gpu.caps().subgroup, Subgroup::Hardware(8));
+    let atomics = gpu.caps().buffer_floats == FloatAtomics::Native;
+    if eight {
+        all.extend([(&passes::COLUMN_SLOTS, 8, Rows::Slots, None), (&passes::COLUMN_CAS, 8, Rows::Sums, None)]);
+    }
+    if atomics {
+        all.push((&passes::PIXEL_ATOMIC, 16, Rows::Sums, None));
+    }
+    if eight && atomics {
+        all.push((&passes::COLUMN_ATOMIC, 8, Rows::Sums, None));
+    }
+    all
+}
+
+/// The slot of each sorted pair: slots are numbered splat by splat.
+fn slots(blend: &Blend<f32>) -> Vec<u32> {
+    let mut order: Vec<usize> = (0..blend.sorted.len()).collect();
+    order.sort_by_key(|&pair| blend.sorted[pair]);
+    let mut slots = vec![0; order.len()];
+    for (slot, pair) in order.into_iter().enumerate() {
+        slots[pair] = slot as u32;
+    }
+    slots
+}
+
+/// Random gradients, 0 at pixels where f32 may decide otherwise.
+fn upstream(blend: &Blend<f64>, seed: u64, clamp_gradient_passes: bool) -> Upstream<f64> {
+    let mut draws = Draws(seed);
+    let (out, doubts) = (forward(blend), doubts(blend));
+    let mut grads = || -> Vec<[f64; 4]> {
+        let value = |keep: bool, d: &mut Draws| if keep { f64::from(d.within(-1.0, 1.0) as f32) } else { 0.0 };
+        doubts.iter().map(|doubt| std::array::from_fn(|_| value(!doubt.undecided, &mut draws))).collect()
+    };
+    let image = out.image.iter().map(|p| p.map(|v| f64::from(v as f32))).collect();
+    let (grad_image, grad_aux) = (grads(), grads());
+    Upstream { image, last: out.last, grad_image, grad_aux, clamp_gradient_passes }
+}
+
+fn narrow(values: &[[f64; 4]]) -> Vec<u8> {
+    bytes(&values.iter().map(|v| v.map(|x| x as f32)).collect::<Vec<_>>())
+}
+
+/// Buffers of a pass, outputs filled with garbage where the pass must write all, with zeros where it adds.
+fn buffers(blend: &Blend<f32>, up: &Upstream<f64>, rows: Rows) -> Vec<Vec<u8>> {
+    let mut all = inputs(blend);
+    all.extend([narrow(&up.image), bytes(&up.last), narrow(&up.grad_image), narrow(&up.grad_aux)]);
+    match rows {
+        Rows::Slots => {
+            let pairs = blend.sorted.len().max(1);
+            all.extend([some(&slots(blend)), garbage(12 * pairs), garbage(4 * pairs)]);
+        }
+        Rows::Sums => {
+            let n = blend.splats.len().max(1);
+            all.extend([bytes(&vec![0.0f32; 12 * n]), bytes(&vec![0.0f32; 4 * n])]);
+        }
+    }
+    all.push(bytes(&[0u32; PAIR_COUNTS]));
+    all
+}
+
+/// Rows of `width` floats per pair (slots) or per splat, as sums per splat in f64.
+fn per_splat(blend: &Blend<f32>, rows: Rows, width: usize, buffer: &[u8]) -> Vec<f64> {
+    let values: Vec<f32> = bytemuck::pod_collect_to_vec(buffer);
+    let n = blend.splats.len();
+    let mut sums = vec![0.0; width * n];
+    match rows {
+        Rows::Sums => sums.iter_mut().zip(&values).for_each(|(s, &v)| *s = f64::from(v)),
+        Rows::Slots => {
+            for (&slot, &splat) in slots(blend).iter().zip(&blend.sorted) {
+                for k in 0..width {
+                    sums[width * splat as usize + k] += f64::from(values[width * slot as usize + k]);
+                }
+            }
+        }
+    }
+    sums
+}
+
+fn exact(blend: &Blend<f64>, grads: &PairGrads<f64>) -> (Vec<f64>, Vec<f64>) {
+    let n = blend.splats.len();
+    let (mut rows, mut normals) = (vec![0.0; 12 * n], vec![0.0; 4 * n]);
+    for (pair, &splat) in blend.sorted.iter().enumerate() {
+        for k in 0..12 {
+            rows[12 * splat as usize + k] += grads.rows[pair][k];
+        }
+        for k in 0..4 {
+            normals[4 * splat as usize + k] += grads.normals[pair][k];
+        }
+    }
+    (rows, normals)
+}
+
+/// Sums per splat of the absolute contributions of pixels (of up to four together in tiles of 16): what the errors of a sum that
+/// cancels are small against.
+fn sizes(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<f64>, Vec<f64>) {
+    let n = blend.splats.len();
+    let (mut rows, mut normals) = (vec![0.0; 12 * n], vec![0.0; 4 * n]);
+    for class in 0..64 {
+        let mut some = up.clone();
+        for pixel in 0..blend.width * blend.height {
+            if pixel % blend.width % 8 != class % 8 || pixel / blend.width % 8 != class / 8 {
+                (some.grad_image[pixel], some.grad_aux[pixel]) = ([0.0; 4], [0.0; 4]);
+            }
+        }
+        let grads = backward(blend, &some);
+        for (pair, &splat) in blend.sorted.iter().enumerate() {
+            for k in 0..12 {
+                rows[12 * splat as usize + k] += grads.rows[pair][k].abs();
+            }
+            for k in 0..4 {
+                normals[4 * splat as usize + k] += grads.normals[pair][k].abs();
+            }
+        }
+    }
+    (rows, normals)
+}
+
+/// What `check` compares.
+struct Compared<'a> {
+    /// Bound of the error of an element relative to the size of its contributions: 1e-4, and what is recovered behind the splat
+    /// (transmittance, colour) may have been rounded twice per layer.
+    bound: f64,
+    width: usize,
+    got: &'a [f64],
+    want: &'a [f64],
+    sizes: &'a [f64],
+}
+
+fn check(what: &str, columns: std::ops::Range<usize>, compared: &Compared<'_>) {
+    let family = |values: &[f64]| -> Vec<f64> {
+        values.chunks_exact(compared.width).flat_map(|row| row[columns.clone()].to_vec()).collect()
+    };
+    let (got, want, sizes) = (family(compared.got), family(compared.want), family(compared.sizes));
+    let what = format!("{what}, columns {columns:?}");
+    for (k, ((g, w), size)) in got.iter().zip(&want).zip(&sizes).enumerate() {
+        let off = (g - w).abs();
+        assert!(
+            off <= compared.bound * size + 1e-30,
+            "{what}: element {k} is {g:e} instead of {w:e}, of contributions of {size:e}"
+        );
+    }
+    let got: Vec<f32> = got.into_iter().map(|v| v as f32).collect();
+    // The other guards likewise: relative to the contributions, not to a sum that may cancel.
+    let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let sum = |values: &[f64]| values.iter().map(|v| v.abs()).sum::<f64>();
+    let of_norm = compared.bound / 4.0 * norm(&sizes) / norm(&want).max(1e-300);
+    let of_sum = compared.bound / 8.0 * sum(&sizes) / sum(&want).max(1e-300);
+    let cosine = of_norm * of_norm / 2.0 + 1e-14;
+    Guards { element: f64::INFINITY, floor: 1.0, norm: of_norm, cosine, bias: of_sum }.check(
+        &what,
+        columns.len(),
+        &got,
+        &want,
+    );
+}
+
+fn against_twin(gpu: &Gpu, pass: &Pass, side: usize, rows: Rows, width: Option<u32>) {
+    for (number, scene) in hard_scenes().into_iter().enumerate() {
+        for aux in [false, true] {
+            // lavapipe ends an invocation's loops after 65,535 rounds in all; those that emulate 15 sums of 64 lanes are most.
+            let most = scene.blend(side, aux).ranges.iter().map(|r| r[1] - r[0]).max().unwrap_or(0);
+            if width == Some(64) && most > 65 {
+                continue;
+            }
+            let (sum_abs, passes) = (aux == (number % 2 == 0), number % 3 == 0);
+            let blend = scene.blend(side, aux);
+            let wide = widen::<f64>(&blend);
+            let up = upstream(&wide, 31 + number as u64, passes);
+            let mut grads = backward(&wide, &up);
+            if !sum_abs {
+                grads.rows.iter_mut().for_each(|row| row[10..].fill(0.0));
+            }
+            let (want, want_normals) = exact(&wide, &grads);
+            let bound = 1e-4 + f64::from(most) * 2.0f64.powi(-23);
+            let (sizes, normal_sizes) = sizes(&wide, &up);
+            let mut given = vec![
+                ("AUX", u32::from(aux)),
+                ("COUNT", 1),
+                ("ABS", u32::from(sum_abs)),
+                ("CLAMP_GRADIENT_PASSES", u32::from(passes)),
+            ];
+            given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
+            let buffers = buffers(&blend, &up, rows);
+            let groups = blend.ranges.len() as u32;
+            let outcome = harness::run(gpu, pass, &given, &buffers, &push(&blend), groups);
+            let at = buffers.len() - 3;
+            for (who, got) in [("device", &outcome.device), ("twin", &outcome.twin)] {
+                let what = format!("{who}: {} {width:?} of {}, aux {aux}", pass.kernel.name, scene.name);
+                let sums = per_splat(&blend, rows, 12, &got[at]);
+                for columns in [0..2, 2..5, 5..6, 6..9, 9..10, 10..12] {
+                    check(&what, columns, &Compared { bound, width: 12, got: &sums, want: &want, sizes: &sizes });
+                }
+                if aux {
+                    let normals = per_splat(&blend, rows, 4, &got[at + 1]);
+                    let (want, sizes) = (&want_normals, &normal_sizes);
+                    check(&what, 0..3, &Compared { bound, width: 4, got: &normals, want, sizes });
+                } else {
+                    assert!(got[at + 1] == buffers[at + 1], "{what}: normals were touched");
+                }
+            }
+            if rows == Rows::Slots && blend.sorted.len() > 1 {
+                let again = harness::run(gpu, pass, &given, &buffers, &push(&blend), groups);
+                assert!(outcome.device == again.device, "{}: two runs differ", pass.kernel.name);
+            }
+        }
+    }
+}
+
+/// What the backward pass blends is what the forward pass of the same shape blended, undecided pixels included.
+fn contributors(gpu: &Gpu) {
+    for (forward_pass, side) in shapes(gpu) {
+        for scene in hard_scenes() {
+            let blend = scene.blend(side, false);
+            let out = run_shape(gpu, forward_pass, &blend);
+            let counts: Vec<u32> = out.device(7);
+            for (pass, tile, rows, width) in variants(gpu) {
+                if tile != side || width == Some(64) {
+                    continue;
+                }
+                let pixels = blend.width * blend.height;
+                let up = Upstream {
+                    image: Vec::new(),
+                    last: Vec::new(),
+                    grad_image: vec![[1.0; 4]; pixels],
+                    grad_aux: vec![[1.0; 4]; pixels],
+                    clamp_gradient_passes: false,
+                };
+                let mut buffers = buffers(&blend, &up, rows);
+                buffers[4] = out.device[4].clone();
+                buffers[5] = out.device[6].clone();
+                let back = harness::run(gpu, pass, &[("COUNT", 1)], &buffers, &push(&blend), blend.ranges.len() as u32);
+                let back: Vec<u32> = back.device(buffers.len() - 1);
+                assert_eq!(back[3], counts[1], "{} of {}: contributors", pass.kernel.name, scene.name);
+            }
+        }
+    }
+}
+
+pub fn run(gpu: &Gpu) {
+    for (pass, side, rows, width) in variants(gpu) {
+        against_twin(gpu, pass, side, rows, width);
+    }
+    contributors(gpu);
+}

@@ -1,0 +1,115 @@
+//! `blend_forward` in all shapes against the f64 twin, within proven bounds, on scenes that have broken rasterizers.
+
+use psrgs_vk::pass::{Pass, blend_forward as passes};
+use psrgs_vk::twin::blend_forward::{Blend, Blended, forward};
+use psrgs_vk::vk::{Gpu, Subgroup};
+
+use super::blend_scene::{Doubt, doubts, hard_scenes, widen};
+use super::harness::{self, Outcome, bytes, garbage};
+
+/// The shapes that run on this device, with the side of their tiles.
+pub fn shapes(gpu: &Gpu) -> Vec<(&'static Pass, usize)> {
+    let mut shapes = vec![(&passes::COLUMN_EMULATED, 8), (&passes::PIXEL, 16)];
+    if matches!(gpu.caps().subgroup, Subgroup::Hardware(8)) {
+        shapes.push((&passes::COLUMN, 8));
+    }
+    shapes
+}
+
+/// Push constants of a scene.
+pub fn push(blend: &Blend<f32>) -> passes::Push {
+    let [red, green, blue] = blend.background;
+    passes::Push { width: blend.width as u32, height: blend.height as u32, red, green, blue }
+}
+
+/// Values as a buffer, never an empty one.
+pub fn some<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
+    if values.is_empty() { garbage(16) } else { bytes(values) }
+}
+
+/// The buffers with which every blending pass begins.
+pub fn inputs(blend: &Blend<f32>) -> Vec<Vec<u8>> {
+    let normals = blend.normals.as_deref().unwrap_or(&[]);
+    vec![some(&blend.splats), some(normals), some(&blend.sorted), bytes(&blend.ranges)]
+}
+
+/// Runs a shape on garbage-filled outputs.
+pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
+    let pixels = blend.width * blend.height;
+    let mut buffers = inputs(blend);
+    buffers.extend([garbage(4 * pixels), garbage(4 * pixels), garbage(pixels), bytes(&[0u32; passes::PAIR_COUNTS])]);
+    let given = [("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
+    harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32)
+}
+
+struct Read {
+    image: Vec<[f32; 4]>,
+    aux: Vec<[f32; 4]>,
+    last: Vec<u32>,
+    counts: Vec<u32>,
+}
+
+fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doubts: &[Doubt]) {
+    let largest = |column: usize| blend.splats.iter().map(|s| s[column].abs()).fold(1.0f64, f64::max);
+    let color = [8, 9, 10].map(largest).into_iter().fold(1.0f64, f64::max);
+    let mut undecided = 0;
+    for (pixel, doubt) in doubts.iter().enumerate() {
+        let (image, exact) = (got.image[pixel].map(f64::from), want.image[pixel]);
+        assert!(image.iter().all(|v| v.is_finite()), "{what}: pixel {pixel} is {image:?}");
+        if doubt.undecided {
+            undecided += 1;
+            continue;
+        }
+        assert_eq!(got.last[pixel], want.last[pixel], "{what}: last contributor of pixel {pixel}");
+        let off_t = (image[3] - exact[3]).abs();
+        assert!(
+            off_t <= doubt.transmittance * exact[3] + 1e-9,
+            "{what}: transmittance of pixel {pixel} off by {off_t:e}"
+        );
+        assert!(off_t <= 1e-3 * exact[3], "{what}: transmittance of pixel {pixel} off by {off_t:e}");
+        let bound = doubt.weights * color + 2.0 * doubt.transmittance * exact[3] + 1e-7;
+        for k in 0..3 {
+            let off = (image[k] - exact[k]).abs();
+            assert!(off <= bound, "{what}: channel {k} of pixel {pixel} off by {off:e} > {bound:e}");
+        }
+        if blend.normals.is_some() {
+            let bound = doubt.weights * largest(6) + 1e-7;
+            for k in 0..4 {
+                let off = (f64::from(got.aux[pixel][k]) - want.aux[pixel][k]).abs();
+                assert!(off <= bound, "{what}: aux {k} of pixel {pixel} off by {off:e} > {bound:e}");
+            }
+        }
+    }
+    let share = undecided as f64 / doubts.len() as f64;
+    assert!(share < 0.05, "{what}: {undecided} of {} pixels undecided", doubts.len());
+    if undecided == 0 {
+        assert_eq!(got.counts[..2], [want.evaluated, want.blended], "{what}: counts");
+    }
+}
+
+pub fn run(gpu: &Gpu) {
+    for (pass, side) in shapes(gpu) {
+        for scene in hard_scenes() {
+            for aux in [false, true] {
+                let blend = scene.blend(side, aux);
+                let wide = widen::<f64>(&blend);
+                let (want, doubts) = (forward(&wide), doubts(&wide));
+                let outcome = run_shape(gpu, pass, &blend);
+                let what = format!("{} of {}, aux {aux}", pass.kernel.name, scene.name);
+                for (who, buffers) in [("device", &outcome.device), ("twin", &outcome.twin)] {
+                    let read = |i: usize| bytemuck::pod_collect_to_vec::<u8, f32>(&buffers[i]);
+                    let got = Read {
+                        image: read(4).chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect(),
+                        aux: read(5).chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect(),
+                        last: bytemuck::pod_collect_to_vec(&buffers[6]),
+                        counts: bytemuck::pod_collect_to_vec(&buffers[7]),
+                    };
+                    compare(&format!("{who}: {what}"), &got, &want, &wide, &doubts);
+                    if !aux {
+                        assert!(buffers[5] == garbage(4 * doubts.len()), "{who}: {what}: aux was touched");
+                    }
+                }
+            }
+        }
+    }
+}
