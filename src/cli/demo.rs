@@ -11,7 +11,7 @@ use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 use super::console::Console;
 use super::exit::Failure;
 use super::progress::duration;
-use super::train;
+use super::{train, train_run};
 
 /// Folder of the trained model inside the scene's.
 const TRAINED: &str = "trained";
@@ -50,15 +50,16 @@ pub(crate) struct Args {
     device: DeviceChoice,
 }
 
-pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     make(args, console)?;
     if args.no_train {
         return Ok(());
     }
     let out = args.out.join(TRAINED);
-    train::train(
+    train_run::train(
         &train::Plan { settings: settings(args)?, out: out.clone(), resume: false, overwrite: true },
         console,
+        started,
     )?;
     console.say(format_args!("look at {}", std::path::absolute(out.join("report.html"))?.display()));
     Ok(())

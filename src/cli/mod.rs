@@ -9,13 +9,16 @@ mod eval;
 mod exit;
 mod info;
 mod interrupt;
+mod outputs;
 mod passes;
 mod progress;
 mod render;
 mod run_folder;
 mod train;
+mod train_run;
 
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::{ArgAction, ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -59,6 +62,7 @@ enum Command {
 
 /// Runs the command and turns its outcome into an exit code and, for an error, a message on standard error.
 pub(crate) fn main() -> ExitCode {
+    let started = Instant::now();
     let matches = Cli::command().get_matches();
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
@@ -70,7 +74,7 @@ pub(crate) fn main() -> ExitCode {
         (false, _) => Level::Verbose,
     };
     let console = Console::new(level);
-    match run(&cli.command, &matches, &console) {
+    match run(&cli.command, &matches, &console, started) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
@@ -81,12 +85,12 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-fn run(command: &Command, matches: &ArgMatches, console: &Console) -> anyhow::Result<()> {
+fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
     match command {
-        Command::Train(args) => train::run(args, matches.subcommand().map_or(matches, |(_, of)| of), console),
+        Command::Train(args) => train::run(args, matches.subcommand().map_or(matches, |(_, of)| of), console, started),
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console),
-        Command::Demo(args) => demo::run(args, console),
+        Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),

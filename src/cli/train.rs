@@ -1,6 +1,7 @@
 //! `psrgs-vk train`: which settings hold, and what is told while training goes on.
 
 use std::path::{Path, PathBuf, absolute};
+use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::parser::ValueSource;
@@ -8,7 +9,7 @@ use psrgs_vk::train::Settings;
 
 use super::console::{self, Console};
 use super::exit::Failure;
-use super::run_folder::{self, RunFolder};
+use super::run_folder;
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
 const FREE_ON_RESUME: [&str; 5] = ["iterations", "checkpoint-every", "eval-every", "device", "max-device-memory"];
@@ -117,16 +118,10 @@ fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<
     Ok(())
 }
 
-pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
     let plan = args.plan(matches)?;
     if args.print_settings {
         return Ok(console::print(&plan.settings.to_toml()?)?);
     }
-    train(&plan, console)
-}
-
-/// Trains as planned.
-pub(crate) fn train(plan: &Plan, _console: &Console) -> anyhow::Result<()> {
-    let _folder = RunFolder::open(plan)?;
-    anyhow::bail!("training is not part of this build")
+    super::train_run::train(&plan, console, started)
 }

@@ -2,9 +2,11 @@
 
 pub mod colormap;
 mod metrics;
+mod quality;
 mod report;
 mod ssim;
 
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
+pub use quality::Quality;
 pub use report::{Curve, DepthMap, ReportData, ReportError, ViewPanel, render_report, write_report};
 pub use ssim::{psnr, ssim};

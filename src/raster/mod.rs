@@ -1,5 +1,16 @@
-//! Passes composed into a differentiable renderer.
+//! Passes composed into forward and backward: the differentiable renderer.
 
+mod planes;
+mod renderer;
 pub mod scan;
 pub mod sort;
+mod target;
 pub mod tiles;
+mod variants;
+mod viewer;
+
+pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, planes_of};
+pub use renderer::{DENSITY_ENTRY, Renderer, Shot, Size};
+pub use target::Target;
+pub use variants::{GradientSum, TileShape, Variants};
+pub use viewer::{Picture, Viewer};

@@ -2,6 +2,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 pub mod guards;
+pub mod plane_scene;
 pub mod splats;
 
 use std::path::PathBuf;

@@ -90,6 +90,13 @@ pub enum Background {
     Random,
 }
 
+impl Background {
+    /// The colour behind the splats where a model is scored.
+    pub fn evaluated(self) -> [f32; 3] {
+        if self == Self::White { [1.0; 3] } else { [0.0; 3] }
+    }
+}
+
 impl fmt::Display for Background {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -1,0 +1,174 @@
+//! A training from the open run folder to the last file, with what is told on the way.
+
+use std::time::Instant;
+
+use anyhow::Context as _;
+use indicatif::HumanCount;
+use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::format::checkpoint;
+use psrgs_vk::train::{Checkpointed, History, Message, Pacing, Trainer, prepare};
+use psrgs_vk::vk::Gpu;
+
+use super::console::Console;
+use super::device;
+use super::exit::Failure;
+use super::interrupt::Interrupt;
+use super::outputs::{self, Finished};
+use super::progress::Progress;
+use super::run_folder::RunFolder;
+use super::train::Plan;
+
+/// Trains as planned; the process is counted from `started`.
+pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
+    let folder = RunFolder::open(plan)?;
+    let interrupt = Interrupt::listen()?;
+    let settings = &plan.settings;
+    let data = settings.data.as_deref().context("no dataset")?;
+    let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
+    tell(&dataset, console);
+    let before = if plan.resume { resumed(&folder, console)? } else { None };
+    let gpu = device::open(&settings.device, false, console)?;
+    let input = prepare::input(&dataset, settings)?;
+    console.say(format_args!(
+        "{}, {} steps, seed {}, {} splats to begin with",
+        settings.run.method,
+        HumanCount(settings.run.iterations.into()),
+        settings.run.seed,
+        HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
+    ));
+    let (mut history, restart) = match before {
+        Some(b) => (b.history, Some(b.restart)),
+        None => (History::default(), None),
+    };
+    let done = restart.as_ref().map_or(0, |r| r.step);
+    history.rewind(done);
+    let mut trainer = Trainer::new(&gpu, input, settings, Pacing::default(), restart)?;
+    let mut run = Run { plan, folder: &folder, gpu: &gpu, history: &mut history, saved: done };
+    let training_seconds = run.follow(&mut trainer, console, &interrupt, done)?;
+    let finished =
+        Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, history: &history, started, training_seconds };
+    outputs::write(&finished, &mut trainer, console)
+}
+
+/// What the dataset holds, and its warnings.
+fn tell(dataset: &Dataset, console: &Console) {
+    let count = |role| dataset.views_of(role).count();
+    let size = dataset.views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
+    let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
+    console.say(format_args!(
+        "{}: {} photographs to train on, {} held out, {}x{} from {images}, {} points",
+        dataset.path.display(),
+        count(Role::Train),
+        count(Role::HeldOut),
+        size.0,
+        size.1,
+        HumanCount(dataset.points.len() as u64),
+    ));
+    for warning in &dataset.warnings {
+        console.warn(warning);
+    }
+}
+
+fn resumed(folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Checkpointed>> {
+    let Some(latest) = checkpoint::latest(&folder.checkpoints())? else {
+        console.warn("there is no checkpoint yet: starting from the beginning");
+        return Ok(None);
+    };
+    for problem in &latest.damaged {
+        console.warn(problem);
+    }
+    let found = Checkpointed::from_checkpoint(&latest.checkpoint)
+        .with_context(|| Failure::Input(latest.file.display().to_string()))?;
+    console.say(format_args!("going on after step {} of {}", found.restart.step, latest.file.display()));
+    Ok(Some(found))
+}
+
+struct Run<'a> {
+    plan: &'a Plan,
+    folder: &'a RunFolder,
+    gpu: &'a Gpu,
+    history: &'a mut History,
+    saved: u32,
+}
+
+impl Run<'_> {
+    /// Pulls messages until the end; gives the seconds of training.
+    fn follow(
+        &mut self,
+        trainer: &mut Trainer,
+        console: &Console,
+        interrupt: &Interrupt,
+        done: u32,
+    ) -> anyhow::Result<f64> {
+        let run = &self.plan.settings.run;
+        let mut progress = Progress::new(console, done, run.iterations);
+        let mut seconds = 0.0;
+        while let Some(message) = trainer.next_message()? {
+            self.history.add(&message);
+            match message {
+                Message::Step { step, loss, splats, seconds: now, .. } => {
+                    seconds = now;
+                    progress.step(step, loss, splats, now);
+                    if progress.wants_estimate(step) {
+                        progress.estimate(step, now, self.gpu.memory_use().current, !run.no_densify);
+                    }
+                    let due = run.checkpoint_every > 0 && step >= self.saved + run.checkpoint_every;
+                    if interrupt.asked() {
+                        progress.finish();
+                        return Err(self.stop(trainer)?);
+                    }
+                    if due {
+                        self.save(trainer, &progress)?;
+                    }
+                }
+                Message::Density { step, cloned, split, pruned, splats } => progress.detail(format_args!(
+                    "step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats"
+                )),
+                Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
+                Message::Grown { what, capacity, replay_from } => {
+                    progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"))
+                }
+                Message::Evaluated { step, quality, splats, .. } => {
+                    progress.evaluated(step, quality.psnr, quality.ssim, splats);
+                }
+                Message::Checkpoint { step, path } => {
+                    progress.detail(format_args!("step {step}: saved {}", path.display()));
+                }
+                Message::Warning(text) => progress.warn(text),
+                Message::Finished { seconds: now, .. } => seconds = now,
+            }
+        }
+        progress.finish();
+        Ok(seconds)
+    }
+
+    fn save(&mut self, trainer: &mut Trainer, progress: &Progress) -> anyhow::Result<()> {
+        let (step, file) = self.write(trainer)?;
+        progress.detail(format_args!("step {step}: saved {}", file.display()));
+        Ok(())
+    }
+
+    /// The model goes to a whole step; messages of the steps that this finishes are still to come, and belong to the next
+    /// stretch: the history that is kept ends where the checkpoint does.
+    fn write(&mut self, trainer: &mut Trainer) -> anyhow::Result<(u32, std::path::PathBuf)> {
+        let restart = trainer.snapshot()?;
+        let step = restart.step;
+        let mut history = self.history.clone();
+        trainer.told().for_each(|message| history.add(message));
+        history.rewind(step);
+        let kept = Checkpointed::new(restart, &self.plan.settings, history)?;
+        let file = checkpoint::save(&self.folder.checkpoints(), step.into(), &kept.to_checkpoint()?)?;
+        self.saved = step;
+        Ok((step, file))
+    }
+
+    fn stop(&mut self, trainer: &mut Trainer) -> anyhow::Result<anyhow::Error> {
+        let (step, file) = self.write(trainer)?;
+        Ok(Failure::Interrupted(format!(
+            "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
+            file.display(),
+            self.plan.out.display()
+        ))
+        .into())
+    }
+}

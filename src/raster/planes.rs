@@ -1,0 +1,108 @@
+//! The model's attribute planes on the device, and everything that has the same rows (gradients, moments).
+
+use crate::scene::{Gaussians, SH_GROUP_FLOATS};
+use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
+
+/// Name and floats per splat of each plane, in the order that every pass uses.
+pub const PLANES: [(&str, u32); 8] = [
+    ("means", 3),
+    ("quats", 4),
+    ("scales", 3),
+    ("opacities", 1),
+    ("sh0", SH_GROUP_FLOATS as u32),
+    ("sh1", SH_GROUP_FLOATS as u32),
+    ("sh2", SH_GROUP_FLOATS as u32),
+    ("sh3", SH_GROUP_FLOATS as u32),
+];
+
+/// Index of the means in [`PLANES`].
+pub const MEANS: usize = 0;
+/// Index of the quaternions in [`PLANES`].
+pub const QUATS: usize = 1;
+/// Index of the log scales in [`PLANES`].
+pub const SCALES: usize = 2;
+/// Index of the opacity logits in [`PLANES`].
+pub const OPACITIES: usize = 3;
+/// Index of the first spherical-harmonics group in [`PLANES`].
+pub const SH0: usize = 4;
+
+/// Eight buffers with the rows of [`PLANES`].
+pub struct Planes {
+    prefix: String,
+    capacity: u32,
+    buffers: [Buffer; 8],
+}
+
+impl Planes {
+    /// Room for `capacity` splats; contents undefined. `prefix` tells gradients and moments apart in captures.
+    pub fn new(gpu: &Gpu, prefix: &str, capacity: u32) -> Result<Self, vk::Error> {
+        let capacity = capacity.max(1);
+        let mut made = Vec::with_capacity(8);
+        for (name, row) in PLANES {
+            let bytes = u64::from(row) * 4 * u64::from(capacity);
+            made.push(gpu.buffer(&format!("{prefix}{name}"), bytes, Memory::Device)?);
+        }
+        let buffers = made.try_into().unwrap_or_else(|_| unreachable!("one buffer per plane"));
+        Ok(Self { prefix: prefix.to_owned(), capacity, buffers })
+    }
+
+    /// Splats that fit.
+    pub fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// The buffers in the order of [`PLANES`].
+    pub fn buffers(&self) -> &[Buffer; 8] {
+        &self.buffers
+    }
+
+    /// Larger planes with the same contents. The copy is recorded; the old buffers live until it is done.
+    pub fn grown(&self, gpu: &Gpu, recorder: &mut Recorder, capacity: u32) -> Result<Self, vk::Error> {
+        let larger = Self::new(gpu, &self.prefix, capacity.max(self.capacity))?;
+        for (from, to) in self.buffers.iter().zip(&larger.buffers) {
+            recorder.copy(from, 0, to, 0, from.size())?;
+        }
+        Ok(larger)
+    }
+
+    /// Sets every float to zero.
+    pub fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+        for buffer in &self.buffers {
+            recorder.fill(buffer, 0)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the planes of `gaussians` to the first rows. Blocks.
+    pub fn write(&self, gpu: &Gpu, gaussians: &Gaussians) -> Result<(), vk::Error> {
+        for (buffer, values) in self.buffers.iter().zip(planes_of(gaussians)) {
+            if !values.is_empty() {
+                gpu.write(buffer, values)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the first `splats` rows. Blocks.
+    pub fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 8], vk::Error> {
+        let mut out: [Vec<f32>; 8] = Default::default();
+        for ((plane, buffer), (_, row)) in out.iter_mut().zip(&self.buffers).zip(PLANES) {
+            if splats > 0 {
+                *plane = gpu.read_at(buffer, 0, (row * splats) as usize)?;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// The planes of a model on the host, in the order of [`PLANES`].
+pub fn planes_of(gaussians: &Gaussians) -> [&[f32]; 8] {
+    let [a, b, c, d] = &gaussians.sh;
+    [&gaussians.means, &gaussians.quats, &gaussians.scales, &gaussians.opacities, a, b, c, d]
+}
+
+/// The model made of planes in the order of [`PLANES`].
+pub fn gaussians_of(planes: [Vec<f32>; 8], ids: Vec<u32>) -> Gaussians {
+    let [means, quats, scales, opacities, a, b, c, d] = planes;
+    Gaussians { means, quats, scales, opacities, sh: [a, b, c, d], ids }
+}

@@ -1,0 +1,363 @@
+//! Forward and backward of one view, recorded as passes.
+
+use super::planes::Planes;
+use super::target::Target;
+use super::tiles::{Capacities, Inputs, Lists, TileLists};
+use super::variants::{GradientSum, TileShape, Variants};
+use crate::pass::camera::{CameraPush, Projection};
+use crate::pass::plan::{self, Entry};
+use crate::pass::{blend_backward, blend_forward, counters, project, project_backward, slot_sum};
+use crate::scene::Camera;
+use crate::twin::tile::TileGrid;
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+
+/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow.
+mod entry {
+    /// One thread per splat, 64 in a workgroup.
+    pub(super) const SPLATS: u32 = 0;
+    /// One thread per float of rows of 3.
+    pub(super) const ROWS_3: u32 = 1;
+    /// One thread per float of rows of 4.
+    pub(super) const ROWS_4: u32 = 2;
+    /// One thread per float of rows of 12.
+    pub(super) const ROWS_12: u32 = 3;
+    /// One workgroup of a pass that does something once per event.
+    pub(super) const ONCE: u32 = 4;
+    /// One workgroup of `slot_sum` per 16 visible splats.
+    pub(super) const SLOT_SUM: u32 = 5;
+    /// First entry of the tile lists.
+    pub(super) const TILES: u32 = 8;
+}
+
+/// First entry of `args` that belongs to density control.
+pub const DENSITY_ENTRY: u32 = 32;
+
+/// Entries in the `args` buffer.
+const ENTRIES: u64 = 64;
+
+/// A view to render.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot {
+    /// Camera in scene coordinates.
+    pub camera: Camera,
+    /// How splats are projected.
+    pub projection: Projection,
+    /// Colour behind the splats.
+    pub background: [f32; 3],
+}
+
+/// Pipelines that differ by whether depth and normals are blended too.
+struct Channels {
+    project: Pipeline,
+    blend: Pipeline,
+}
+
+/// Pipelines and buffers of the backward.
+struct Backward {
+    blend: Pipeline,
+    slot_sum: Option<Pipeline>,
+    project: Pipeline,
+    slot_grads: Buffer,
+    unused_normals: Buffer,
+    grad2d: Buffer,
+}
+
+/// The passes from a model to an image and back, with the buffers between them.
+pub struct Renderer {
+    gpu: Gpu,
+    variants: Variants,
+    /// Counts and status; see [`counters`].
+    pub counters: Buffer,
+    /// Indirect workgroup numbers.
+    pub args: Buffer,
+    /// Projected splats, 12 floats each.
+    pub splat2d: Buffer,
+    /// Tiles touched by each splat; 0 when culled.
+    pub tile_counts: Buffer,
+    normals: Buffer,
+    pair_counts: Buffer,
+    lists: TileLists,
+    plan: Pipeline,
+    color: Channels,
+    all: Channels,
+    backward: Option<Backward>,
+    splat_capacity: u32,
+    pair_capacity: u32,
+    with_aux: bool,
+}
+
+impl Renderer {
+    /// Room for `splats` splats, `pairs` (splat, tile) pairs and images of up to `pixels` pixels and `tiles` tiles.
+    /// `aux` makes depth and normals available, `train` the backward.
+    pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
+        let n = u64::from(size.splats.max(1));
+        let side = variants.tile.size();
+        let channels = |aux: u32| -> Result<Channels, vk::Error> {
+            let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux)];
+            let kernel = match variants.tile {
+                TileShape::Column => &blend_forward::COLUMN.kernel,
+                TileShape::Pixel => &blend_forward::PIXEL.kernel,
+            };
+            Ok(Channels {
+                project: gpu.pipeline(&project::PASS.kernel, &constants)?,
+                blend: gpu.pipeline(kernel, &[("AUX", aux), ("COUNT", u32::from(size.count))])?,
+            })
+        };
+        let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
+        let args = gpu.buffer("args", 16 * ENTRIES, Memory::Device)?;
+        let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
+        let lists = TileLists::new(gpu, Capacities { splats, pairs, tiles })?;
+        let backward = if size.train { Some(Backward::new(gpu, variants, &size)?) } else { None };
+        Ok(Self {
+            gpu: gpu.clone(),
+            variants,
+            counters,
+            args,
+            splat2d: gpu.buffer("splat2d", 48 * n, Memory::Device)?,
+            tile_counts: gpu.buffer("tile_counts", 4 * n, Memory::Device)?,
+            normals: gpu.buffer("normals", if size.aux { 16 * n } else { 16 }, Memory::Device)?,
+            pair_counts: gpu.buffer("pair_counts", 16, Memory::Device)?,
+            lists,
+            plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
+            color: channels(0)?,
+            all: channels(u32::from(size.aux))?,
+            backward,
+            splat_capacity: size.splats,
+            pair_capacity: size.pairs,
+            with_aux: size.aux,
+        })
+    }
+
+    /// The variant set in use.
+    pub fn variants(&self) -> Variants {
+        self.variants
+    }
+
+    /// Splats that fit.
+    pub fn splat_capacity(&self) -> u32 {
+        self.splat_capacity
+    }
+
+    /// Pairs that fit.
+    pub fn pair_capacity(&self) -> u32 {
+        self.pair_capacity
+    }
+
+    /// Evaluated and blended pixel-splats, forward then backward, since the last clearing; zeros unless counting is on.
+    pub fn pair_counts(&self) -> &Buffer {
+        &self.pair_counts
+    }
+
+    /// Workgroups for one thread per splat of the model.
+    pub fn per_splat(&self) -> Groups<'_> {
+        Groups::Indirect(&self.args, Entry::offset(entry::SPLATS))
+    }
+
+    /// Workgroups for one thread per float of rows of `row` floats.
+    pub fn per_float(&self, row: u32) -> Groups<'_> {
+        let entry = match row {
+            3 => entry::ROWS_3,
+            4 => entry::ROWS_4,
+            12 => entry::ROWS_12,
+            _ => entry::SPLATS,
+        };
+        Groups::Indirect(&self.args, Entry::offset(entry))
+    }
+
+    /// One workgroup, or none when the event is lost.
+    pub fn once(&self) -> Groups<'_> {
+        Groups::Indirect(&self.args, Entry::offset(entry::ONCE))
+    }
+
+    /// Plans the dispatches that depend on the number of splats alone.
+    pub fn record_plan(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+        let rows = |floats: u32| Entry { divide: 1, multiply: floats, items: 64 };
+        let entries = [Entry::items(64), rows(3), rows(4), rows(12), Entry::fixed(1)];
+        let push = plan::Push::unlimited(counters::SPLATS as u32, entry::SPLATS, &entries).limited(
+            self.splat_capacity,
+            counters::SPLATS_BIT,
+            plan::NO_COUNTER,
+        );
+        recorder.dispatch(&self.plan, &[&self.counters, &self.args], &push, Groups::Workgroups(1))
+    }
+
+    /// Renders `model` into `target`. `aux` blends depth and normals too (the renderer and the target must have them).
+    pub fn record_forward(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        shot: &Shot,
+        target: &Target,
+        aux: bool,
+    ) -> Result<Lists<'_>, vk::Error> {
+        let channels = if aux && self.with_aux { &self.all } else { &self.color };
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        recorder.fill(self.counters.slice(4 * counters::BAD_SPLATS as u64..4 * counters::BAD_SPLATS as u64 + 4), 0)?;
+        self.record_plan(recorder)?;
+        let push = CameraPush::new(&shot.camera, &shot.projection);
+        let mut buffers = vec![&self.counters];
+        buffers.extend(model.buffers());
+        buffers.extend([&self.splat2d, &self.tile_counts, &self.normals]);
+        recorder.dispatch(&channels.project, &buffers, &push, self.per_splat())?;
+
+        let side = self.variants.tile.size();
+        let inputs = Inputs {
+            splat2d: &self.splat2d,
+            tile_counts: &self.tile_counts,
+            counters: &self.counters,
+            args: &self.args,
+            first_entry: entry::TILES,
+        };
+        let lists = self.lists.record(recorder, inputs, &TileGrid { image: [width, height], tile: [side, side] })?;
+        // Planned once more: when the pairs did not fit, nothing that follows may run.
+        self.record_plan(recorder)?;
+
+        let push = blend_forward::Push {
+            width,
+            height,
+            red: shot.background[0],
+            green: shot.background[1],
+            blue: shot.background[2],
+        };
+        let buffers = [
+            &self.splat2d,
+            &self.normals,
+            lists.sorted_splats,
+            lists.tile_ranges,
+            &target.image,
+            &target.aux,
+            &target.last,
+            &self.pair_counts,
+        ];
+        recorder.dispatch(&channels.blend, &buffers, &push, Groups::Workgroups(self.tiles(width, height)))?;
+        Ok(lists)
+    }
+
+    fn tiles(&self, width: u32, height: u32) -> u64 {
+        let side = self.variants.tile.size();
+        u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side))
+    }
+
+    /// Gradients of `model` from `grad_image`, after [`Self::record_forward`] of the same shot. Does nothing without a backward.
+    pub fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        lists: &Lists<'_>,
+        model: &Planes,
+        grads: &Planes,
+        shot: &Shot,
+        target: &Target,
+        grad_image: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let Some(backward) = &self.backward else { return Ok(()) };
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        let push = blend_forward::Push {
+            width,
+            height,
+            red: shot.background[0],
+            green: shot.background[1],
+            blue: shot.background[2],
+        };
+        let unused = &backward.unused_normals;
+        let mut buffers = vec![
+            &self.splat2d,
+            &self.normals,
+            lists.sorted_splats,
+            lists.tile_ranges,
+            &target.image,
+            &target.last,
+            grad_image,
+            unused,
+        ];
+        let groups = Groups::Workgroups(self.tiles(width, height));
+        if let Some(slot_sum) = &backward.slot_sum {
+            buffers.extend([lists.sorted_slots, &backward.slot_grads, unused, &self.pair_counts]);
+            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
+            let items = [Entry::items(slot_sum::SPLATS_PER_WORKGROUP)];
+            let push = plan::Push::unlimited(counters::VISIBLE as u32, entry::SLOT_SUM, &items);
+            recorder.dispatch(&self.plan, &[&self.counters, &self.args], &push, Groups::Workgroups(1))?;
+            let buffers = [
+                &self.counters,
+                lists.order,
+                lists.pair_offsets,
+                &self.tile_counts,
+                &backward.slot_grads,
+                unused,
+                &backward.grad2d,
+                unused,
+            ];
+            let groups = Groups::Indirect(&self.args, Entry::offset(entry::SLOT_SUM));
+            recorder.dispatch(slot_sum, &buffers, &(), groups)?;
+        } else {
+            recorder.fill(&backward.grad2d, 0)?;
+            buffers.extend([&backward.grad2d, unused, &self.pair_counts]);
+            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
+        }
+
+        let push = CameraPush::new(&shot.camera, &shot.projection);
+        let mut buffers = vec![&self.counters];
+        buffers.extend(model.buffers());
+        buffers.extend([&self.splat2d, &self.tile_counts, &backward.grad2d, unused]);
+        buffers.extend(grads.buffers());
+        recorder.dispatch(&backward.project, &buffers, &push, self.per_splat())
+    }
+
+    /// Gradients of the projected splats; `None` without a backward.
+    pub fn grad2d(&self) -> Option<&Buffer> {
+        self.backward.as_ref().map(|b| &b.grad2d)
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+}
+
+/// How large a renderer is.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    /// Splats that fit.
+    pub splats: u32,
+    /// (splat, tile) pairs that fit.
+    pub pairs: u32,
+    /// Tiles of the largest image.
+    pub tiles: u32,
+    /// Whether depth and normals can be rendered.
+    pub aux: bool,
+    /// Whether there is a backward.
+    pub train: bool,
+    /// Whether evaluated and blended pixel-splats are counted (slower; for benchmarks).
+    pub count: bool,
+    /// Whether gradients pass through the clamp of alpha at 0.99, as in the 3DGS reference.
+    pub clamp_gradient_passes: bool,
+}
+
+impl Backward {
+    fn new(gpu: &Gpu, variants: Variants, size: &Size) -> Result<Self, vk::Error> {
+        use GradientSum::{Atomic, CompareAndSwap, Slots};
+        use TileShape::{Column, Pixel};
+        let kernel = match (variants.tile, variants.gradients) {
+            (Column, Slots) => &blend_backward::COLUMN_SLOTS.kernel,
+            (Column, Atomic) => &blend_backward::COLUMN_ATOMIC.kernel,
+            (Column, CompareAndSwap) => &blend_backward::COLUMN_CAS.kernel,
+            (Pixel, Slots) => &blend_backward::PIXEL_SLOTS.kernel,
+            (Pixel, Atomic) => &blend_backward::PIXEL_ATOMIC.kernel,
+            (Pixel, CompareAndSwap) => &blend_backward::PIXEL_CAS.kernel,
+        };
+        let slots = variants.gradients == Slots;
+        let blend =
+            [("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
+        Ok(Self {
+            blend: gpu.pipeline(kernel, &blend)?,
+            slot_sum: if slots { Some(gpu.pipeline(&slot_sum::PASS.kernel, &[])?) } else { None },
+            project: gpu.pipeline(&project_backward::PASS.kernel, &[])?,
+            slot_grads: gpu.buffer(
+                "slot_grads",
+                if slots { 48 * u64::from(size.pairs) } else { 16 },
+                Memory::Device,
+            )?,
+            unused_normals: gpu.buffer("unused_normals", 16, Memory::Device)?,
+            grad2d: gpu.buffer("grad2d", 48 * u64::from(size.splats.max(1)), Memory::Device)?,
+        })
+    }
+}

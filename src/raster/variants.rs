@@ -1,0 +1,64 @@
+//! Which form of each pass runs: fixed when an engine is opened, printed, and written into settings and checkpoints.
+
+use serde::{Deserialize, Serialize};
+
+use crate::vk::{DeviceKind, FloatAtomics, Gpu};
+
+/// How the blending passes share a tile among threads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TileShape {
+    /// 8x8 tiles, a thread owns a column of 8 pixels: for devices that run a workgroup as one vector (CPU drivers).
+    Column,
+    /// 16x16 tiles, a thread owns a pixel, splats staged in shared memory: for GPUs.
+    Pixel,
+}
+
+impl TileShape {
+    /// Width and height of a tile in pixels.
+    pub fn size(self) -> u32 {
+        match self {
+            Self::Column => 8,
+            Self::Pixel => 16,
+        }
+    }
+}
+
+/// Where the blend backward leaves its gradients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GradientSum {
+    /// Native float atomics; the order of additions is the device's.
+    Atomic,
+    /// Compare-and-swap loops, where the device has no float atomics.
+    CompareAndSwap,
+    /// One slot per (splat, tile), summed in order afterwards: bit-reproducible.
+    Slots,
+}
+
+/// The variant set of an engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Variants {
+    /// Tile shape.
+    pub tile: TileShape,
+    /// Gradient summation.
+    pub gradients: GradientSum,
+}
+
+impl Variants {
+    /// What suits the device; `deterministic` allows only bit-reproducible forms.
+    pub fn choose(gpu: &Gpu, deterministic: bool) -> Self {
+        let caps = gpu.caps();
+        let cpu = caps.kind == DeviceKind::Cpu;
+        let tile = if cpu { TileShape::Column } else { TileShape::Pixel };
+        // On CPU devices slots are also the faster form: atomics there are compare-and-swap loops per lane.
+        let gradients = if deterministic || cpu {
+            GradientSum::Slots
+        } else if caps.buffer_floats == FloatAtomics::Native {
+            GradientSum::Atomic
+        } else {
+            GradientSum::CompareAndSwap
+        };
+        Self { tile, gradients }
+    }
+}

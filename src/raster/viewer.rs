@@ -1,0 +1,121 @@
+//! Pictures of a model, outside of training.
+
+use super::planes::Planes;
+use super::renderer::{Renderer, Shot, Size};
+use super::target::Target;
+use super::variants::Variants;
+use crate::pass::counters;
+use crate::scene::Gaussians;
+use crate::vk::{self, Gpu};
+
+/// A rendered view, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// (r, g, b, final transmittance) per pixel; colours as blended, neither clamped nor rounded.
+    pub rgbt: Vec<f32>,
+    /// (sum w z, sum w n) per pixel in scene units and the camera frame, when asked for.
+    pub aux: Option<Vec<f32>>,
+}
+
+impl Picture {
+    /// 8-bit RGB, rounded to the nearest.
+    pub fn rgb8(&self) -> Vec<u8> {
+        crate::format::image_out::to_rgb8(&self.rgbt, 4)
+    }
+
+    /// Expected depth per pixel in scene units: sum w z / sum w where something is there (sum w > 0.01), else 0.
+    pub fn depth(&self) -> Option<Vec<f32>> {
+        let aux = self.aux.as_ref()?;
+        let pixels = self.rgbt.chunks_exact(4).zip(aux.chunks_exact(4));
+        Some(pixels.map(|(c, a)| if c[3] < 0.99 { a[0] / (1.0 - c[3]) } else { 0.0 }).collect())
+    }
+
+    /// Unit normal per pixel in the camera frame, zero where nothing is there.
+    pub fn normals(&self) -> Option<Vec<[f32; 3]>> {
+        let aux = self.aux.as_ref()?;
+        let unit = |a: &[f32]| {
+            let length = (a[1] * a[1] + a[2] * a[2] + a[3] * a[3]).sqrt();
+            if length > 1e-3 { [a[1] / length, a[2] / length, a[3] / length] } else { [0.0; 3] }
+        };
+        Some(aux.chunks_exact(4).map(unit).collect())
+    }
+}
+
+/// Renders pictures of models; grows as they need.
+pub struct Viewer {
+    gpu: Gpu,
+    variants: Variants,
+    size: Size,
+    renderer: Option<(Renderer, Target)>,
+}
+
+impl Viewer {
+    /// A viewer that allocates at the first picture.
+    pub fn new(gpu: &Gpu) -> Self {
+        let variants = Variants::choose(gpu, false);
+        let size =
+            Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
+        Self { gpu: gpu.clone(), variants, size, renderer: None }
+    }
+
+    /// The model on the device, for [`Self::render`].
+    pub fn upload(&self, model: &Gaussians) -> Result<Planes, vk::Error> {
+        let planes = Planes::new(&self.gpu, "", model.len() as u32)?;
+        planes.write(&self.gpu, model)?;
+        Ok(planes)
+    }
+
+    /// Renders the first `splats` splats of `model`. Waits.
+    pub fn render(&mut self, model: &Planes, splats: u32, shot: &Shot, aux: bool) -> Result<Picture, vk::Error> {
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        let side = self.variants.tile.size();
+        let tiles = width.div_ceil(side) * height.div_ceil(side);
+        let fit = |size: &Size| size.splats >= splats && size.tiles >= tiles;
+        if !fit(&self.size) {
+            self.size.splats = self.size.splats.max(splats);
+            self.size.tiles = self.size.tiles.max(tiles);
+            self.size.pairs = self.size.pairs.max(24 * tiles).max(4 * splats);
+            self.renderer = None;
+        }
+        loop {
+            let (renderer, target) = self.ready(width * height)?;
+            let mut words = [0u32; counters::COUNT];
+            words[counters::SPLATS] = splats;
+            let mut recorder = renderer.gpu().recorder("view")?;
+            recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
+            renderer.record_forward(&mut recorder, model, shot, target, aux)?;
+            recorder.submit()?;
+            let gpu = renderer.gpu();
+            let words: Vec<u32> = gpu.read_at(&renderer.counters, 0, counters::COUNT)?;
+            if words[counters::STATUS] & counters::PAIRS_BIT != 0 {
+                let wanted = words[counters::PAIRS];
+                self.size.pairs = wanted.saturating_add(wanted / 8);
+                self.renderer = None;
+                continue;
+            }
+            let floats = 4 * width as usize * height as usize;
+            return Ok(Picture {
+                width,
+                height,
+                rgbt: gpu.read_at(&target.image, 0, floats)?,
+                aux: if aux { Some(gpu.read_at(&target.aux, 0, floats)?) } else { None },
+            });
+        }
+    }
+
+    fn ready(&mut self, pixels: u32) -> Result<(&Renderer, &Target), vk::Error> {
+        let (renderer, target) = match self.renderer.take() {
+            Some((renderer, target)) if target.pixels >= pixels => (renderer, target),
+            Some((renderer, _)) => (renderer, Target::new(&self.gpu, "view.", pixels, true)?),
+            None => {
+                (Renderer::new(&self.gpu, self.variants, self.size)?, Target::new(&self.gpu, "view.", pixels, true)?)
+            }
+        };
+        let (renderer, target) = self.renderer.insert((renderer, target));
+        Ok((renderer, target))
+    }
+}

@@ -1,0 +1,84 @@
+//! A training as a checkpoint and back.
+
+use super::Error;
+use super::history::History;
+use super::settings::Settings;
+use super::state::State;
+use super::trainer::Restart;
+use crate::format::checkpoint::Checkpoint;
+use crate::pass::counters;
+use crate::raster::{PLANES, Variants};
+
+/// What a checkpoint of a training holds.
+pub struct Checkpointed {
+    /// Where to go on.
+    pub restart: Restart,
+    /// The settings of the run, as `settings.toml` has them.
+    pub settings: String,
+    /// The curves so far.
+    pub history: History,
+}
+
+impl Checkpointed {
+    /// Gathers what is to be kept.
+    pub fn new(restart: Restart, settings: &Settings, history: History) -> Result<Self, Error> {
+        Ok(Self { restart, settings: settings.to_toml()?, history })
+    }
+
+    /// The sections of the file.
+    pub fn to_checkpoint(&self) -> Result<Checkpoint, Error> {
+        let mut out = Checkpoint::new();
+        let state = &self.restart.state;
+        out.put_text("settings", &self.settings);
+        out.put_text("variants", &serde_json::to_string(&self.restart.variants)?);
+        out.put_text("history", &serde_json::to_string(&self.history)?);
+        out.put_values("step", &[self.restart.step]);
+        out.put_values("seconds", &[self.restart.seconds]);
+        out.put_values("counters", &state.counters);
+        out.put_values("ids", &state.ids);
+        out.put_values("stats", &state.stats);
+        for (k, (name, _)) in PLANES.into_iter().enumerate() {
+            out.put_values(name, &state.params[k]);
+            out.put_values(&format!("m_{name}"), &state.m[k]);
+            out.put_values(&format!("v_{name}"), &state.v[k]);
+        }
+        Ok(out)
+    }
+
+    /// Reads the sections; sizes that do not fit together are errors that name the section.
+    pub fn from_checkpoint(file: &Checkpoint) -> Result<Self, Error> {
+        let ids: Vec<u32> = file.values("ids")?;
+        let rows = |name: &str, row: u32| -> Result<Vec<f32>, Error> {
+            let values: Vec<f32> = file.values(name)?;
+            let expected = row as usize * ids.len();
+            if values.len() == expected {
+                Ok(values)
+            } else {
+                Err(Error::Checkpoint { section: name.to_owned(), found: values.len(), expected })
+            }
+        };
+        let planes = |prefix: &str| -> Result<[Vec<f32>; 8], Error> {
+            let mut out: [Vec<f32>; 8] = Default::default();
+            for (plane, (name, row)) in out.iter_mut().zip(PLANES) {
+                *plane = rows(&format!("{prefix}{name}"), row)?;
+            }
+            Ok(out)
+        };
+        let counters: Vec<u32> = file.values("counters")?;
+        if counters.len() != counters::COUNT || counters[counters::SPLATS] as usize != ids.len() {
+            return Err(Error::Checkpoint {
+                section: "counters".to_owned(),
+                found: counters.get(counters::SPLATS).copied().unwrap_or(0) as usize,
+                expected: ids.len(),
+            });
+        }
+        let variants: Variants = serde_json::from_str(file.text("variants")?)?;
+        let state =
+            State { params: planes("")?, m: planes("m_")?, v: planes("v_")?, stats: rows("stats", 4)?, counters, ids };
+        Ok(Self {
+            restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants },
+            settings: file.text("settings")?.to_owned(),
+            history: serde_json::from_str(file.text("history")?)?,
+        })
+    }
+}

@@ -1,0 +1,406 @@
+//! The device side of training: records an event, submits it, and later tells what came of it.
+
+use std::collections::VecDeque;
+
+use super::Error;
+use super::density::{self, DensityControl, DensityRules};
+use super::event::{Event, Kind};
+use super::input::{Input, View};
+use super::losses::Losses;
+use super::optimiser::Optimiser;
+use super::schedule::StepPlan;
+use super::settings::Settings;
+use super::state::State;
+use super::trainer::Pacing;
+use crate::pass::camera::{NEAR, Projection};
+use crate::pass::{counters, densify_stats, finish};
+use crate::raster::{DENSITY_ENTRY, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of};
+use crate::scene::{Camera, Gaussians};
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
+
+/// Words of a slot of the read-back ring: the counters, then total loss, L1 and SSIM.
+const RING_WORDS: u64 = 32;
+/// Slots; more than events ever in flight.
+const RING_SLOTS: u64 = 64;
+/// Byte offset of the losses in a slot.
+const RING_LOSS: u64 = 64;
+
+/// Opacity to which a reset lowers.
+const RESET_OPACITY: f64 = 0.01;
+
+/// What the device says of a finished event.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The counters at the end of the event.
+    pub counters: Vec<u32>,
+    /// Loss of the step's view.
+    pub loss: f32,
+}
+
+/// Model, photographs, moments, statistics and the passes that work on them.
+pub struct Engine {
+    gpu: Gpu,
+    renderer: Renderer,
+    size: Size,
+    model: Planes,
+    grads: Planes,
+    optimiser: Optimiser,
+    ids: Buffer,
+    stats: Buffer,
+    target: Target,
+    losses: Losses,
+    density: DensityControl,
+    accumulate: Pipeline,
+    finish: Pipeline,
+    ring: Buffer,
+    next_slot: u64,
+    slots: VecDeque<(Ticket, u64)>,
+    cameras: Vec<Camera>,
+    photographs: Vec<Buffer>,
+    antialias: bool,
+    settings: Settings,
+    extent: f64,
+    initial_splats: u32,
+    last: Option<Ticket>,
+    viewer: Viewer,
+}
+
+impl Engine {
+    /// Uploads everything. `state` replaces the initial model when a training goes on.
+    pub fn new(
+        gpu: &Gpu,
+        input: &Input,
+        settings: &Settings,
+        variants: Variants,
+        pacing: Pacing,
+        state: Option<State>,
+    ) -> Result<Self, Error> {
+        let cameras: Vec<Camera> = input.train.iter().map(|v| v.camera).collect();
+        let photographs = input.train.iter().map(|view| upload(gpu, view)).collect::<Result<Vec<_>, Error>>()?;
+        let side = variants.tile.size();
+        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
+        let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
+        let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
+
+        let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
+        let splats = match pacing.splat_capacity {
+            0 => (initial_splats + initial_splats / 2).max(1 << 14),
+            given => given.max(initial_splats),
+        };
+        let pairs = match pacing.pair_capacity {
+            0 => (24 * tiles).max(8 * splats),
+            given => given,
+        };
+        let size = Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true };
+        let extent = f64::from(input.extent);
+        let mut engine = Self {
+            gpu: gpu.clone(),
+            renderer: Renderer::new(gpu, variants, size)?,
+            size,
+            model: Planes::new(gpu, "", splats)?,
+            grads: Planes::new(gpu, "g_", splats)?,
+            optimiser: Optimiser::new(gpu, splats)?,
+            ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
+            stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
+            target: Target::new(gpu, "", pixels, false)?,
+            losses: Losses::new(gpu, &sizes, settings.optimiser.lambda_dssim)?,
+            density: DensityControl::new(gpu, splats, DENSITY_ENTRY)?,
+            accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
+            finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
+            ring: gpu.buffer("ring", 4 * RING_WORDS * RING_SLOTS, Memory::Readback)?,
+            next_slot: 0,
+            slots: VecDeque::new(),
+            cameras,
+            photographs,
+            antialias: settings.model.antialias,
+            settings: settings.clone(),
+            extent,
+            initial_splats,
+            last: None,
+            viewer: Viewer::new(gpu),
+        };
+        match state {
+            Some(state) => engine.restore(&state)?,
+            None => engine.begin(&input.initial)?,
+        }
+        Ok(engine)
+    }
+
+    /// Splats at the start of this run.
+    pub fn initial_splats(&self) -> u32 {
+        self.initial_splats
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// The renderer of the training steps.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// The variant set in use.
+    pub fn variants(&self) -> Variants {
+        self.renderer.variants()
+    }
+
+    fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
+        let n = initial.len() as u32;
+        self.model.write(&self.gpu, initial)?;
+        if n > 0 {
+            self.gpu.write(&self.ids, &initial.ids)?;
+        }
+        let mut recorder = self.gpu.recorder("begin")?;
+        self.optimiser.m.clear(&mut recorder)?;
+        self.optimiser.v.clear(&mut recorder)?;
+        recorder.fill(&self.stats, 0)?;
+        let mut words = vec![0u32; counters::COUNT];
+        words[counters::SPLATS] = n;
+        words[counters::NEXT_ID] = initial.ids.last().map_or(0, |id| id + 1);
+        recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
+        self.last = Some(recorder.submit()?);
+        Ok(())
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        let write = |planes: &Planes, values: &[Vec<f32>; 8]| -> Result<(), Error> {
+            for (buffer, values) in planes.buffers().iter().zip(values).filter(|(_, v)| !v.is_empty()) {
+                self.gpu.write(buffer, values)?;
+            }
+            Ok(())
+        };
+        write(&self.model, &state.params)?;
+        write(&self.optimiser.m, &state.m)?;
+        write(&self.optimiser.v, &state.v)?;
+        if !state.ids.is_empty() {
+            self.gpu.write(&self.ids, &state.ids)?;
+            self.gpu.write(&self.stats, &state.stats)?;
+        }
+        self.gpu.write(&self.renderer.counters, &state.counters)?;
+        Ok(())
+    }
+
+    /// Records and submits an event; waits for nothing.
+    pub fn submit(&mut self, event: Event, plan: &StepPlan, view: usize) -> Result<Ticket, Error> {
+        let label = match event.kind {
+            Kind::Step => "step",
+            Kind::Density => "density",
+            Kind::Reset => "reset",
+        };
+        let mut recorder = self.gpu.recorder(label)?;
+        self.record(&mut recorder, event, plan, view)?;
+        self.submit_recorded(recorder)
+    }
+
+    /// Submits a recording of [`Self::record`].
+    pub fn submit_recorded(&mut self, recorder: Recorder) -> Result<Ticket, Error> {
+        let ticket = recorder.submit()?;
+        self.slots.push_back((ticket, self.next_slot));
+        while self.slots.len() as u64 >= RING_SLOTS {
+            self.slots.pop_front();
+        }
+        self.next_slot = (self.next_slot + 1) % RING_SLOTS;
+        self.last = Some(ticket);
+        Ok(ticket)
+    }
+
+    /// Records an event. To be followed by [`Self::submit_recorded`].
+    pub fn record(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan, view: usize) -> Result<(), Error> {
+        match event.kind {
+            Kind::Step => self.record_step(recorder, plan, view)?,
+            Kind::Density => self.record_density(recorder, event, plan)?,
+            Kind::Reset => self.density.record_reset(recorder, &self.density_model(), RESET_OPACITY)?,
+        }
+        let counters = &self.renderer.counters;
+        let push = finish::Push { event: event.number() };
+        recorder.dispatch(&self.finish, &[counters], &push, Groups::Workgroups(1))?;
+        let at = 4 * RING_WORDS * self.next_slot;
+        recorder.copy(counters, 0, &self.ring, at, 4 * counters::COUNT as u64)?;
+        recorder.copy(self.losses.result(), 0, &self.ring, at + RING_LOSS, 12)?;
+        Ok(())
+    }
+
+    fn shot(&self, camera: Camera, plan: &StepPlan) -> Shot {
+        let projection =
+            Projection { sh_degree: plan.sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: true };
+        Shot { camera, projection, background: plan.background }
+    }
+
+    fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
+        let (Some(camera), Some(photograph)) = (self.cameras.get(view), self.photographs.get(view)) else {
+            return Err(Error::NoViews);
+        };
+        let renderer = &self.renderer;
+        let shot = self.shot(*camera, plan);
+        let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
+        self.losses.record(recorder, &self.target.image, photograph, camera.width, camera.height)?;
+        let grad_image = self.losses.grad_image();
+        renderer.record_backward(recorder, &lists, &self.model, &self.grads, &shot, &self.target, grad_image)?;
+        if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
+            let push =
+                densify_stats::Push { half_width: 0.5 * camera.width as f32, half_height: 0.5 * camera.height as f32 };
+            let buffers = [&renderer.counters, &renderer.tile_counts, &renderer.splat2d, grad2d, &self.stats];
+            recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
+        }
+        let rows = |row| renderer.per_float(row);
+        self.optimiser.record(recorder, &self.model, &self.grads, &renderer.counters, plan, self.extent, rows)?;
+        Ok(())
+    }
+
+    fn record_density(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan) -> Result<(), Error> {
+        let density = &self.settings.density;
+        let rules = DensityRules {
+            clone_threshold: density.grad_threshold as f32,
+            split_threshold: density.grad_threshold as f32,
+            split_absolute: false,
+            split_scale: density.percent_dense * self.extent,
+            prune_opacity: density.prune_opacity,
+            prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
+            max_splats: density.max_splats,
+            seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,
+        };
+        self.density.record(recorder, &self.density_model(), &rules, event.number())?;
+        Ok(())
+    }
+
+    fn density_model(&self) -> density::Model<'_> {
+        density::Model {
+            planes: self.model.buffers(),
+            first_moments: self.optimiser.m.buffers(),
+            second_moments: self.optimiser.v.buffers(),
+            stats: &self.stats,
+            ids: &self.ids,
+            counters: &self.renderer.counters,
+            args: &self.renderer.args,
+        }
+    }
+
+    /// What came of an event. Waits for it if it is not done.
+    pub fn outcome(&mut self, ticket: Ticket) -> Result<Outcome, Error> {
+        self.gpu.wait(ticket)?;
+        let slot = self.slots.iter().find(|(t, _)| *t == ticket).map_or(0, |(_, slot)| *slot);
+        let words: Vec<u32> =
+            self.gpu.read_ready(&self.ring, 4 * RING_WORDS * slot, RING_WORDS as usize, ticket)?.unwrap_or_default();
+        let loss = words.get(RING_LOSS as usize / 4).map_or(f32::NAN, |bits| f32::from_bits(*bits));
+        let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
+        Ok(Outcome { counters, loss })
+    }
+
+    /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
+    /// event done, and what grew to which capacity.
+    pub fn grow(&mut self) -> Result<(u32, Vec<(&'static str, u64)>), Error> {
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let status = words[counters::STATUS];
+        let mut grown = Vec::new();
+        let mut size = self.size;
+        if status & counters::PAIRS_BIT != 0 {
+            size.pairs = larger(words[counters::WANT_PAIRS], size.pairs, "(splat, tile) pairs", "--max-side")?;
+            grown.push(("pairs", u64::from(size.pairs)));
+        }
+        if status & counters::SPLATS_BIT != 0 {
+            size.splats = larger(words[counters::WANT_SPLATS], size.splats, "splats", "--max-splats")?;
+            grown.push(("splats", u64::from(size.splats)));
+            self.grow_planes(size.splats)?;
+        }
+        words[counters::STATUS] = 0;
+        let variants = self.renderer.variants();
+        self.renderer = Renderer::new(&self.gpu, variants, size)?;
+        self.size = size;
+        self.gpu.write(&self.renderer.counters, &words)?;
+        Ok((words[counters::DONE], grown))
+    }
+
+    fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
+        self.grads = Planes::new(&self.gpu, "g_", 1)?;
+        let mut recorder = self.gpu.recorder("grow")?;
+        let grow = |recorder: &mut Recorder, buffer: &Buffer, row: u64| -> Result<Buffer, vk::Error> {
+            let larger = self.gpu.buffer(buffer.name(), row * u64::from(splats), Memory::Device)?;
+            recorder.copy(buffer, 0, &larger, 0, buffer.size())?;
+            Ok(larger)
+        };
+        let ids = grow(&mut recorder, &self.ids, 4)?;
+        let stats = grow(&mut recorder, &self.stats, 16)?;
+        self.model = self.model.grown(&self.gpu, &mut recorder, splats)?;
+        self.optimiser.m = self.optimiser.m.grown(&self.gpu, &mut recorder, splats)?;
+        self.optimiser.v = self.optimiser.v.grown(&self.gpu, &mut recorder, splats)?;
+        (self.ids, self.stats) = (ids, stats);
+        self.gpu.wait(recorder.submit()?)?;
+        self.grads = Planes::new(&self.gpu, "g_", splats)?;
+        self.density = DensityControl::new(&self.gpu, splats, DENSITY_ENTRY)?;
+        Ok(())
+    }
+
+    /// The model, read back. Waits.
+    pub fn model(&self) -> Result<Gaussians, Error> {
+        let n = self.splats()?;
+        let ids = if n > 0 { self.gpu.read_at(&self.ids, 0, n as usize)? } else { Vec::new() };
+        Ok(gaussians_of(self.model.read(&self.gpu, n)?, ids))
+    }
+
+    /// Renders the model as it is, with every band of the spherical harmonics in use at `sh_degree`. Waits.
+    pub fn picture(
+        &mut self,
+        camera: &Camera,
+        sh_degree: u32,
+        background: [f32; 3],
+        aux: bool,
+    ) -> Result<Picture, Error> {
+        let splats = self.splats()?;
+        let projection = Projection { sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: false };
+        let shot = Shot { camera: *camera, projection, background };
+        Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
+    }
+
+    /// The model's planes.
+    pub fn planes(&self) -> &Planes {
+        &self.model
+    }
+
+    /// Splats in the model. Waits.
+    pub fn splats(&self) -> Result<u32, Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        Ok(words[counters::SPLATS])
+    }
+
+    /// Everything a restart needs, read back. Waits.
+    pub fn state(&self) -> Result<State, Error> {
+        let counters: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let n = counters[counters::SPLATS];
+        let (ids, stats) = if n > 0 {
+            (self.gpu.read_at(&self.ids, 0, n as usize)?, self.gpu.read_at(&self.stats, 0, 4 * n as usize)?)
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Ok(State {
+            params: self.model.read(&self.gpu, n)?,
+            ids,
+            m: self.optimiser.m.read(&self.gpu, n)?,
+            v: self.optimiser.v.read(&self.gpu, n)?,
+            stats,
+            counters,
+        })
+    }
+}
+
+/// A capacity for `wanted` elements with room to spare.
+fn larger(wanted: u32, now: u32, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
+    let next = (u64::from(wanted) + u64::from(wanted) / 4).max(u64::from(now) + 64);
+    // Slots, keys and indices are 32 bits wide, and rows of 12 floats are indexed as words.
+    let limit = u64::from(u32::MAX / 12);
+    if u64::from(wanted) > limit {
+        return Err(Error::TooMany { what, wanted: u64::from(wanted), limit, remedy });
+    }
+    Ok(next.min(limit) as u32)
+}
+
+fn upload(gpu: &Gpu, view: &View) -> Result<Buffer, Error> {
+    let expected = 4 * view.camera.width as usize * view.camera.height as usize;
+    if view.rgba.len() != expected || expected == 0 {
+        return Err(Error::PhotographSize { name: view.name.clone(), found: view.rgba.len(), expected });
+    }
+    let buffer = gpu.buffer(&format!("photograph {}", view.name), expected as u64, Memory::Device)?;
+    gpu.write(&buffer, &view.rgba)?;
+    Ok(buffer)
+}

@@ -1,0 +1,70 @@
+//! What can go wrong in training.
+
+use crate::{dataset, format, scene, vk};
+
+/// An error of training.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The device layer failed.
+    #[error(transparent)]
+    Device(#[from] vk::Error),
+    /// The dataset could not be read.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] format::Error),
+    /// There is nothing to begin with.
+    #[error(transparent)]
+    Init(#[from] scene::init::InitError),
+    /// Settings could not be written into a checkpoint.
+    #[error(transparent)]
+    Settings(#[from] super::settings::SettingsError),
+    /// No photograph to train on.
+    #[error("there is no photograph to train on")]
+    NoViews,
+    /// A view's pixels do not fit its camera.
+    #[error("photograph '{name}': {found} bytes of pixels where its camera's size needs {expected}")]
+    PhotographSize {
+        /// Name of the view.
+        name: String,
+        /// Bytes given.
+        found: usize,
+        /// Bytes needed.
+        expected: usize,
+    },
+    /// The loss is not a number: the model is beyond repair.
+    #[error(
+        "step {step}: the loss is not a finite number. Go back to the last checkpoint, or train with lower learning rates"
+    )]
+    LossNotFinite {
+        /// Step.
+        step: u32,
+    },
+    /// The number of splats or pairs exceeds what a buffer of the device can hold.
+    #[error("{what}: {wanted} would be needed, and {limit} is the most; lower it with {remedy}")]
+    TooMany {
+        /// What there are too many of.
+        what: &'static str,
+        /// How many are needed.
+        wanted: u64,
+        /// The limit.
+        limit: u64,
+        /// The option that helps.
+        remedy: &'static str,
+    },
+    /// A section of a checkpoint has the wrong size.
+    #[error("checkpoint, section '{section}': {found} values where {expected} are expected")]
+    Checkpoint {
+        /// Section.
+        section: String,
+        /// Values found.
+        found: usize,
+        /// Values expected.
+        expected: usize,
+    },
+    /// A text section of a checkpoint cannot be read.
+    #[error("checkpoint: {0}")]
+    CheckpointText(#[from] serde_json::Error),
+}

@@ -1,0 +1,32 @@
+//! Held-out views, rendered and compared.
+
+use super::Error;
+use super::engine::Engine;
+use super::input::View;
+use crate::eval::{ImageScore, Quality, psnr, ssim};
+
+/// Renders every view and compares it with its photograph, both rounded to 8 bits.
+pub(super) fn quality(
+    engine: &mut Engine,
+    views: &[View],
+    sh_degree: u32,
+    background: [f32; 3],
+) -> Result<Quality, Error> {
+    let mut images = Vec::with_capacity(views.len());
+    for view in views {
+        let picture = engine.picture(&view.camera, sh_degree, background, false)?;
+        images.push(score(view, &picture.rgb8()));
+    }
+    Ok(Quality::of(images))
+}
+
+/// Compares 8-bit RGB with a view's photograph.
+pub fn score(view: &View, rgb: &[u8]) -> ImageScore {
+    let truth: Vec<u8> = view.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+    ImageScore {
+        name: view.name.clone(),
+        psnr: psnr(rgb, &truth).unwrap_or(f64::NAN),
+        ssim: ssim(rgb, &truth, width, height).unwrap_or(f64::NAN),
+    }
+}

@@ -1,0 +1,44 @@
+//! The curves of a run, kept through checkpoints.
+
+use serde::{Deserialize, Serialize};
+
+use super::message::Message;
+
+/// Loss at the steps, and quality and number of splats where they were looked at.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// Loss of every step, from the first.
+    pub loss: Vec<f32>,
+    /// (step, splats) after every density change, and at the beginning.
+    pub splats: Vec<(u32, u32)>,
+    /// (step, PSNR in dB, SSIM, seconds) of every evaluation.
+    pub quality: Vec<(u32, f64, f64, f64)>,
+}
+
+impl History {
+    /// Takes in what a message tells.
+    pub fn add(&mut self, message: &Message) {
+        match message {
+            Message::Step { step, loss, splats, .. } => {
+                self.loss.truncate(step.saturating_sub(1) as usize);
+                self.loss.push(*loss);
+                if self.splats.is_empty() {
+                    self.splats.push((*step, *splats));
+                }
+            }
+            Message::Density { step, splats, .. } => self.splats.push((*step, *splats)),
+            Message::Evaluated { step, quality, seconds, .. } => {
+                self.quality.retain(|(s, ..)| s < step);
+                self.quality.push((*step, quality.psnr, quality.ssim, *seconds));
+            }
+            _ => {}
+        }
+    }
+
+    /// Forgets what lies after a step.
+    pub fn rewind(&mut self, step: u32) {
+        self.loss.truncate(step as usize);
+        self.splats.retain(|(s, _)| *s <= step);
+        self.quality.retain(|(s, ..)| *s <= step);
+    }
+}

@@ -1,0 +1,79 @@
+//! What a trainer tells whoever pulls its messages.
+
+use std::path::PathBuf;
+
+use crate::eval::Quality;
+
+/// A message of the training stream.
+#[derive(Clone, Debug)]
+pub enum Message {
+    /// A step is done on the device. Steps are told in order, some steps after they were submitted.
+    Step {
+        /// Step, from 1.
+        step: u32,
+        /// (1 - lambda) L1 + lambda (1 - SSIM) of the step's view.
+        loss: f32,
+        /// Splats in the model.
+        splats: u32,
+        /// (splat, tile) pairs of the step's view.
+        pairs: u32,
+        /// Seconds since training began, earlier runs of a resumed training included.
+        seconds: f64,
+    },
+    /// Density control changed the set of splats.
+    Density {
+        /// Step.
+        step: u32,
+        /// Splats cloned.
+        cloned: u32,
+        /// Splats split.
+        split: u32,
+        /// Splats pruned.
+        pruned: u32,
+        /// Splats after the change.
+        splats: u32,
+    },
+    /// Opacities were clamped.
+    OpacityReset {
+        /// Step.
+        step: u32,
+    },
+    /// A buffer was too small: it was grown and the lost events are being replayed.
+    Grown {
+        /// Which buffers.
+        what: &'static str,
+        /// New capacity in elements.
+        capacity: u64,
+        /// First step that is replayed.
+        replay_from: u32,
+    },
+    /// Held-out photographs were rendered and compared.
+    Evaluated {
+        /// Step.
+        step: u32,
+        /// Mean and per-image quality.
+        quality: Quality,
+        /// Splats in the model.
+        splats: u32,
+        /// Seconds since training began.
+        seconds: f64,
+    },
+    /// A checkpoint is on disk.
+    Checkpoint {
+        /// Step.
+        step: u32,
+        /// File.
+        path: PathBuf,
+    },
+    /// Something the user should know.
+    Warning(String),
+    /// All steps are done.
+    Finished {
+        /// Last step.
+        step: u32,
+        /// Splats in the model.
+        splats: u32,
+        /// Seconds of training.
+        seconds: f64,
+    },
+}

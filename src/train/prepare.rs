@@ -1,0 +1,53 @@
+//! From a dataset and settings to the input of a training.
+
+use std::path::Path;
+
+use super::Error;
+use super::input::{Input, View};
+use super::settings::{self, Settings};
+use crate::dataset::{Dataset, LoadOptions, Role};
+use crate::format::ply;
+use crate::scene::{Frame, Gaussians, init};
+
+/// How a dataset is loaded for these settings.
+pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
+    LoadOptions {
+        max_side: Some(photographs.max_side),
+        images_folder: photographs.images.as_ref().map(Into::into),
+        split: photographs.split,
+        photographs: true,
+    }
+}
+
+/// The views of a role with their photographs decoded, cameras in scene coordinates.
+pub fn views(dataset: &Dataset, role: Role) -> Result<Vec<View>, Error> {
+    let photographs = dataset.photographs(role)?;
+    let views = dataset.views_of(role).zip(photographs);
+    Ok(views
+        .filter_map(|((index, view), photograph)| {
+            let camera = dataset.scene_camera(index)?;
+            Some(View { name: view.name.clone(), camera, rgba: photograph.rgba })
+        })
+        .collect())
+}
+
+/// The first model: from `--init`, or from the reconstructed points.
+pub fn initial(dataset: &Dataset, init_file: Option<&Path>) -> Result<Gaussians, Error> {
+    match init_file {
+        Some(file) => Ok(ply::read(file)?.in_scene(&dataset.frame)),
+        None => {
+            let points: Vec<_> = dataset.points.iter().map(|p| (p.position, p.color)).collect();
+            Ok(init::from_points(&points, &dataset.frame)?)
+        }
+    }
+}
+
+/// Decodes the photographs and makes the first model. Held-out photographs are decoded too, for evaluation only.
+pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
+    Ok(Input {
+        train: views(dataset, Role::Train)?,
+        held_out: views(dataset, Role::HeldOut)?,
+        initial: initial(dataset, settings.run.init.as_deref())?,
+        extent: Frame::EXTENT as f32,
+    })
+}

@@ -1,0 +1,25 @@
+//! Everything the device holds between two steps.
+
+/// Host copy of the training state; rows as in [`crate::raster::PLANES`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// The model's planes.
+    pub params: [Vec<f32>; 8],
+    /// Identities of the splats.
+    pub ids: Vec<u32>,
+    /// First moments of Adam.
+    pub m: [Vec<f32>; 8],
+    /// Second moments of Adam.
+    pub v: [Vec<f32>; 8],
+    /// Densification statistics, 4 floats per splat.
+    pub stats: Vec<f32>,
+    /// The counters.
+    pub counters: Vec<u32>,
+}
+
+impl State {
+    /// Number of splats.
+    pub fn splats(&self) -> u32 {
+        self.ids.len() as u32
+    }
+}

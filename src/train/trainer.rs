@@ -1,0 +1,291 @@
+//! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
+//! when a buffer turned out too small.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use super::engine::{Engine, Outcome};
+use super::event::{Event, Kind};
+use super::input::{Input, View};
+use super::message::Message;
+use super::schedule::Schedule;
+use super::settings::Settings;
+use super::state::State;
+use super::{Error, evaluate};
+use crate::pass::counters;
+use crate::raster::{Picture, Variants};
+use crate::scene::{Camera, Gaussians};
+use crate::vk::{Gpu, Ticket};
+
+/// How far the host may run ahead of the device, and how large the buffers start.
+#[derive(Clone, Copy, Debug)]
+pub struct Pacing {
+    /// Events submitted and not yet looked at, at least 1. From 3 on, looking at the oldest never drains the device.
+    pub events_in_flight: usize,
+    /// Splats that fit before the first growth; 0 chooses.
+    pub splat_capacity: u32,
+    /// (splat, tile) pairs that fit before the first growth; 0 chooses.
+    pub pair_capacity: u32,
+}
+
+impl Default for Pacing {
+    fn default() -> Self {
+        Self { events_in_flight: 4, splat_capacity: 0, pair_capacity: 0 }
+    }
+}
+
+/// What a resumed training begins with.
+pub struct Restart {
+    /// Last step that is done.
+    pub step: u32,
+    /// Seconds spent so far.
+    pub seconds: f64,
+    /// Everything the device holds between steps.
+    pub state: State,
+    /// The variant set in use: a run goes on with the forms of the passes it began with.
+    pub variants: Variants,
+}
+
+/// A running training.
+pub struct Trainer {
+    engine: Engine,
+    schedule: Schedule,
+    settings: Settings,
+    held_out: Vec<View>,
+    pacing: Pacing,
+    next: Event,
+    in_flight: VecDeque<(Event, Ticket)>,
+    messages: VecDeque<Message>,
+    /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint request).
+    attended: u32,
+    last_splats: u32,
+    pending_check: bool,
+    started: Instant,
+    seconds_before: f64,
+    finished: bool,
+}
+
+impl Trainer {
+    /// Uploads photographs and the initial model. `restart` continues an earlier training with the same input and settings.
+    pub fn new(
+        gpu: &Gpu,
+        input: Input,
+        settings: &Settings,
+        pacing: Pacing,
+        restart: Option<Restart>,
+    ) -> Result<Self, Error> {
+        let started = Instant::now();
+        if input.train.is_empty() {
+            return Err(Error::NoViews);
+        }
+        let schedule = Schedule::new(settings, input.train.len());
+        let (step, seconds_before, state, variants) = match restart {
+            Some(r) => (r.step, r.seconds, Some(r.state), Some(r.variants)),
+            None => (0, 0.0, None, None),
+        };
+        let variants = variants.unwrap_or_else(|| Variants::choose(gpu, settings.run.deterministic));
+        let engine = Engine::new(gpu, &input, settings, variants, pacing, state)?;
+        let last_splats = engine.initial_splats();
+        Ok(Self {
+            engine,
+            schedule,
+            settings: settings.clone(),
+            held_out: input.held_out,
+            pacing,
+            next: Event::of_step(step + 1),
+            in_flight: VecDeque::new(),
+            messages: VecDeque::new(),
+            attended: step,
+            last_splats,
+            pending_check: false,
+            started,
+            seconds_before,
+            finished: false,
+        })
+    }
+
+    /// Pulls the next message; works as long as it takes to have one. `None` after [`Message::Finished`].
+    pub fn next_message(&mut self) -> Result<Option<Message>, Error> {
+        loop {
+            if let Some(message) = self.messages.pop_front() {
+                return Ok(Some(message));
+            }
+            if self.finished {
+                return Ok(None);
+            }
+            self.advance()?;
+        }
+    }
+
+    /// One turn: attend to a stop, or submit what fits, then look at the oldest event.
+    fn advance(&mut self) -> Result<(), Error> {
+        let stop = self.next_stop();
+        while self.in_flight.len() < self.pacing.events_in_flight.max(1) && self.next.step <= stop {
+            let plan = self.schedule.step(self.next.step);
+            let ticket = self.engine.submit(self.next, &plan, self.schedule.view_at(self.next.step))?;
+            self.in_flight.push_back((self.next, ticket));
+            self.next = self.next.next(&self.schedule);
+        }
+        if let Some((event, ticket)) = self.in_flight.pop_front() {
+            let outcome = self.engine.outcome(ticket)?;
+            return self.look(event, outcome);
+        }
+        self.attend(stop)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.seconds_before + self.started.elapsed().as_secs_f64()
+    }
+
+    /// The step at which the host must have everything done: the end, or an evaluation before it.
+    fn next_stop(&self) -> u32 {
+        let total = self.schedule.iterations;
+        let every = self.settings.run.eval_every;
+        if every == 0 || self.held_out.is_empty() {
+            return total;
+        }
+        (self.attended / every + 1).saturating_mul(every).min(total)
+    }
+
+    fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
+        if outcome.counters[counters::STATUS] != 0 {
+            return self.recover();
+        }
+        let splats = outcome.counters[counters::SPLATS];
+        match event.kind {
+            Kind::Step => {
+                if outcome.counters[counters::BAD_SPLATS] > 0 {
+                    self.warn_of_bad_splats(event.step, outcome.counters[counters::BAD_SPLATS]);
+                }
+                if !outcome.loss.is_finite() {
+                    return Err(Error::LossNotFinite { step: event.step });
+                }
+                self.messages.push_back(Message::Step {
+                    step: event.step,
+                    loss: outcome.loss,
+                    splats,
+                    pairs: outcome.counters[counters::PAIRS],
+                    seconds: self.seconds(),
+                });
+            }
+            Kind::Density => {
+                self.messages.push_back(Message::Density {
+                    step: event.step,
+                    cloned: outcome.counters[counters::CLONED],
+                    split: outcome.counters[counters::SPLIT],
+                    pruned: outcome.counters[counters::PRUNED],
+                    splats,
+                });
+                if splats == 0 && self.last_splats > 0 {
+                    self.messages.push_back(Message::Warning(format!(
+                        "step {}: every splat was pruned; the model is empty from here on",
+                        event.step
+                    )));
+                }
+            }
+            Kind::Reset => self.messages.push_back(Message::OpacityReset { step: event.step }),
+        }
+        self.last_splats = splats;
+        Ok(())
+    }
+
+    fn warn_of_bad_splats(&mut self, step: u32, count: u32) {
+        if !self.pending_check {
+            self.pending_check = true;
+            self.messages.push_back(Message::Warning(format!(
+                "step {step}: {count} splats with values that are not finite are left out; the next density change drops them"
+            )));
+        }
+    }
+
+    /// Drains, grows what was too small, clears the status and goes back to the first event that was lost.
+    fn recover(&mut self) -> Result<(), Error> {
+        self.in_flight.clear();
+        let (done, grown) = self.engine.grow()?;
+        self.next = Event::after(done, &self.schedule);
+        for (what, capacity) in grown {
+            self.messages.push_back(Message::Grown { what, capacity, replay_from: self.next.step });
+        }
+        Ok(())
+    }
+
+    fn attend(&mut self, stop: u32) -> Result<(), Error> {
+        self.attended = stop;
+        let total = self.schedule.iterations;
+        let every = self.settings.run.eval_every;
+        if !self.held_out.is_empty() && (stop == total || (every > 0 && stop.is_multiple_of(every))) {
+            let quality = self.evaluate()?;
+            let (splats, seconds) = (self.last_splats, self.seconds());
+            self.messages.push_back(Message::Evaluated { step: stop, quality, splats, seconds });
+        }
+        if stop == total {
+            self.finished = true;
+            let (splats, seconds) = (self.last_splats, self.seconds());
+            self.messages.push_back(Message::Finished { step: stop, splats, seconds });
+        }
+        Ok(())
+    }
+
+    /// Finishes what was submitted, so that the model is at a whole step; returns that step.
+    pub fn settle(&mut self) -> Result<u32, Error> {
+        loop {
+            while let Some((event, ticket)) = self.in_flight.pop_front() {
+                let outcome = self.engine.outcome(ticket)?;
+                self.look(event, outcome)?;
+            }
+            if self.next.kind == Kind::Step {
+                return Ok(self.next.step - 1);
+            }
+            let plan = self.schedule.step(self.next.step);
+            let ticket = self.engine.submit(self.next, &plan, 0)?;
+            self.in_flight.push_back((self.next, ticket));
+            self.next = self.next.next(&self.schedule);
+        }
+    }
+
+    /// Renders the held-out views and compares them with their photographs, 8 bits both.
+    pub fn evaluate(&mut self) -> Result<crate::eval::Quality, Error> {
+        let step = self.settle()?;
+        let plan = self.schedule.step(step.max(1));
+        evaluate::quality(&mut self.engine, &self.held_out, plan.sh_degree, self.settings.model.background.evaluated())
+    }
+
+    /// Renders the model as it is, depth and normals too.
+    pub fn picture(&mut self, camera: &Camera) -> Result<Picture, Error> {
+        let step = self.settle()?;
+        let sh_degree = self.schedule.step(step.max(1)).sh_degree;
+        self.engine.picture(camera, sh_degree, self.settings.model.background.evaluated(), true)
+    }
+
+    /// Messages that are known and not yet pulled.
+    pub fn told(&self) -> impl Iterator<Item = &Message> {
+        self.messages.iter()
+    }
+
+    /// The held-out views.
+    pub fn held_out(&self) -> &[View] {
+        &self.held_out
+    }
+
+    /// The model as it is, in scene coordinates.
+    pub fn model(&mut self) -> Result<Gaussians, Error> {
+        self.settle()?;
+        self.engine.model()
+    }
+
+    /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
+    pub fn snapshot(&mut self) -> Result<Restart, Error> {
+        let step = self.settle()?;
+        Ok(Restart { step, seconds: self.seconds(), state: self.engine.state()?, variants: self.engine.variants() })
+    }
+
+    /// Splats after the last event that was looked at.
+    pub fn splats(&self) -> u32 {
+        self.last_splats
+    }
+
+    /// The schedule in force.
+    pub fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+}

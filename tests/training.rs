@@ -1,0 +1,180 @@
+//! Training as a whole, on a small scene made in memory: it learns, repeats itself bit for bit, survives buffers that are
+//! too small, and stops and resumes without a trace.
+
+mod common;
+
+use common::plane_scene;
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::{Checkpointed, History, Input, Message, Pacing, Settings, State, Trainer};
+use psrgs_vk::vk::Gpu;
+
+fn settings(iterations: u32) -> Settings {
+    let mut s = Settings::default();
+    s.run.iterations = iterations;
+    s.run.deterministic = true;
+    s.run.eval_every = 0;
+    s.density.densify_from = 10;
+    s.density.densify_until = iterations;
+    s.density.densify_interval = 15;
+    s.density.opacity_reset_interval = 40;
+    s.model.sh_interval = 20;
+    // A scene this small moves at larger steps than the reference's.
+    s.optimiser.lr_sh_base = 0.02;
+    s.optimiser.lr_opacities = 0.1;
+    s
+}
+
+struct Run {
+    state: State,
+    losses: Vec<f32>,
+    grown: usize,
+    changed: u32,
+}
+
+fn run(gpu: &Gpu, input: Input, settings: &Settings, pacing: Pacing) -> Run {
+    let mut trainer = Trainer::new(gpu, input, settings, pacing, None).expect("trainer");
+    let (mut losses, mut grown, mut changed) = (Vec::new(), 0, 0);
+    while let Some(message) = trainer.next_message().expect("message") {
+        match message {
+            Message::Step { step, loss, .. } => {
+                losses.truncate(step as usize - 1);
+                losses.push(loss);
+            }
+            Message::Grown { .. } => grown += 1,
+            Message::Density { cloned, split, pruned, .. } => changed += cloned + split + pruned,
+            _ => {}
+        }
+    }
+    let state = trainer.snapshot().expect("snapshot").state;
+    Run { state, losses, grown, changed }
+}
+
+/// Equal bits, NaN included.
+fn assert_same(a: &State, b: &State, what: &str) {
+    assert_eq!(a.ids, b.ids, "{what}: ids");
+    let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    for (name, x, y) in [("params", &a.params, &b.params), ("m", &a.m, &b.m), ("v", &a.v, &b.v)] {
+        for k in 0..8 {
+            assert_eq!(bits(&x[k]), bits(&y[k]), "{what}: plane {k} of {name}");
+        }
+    }
+    assert_eq!(bits(&a.stats), bits(&b.stats), "{what}: statistics");
+}
+
+#[test]
+fn training_learns_and_changes_density() {
+    let Some(gpu) = common::gpu() else { return };
+    let run = run(&gpu, plane_scene::input(6, 64, 48, 300), &settings(80), Pacing::default());
+    assert_eq!(run.losses.len(), 80);
+    let mean = |x: &[f32]| x.iter().sum::<f32>() / x.len() as f32;
+    let (first, last) = (mean(&run.losses[..12]), mean(&run.losses[28..40]));
+    assert!(last < 0.8 * first, "loss {first} -> {last}");
+    assert!(run.changed > 0, "density control did nothing");
+}
+
+#[test]
+fn deterministic_runs_are_bit_equal() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let a = run(&gpu, input.clone(), &settings(60), Pacing::default());
+    let b = run(&gpu, input, &settings(60), Pacing { events_in_flight: 7, ..Pacing::default() });
+    assert_same(&a.state, &b.state, "second run");
+    assert_eq!(a.losses, b.losses);
+    assert!(a.changed > 0);
+}
+
+#[test]
+fn overflow_is_replayed_bit_equal_with_1_2_and_8_events_in_flight() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let large = Pacing { splat_capacity: 20_000, pair_capacity: 400_000, ..Pacing::default() };
+    let truth = run(&gpu, input.clone(), &settings(60), large);
+    assert_eq!(truth.grown, 0, "the large buffers were meant to suffice");
+    for events_in_flight in [1, 2, 8] {
+        let tight = Pacing { events_in_flight, splat_capacity: 301, pair_capacity: 64 };
+        let forced = run(&gpu, input.clone(), &settings(60), tight);
+        assert!(forced.grown >= 2, "{events_in_flight} in flight: buffers grew {} times", forced.grown);
+        assert_same(&truth.state, &forced.state, &format!("{events_in_flight} in flight"));
+        assert_eq!(truth.losses, forced.losses);
+    }
+}
+
+#[test]
+fn stopped_and_resumed_is_bit_equal() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let truth = run(&gpu, input.clone(), &settings(60), Pacing::default());
+    // 15, 30, 45: density changes; 40: opacity reset; the others lie between.
+    for stop in [1, 14, 15, 29, 40, 44, 59] {
+        let mut first = Trainer::new(&gpu, input.clone(), &settings(60), Pacing::default(), None).expect("trainer");
+        loop {
+            match first.next_message().expect("message") {
+                Some(Message::Step { step, .. }) if step == stop => break,
+                Some(_) => {}
+                None => panic!("ended before step {stop}"),
+            }
+        }
+        let restart = first.snapshot().expect("snapshot");
+        assert!(restart.step >= stop);
+        let kept = Checkpointed::new(restart, &settings(60), History::default()).expect("settings");
+        let sections = kept.to_checkpoint().expect("sections");
+        drop(first);
+        let restart = Checkpointed::from_checkpoint(&sections).expect("checkpoint").restart;
+        let mut second =
+            Trainer::new(&gpu, input.clone(), &settings(60), Pacing::default(), Some(restart)).expect("trainer");
+        while second.next_message().expect("message").is_some() {}
+        assert_same(&truth.state, &second.snapshot().expect("snapshot").state, &format!("resumed near {stop}"));
+    }
+}
+
+#[test]
+fn test_photographs_do_not_reach_the_model() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let mut noisy = input.clone();
+    for view in &mut noisy.held_out {
+        for (k, b) in view.rgba.iter_mut().enumerate() {
+            *b = (k as u32).wrapping_mul(2_654_435_761) as u8;
+        }
+    }
+    let mut s = settings(50);
+    s.run.eval_every = 20;
+    let a = run(&gpu, input, &s, Pacing::default());
+    let b = run(&gpu, noisy, &s, Pacing::default());
+    assert_same(&a.state, &b.state, "noise in the held-out photographs");
+}
+
+#[test]
+fn empty_culled_and_pruned_models_train_on() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut behind = plane_scene::splats(50);
+    behind.means.chunks_exact_mut(3).for_each(|p| p[2] = 100.0);
+    let mut faint = plane_scene::splats(50);
+    faint.opacities.fill(-9.0);
+    for (what, initial) in [("none", Gaussians::zeros(0)), ("all culled", behind), ("all pruned", faint)] {
+        let input = Input { initial, ..plane_scene::input(3, 40, 30, 0) };
+        let run = run(&gpu, input, &settings(40), Pacing::default());
+        assert_eq!(run.losses.len(), 40, "{what}");
+        assert!(run.losses.iter().all(|l| l.is_finite()), "{what}");
+        if what == "all pruned" {
+            assert_eq!(run.state.splats(), 0);
+        }
+    }
+}
+
+#[test]
+fn two_engines_in_one_process_do_not_disturb_each_other() {
+    let (Some(one), Some(two)) = (common::gpu(), common::gpu()) else { return };
+    let input = plane_scene::input(4, 48, 40, 200);
+    let alone = run(&one, input.clone(), &settings(30), Pacing::default());
+    let mut a = Trainer::new(&one, input.clone(), &settings(30), Pacing::default(), None).expect("trainer");
+    let mut b = Trainer::new(&two, input, &settings(30), Pacing::default(), None).expect("trainer");
+    loop {
+        let (x, y) = (a.next_message().expect("a"), b.next_message().expect("b"));
+        if x.is_none() && y.is_none() {
+            break;
+        }
+    }
+    assert_same(&alone.state, &a.snapshot().expect("a").state, "first engine");
+    assert_same(&alone.state, &b.snapshot().expect("b").state, "second engine");
+}
