@@ -136,10 +136,15 @@ fn curves(history: &History) -> Vec<Curve> {
     });
     let curve =
         |name: &str, unit: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), unit: unit.into(), points };
+    let mut splats: Vec<(f64, f64)> = history.splats.iter().map(|s| (f64::from(s.0), f64::from(s.1))).collect();
+    // The number holds from the last change to the end.
+    if let Some(&(_, last)) = splats.last() {
+        splats.push((history.loss.len() as f64, last));
+    }
     vec![
         curve("Loss", "", loss.collect()),
         curve("Held-out PSNR", "dB", history.quality.iter().map(|q| (f64::from(q.0), q.1)).collect()),
-        curve("Splats", "", history.splats.iter().map(|s| (f64::from(s.0), f64::from(s.1))).collect()),
+        curve("Splats", "", splats),
     ]
 }
 
