@@ -5,7 +5,7 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::train::{Checkpointed, History, Input, Message, Pacing, Settings, State, Trainer};
+use psrgs_vk::train::{Checkpointed, Input, Message, Pacing, Settings, State, Trainer};
 use psrgs_vk::vk::Gpu;
 
 fn settings(iterations: u32) -> Settings {
@@ -116,7 +116,7 @@ fn stopped_and_resumed_is_bit_equal() {
         }
         let restart = first.snapshot().expect("snapshot");
         assert!(restart.step >= stop);
-        let kept = Checkpointed::new(restart, &settings(60), History::default()).expect("settings");
+        let kept = Checkpointed::new(restart, &settings(60)).expect("settings");
         let sections = kept.to_checkpoint().expect("sections");
         drop(first);
         let restart = Checkpointed::from_checkpoint(&sections).expect("checkpoint").restart;

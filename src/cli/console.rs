@@ -31,10 +31,6 @@ impl Console {
         self.terminal && self.level >= Level::Normal
     }
 
-    /// Whether progress is told at all.
-    pub(crate) fn talks(&self) -> bool {
-        self.level >= Level::Normal
-    }
 
     pub(crate) fn say(&self, text: impl Display) {
         if self.level >= Level::Normal {

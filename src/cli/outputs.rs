@@ -29,7 +29,6 @@ pub(crate) struct Finished<'a> {
     pub(crate) folder: &'a RunFolder,
     pub(crate) dataset: &'a Dataset,
     pub(crate) gpu: &'a Gpu,
-    pub(crate) history: &'a History,
     /// When the process started.
     pub(crate) started: Instant,
     /// Seconds of training, earlier stretches of a resumed run included.
@@ -85,7 +84,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     let data = ReportData {
         title: format!("{} on {}", metrics.method, metrics.scene),
         settings: named_settings(&settings.to_toml()?),
-        curves: curves(run.history),
+        curves: curves(trainer.history()),
         files: files(),
         notes: run.dataset.warnings.iter().map(ToString::to_string).collect(),
         views: panels,

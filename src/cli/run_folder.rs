@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use psrgs_vk::format::atomic;
+use psrgs_vk::train::Settings;
 
 use super::exit::Failure;
 use super::train::Plan;
@@ -62,10 +63,16 @@ impl RunFolder {
                 fs::remove_file(&file).map_err(|e| unwritable(&file, &e))?;
             }
         }
-        let settings = plan.settings.to_toml()?;
-        atomic::write(&path.join(SETTINGS), |out| out.write_all(settings.as_bytes()))
-            .with_context(|| format!("{}", path.display()))?;
-        Ok(Self { path, _lock: lock })
+        let folder = Self { path, _lock: lock };
+        folder.write_settings(&plan.settings)?;
+        Ok(folder)
+    }
+
+    /// Writes `settings.toml`.
+    pub(crate) fn write_settings(&self, settings: &Settings) -> anyhow::Result<()> {
+        let text = settings.to_toml()?;
+        atomic::write(&self.file(SETTINGS), |out| out.write_all(text.as_bytes()))
+            .with_context(|| format!("{}", self.path.display()))
     }
 
     /// A file of the run.

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::checkpoint;
-use psrgs_vk::train::{Checkpointed, History, Message, Pacing, Trainer, prepare};
+use psrgs_vk::train::{Checkpointed, Message, Pacing, Trainer, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
@@ -28,6 +28,15 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     tell(&dataset, console);
     let before = if plan.resume { resumed(&folder, console)? } else { None };
     let gpu = device::open(&settings.device, false, console)?;
+    let mut settings = settings.clone();
+    if settings.run.deterministic {
+        // The forms of the passes belong to what a repetition needs.
+        let variants = chosen_variants(&gpu, &settings)?;
+        settings.device.tile_shape = Some(variants.tile);
+        settings.device.gradient_sum = Some(variants.gradients);
+        folder.write_settings(&settings)?;
+    }
+    let settings = &settings;
     let input = prepare::input(&dataset, settings)?;
     console.say(format_args!(
         "{}, {} steps, seed {}, {} splats to begin with",
@@ -36,17 +45,12 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         settings.run.seed,
         HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
     ));
-    let (mut history, restart) = match before {
-        Some(b) => (b.history, Some(b.restart)),
-        None => (History::default(), None),
-    };
+    let restart = before.map(|b| b.restart);
     let done = restart.as_ref().map_or(0, |r| r.step);
-    history.rewind(done);
     let mut trainer = Trainer::new(&gpu, input, settings, Pacing::default(), restart)?;
-    let mut run = Run { plan, folder: &folder, gpu: &gpu, history: &mut history, saved: done };
-    let training_seconds = run.follow(&mut trainer, console, &interrupt, done)?;
-    let finished =
-        Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, history: &history, started, training_seconds };
+    trainer.keep_checkpoints(&folder.checkpoints());
+    let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
+    let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
     outputs::write(&finished, &mut trainer, console)
 }
 
@@ -83,92 +87,53 @@ fn resumed(folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Check
     Ok(Some(found))
 }
 
-struct Run<'a> {
-    plan: &'a Plan,
-    folder: &'a RunFolder,
-    gpu: &'a Gpu,
-    history: &'a mut History,
-    saved: u32,
-}
-
-impl Run<'_> {
-    /// Pulls messages until the end; gives the seconds of training.
-    fn follow(
-        &mut self,
-        trainer: &mut Trainer,
-        console: &Console,
-        interrupt: &Interrupt,
-        done: u32,
-    ) -> anyhow::Result<f64> {
-        let run = &self.plan.settings.run;
-        let mut progress = Progress::new(console, done, run.iterations);
-        let mut seconds = 0.0;
-        while let Some(message) = trainer.next_message()? {
-            self.history.add(&message);
-            match message {
-                Message::Step { step, loss, splats, seconds: now, .. } => {
-                    seconds = now;
-                    progress.step(step, loss, splats, now);
-                    if progress.wants_estimate(step) {
-                        progress.estimate(step, now, self.gpu.memory_use().current, !run.no_densify);
-                    }
-                    let due = run.checkpoint_every > 0 && step >= self.saved + run.checkpoint_every;
-                    if interrupt.asked() {
-                        progress.finish();
-                        return Err(self.stop(trainer)?);
-                    }
-                    if due {
-                        self.save(trainer, &progress)?;
-                    }
+/// Pulls messages until the end; gives the seconds of training.
+fn follow(
+    trainer: &mut Trainer,
+    plan: &Plan,
+    gpu: &Gpu,
+    console: &Console,
+    interrupt: &Interrupt,
+    done: u32,
+) -> anyhow::Result<f64> {
+    let run = &plan.settings.run;
+    let mut progress = Progress::new(console, done, run.iterations);
+    let mut seconds = 0.0;
+    while let Some(message) = trainer.next_message()? {
+        match message {
+            Message::Step { step, loss, splats, seconds: now, .. } => {
+                seconds = now;
+                progress.step(step, loss, splats, now);
+                if progress.wants_estimate(step) {
+                    progress.estimate(step, now, gpu.memory_use().current, !run.no_densify);
                 }
-                Message::Density { step, cloned, split, pruned, splats } => progress.detail(format_args!(
-                    "step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats"
-                )),
-                Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
-                Message::Grown { what, capacity, replay_from } => {
-                    progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"))
+                if interrupt.asked() && step < run.iterations {
+                    progress.finish();
+                    let (step, file) = trainer.save_checkpoint()?;
+                    return Err(Failure::Interrupted(format!(
+                        "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
+                        file.display(),
+                        plan.out.display()
+                    ))
+                    .into());
                 }
-                Message::Evaluated { step, quality, splats, .. } => {
-                    progress.evaluated(step, quality.psnr, quality.ssim, splats);
-                }
-                Message::Checkpoint { step, path } => {
-                    progress.detail(format_args!("step {step}: saved {}", path.display()));
-                }
-                Message::Warning(text) => progress.warn(text),
-                Message::Finished { seconds: now, .. } => seconds = now,
             }
+            Message::Density { step, cloned, split, pruned, splats } => progress
+                .detail(format_args!("step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats")),
+            Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
+            Message::Grown { what, capacity, replay_from } => {
+                progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));
+            }
+            Message::Evaluated { step, quality, splats, .. } => {
+                progress.evaluated(step, quality.psnr, quality.ssim, splats);
+            }
+            Message::Checkpoint { step, path } => {
+                progress.detail(format_args!("step {step}: saved {}", path.display()));
+            }
+            Message::Warning(text) => progress.warn(text),
+            Message::Finished { seconds: now, .. } => seconds = now,
         }
-        progress.finish();
-        Ok(seconds)
     }
-
-    fn save(&mut self, trainer: &mut Trainer, progress: &Progress) -> anyhow::Result<()> {
-        let (step, file) = self.write(trainer)?;
-        progress.detail(format_args!("step {step}: saved {}", file.display()));
-        Ok(())
-    }
-
-    /// The model goes to a whole step; messages of the steps that this finishes are still to come, and belong to the next
-    /// stretch: the history that is kept ends where the checkpoint does.
-    fn write(&mut self, trainer: &mut Trainer) -> anyhow::Result<(u32, std::path::PathBuf)> {
-        let restart = trainer.snapshot()?;
-        let step = restart.step;
-        let mut history = self.history.clone();
-        trainer.told().for_each(|message| history.add(message));
-        history.rewind(step);
-        let kept = Checkpointed::new(restart, &self.plan.settings, history)?;
-        let file = checkpoint::save(&self.folder.checkpoints(), step.into(), &kept.to_checkpoint()?)?;
-        self.saved = step;
-        Ok((step, file))
-    }
-
-    fn stop(&mut self, trainer: &mut Trainer) -> anyhow::Result<anyhow::Error> {
-        let (step, file) = self.write(trainer)?;
-        Ok(Failure::Interrupted(format!(
-            "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
-            file.display(),
-            self.plan.out.display()
-        ))
-        .into())
-    }
+    progress.finish();
+    Ok(seconds)
 }

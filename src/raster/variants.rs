@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::vk::{DeviceKind, FloatAtomics, Gpu};
 
 /// How the blending passes share a tile among threads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum TileShape {
     /// 8x8 tiles, a thread owns a column of 8 pixels: for devices that run a workgroup as one vector (CPU drivers).
@@ -25,7 +25,7 @@ impl TileShape {
 }
 
 /// Where the blend backward leaves its gradients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum GradientSum {
     /// Native float atomics; the order of additions is the device's.
@@ -60,5 +60,10 @@ impl Variants {
             GradientSum::CompareAndSwap
         };
         Self { tile, gradients }
+    }
+
+    /// The same with some forms given.
+    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>) -> Self {
+        Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients) }
     }
 }

@@ -15,14 +15,12 @@ pub struct Checkpointed {
     pub restart: Restart,
     /// The settings of the run, as `settings.toml` has them.
     pub settings: String,
-    /// The curves so far.
-    pub history: History,
 }
 
 impl Checkpointed {
     /// Gathers what is to be kept.
-    pub fn new(restart: Restart, settings: &Settings, history: History) -> Result<Self, Error> {
-        Ok(Self { restart, settings: settings.to_toml()?, history })
+    pub fn new(restart: Restart, settings: &Settings) -> Result<Self, Error> {
+        Ok(Self { restart, settings: settings.to_toml()? })
     }
 
     /// The sections of the file.
@@ -31,7 +29,7 @@ impl Checkpointed {
         let state = &self.restart.state;
         out.put_text("settings", &self.settings);
         out.put_text("variants", &serde_json::to_string(&self.restart.variants)?);
-        out.put_text("history", &serde_json::to_string(&self.history)?);
+        out.put_text("history", &serde_json::to_string(&self.restart.history)?);
         out.put_values("step", &[self.restart.step]);
         out.put_values("seconds", &[self.restart.seconds]);
         out.put_values("counters", &state.counters);
@@ -72,13 +70,13 @@ impl Checkpointed {
                 expected: ids.len(),
             });
         }
+        let history: History = serde_json::from_str(file.text("history")?)?;
         let variants: Variants = serde_json::from_str(file.text("variants")?)?;
         let state =
             State { params: planes("")?, m: planes("m_")?, v: planes("v_")?, stats: rows("stats", 4)?, counters, ids };
         Ok(Self {
-            restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants },
+            restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),
-            history: serde_json::from_str(file.text("history")?)?,
         })
     }
 }

@@ -21,6 +21,12 @@ pub enum Error {
     /// Settings could not be written into a checkpoint.
     #[error(transparent)]
     Settings(#[from] super::settings::SettingsError),
+    /// A form of a pass was asked for that does not give equal bits.
+    #[error("--gradient-sum: only slots gives equal bits; leave it out, or leave --deterministic out")]
+    NotDeterministic,
+    /// Float atomics were asked for on a device (or with a switch) that has none.
+    #[error("--gradient-sum atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
+    NoFloatAtomics,
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,

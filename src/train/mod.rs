@@ -28,4 +28,4 @@ pub use message::Message;
 pub use schedule::{Schedule, StepPlan};
 pub use settings::Settings;
 pub use state::State;
-pub use trainer::{Pacing, Restart, Trainer};
+pub use trainer::{Pacing, Restart, Trainer, chosen_variants};

@@ -205,6 +205,12 @@ group! {
         /// Device memory that may be used, such as 6GiB or 800M [default: what the device reports]
         #[arg(value_name = "BYTES")]
         pub max_device_memory: ByteSize,
+        /// How the blending passes share a tile among threads [default: what suits the device]
+        #[arg(value_name = "SHAPE", value_enum)]
+        pub tile_shape: crate::raster::TileShape,
+        /// Where the blend backward leaves its gradients [default: what suits the device]; slots are bit-reproducible
+        #[arg(value_name = "SUM", value_enum)]
+        pub gradient_sum: crate::raster::GradientSum,
     }
 }
 

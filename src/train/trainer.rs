@@ -2,20 +2,24 @@
 //! when a buffer turned out too small.
 
 use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::checkpoint::Checkpointed;
 use super::engine::{Engine, Outcome};
 use super::event::{Event, Kind};
+use super::history::History;
 use super::input::{Input, View};
 use super::message::Message;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::state::State;
 use super::{Error, evaluate};
+use crate::format::checkpoint;
 use crate::pass::counters;
-use crate::raster::{Picture, Variants};
+use crate::raster::{GradientSum, Picture, Variants};
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{Gpu, Ticket};
+use crate::vk::{FloatAtomics, Gpu, Ticket};
 
 /// How far the host may run ahead of the device, and how large the buffers start.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +48,8 @@ pub struct Restart {
     pub state: State,
     /// The variant set in use: a run goes on with the forms of the passes it began with.
     pub variants: Variants,
+    /// The curves so far.
+    pub history: History,
 }
 
 /// A running training.
@@ -56,8 +62,10 @@ pub struct Trainer {
     next: Event,
     in_flight: VecDeque<(Event, Ticket)>,
     messages: VecDeque<Message>,
-    /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint request).
+    /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
+    checkpoints: Option<PathBuf>,
+    history: History,
     last_splats: u32,
     pending_check: bool,
     started: Instant,
@@ -79,11 +87,14 @@ impl Trainer {
             return Err(Error::NoViews);
         }
         let schedule = Schedule::new(settings, input.train.len());
-        let (step, seconds_before, state, variants) = match restart {
-            Some(r) => (r.step, r.seconds, Some(r.state), Some(r.variants)),
-            None => (0, 0.0, None, None),
+        let (step, seconds_before, state, variants, history) = match restart {
+            Some(r) => (r.step, r.seconds, Some(r.state), Some(r.variants), r.history),
+            None => (0, 0.0, None, None, History::default()),
         };
-        let variants = variants.unwrap_or_else(|| Variants::choose(gpu, settings.run.deterministic));
+        let variants = match variants {
+            Some(kept) => kept,
+            None => chosen_variants(gpu, settings)?,
+        };
         let engine = Engine::new(gpu, &input, settings, variants, pacing, state)?;
         let last_splats = engine.initial_splats();
         Ok(Self {
@@ -96,6 +107,8 @@ impl Trainer {
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
             attended: step,
+            checkpoints: None,
+            history,
             last_splats,
             pending_check: false,
             started,
@@ -137,14 +150,37 @@ impl Trainer {
         self.seconds_before + self.started.elapsed().as_secs_f64()
     }
 
-    /// The step at which the host must have everything done: the end, or an evaluation before it.
-    fn next_stop(&self) -> u32 {
-        let total = self.schedule.iterations;
+    /// Writes a checkpoint to `folder` every [`Settings`]`.run.checkpoint_every` steps from now on.
+    pub fn keep_checkpoints(&mut self, folder: &Path) {
+        self.checkpoints = Some(folder.to_owned());
+    }
+
+    fn evaluates_at(&self, step: u32) -> bool {
         let every = self.settings.run.eval_every;
-        if every == 0 || self.held_out.is_empty() {
-            return total;
-        }
-        (self.attended / every + 1).saturating_mul(every).min(total)
+        !self.held_out.is_empty() && (step == self.schedule.iterations || (every > 0 && step.is_multiple_of(every)))
+    }
+
+    fn saves_at(&self, step: u32) -> bool {
+        let every = self.settings.run.checkpoint_every;
+        self.checkpoints.is_some() && every > 0 && step.is_multiple_of(every)
+    }
+
+    /// The step at which the host must have everything done: an evaluation, a checkpoint, or the end.
+    fn next_stop(&self) -> u32 {
+        let run = &self.settings.run;
+        let after = |every: u32, on: bool| match every {
+            0 => u32::MAX,
+            _ if !on => u32::MAX,
+            _ => (self.attended / every + 1).saturating_mul(every),
+        };
+        let evaluation = after(run.eval_every, !self.held_out.is_empty());
+        let checkpoint = after(run.checkpoint_every, self.checkpoints.is_some());
+        self.schedule.iterations.min(evaluation).min(checkpoint)
+    }
+
+    fn tell(&mut self, message: Message) {
+        self.history.add(&message);
+        self.messages.push_back(message);
     }
 
     fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
@@ -160,7 +196,7 @@ impl Trainer {
                 if !outcome.loss.is_finite() {
                     return Err(Error::LossNotFinite { step: event.step });
                 }
-                self.messages.push_back(Message::Step {
+                self.tell(Message::Step {
                     step: event.step,
                     loss: outcome.loss,
                     splats,
@@ -169,7 +205,7 @@ impl Trainer {
                 });
             }
             Kind::Density => {
-                self.messages.push_back(Message::Density {
+                self.tell(Message::Density {
                     step: event.step,
                     cloned: outcome.counters[counters::CLONED],
                     split: outcome.counters[counters::SPLIT],
@@ -177,13 +213,13 @@ impl Trainer {
                     splats,
                 });
                 if splats == 0 && self.last_splats > 0 {
-                    self.messages.push_back(Message::Warning(format!(
+                    self.tell(Message::Warning(format!(
                         "step {}: every splat was pruned; the model is empty from here on",
                         event.step
                     )));
                 }
             }
-            Kind::Reset => self.messages.push_back(Message::OpacityReset { step: event.step }),
+            Kind::Reset => self.tell(Message::OpacityReset { step: event.step }),
         }
         self.last_splats = splats;
         Ok(())
@@ -192,7 +228,7 @@ impl Trainer {
     fn warn_of_bad_splats(&mut self, step: u32, count: u32) {
         if !self.pending_check {
             self.pending_check = true;
-            self.messages.push_back(Message::Warning(format!(
+            self.tell(Message::Warning(format!(
                 "step {step}: {count} splats with values that are not finite are left out; the next density change drops them"
             )));
         }
@@ -204,26 +240,38 @@ impl Trainer {
         let (done, grown) = self.engine.grow()?;
         self.next = Event::after(done, &self.schedule);
         for (what, capacity) in grown {
-            self.messages.push_back(Message::Grown { what, capacity, replay_from: self.next.step });
+            self.tell(Message::Grown { what, capacity, replay_from: self.next.step });
         }
         Ok(())
     }
 
     fn attend(&mut self, stop: u32) -> Result<(), Error> {
         self.attended = stop;
-        let total = self.schedule.iterations;
-        let every = self.settings.run.eval_every;
-        if !self.held_out.is_empty() && (stop == total || (every > 0 && stop.is_multiple_of(every))) {
+        if self.evaluates_at(stop) {
             let quality = self.evaluate()?;
             let (splats, seconds) = (self.last_splats, self.seconds());
-            self.messages.push_back(Message::Evaluated { step: stop, quality, splats, seconds });
+            self.tell(Message::Evaluated { step: stop, quality, splats, seconds });
         }
-        if stop == total {
+        if self.saves_at(stop) {
+            let (step, path) = self.save_checkpoint()?;
+            self.tell(Message::Checkpoint { step, path });
+        }
+        if stop == self.schedule.iterations {
             self.finished = true;
             let (splats, seconds) = (self.last_splats, self.seconds());
-            self.messages.push_back(Message::Finished { step: stop, splats, seconds });
+            self.tell(Message::Finished { step: stop, splats, seconds });
         }
         Ok(())
+    }
+
+    /// Finishes what was submitted and writes a checkpoint to the folder of [`Self::keep_checkpoints`] (the current folder
+    /// without one). Gives the step after which a resumed training goes on, and the file.
+    pub fn save_checkpoint(&mut self) -> Result<(u32, PathBuf), Error> {
+        let restart = self.snapshot()?;
+        let step = restart.step;
+        let folder = self.checkpoints.clone().unwrap_or_default();
+        let content = Checkpointed::new(restart, &self.settings)?.to_checkpoint()?;
+        Ok((step, checkpoint::save(&folder, step.into(), &content)?))
     }
 
     /// Finishes what was submitted, so that the model is at a whole step; returns that step.
@@ -257,9 +305,9 @@ impl Trainer {
         self.engine.picture(camera, sh_degree, self.settings.model.background.evaluated(), true)
     }
 
-    /// Messages that are known and not yet pulled.
-    pub fn told(&self) -> impl Iterator<Item = &Message> {
-        self.messages.iter()
+    /// The curves so far.
+    pub fn history(&self) -> &History {
+        &self.history
     }
 
     /// The held-out views.
@@ -276,7 +324,10 @@ impl Trainer {
     /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
     pub fn snapshot(&mut self) -> Result<Restart, Error> {
         let step = self.settle()?;
-        Ok(Restart { step, seconds: self.seconds(), state: self.engine.state()?, variants: self.engine.variants() })
+        let mut history = self.history.clone();
+        history.rewind(step);
+        let (state, variants) = (self.engine.state()?, self.engine.variants());
+        Ok(Restart { step, seconds: self.seconds(), state, variants, history })
     }
 
     /// Splats after the last event that was looked at.
@@ -288,4 +339,18 @@ impl Trainer {
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
+}
+
+/// The forms that the settings ask for, and what suits the device where they ask for nothing.
+pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
+    let run = &settings.run;
+    let device = &settings.device;
+    let variants = Variants::choose(gpu, run.deterministic).with(device.tile_shape, device.gradient_sum);
+    if run.deterministic && variants.gradients != GradientSum::Slots {
+        return Err(Error::NotDeterministic);
+    }
+    if variants.gradients == GradientSum::Atomic && gpu.caps().buffer_floats != FloatAtomics::Native {
+        return Err(Error::NoFloatAtomics);
+    }
+    Ok(variants)
 }
