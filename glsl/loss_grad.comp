@@ -1,41 +1,66 @@
 #version 460
 // loss_grad: the window along rows of SSIM's derivatives, the gradient of the loss with respect to the render, and sums of |x - y|.
-// One thread owns a run of 64 pixels of a row; a workgroup of 8 threads owns the runs of 8 consecutive rows.
+// One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.
+//! variant subgroup
+//! variant emulated SUBGROUP_EMULATED
 #extension GL_GOOGLE_include_directive : require
-layout(local_size_x = 8) in;
 #include "loss.glsl"
-layout(set = 0, binding = 0) readonly buffer Image { float image[]; };
+layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
-layout(set = 0, binding = 2) readonly buffer Planes { vec4 planes[]; };
-layout(set = 0, binding = 3) writeonly buffer GradImage { float grad_image[]; };
-layout(set = 0, binding = 4) writeonly buffer L1Parts { float l1_parts[]; };
+layout(set = 0, binding = 2) readonly buffer RedPlanes { float red_planes[]; };
+layout(set = 0, binding = 3) readonly buffer GreenPlanes { float green_planes[]; };
+layout(set = 0, binding = 4) readonly buffer BluePlanes { float blue_planes[]; };
+layout(set = 0, binding = 5) writeonly buffer GradImage { vec4 grad_image[]; };
+layout(set = 0, binding = 6) writeonly buffer L1Parts { float l1_parts[]; };
+
+// Per channel what multiplies 1, x - y and x - pivot.
+struct Derivatives {
+    vec4 of[3];
+};
+
+Derivatives derivatives_at(uint column, uint row) {
+    Derivatives d;
+    [[unroll]] for (uint c = 0u; c < 3u; ++c) d.of[c] = vec4(0.0);
+    if (column < push.width && row < push.height) {
+        const uint k = 3u * (row * push.width + column);
+        [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+            d.of[0][j] = red_planes[k + j];
+            d.of[1][j] = green_planes[k + j];
+            d.of[2][j] = blue_planes[k + j];
+        }
+    }
+    return d;
+}
 
 void main() {
-    const uint row = global_index() % push.height;
-    const uint run = global_index() / push.height;
-    if (run >= runs()) return;
-    const uint first = run * RUN;
-    const uint end = min(first + RUN, push.width);
-    const uint base = row * push.width;
+    const uint lanes = subgroup_width();
+    const uint lane = subgroup_lane();
+    const uint row = owner();
     const float each = 1.0 / (3.0 * float(push.width) * float(push.height));
     const float of_l1 = (1.0 - push.lambda) * each;
     const float of_ssim = -push.lambda * each;
-    Window window = window_empty();
     float sum = 0.0;
-    for (uint i = first; i < end + 2u * WINDOW_RADIUS; ++i) {
-        const uint column = i - WINDOW_RADIUS;
-        vec4 derivatives = vec4(0.0);
-        if (column < push.width) derivatives.xyz = planes[base + column].xyz;
-        const vec4 spread = window_take(window, derivatives);
-        if (i >= first + 2u * WINDOW_RADIUS) {
-            const uint k = base + column - WINDOW_RADIUS;
-            const float x = image[4u * k + push.channel];
-            const float d = x - photograph(target[k]);
-            sum += abs(d);
-            grad_image[4u * k + push.channel] =
-                of_l1 * sign(d) + of_ssim * (spread.x + d * spread.y + (x - PIVOT) * spread.z);
-            if (push.channel == 0u) grad_image[4u * k + 3u] = 0.0;
+    Derivatives left;
+    [[unroll]] for (uint c = 0u; c < 3u; ++c) left.of[c] = vec4(0.0);
+    Derivatives here = derivatives_at(lane, row);
+    for (uint first = 0u; first < push.width; first += lanes) {
+        const uint column = first + lane;
+        const Derivatives right = derivatives_at(column + lanes, row);
+        vec4 spread[3];
+        [[unroll]] for (uint c = 0u; c < 3u; ++c) spread[c] = window_across(left.of[c], here.of[c], right.of[c]);
+        if (column < push.width && row < push.height) {
+            const uint k = row * push.width + column;
+            const vec3 x = image[k].rgb;
+            const vec3 d = x - unpackUnorm4x8(target[k]).rgb;
+            sum += abs(d.x) + abs(d.y) + abs(d.z);
+            vec3 grad = of_l1 * sign(d);
+            [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+                grad[c] += of_ssim * (spread[c].x + d[c] * spread[c].y + (x[c] - PIVOT) * spread[c].z);
+            }
+            grad_image[k] = vec4(grad, 0.0);
         }
+        left = here;
+        here = right;
     }
-    l1_parts[push.channel * push.height * runs() + global_index()] = sum;
+    if (row < push.height) l1_parts[row * lanes + lane] = sum;
 }

@@ -8,24 +8,31 @@
 #ifndef LOSS_GLSL
 #define LOSS_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
+#ifdef SUBGROUP_EMULATED
+#define LOCAL_SIZE 32
+#endif
+#include "subgroup.glsl"
 #include "common.glsl"
 #include "window.glsl"
+
+#ifdef SUBGROUP_EMULATED
+layout(local_size_x = 32) in;
+#else
+layout(local_size_x_id = 0) in;  // the subgroup's width, or a multiple
+#endif
 
 const float PIVOT = 0.5;
 const float C1 = 1e-4;
 const float C2 = 9e-4;
-const uint RUN = 64u;  // pixels of a row that one thread owns
 
 layout(push_constant) uniform Push {
     uint width;
     uint height;
-    uint channel;  // 0 to 2: the passes run once per channel
     float lambda;  // weight of 1 - SSIM
 } push;
 
-// Threads that share the rows' runs: row fastest.
-uint runs() { return (push.width + RUN - 1u) / RUN; }
-
-float photograph(uint packed) { return unpackUnorm4x8(packed)[push.channel]; }
+// The number of this subgroup in the dispatch: what it owns follows from it.
+uint owner() { return group_index() * subgroup_count() + subgroup_number(); }
 
 #endif

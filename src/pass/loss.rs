@@ -1,25 +1,25 @@
-//! L1 + SSIM between a render and a photograph, value and gradient, in three passes per channel and a sum.
+//! L1 + SSIM between a render and a photograph, value and gradient: two passes and a sum.
 //!
-//! `rows`, `columns` and `grad` run for one channel after the other on one buffer of a vec4 per pixel.
+//! Subgroups own strips and rows, so partial sums and dispatches depend on the subgroup's width: see [`Layout`].
 
 use super::{Pass, module};
 use crate::twin::{TwinCall, loss as twin};
-use crate::vk::{Binding, Kernel, read, read_write, write};
+use crate::vk::{Binding, Constant, Kernel, read, write};
 
-/// Pixels of a row that one thread owns.
-pub const RUN: u32 = 64;
 /// Floats of a slot of the `loss` ring: total, L1, SSIM, and one that is not written.
 pub const SLOT_FLOATS: u32 = 4;
+/// Narrowest subgroup that the window fits: its reach must not go past the neighbours.
+pub const LEAST_LANES: u32 = 8;
+/// Threads in a workgroup of the emulated variants.
+pub const EMULATED_LOCAL_SIZE: u32 = 32;
 
 crate::push_constants! {
-    /// Push constants of [`ROWS`], [`COLUMNS`] and [`GRAD`].
+    /// Push constants of the strips and the gradient.
     pub struct Push {
         /// Image width in pixels.
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// Channel, 0 to 2.
-        pub channel: u32,
         /// Weight of 1 - SSIM; L1 has the rest.
         pub lambda: f32,
     }
@@ -43,70 +43,113 @@ crate::push_constants! {
     }
 }
 
-/// Threads of [`ROWS`] and [`GRAD`]: one per run.
-pub const fn runs(width: u32, height: u32) -> u32 {
-    width.div_ceil(RUN) * height
+/// How an image is divided among subgroups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Width of a subgroup: a power of two, at least 8.
+    pub lanes: u32,
+    /// Rows of a strip: the constant SEGMENT. Each strip reads 20 rows more.
+    pub segment: u32,
 }
 
-/// Floats of `ssim_parts`.
-pub const fn ssim_parts(width: u32) -> u32 {
-    3 * width
+impl Layout {
+    /// For a device's subgroup width. Wide devices need many subgroups at work; those of 8 lanes are processors with few cores.
+    pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
+        Self { width, height, lanes, segment: Self::segment_for(lanes) }
+    }
+
+    /// SEGMENT for a subgroup width.
+    pub const fn segment_for(lanes: u32) -> u32 {
+        if lanes > 8 { 64 } else { 1024 }
+    }
+
+    /// Threads of the strips: one subgroup per strip.
+    pub const fn strip_threads(&self) -> u64 {
+        self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64 * self.lanes as u64
+    }
+
+    /// Threads of the gradient: one subgroup per row.
+    pub const fn grad_threads(&self) -> u64 {
+        self.height as u64 * self.lanes as u64
+    }
+
+    /// Floats of `ssim_parts`.
+    pub const fn ssim_parts(&self) -> u32 {
+        self.height.div_ceil(self.segment) * self.width
+    }
+
+    /// Floats of `l1_parts`.
+    pub const fn l1_parts(&self) -> u32 {
+        self.height * self.lanes
+    }
+
+    /// Floats of each of the three planes.
+    pub const fn plane_floats(&self) -> u64 {
+        3 * self.width as u64 * self.height as u64
+    }
 }
 
-/// Floats of `l1_parts`.
-pub const fn l1_parts(width: u32, height: u32) -> u32 {
-    3 * runs(width, height)
+const LOCAL_SIZE: Constant = Constant { id: 0, name: "LOCAL_SIZE", default: 8 };
+const SEGMENT: Constant = Constant { id: 1, name: "SEGMENT", default: 64 };
+const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
+
+const STRIPS: &[Binding] = &[
+    read("image"),
+    read("target"),
+    write("red_planes"),
+    write("green_planes"),
+    write("blue_planes"),
+    write("ssim_parts"),
+];
+
+const GRAD: &[Binding] = &[
+    read("image"),
+    read("target"),
+    read("red_planes"),
+    read("green_planes"),
+    read("blue_planes"),
+    write("grad_image"),
+    write("l1_parts"),
+];
+
+const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
+    Pass {
+        kernel: Kernel { name, spirv: module(name), bindings: STRIPS, push_bytes: Push::BYTES, constants, local_size },
+        doc: "One subgroup owns a strip, as many columns as it has lanes and SEGMENT rows; one thread owns a column of it.",
+        dispatch: "one subgroup per strip",
+        push: Push::FIELDS,
+        twin: twin::run_strips,
+    }
 }
 
-const fn pass(
+const fn grad(
     name: &'static str,
-    bindings: &'static [Binding],
-    doc: &'static str,
-    dispatch: &'static str,
+    constants: &'static [Constant],
+    local_size: Option<u32>,
     run: fn(&mut TwinCall<'_>),
 ) -> Pass {
     Pass {
-        kernel: Kernel {
-            name,
-            spirv: module(name),
-            bindings,
-            push_bytes: Push::BYTES,
-            constants: &[],
-            local_size: Some(8),
-        },
-        doc,
-        dispatch,
+        kernel: Kernel { name, spirv: module(name), bindings: GRAD, push_bytes: Push::BYTES, constants, local_size },
+        doc: "One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.",
+        dispatch: "one subgroup per row",
         push: Push::FIELDS,
         twin: run,
     }
 }
 
-/// The window along rows of the moments of one channel.
-pub const ROWS: Pass = pass(
-    "loss_rows",
-    &[read("image"), read("target"), write("planes")],
-    "One thread owns a run of 64 pixels of a row; a workgroup of 8 threads owns the runs of 8 consecutive rows.",
-    "one thread per run",
-    twin::run_rows,
-);
-
-/// The window along columns, SSIM, its derivatives, and the window along columns of those, in place.
-pub const COLUMNS: Pass = pass(
-    "loss_columns",
-    &[read_write("planes"), write("ssim_parts")],
-    "One thread owns a column; a workgroup of 8 threads owns 8 consecutive columns.",
-    "one thread per column",
-    twin::run_columns,
-);
-
-/// The window along rows of the derivatives, and the gradient with respect to the render.
-pub const GRAD: Pass = pass(
-    "loss_grad",
-    &[read("image"), read("target"), read("planes"), write("grad_image"), write("l1_parts")],
-    "One thread owns a run of 64 pixels of a row; a workgroup of 8 threads owns the runs of 8 consecutive rows.",
-    "one thread per run",
-    twin::run_grad,
-);
+/// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
+pub const STRIPS_SUBGROUP: Pass = strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT], None);
+/// The same without subgroup operations.
+pub const STRIPS_EMULATED: Pass = strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT], Some(EMULATED_LOCAL_SIZE));
+/// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
+pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE], None, twin::run_grad);
+/// The same without subgroup operations.
+pub const GRAD_EMULATED: Pass =
+    grad("loss_grad_emulated", &[EMULATED_WIDTH], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
 
 /// The parts of the loss added up, in a fixed order.
 pub const SUM: Pass = Pass {

@@ -1,16 +1,16 @@
 //! The image loss on the device.
 
-use crate::pass::loss::{self, Push, SumPush};
-use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+use crate::pass::loss::{self, Layout, Push, SumPush};
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
 
 /// L1 + SSIM between a render and a photograph, value and gradient.
 pub(super) struct Losses {
     lambda: f32,
-    rows: Pipeline,
-    columns: Pipeline,
+    lanes: u32,
+    strips: Pipeline,
     grad: Pipeline,
     sum: Pipeline,
-    planes: Buffer,
+    planes: [Buffer; 3],
     ssim_parts: Buffer,
     l1_parts: Buffer,
     grad_image: Buffer,
@@ -20,17 +20,30 @@ pub(super) struct Losses {
 impl Losses {
     /// For images of the given sizes; `lambda` is the weight of 1 - SSIM, L1 has the rest.
     pub(super) fn new(gpu: &Gpu, sizes: &[(u32, u32)], lambda: f64) -> Result<Self, vk::Error> {
-        let most = |f: &dyn Fn(u32, u32) -> u32| u64::from(sizes.iter().map(|&(w, h)| f(w, h)).max().unwrap_or(1));
-        let pixels = most(&|w, h| w * h);
+        let (strips, grad, constant, lanes) = match gpu.caps().subgroup {
+            Subgroup::Hardware(width) if width >= loss::LEAST_LANES => {
+                (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
+            }
+            _ => {
+                let width = loss::EMULATED_LOCAL_SIZE;
+                (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED, "EMULATED_WIDTH", width)
+            }
+        };
+        let most = |f: &dyn Fn(Layout) -> u64| {
+            let layouts = sizes.iter().map(|&(width, height)| Layout::new(width, height, lanes));
+            layouts.map(f).max().unwrap_or(1)
+        };
+        let pixels = most(&|l| u64::from(l.width) * u64::from(l.height));
+        let plane = |name| gpu.buffer(name, 4 * most(&|l| l.plane_floats()), Memory::Device);
         Ok(Self {
             lambda: lambda as f32,
-            rows: gpu.pipeline(&loss::ROWS.kernel, &[])?,
-            columns: gpu.pipeline(&loss::COLUMNS.kernel, &[])?,
-            grad: gpu.pipeline(&loss::GRAD.kernel, &[])?,
+            lanes,
+            strips: gpu.pipeline(&strips.kernel, &[(constant, lanes), ("SEGMENT", Layout::segment_for(lanes))])?,
+            grad: gpu.pipeline(&grad.kernel, &[(constant, lanes)])?,
             sum: gpu.pipeline(&loss::SUM.kernel, &[])?,
-            planes: gpu.buffer("loss_planes", 16 * pixels, Memory::Device)?,
-            ssim_parts: gpu.buffer("ssim_parts", 4 * most(&|w, _| loss::ssim_parts(w)), Memory::Device)?,
-            l1_parts: gpu.buffer("l1_parts", 4 * most(&loss::l1_parts), Memory::Device)?,
+            planes: [plane("red_planes")?, plane("green_planes")?, plane("blue_planes")?],
+            ssim_parts: gpu.buffer("ssim_parts", 4 * most(&|l| u64::from(l.ssim_parts())), Memory::Device)?,
+            l1_parts: gpu.buffer("l1_parts", 4 * most(&|l| u64::from(l.l1_parts())), Memory::Device)?,
             grad_image: gpu.buffer("grad_image", 16 * pixels, Memory::Device)?,
             result: gpu.buffer("loss", 4 * u64::from(loss::SLOT_FLOATS), Memory::Device)?,
         })
@@ -45,20 +58,18 @@ impl Losses {
         width: u32,
         height: u32,
     ) -> Result<(), vk::Error> {
-        let runs = Groups::Items(u64::from(loss::runs(width, height)));
-        for channel in 0..3 {
-            let push = Push { width, height, channel, lambda: self.lambda };
-            recorder.dispatch(&self.rows, &[image, photograph, &self.planes], &push, runs)?;
-            let columns = Groups::Items(u64::from(width));
-            recorder.dispatch(&self.columns, &[&self.planes, &self.ssim_parts], &push, columns)?;
-            let buffers = [image, photograph, &self.planes, &self.grad_image, &self.l1_parts];
-            recorder.dispatch(&self.grad, &buffers, &push, runs)?;
-        }
+        let layout = Layout::new(width, height, self.lanes);
+        let push = Push { width, height, lambda: self.lambda };
+        let [red, green, blue] = &self.planes;
+        let buffers = [image, photograph, red, green, blue, &self.ssim_parts];
+        recorder.dispatch(&self.strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
+        let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts];
+        recorder.dispatch(&self.grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
         let push = SumPush {
             width,
             height,
-            ssim_count: loss::ssim_parts(width),
-            l1_count: loss::l1_parts(width, height),
+            ssim_count: layout.ssim_parts(),
+            l1_count: layout.l1_parts(),
             slot: 0,
             lambda: self.lambda,
         };

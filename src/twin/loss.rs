@@ -1,7 +1,7 @@
 //! Twins of `glsl/loss_*.comp`, and the loss as its definition reads, with all 121 taps of the window.
 
 use super::{Real, TwinCall};
-use crate::pass::loss::{Push, RUN, SLOT_FLOATS, SumPush, runs};
+use crate::pass::loss::{Push, SLOT_FLOATS, SumPush};
 
 const RADIUS: usize = 5;
 const C1: f64 = 1e-4;
@@ -127,8 +127,8 @@ fn padding<R: Real>() -> [R; 4] {
     [R::of(-PIVOT), R::zero(), R::zero(), R::of(2.0 * PIVOT * PIVOT)]
 }
 
-/// `loss_rows`: moments (x, x - y, (x - y)^2, x^2 + y^2) about the pivot, weighted along rows.
-pub fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
+/// Moments (x, x - y, (x - y)^2, x^2 + y^2) about the pivot, weighted along rows.
+fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     let line = |(x, y): (&[R], &[R])| {
         along(x.len(), padding(), |i| {
             let (d, p, q) = (x[i] - y[i], x[i] - R::of(PIVOT), y[i] - R::of(PIVOT));
@@ -138,24 +138,20 @@ pub fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
 }
 
-/// `loss_columns`: SSIM's derivatives weighted along columns, and the sum of SSIM of each column.
-pub fn columns<R: Real>(planes: &[[R; 4]], width: usize) -> (Vec<[R; 4]>, Vec<R>) {
-    let height = planes.len() / width;
-    let (mut out, mut sums) = (vec![[R::zero(); 4]; planes.len()], vec![R::zero(); width]);
-    for (j, sum) in sums.iter_mut().enumerate() {
-        let derivatives: Vec<[R; 4]> = along(height, padding(), |i| planes[i * width + j])
-            .into_iter()
-            .map(|mean| {
-                let (ssim, derivatives) = point(mean);
-                *sum += ssim;
-                derivatives
-            })
-            .collect();
-        for (i, v) in along(height, [R::zero(); 4], |i| derivatives[i]).into_iter().enumerate() {
-            out[i * width + j] = v;
+/// `loss_strips`, one channel: SSIM's derivatives weighted along columns, and SSIM of each pixel.
+pub fn strips<R: Real>(x: &[R], y: &[R], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
+    let moments = rows(x, y, width);
+    let height = x.len() / width;
+    let (mut out, mut values) = (vec![[R::zero(); 3]; x.len()], vec![R::zero(); x.len()]);
+    for j in 0..width {
+        let means = along(height, padding(), |i| moments[i * width + j]);
+        let points: Vec<(R, [R; 4])> = means.into_iter().map(point).collect();
+        for (i, [a, b, c, _]) in along(height, [R::zero(); 4], |i| points[i].1).into_iter().enumerate() {
+            out[i * width + j] = [a, b, c];
+            values[i * width + j] = points[i].0;
         }
     }
-    (out, sums)
+    (out, values)
 }
 
 /// SSIM and what multiplies 1, (x - y) and (x - pivot) in its derivative, from the moments in a window.
@@ -172,68 +168,57 @@ fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
     (luminance * structure, [constant, -two * luminance / b, of_b, R::zero()])
 }
 
-/// `loss_grad`: dL/dx of a channel, and sums of |x - y| of runs of [`RUN`] pixels, those of a column of runs together.
-pub fn grad<R: Real>(planes: &[[R; 4]], x: &[R], y: &[R], width: usize, lambda: R) -> (Vec<R>, Vec<R>) {
-    let height = planes.len() / width;
+/// `loss_grad`, one channel: dL/dx.
+pub fn grad<R: Real>(planes: &[[R; 3]], x: &[R], y: &[R], width: usize, lambda: R) -> Vec<R> {
     let each = R::one() / R::of((3 * planes.len()) as f64);
-    let spread: Vec<[R; 4]> = planes.chunks(width).flat_map(|row| along(width, [R::zero(); 4], |i| row[i])).collect();
-    let grads = (0..planes.len())
+    let line = |row: &[[R; 3]]| along(row.len(), [R::zero(); 4], |i| [row[i][0], row[i][1], row[i][2], R::zero()]);
+    let spread: Vec<[R; 4]> = planes.chunks(width).flat_map(line).collect();
+    (0..planes.len())
         .map(|k| {
             let (d, s) = (x[k] - y[k], spread[k]);
             let sign = if d == R::zero() { R::zero() } else { d.signum() };
             let ssim = s[0] + d * s[1] + (x[k] - R::of(PIVOT)) * s[2];
             (R::one() - lambda) * each * sign - lambda * each * ssim
         })
-        .collect();
-    let mut parts = vec![R::zero(); width.div_ceil(RUN as usize) * height];
-    for k in 0..planes.len() {
-        parts[k % width / RUN as usize * height + k / width] += (x[k] - y[k]).abs();
-    }
-    (grads, parts)
+        .collect()
 }
 
-fn channels(call: &TwinCall<'_>, push: &Push) -> (Vec<f32>, Vec<f32>) {
-    let c = push.channel as usize;
+fn channels(call: &TwinCall<'_>, push: &Push) -> [(Vec<f32>, Vec<f32>); 3] {
     let pixels = (push.width * push.height) as usize;
-    let x = call.get::<[f32; 4]>(0)[..pixels].iter().map(|p| p[c]).collect();
-    let y = unpack::<f32>(&call.get::<u32>(1)[..pixels]).iter().map(|p| p[c]).collect();
-    (x, y)
+    let (image, photo) = (call.get::<[f32; 4]>(0), unpack::<f32>(&call.get::<u32>(1)[..pixels]));
+    std::array::from_fn(|c| (image[..pixels].iter().map(|p| p[c]).collect(), photo.iter().map(|p| p[c]).collect()))
 }
 
 /// Adapter over raw buffers.
-pub fn run_rows(call: &mut TwinCall<'_>) {
+pub fn run_strips(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
-    let (x, y) = channels(call, &push);
-    call.set(2, &rows(&x, &y, push.width as usize));
+    let (width, segment) = (push.width as usize, call.constants[1] as usize);
+    let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * width];
+    for (c, (x, y)) in channels(call, &push).into_iter().enumerate() {
+        let (planes, values) = strips(&x, &y, width);
+        for (k, value) in values.into_iter().enumerate() {
+            parts[k / width / segment * width + k % width] += value;
+        }
+        call.set(2 + c, &planes);
+    }
+    call.set(5, &parts);
 }
 
-/// Adapter over raw buffers.
-pub fn run_columns(call: &mut TwinCall<'_>) {
-    let push: Push = call.push();
-    let planes = call.get::<[f32; 4]>(0);
-    let (planes, sums) = columns(&planes[..(push.width * push.height) as usize], push.width as usize);
-    let mut parts = call.get::<f32>(1);
-    parts[(push.channel * push.width) as usize..][..sums.len()].copy_from_slice(&sums);
-    call.set(0, &planes);
-    call.set(1, &parts);
-}
-
-/// Adapter over raw buffers.
+/// Adapter over raw buffers. The first constant is the subgroup's width.
 pub fn run_grad(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
-    let (x, y) = channels(call, &push);
-    let planes = call.get::<[f32; 4]>(2);
-    let (grads, sums) = grad(&planes[..x.len()], &x, &y, push.width as usize, push.lambda);
-    let (mut image, mut parts) = (call.get::<[f32; 4]>(3), call.get::<f32>(4));
-    for (pixel, g) in image.iter_mut().zip(grads) {
-        pixel[push.channel as usize] = g;
-        if push.channel == 0 {
-            pixel[3] = 0.0;
+    let (width, lanes) = (push.width as usize, call.constants[0] as usize);
+    let mut parts = vec![0.0f32; push.height as usize * lanes];
+    let mut out = vec![[0.0f32; 4]; width * push.height as usize];
+    for (c, (x, y)) in channels(call, &push).into_iter().enumerate() {
+        let planes = call.get::<[f32; 3]>(2 + c);
+        for (k, g) in grad(&planes[..x.len()], &x, &y, width, push.lambda).into_iter().enumerate() {
+            out[k][c] = g;
+            parts[k / width * lanes + k % width % lanes] += (x[k] - y[k]).abs();
         }
     }
-    parts[(push.channel * runs(push.width, push.height)) as usize..][..sums.len()].copy_from_slice(&sums);
-    call.set(3, &image);
-    call.set(4, &parts);
+    call.set(5, &out);
+    call.set(6, &parts);
 }
 
 /// Adapter over raw buffers.

@@ -8,7 +8,7 @@ use psrgs_vk::vk::{FloatAtomics, Gpu, Subgroup};
 
 use super::blend_forward::{inputs, push, run_shape, shapes, some};
 use super::blend_scene::{Draws, doubts, hard_scenes, widen};
-use super::guards::Guards;
+use super::common::guards::Guards;
 use super::harness::{self, bytes, garbage};
 
 #[derive(Clone, Copy, PartialEq)]

@@ -1,10 +1,11 @@
 //! The passes of the image loss against their twins, and their chain against the definition with all 121 taps in f64.
 
-use psrgs_vk::pass::loss::{self as passes, Push, SumPush};
+use psrgs_vk::pass::Pass;
+use psrgs_vk::pass::loss::{self as passes, Layout, Push, SumPush};
 use psrgs_vk::twin::loss::{Loss, loss, unpack};
-use psrgs_vk::vk::{Gpu, Groups, Memory};
+use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
 
-use super::guards::Guards;
+use super::common::guards::Guards;
 use super::harness::{self, Random, bytes, garbage};
 
 struct Pictures {
@@ -32,9 +33,54 @@ fn pictures(
     Pictures { name, width, height, image, target }
 }
 
+/// The subgroup's width, and the hardware's passes or the emulated ones, which run everywhere.
+#[derive(Clone, Copy, PartialEq)]
+enum With {
+    Hardware(u32),
+    Emulated(u32),
+}
+
+impl With {
+    fn all(gpu: &Gpu) -> Vec<Self> {
+        let mut all = vec![Self::Emulated(32), Self::Emulated(8)];
+        if let Subgroup::Hardware(width) = gpu.caps().subgroup {
+            all.push(Self::Hardware(width));
+        }
+        all
+    }
+
+    fn lanes(self) -> u32 {
+        match self {
+            Self::Hardware(width) | Self::Emulated(width) => width,
+        }
+    }
+
+    fn passes(self) -> [&'static Pass; 2] {
+        match self {
+            Self::Hardware(_) => [&passes::STRIPS_SUBGROUP, &passes::GRAD_SUBGROUP],
+            Self::Emulated(_) => [&passes::STRIPS_EMULATED, &passes::GRAD_EMULATED],
+        }
+    }
+
+    fn constant(self) -> (&'static str, u32) {
+        match self {
+            Self::Hardware(width) => ("LOCAL_SIZE", width),
+            Self::Emulated(width) => ("EMULATED_WIDTH", width),
+        }
+    }
+
+    fn local_size(self) -> u32 {
+        match self {
+            Self::Hardware(width) => width,
+            Self::Emulated(_) => passes::EMULATED_LOCAL_SIZE,
+        }
+    }
+}
+
 /// The whole loss on the device, as training records it.
-fn on_device(gpu: &Gpu, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec<f32>) {
-    let (width, height) = (p.width as u32, p.height as u32);
+fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec<f32>) {
+    let layout = Layout { segment: 16, ..Layout::new(p.width as u32, p.height as u32, with.lanes()) };
+    let (width, height) = (layout.width, layout.height);
     let make = |name: &str, content: &[u8]| {
         let buffer = gpu.buffer(name, content.len() as u64, Memory::Device).unwrap();
         gpu.write(&buffer, content).unwrap();
@@ -42,21 +88,23 @@ fn on_device(gpu: &Gpu, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec<f32>) {
     };
     let pixels = p.image.len();
     let (image, target) = (make("image", &bytes(&p.image)), make("target", &bytes(&p.target)));
-    let (planes, grad) = (make("planes", &garbage(4 * pixels)), make("grad_image", &garbage(4 * pixels)));
-    let (ssim_count, l1_count) = (passes::ssim_parts(width), passes::l1_parts(width, height));
-    let ssim = make("ssim_parts", &garbage(ssim_count as usize));
-    let l1 = make("l1_parts", &garbage(l1_count as usize));
+    let planes = ["red_planes", "green_planes", "blue_planes"].map(|name| make(name, &garbage(3 * pixels)));
+    let grad = make("grad_image", &garbage(4 * pixels));
+    let ssim = make("ssim_parts", &garbage(layout.ssim_parts() as usize));
+    let l1 = make("l1_parts", &garbage(layout.l1_parts() as usize));
     let ring = make("loss", &garbage(12));
-    let [rows, columns, gradient, sum] =
-        [passes::ROWS, passes::COLUMNS, passes::GRAD, passes::SUM].map(|pass| gpu.pipeline(&pass.kernel, &[]).unwrap());
+    let [strips, gradient] = with.passes();
+    let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment)]).unwrap();
+    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant()]).unwrap();
+    let sum = gpu.pipeline(&passes::SUM.kernel, &[]).unwrap();
+    let push = Push { width, height, lambda };
+    let [red, green, blue] = &planes;
     let mut rec = gpu.recorder("loss").unwrap();
-    let runs = Groups::Items(u64::from(passes::runs(width, height)));
-    for channel in 0..3 {
-        let push = Push { width, height, channel, lambda };
-        rec.dispatch(&rows, &[&image, &target, &planes], &push, runs).unwrap();
-        rec.dispatch(&columns, &[&planes, &ssim], &push, Groups::Items(u64::from(width))).unwrap();
-        rec.dispatch(&gradient, &[&image, &target, &planes, &grad, &l1], &push, runs).unwrap();
-    }
+    let groups = Groups::Items(layout.strip_threads());
+    rec.dispatch(&strips, &[&image, &target, red, green, blue, &ssim], &push, groups).unwrap();
+    let groups = Groups::Items(layout.grad_threads());
+    rec.dispatch(&gradient, &[&image, &target, red, green, blue, &grad, &l1], &push, groups).unwrap();
+    let (ssim_count, l1_count) = (layout.ssim_parts(), layout.l1_parts());
     let push = SumPush { width, height, ssim_count, l1_count, slot: 1, lambda };
     rec.dispatch(&sum, &[&ssim, &l1, &ring], &push, Groups::Workgroups(1)).unwrap();
     rec.submit().unwrap();
@@ -73,8 +121,8 @@ fn reference(p: &Pictures, lambda: f32) -> Loss<f64> {
     loss(&image, &unpack::<f64>(&p.target), p.width, p.height, f64::from(lambda))
 }
 
-fn chain(gpu: &Gpu, p: &Pictures, lambda: f32, accuracy: f64) {
-    let ([total, l1, ssim], grad) = match on_device(gpu, p, lambda) {
+fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
+    let ([total, l1, ssim], grad) = match on_device(gpu, with, p, lambda) {
         (values, grad) => ([values[0], values[1], values[2]].map(f64::from), grad),
     };
     let want = reference(p, lambda);
@@ -90,12 +138,11 @@ fn chain(gpu: &Gpu, p: &Pictures, lambda: f32, accuracy: f64) {
     Guards::of(bound).check(&format!("{}: gradient", p.name), flat.len(), &grad, &flat);
 }
 
-fn passes_against_twins(gpu: &Gpu, random: &mut Random, width: usize, height: usize) {
+fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize, height: usize) {
     let pixels = width * height;
     let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.0)).collect();
     let target = random.words(pixels);
-    let planes: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.1, 0.6)).collect();
-    let (w, h) = (width as u32, height as u32);
+    let planes: Vec<f32> = (0..3 * pixels).map(|_| random.between(0.1, 0.6)).collect();
     let close = |what: &str, outcome: &harness::Outcome, buffer: usize, bound: f32| {
         let (device, twin) = (outcome.device::<f32>(buffer), outcome.twin::<f32>(buffer));
         for (k, (d, t)) in device.iter().zip(&twin).enumerate() {
@@ -103,35 +150,29 @@ fn passes_against_twins(gpu: &Gpu, random: &mut Random, width: usize, height: us
             assert!(same, "{what} {width}x{height}: word {k} of buffer {buffer} is {d}, twin {t}");
         }
     };
-    for channel in 0..3 {
-        let push = Push { width: w, height: h, channel, lambda: 0.2 };
-        let groups = passes::runs(w, h).div_ceil(8);
-        let run = |pass, buffers: &[Vec<u8>], groups| harness::run(gpu, pass, &[], buffers, &push, groups);
-        let rows = run(&passes::ROWS, &[bytes(&image), bytes(&target), garbage(4 * pixels)], groups);
-        close("rows", &rows, 2, 2e-6);
-        let moments = rows.device[2].clone();
-        let columns = run(&passes::COLUMNS, &[moments, garbage(3 * width)], w.div_ceil(8));
-        // Derivatives go up to 2 / C2.
-        close("columns", &columns, 0, 2e-4);
-        close("columns", &columns, 1, 1e-4);
-        let buffers = [
-            bytes(&image),
-            bytes(&target),
-            bytes(&planes),
-            garbage(4 * pixels),
-            garbage(3 * passes::runs(w, h) as usize),
-        ];
-        let grad = run(&passes::GRAD, &buffers, groups);
-        close("grad", &grad, 3, 1e-6);
-        close("grad", &grad, 4, 1e-5);
+    let layout = Layout { segment: 7, ..Layout::new(width as u32, height as u32, with.lanes()) };
+    let push = Push { width: layout.width, height: layout.height, lambda: 0.2 };
+    let groups = |threads: u64| threads.div_ceil(u64::from(with.local_size())) as u32;
+    let [strips, grad] = with.passes();
+    let empty = || garbage(3 * pixels);
+    let parts = garbage(layout.ssim_parts() as usize);
+    let buffers = [bytes(&image), bytes(&target), empty(), empty(), empty(), parts];
+    let given = [with.constant(), ("SEGMENT", 7)];
+    let outcome = harness::run(gpu, strips, &given, &buffers, &push, groups(layout.strip_threads()));
+    for plane in 2..5 {
+        // Derivatives go up to 2 / C2, and B carries the rounding of about 1 in E[x^2 + y^2] over C2.
+        close("strips", &outcome, plane, 2e-4);
     }
+    close("strips", &outcome, 5, 1e-4);
+    let parts = garbage(layout.l1_parts() as usize);
+    let plane = || bytes(&planes);
+    let buffers = [bytes(&image), bytes(&target), plane(), plane(), plane(), garbage(4 * pixels), parts];
+    let outcome = harness::run(gpu, grad, &[with.constant()], &buffers, &push, groups(layout.grad_threads()));
+    close("grad", &outcome, 5, 1e-6);
+    close("grad", &outcome, 6, 1e-5);
 }
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(3);
-    for (width, height) in [(1, 1), (8, 8), (63, 9), (64, 11), (65, 3), (130, 17)] {
-        passes_against_twins(gpu, &mut random, width, height);
-    }
     let mut sum_random = Random(4);
     let parts: Vec<f32> = (0..1000).map(|_| sum_random.between(0.0, 60.0)).collect();
     let push = SumPush { width: 100, height: 50, ssim_count: 300, l1_count: 1000, slot: 2, lambda: 0.3 };
@@ -139,31 +180,40 @@ pub fn run(gpu: &Gpu) {
     for (d, t) in outcome.device::<f32>(2).iter().zip(outcome.twin::<f32>(2)) {
         assert!(d.to_bits() == t.to_bits() || (d - t).abs() <= 2e-6 * t.abs(), "sum: {d} instead of {t}");
     }
+    for with in With::all(gpu) {
+        run_with(gpu, with);
+    }
+}
 
-    for (width, height) in [(1, 1), (5, 3), (11, 11), (64, 7), (75, 30)] {
+fn run_with(gpu: &Gpu, with: With) {
+    let mut random = Random(3);
+    for (width, height) in [(1, 1), (8, 8), (31, 9), (32, 7), (33, 15), (65, 3)] {
+        passes_against_twins(gpu, with, &mut random, width, height);
+    }
+    for (width, height) in [(1, 1), (5, 3), (11, 11), (64, 7), (75, 37)] {
         let noise = pictures("noise", width, height, |_, _| {
             let w = random.word().to_le_bytes();
             ([random.between(0.0, 1.0), random.between(0.0, 1.2), random.between(-0.1, 1.0)], [w[0], w[1], w[2]])
         });
         for lambda in [0.0, 0.2, 1.0] {
-            chain(gpu, &noise, lambda, 2e-6);
+            chain(gpu, with, &noise, lambda, 2e-6);
         }
         let alike = pictures("alike", width, height, |x, y| {
             let v = ((x * 37 + y * 11) % 256) as u8;
             let near = (f32::from(v) / 255.0 + random.between(-0.02, 0.02)).clamp(0.0, 1.0);
             ([near; 3], [v; 3])
         });
-        chain(gpu, &alike, 0.2, 2e-6);
+        chain(gpu, with, &alike, 0.2, 2e-6);
     }
     let bright = pictures("near-flat bright", 70, 40, |_, _| {
         let v = 229 + (random.word() % 2) as u8;
         ([0.9 + random.between(-0.5, 0.5) / 255.0; 3], [v; 3])
     });
-    chain(gpu, &bright, 0.2, 1e-6);
-    chain(gpu, &bright, 1.0, 1e-5);
+    chain(gpu, with, &bright, 0.2, 1e-6);
+    chain(gpu, with, &bright, 1.0, 1e-5);
     for value in [0u8, 1, 128, 230, 255] {
         let equal = pictures("equal and flat", 33, 20, |_, _| ([f32::from(value) / 255.0; 3], [value; 3]));
-        let (values, grad) = on_device(gpu, &equal, 0.2);
+        let (values, grad) = on_device(gpu, with, &equal, 0.2);
         assert_eq!(values[2], 1.0, "SSIM of equal pictures of {value}");
         assert_eq!(values[0], 0.0);
         assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal pictures of {value}");
@@ -172,10 +222,10 @@ pub fn run(gpu: &Gpu) {
         let v = ((x * 97 + y * 31) % 256) as u8;
         ([f32::from(v) / 255.0; 3], [v; 3])
     });
-    let (values, grad) = on_device(gpu, &textured, 0.2);
+    let (values, grad) = on_device(gpu, with, &textured, 0.2);
     assert_eq!(values[2], 1.0);
     assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal textured pictures");
-    let (first, second) = (on_device(gpu, &bright, 0.2), on_device(gpu, &bright, 0.2));
+    let (first, second) = (on_device(gpu, with, &bright, 0.2), on_device(gpu, with, &bright, 0.2));
     assert!(first == second, "two runs differ");
 }
 

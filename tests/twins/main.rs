@@ -8,8 +8,6 @@
 
 #[path = "../common/mod.rs"]
 mod common;
-#[path = "../common/guards.rs"]
-mod guards;
 mod harness;
 
 mod adam;
@@ -65,7 +63,7 @@ cases! {
         "densify_stats" "opacity_reset";
     emit: "emit";
     fill: "fill";
-    loss: "loss_columns" "loss_grad" "loss_rows" "loss_sum";
+    loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
     plan: "plan" "finish";
     project: "project";
     project_backward: "project_backward";

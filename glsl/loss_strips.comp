@@ -1,0 +1,94 @@
+#version 460
+// loss_strips: SSIM and its derivatives with respect to the moments, those weighted by the window along columns.
+// One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them, and walks down it; one thread owns a column.
+//! variant subgroup
+//! variant emulated SUBGROUP_EMULATED
+#extension GL_GOOGLE_include_directive : require
+#include "loss.glsl"
+layout(constant_id = 1) const uint SEGMENT = 64u;
+layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
+layout(set = 0, binding = 2) writeonly buffer RedPlanes { float red_planes[]; };
+layout(set = 0, binding = 3) writeonly buffer GreenPlanes { float green_planes[]; };
+layout(set = 0, binding = 4) writeonly buffer BluePlanes { float blue_planes[]; };
+layout(set = 0, binding = 5) writeonly buffer SsimParts { float ssim_parts[]; };
+
+// Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
+struct Moments {
+    vec4 of[3];
+};
+
+Moments moments_at(uint column, uint row) {
+    vec3 x = vec3(0.0);
+    vec3 y = vec3(0.0);
+    if (column < push.width && row < push.height) {
+        const uint k = row * push.width + column;
+        x = image[k].rgb;
+        y = unpackUnorm4x8(target[k]).rgb;
+    }
+    Moments moments;
+    [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+        const float d = x[c] - y[c];
+        const vec2 p = vec2(x[c], y[c]) - PIVOT;
+        moments.of[c] = vec4(p.x, d, d * d, dot(p, p));
+    }
+    return moments;
+}
+
+// SSIM, and in `derivatives` what multiplies 1, x - y and x - pivot in its derivative.
+float ssim(vec4 mean, out vec4 derivatives) {
+    const float m = mean.y;
+    const float mu1 = mean.x + PIVOT;
+    const float mu2 = mu1 - m;
+    const float pivoted2 = mean.x - m;
+    const float inv_a = 1.0 / (mu1 * mu1 + mu2 * mu2 + C1);
+    const float inv_b = 1.0 / (max(mean.w - mean.x * mean.x - pivoted2 * pivoted2, 0.0) + C2);
+    const float v = max(mean.z - m * m, 0.0);
+    const float luminance = 1.0 - m * m * inv_a;
+    const float structure = 1.0 - v * inv_b;
+    const float of_b = 2.0 * luminance * v * inv_b * inv_b;
+    derivatives = vec4(
+        2.0 * structure * m * inv_a * (mu1 * m * inv_a - 1.0) + 2.0 * luminance * m * inv_b - of_b * mean.x,
+        -2.0 * luminance * inv_b, of_b, 0.0);
+    return luminance * structure;
+}
+
+void main() {
+    const uint lanes = subgroup_width();
+    const uint strips = (push.width + lanes - 1u) / lanes;
+    const uint column = owner() % strips * lanes + subgroup_lane();
+    const uint segment = owner() / strips;
+    const uint first = segment * SEGMENT;
+    const uint end = min(first + SEGMENT, push.height);
+    Window moments[3];
+    Window back[3];
+    [[unroll]] for (uint c = 0u; c < 3u; ++c) moments[c] = back[c] = window_empty();
+    float sum = 0.0;
+    // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
+    // numbers, which are outside like those past the last.
+    for (uint i = first; i < first + SEGMENT + 4u * WINDOW_RADIUS; ++i) {
+        const uint taken = i - 2u * WINDOW_RADIUS;
+        const uint center = taken - WINDOW_RADIUS;
+        const uint done = center - WINDOW_RADIUS;
+        const Moments left = moments_at(column - lanes, taken);
+        const Moments here = moments_at(column, taken);
+        const Moments right = moments_at(column + lanes, taken);
+        vec4 spread[3];
+        [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+            const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
+            vec4 derivatives;
+            const float value = ssim(mean, derivatives);
+            sum += center >= first && center < end ? value : 0.0;
+            spread[c] = window_take(back[c], center < push.height ? derivatives : vec4(0.0));
+        }
+        if (done >= first && done < end && column < push.width) {
+            const uint k = 3u * (done * push.width + column);
+            [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+                red_planes[k + j] = spread[0][j];
+                green_planes[k + j] = spread[1][j];
+                blue_planes[k + j] = spread[2][j];
+            }
+        }
+    }
+    if (first < push.height && column < push.width) ssim_parts[segment * push.width + column] = sum;
+}
