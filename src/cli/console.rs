@@ -31,7 +31,6 @@ impl Console {
         self.terminal && self.level >= Level::Normal
     }
 
-
     pub(crate) fn say(&self, text: impl Display) {
         if self.level >= Level::Normal {
             line(&text);

@@ -10,7 +10,7 @@ mod variants;
 mod viewer;
 
 pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, planes_of};
-pub use renderer::{DENSITY_ENTRY, Renderer, Shot, Size};
+pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size};
 pub use target::Target;
 pub use variants::{GradientSum, TileShape, Variants};
 pub use viewer::{Picture, Viewer};

@@ -46,6 +46,24 @@ pub struct Shot {
     pub background: [f32; 3],
 }
 
+impl Shot {
+    fn blend_push(&self) -> blend_forward::Push {
+        let [red, green, blue] = self.background;
+        blend_forward::Push { width: self.camera.width, height: self.camera.height, red, green, blue }
+    }
+}
+
+/// Whose gradients a backward pass computes, from what, and where they go.
+#[derive(Clone, Copy)]
+pub struct Gradients<'a> {
+    /// The model that was rendered.
+    pub model: &'a Planes,
+    /// dL/d(image), a vec4 per pixel.
+    pub of_image: &'a Buffer,
+    /// dL/d(model), written.
+    pub of_model: &'a Planes,
+}
+
 /// Pipelines that differ by whether depth and normals are blended too.
 struct Channels {
     project: Pipeline,
@@ -212,13 +230,7 @@ impl Renderer {
         // Planned once more: when the pairs did not fit, nothing that follows may run.
         self.record_plan(recorder)?;
 
-        let push = blend_forward::Push {
-            width,
-            height,
-            red: shot.background[0],
-            green: shot.background[1],
-            blue: shot.background[2],
-        };
+        let push = shot.blend_push();
         let buffers = [
             &self.splat2d,
             &self.normals,
@@ -238,26 +250,19 @@ impl Renderer {
         u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side))
     }
 
-    /// Gradients of `model` from `grad_image`, after [`Self::record_forward`] of the same shot. Does nothing without a backward.
+    /// Gradients of a model from those of its image, after [`Self::record_forward`] of the same shot. Does nothing without a
+    /// backward.
     pub fn record_backward(
         &self,
         recorder: &mut Recorder,
         lists: &Lists<'_>,
-        model: &Planes,
-        grads: &Planes,
+        gradients: &Gradients<'_>,
         shot: &Shot,
         target: &Target,
-        grad_image: &Buffer,
     ) -> Result<(), vk::Error> {
         let Some(backward) = &self.backward else { return Ok(()) };
         let (width, height) = (shot.camera.width, shot.camera.height);
-        let push = blend_forward::Push {
-            width,
-            height,
-            red: shot.background[0],
-            green: shot.background[1],
-            blue: shot.background[2],
-        };
+        let push = shot.blend_push();
         let unused = &backward.unused_normals;
         let mut buffers = vec![
             &self.splat2d,
@@ -266,7 +271,7 @@ impl Renderer {
             lists.tile_ranges,
             &target.image,
             &target.last,
-            grad_image,
+            gradients.of_image,
             unused,
         ];
         let groups = Groups::Workgroups(self.tiles(width, height));
@@ -296,9 +301,9 @@ impl Renderer {
 
         let push = CameraPush::new(&shot.camera, &shot.projection);
         let mut buffers = vec![&self.counters];
-        buffers.extend(model.buffers());
+        buffers.extend(gradients.model.buffers());
         buffers.extend([&self.splat2d, &self.tile_counts, &backward.grad2d, unused]);
-        buffers.extend(grads.buffers());
+        buffers.extend(gradients.of_model.buffers());
         recorder.dispatch(&backward.project, &buffers, &push, self.per_splat())
     }
 

@@ -14,7 +14,9 @@ use super::state::State;
 use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish};
-use crate::raster::{DENSITY_ENTRY, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of};
+use crate::raster::{
+    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
+};
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 
@@ -24,9 +26,11 @@ const RING_WORDS: u64 = 32;
 const RING_SLOTS: u64 = 64;
 /// Byte offset of the losses in a slot.
 const RING_LOSS: u64 = 64;
-
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
+
+/// What grew, and its new capacity.
+pub(super) type Growth = Vec<(&'static str, u64)>;
 
 /// What the device says of a finished event.
 #[derive(Clone, Debug)]
@@ -99,7 +103,7 @@ impl Engine {
             size,
             model: Planes::new(gpu, "", splats)?,
             grads: Planes::new(gpu, "g_", splats)?,
-            optimiser: Optimiser::new(gpu, splats)?,
+            optimiser: Optimiser::new(gpu, splats, extent)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
             target: Target::new(gpu, "", pixels, false)?,
@@ -236,8 +240,8 @@ impl Engine {
         let shot = self.shot(*camera, plan);
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
         self.losses.record(recorder, &self.target.image, photograph, camera.width, camera.height)?;
-        let grad_image = self.losses.grad_image();
-        renderer.record_backward(recorder, &lists, &self.model, &self.grads, &shot, &self.target, grad_image)?;
+        let gradients = Gradients { model: &self.model, of_image: self.losses.grad_image(), of_model: &self.grads };
+        renderer.record_backward(recorder, &lists, &gradients, &shot, &self.target)?;
         if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
             let push =
                 densify_stats::Push { half_width: 0.5 * camera.width as f32, half_height: 0.5 * camera.height as f32 };
@@ -245,7 +249,7 @@ impl Engine {
             recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
         }
         let rows = |row| renderer.per_float(row);
-        self.optimiser.record(recorder, &self.model, &self.grads, &renderer.counters, plan, self.extent, rows)?;
+        self.optimiser.record(recorder, &self.model, &self.grads, &renderer.counters, plan, rows)?;
         Ok(())
     }
 
@@ -290,7 +294,7 @@ impl Engine {
 
     /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
     /// event done, and what grew to which capacity.
-    pub fn grow(&mut self) -> Result<(u32, Vec<(&'static str, u64)>), Error> {
+    pub fn grow(&mut self) -> Result<(u32, Growth), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let status = words[counters::STATUS];
         let mut grown = Vec::new();

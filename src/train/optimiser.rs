@@ -13,21 +13,22 @@ pub(super) struct Optimiser {
     pub(super) v: Planes,
     pipeline: Pipeline,
     settings: adam::Settings,
+    extent: f64,
 }
 
 impl Optimiser {
-    /// Moments for `capacity` splats, contents undefined.
-    pub(super) fn new(gpu: &Gpu, capacity: u32) -> Result<Self, vk::Error> {
+    /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means.
+    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64) -> Result<Self, vk::Error> {
         Ok(Self {
             m: Planes::new(gpu, "m_", capacity)?,
             v: Planes::new(gpu, "v_", capacity)?,
             pipeline: gpu.pipeline(&adam::PASS.kernel, &[])?,
             settings: adam::Settings::default(),
+            extent,
         })
     }
 
     /// Records one optimiser step. `rows(k)` are the workgroups for plane k: one thread per float of the live rows.
-    /// `extent` scales the learning rate of the means.
     pub(super) fn record<'a>(
         &self,
         recorder: &mut Recorder,
@@ -35,7 +36,6 @@ impl Optimiser {
         grads: &Planes,
         counters: &Buffer,
         plan: &StepPlan,
-        extent: f64,
         rows: impl Fn(u32) -> Groups<'a>,
     ) -> Result<(), vk::Error> {
         if plan.adam == Adam::None {
@@ -43,7 +43,7 @@ impl Optimiser {
         }
         let rates = &plan.rates;
         let lr = [
-            (rates.means * extent, 0),
+            (rates.means * self.extent, 0),
             (rates.rotations, 0),
             (rates.scales, 0),
             (rates.opacities, 0),

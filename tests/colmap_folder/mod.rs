@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use image::{Rgb, RgbImage};
 
@@ -180,12 +180,4 @@ impl Folder {
 pub(crate) fn write_photograph(file: &Path, width: u32, height: u32, tint: u8) {
     fs::create_dir_all(file.parent().expect("parent")).expect("folder");
     RgbImage::from_fn(width, height, |x, y| Rgb([tint, (x * 9) as u8, (y * 13) as u8])).save(file).expect("photograph");
-}
-
-/// Real scenes, where they are.
-pub(crate) fn real_scenes() -> Option<PathBuf> {
-    let named = std::env::var_os("PSRGS_DATA").map(PathBuf::from);
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join("shared").join("data");
-    let found = named.unwrap_or(beside);
-    found.join("fox").is_dir().then_some(found)
 }

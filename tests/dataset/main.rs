@@ -2,12 +2,14 @@
 
 #[path = "../colmap_folder/mod.rs"]
 mod colmap_folder;
+#[path = "../common/mod.rs"]
+mod common;
 mod frame;
 
 use std::fs;
 use std::path::Path;
 
-use colmap_folder::{CameraRow, Folder, OPENCV, SIMPLE_PINHOLE, real_scenes, write_photograph};
+use colmap_folder::{CameraRow, Folder, OPENCV, SIMPLE_PINHOLE, write_photograph};
 use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
 
 const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
@@ -307,14 +309,11 @@ fn unposed_photographs_are_counted() {
 
 #[test]
 fn the_real_scenes_load() {
-    let Some(root) = real_scenes() else {
-        println!("skipped: no real scenes; set PSRGS_DATA to their folder");
-        return;
-    };
     for (name, images, points, size) in
         [("caliterra", 75, 20_639, (640, 480)), ("copr", 38, 14_897, (640, 427)), ("fox", 50, 11_967, (360, 640))]
     {
-        let dataset = load(&root.join(name)).expect(name);
+        let Some(folder) = common::data(name) else { continue };
+        let dataset = load(&folder).expect(name);
         assert_eq!((dataset.views.len(), dataset.points.len()), (images, points), "{name}");
         assert!(dataset.views.iter().all(|v| (v.camera.width, v.camera.height) == size && v.size_on_disk == size));
         assert_eq!(dataset.views_of(Role::HeldOut).count(), images.div_ceil(8));
@@ -328,7 +327,8 @@ fn the_real_scenes_load() {
         assert!(before.count() * 10 > points * 9, "{name}");
         println!("{name}: extent {} of the dataset's units", dataset.extent);
     }
-    let fox = load(&root.join("fox")).expect("fox");
+    let Some(folder) = common::data("fox") else { return };
+    let fox = load(&folder).expect("fox");
     // As its description rounds them: 184.85 and 321.76.
     assert!((fox.views[0].camera.cx - 184.85).abs() < 0.005 && (fox.views[0].camera.cy - 321.76).abs() < 0.005);
     assert_eq!(fox.views_of(Role::Train).count(), 43);

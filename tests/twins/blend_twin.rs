@@ -40,18 +40,18 @@ fn upstream(blend: &Blend<f64>, seed: u64) -> Upstream<f64> {
     Upstream { image: out.image, last: out.last, grad_image, grad_aux, clamp_gradient_passes: false }
 }
 
+fn add(sum: &mut [f64], terms: &[f64]) {
+    sum.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
+}
+
 /// Gradients per splat from gradients per pair.
 fn per_splat(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<[f64; 12]>, Vec<[f64; 4]>) {
     let grads = backward(blend, up);
     let mut rows = vec![[0.0; 12]; blend.splats.len()];
     let mut normals = vec![[0.0; 4]; blend.splats.len()];
     for (pair, &splat) in blend.sorted.iter().enumerate() {
-        for k in 0..12 {
-            rows[splat as usize][k] += grads.rows[pair][k];
-        }
-        for k in 0..4 {
-            normals[splat as usize][k] += grads.normals[pair][k];
-        }
+        add(&mut rows[splat as usize], &grads.rows[pair]);
+        add(&mut normals[splat as usize], &grads.normals[pair]);
     }
     (rows, normals)
 }
@@ -85,13 +85,13 @@ fn backward_is_the_derivative_of_forward() {
                 close(&format!("splat {splat} column {column}"), rows[splat][column], want);
                 touched += usize::from(want != 0.0);
             }
-            for k in 0..3 {
+            for (k, got) in normals[splat].into_iter().take(3).enumerate() {
                 let want = difference(&|b, h| {
                     if let Some(normals) = &mut b.normals {
                         normals[splat][k] += h;
                     }
                 });
-                close(&format!("splat {splat} normal {k}"), normals[splat][k], want);
+                close(&format!("splat {splat} normal {k}"), got, want);
             }
         }
     }

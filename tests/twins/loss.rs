@@ -122,9 +122,8 @@ fn reference(p: &Pictures, lambda: f32) -> Loss<f64> {
 }
 
 fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
-    let ([total, l1, ssim], grad) = match on_device(gpu, with, p, lambda) {
-        (values, grad) => ([values[0], values[1], values[2]].map(f64::from), grad),
-    };
+    let (values, grad) = on_device(gpu, with, p, lambda);
+    let [total, l1, ssim] = [values[0], values[1], values[2]].map(f64::from);
     let want = reference(p, lambda);
     let near = |what: &str, got: f64, want: f64| {
         assert!((got - want).abs() <= accuracy, "{} {what}: {got} instead of {want}", p.name);

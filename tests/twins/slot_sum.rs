@@ -17,7 +17,7 @@ pub fn run(gpu: &Gpu) {
             let mut offsets = Vec::new();
             let mut pairs = 0;
             for &splat in &order {
-                let count = if random.word() % 9 == 0 || visible == 1 { most } else { 1 + random.word() % 5 };
+                let count = if random.word().is_multiple_of(9) || visible == 1 { most } else { 1 + random.word() % 5 };
                 tile_counts[splat as usize] = count;
                 offsets.push(pairs);
                 pairs += count;
