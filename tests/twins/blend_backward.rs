@@ -182,15 +182,22 @@ fn check(what: &str, columns: std::ops::Range<usize>, compared: &Compared<'_>) {
     );
 }
 
-fn against_twin(gpu: &Gpu, pass: &Pass, side: usize, rows: Rows, width: Option<u32>) {
+/// A scene with random gradients and what the twin makes of them.
+struct Case {
+    name: String,
+    blend: Blend<f32>,
+    up: Upstream<f64>,
+    constants: Vec<(&'static str, u32)>,
+    want: (Vec<f64>, Vec<f64>),
+    sizes: (Vec<f64>, Vec<f64>),
+    longest: u32,
+}
+
+fn cases(side: usize) -> Vec<Case> {
+    let mut cases = Vec::new();
     for (number, scene) in hard_scenes().into_iter().enumerate() {
         for aux in [false, true] {
-            // lavapipe ends an invocation's loops after 65,535 rounds in all; those that emulate 15 sums of 64 lanes are most.
-            let most = scene.blend(side, aux).ranges.iter().map(|r| r[1] - r[0]).max().unwrap_or(0);
-            if width == Some(64) && most > 65 {
-                continue;
-            }
-            let (sum_abs, passes) = (aux == (number % 2 == 0), number % 3 == 0);
+            let (sum_abs, passes) = (aux == (number % 2 == 0), aux != (number % 3 == 0));
             let blend = scene.blend(side, aux);
             let wide = widen::<f64>(&blend);
             let up = upstream(&wide, 31 + number as u64, passes);
@@ -198,39 +205,56 @@ fn against_twin(gpu: &Gpu, pass: &Pass, side: usize, rows: Rows, width: Option<u
             if !sum_abs {
                 grads.rows.iter_mut().for_each(|row| row[10..].fill(0.0));
             }
-            let (want, want_normals) = exact(&wide, &grads);
-            let bound = 1e-4 + f64::from(most) * 2.0f64.powi(-23);
-            let (sizes, normal_sizes) = sizes(&wide, &up);
-            let mut given = vec![
+            let constants = vec![
                 ("AUX", u32::from(aux)),
                 ("COUNT", 1),
                 ("ABS", u32::from(sum_abs)),
                 ("CLAMP_GRADIENT_PASSES", u32::from(passes)),
             ];
-            given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
-            let buffers = buffers(&blend, &up, rows);
-            let groups = blend.ranges.len() as u32;
-            let outcome = harness::run(gpu, pass, &given, &buffers, &push(&blend), groups);
-            let at = buffers.len() - 3;
-            for (who, got) in [("device", &outcome.device), ("twin", &outcome.twin)] {
-                let what = format!("{who}: {} {width:?} of {}, aux {aux}", pass.kernel.name, scene.name);
-                let sums = per_splat(&blend, rows, 12, &got[at]);
-                for columns in [0..2, 2..5, 5..6, 6..9, 9..10, 10..12] {
-                    check(&what, columns, &Compared { bound, width: 12, got: &sums, want: &want, sizes: &sizes });
-                }
-                if aux {
-                    let normals = per_splat(&blend, rows, 4, &got[at + 1]);
-                    let (want, sizes) = (&want_normals, &normal_sizes);
-                    check(&what, 0..3, &Compared { bound, width: 4, got: &normals, want, sizes });
-                } else {
-                    assert!(got[at + 1] == buffers[at + 1], "{what}: normals were touched");
-                }
-            }
-            if rows == Rows::Slots && blend.sorted.len() > 1 {
-                let again = harness::run(gpu, pass, &given, &buffers, &push(&blend), groups);
-                assert!(outcome.device == again.device, "{}: two runs differ", pass.kernel.name);
-            }
+            cases.push(Case {
+                name: format!("{}, aux {aux}, abs {sum_abs}, clamped gradient {passes}", scene.name),
+                want: exact(&wide, &grads),
+                sizes: sizes(&wide, &up),
+                longest: blend.ranges.iter().map(|r| r[1] - r[0]).max().unwrap_or(0),
+                blend,
+                up,
+                constants,
+            });
         }
+    }
+    cases
+}
+
+fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u32>) {
+    // lavapipe ends an invocation's loops after 65,535 rounds in all; those that emulate 15 sums of 64 lanes are most.
+    if width == Some(64) && case.longest > 65 {
+        return;
+    }
+    let blend = &case.blend;
+    let mut given = case.constants.clone();
+    given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
+    let buffers = buffers(blend, &case.up, rows);
+    let run = || harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32);
+    let outcome = run();
+    let at = buffers.len() - 3;
+    let bound = 1e-4 + f64::from(case.longest) * 2.0f64.powi(-23);
+    for (who, got) in [("device", &outcome.device), ("twin", &outcome.twin)] {
+        let what = format!("{who}: {} {width:?} of {}", pass.kernel.name, case.name);
+        let sums = per_splat(blend, rows, 12, &got[at]);
+        for columns in [0..2, 2..5, 5..6, 6..9, 9..10, 10..12] {
+            let (want, sizes) = (&case.want.0, &case.sizes.0);
+            check(&what, columns, &Compared { bound, width: 12, got: &sums, want, sizes });
+        }
+        if blend.normals.is_some() {
+            let normals = per_splat(blend, rows, 4, &got[at + 1]);
+            let (want, sizes) = (&case.want.1, &case.sizes.1);
+            check(&what, 0..3, &Compared { bound, width: 4, got: &normals, want, sizes });
+        } else {
+            assert!(got[at + 1] == buffers[at + 1], "{what}: normals were touched");
+        }
+    }
+    if rows == Rows::Slots {
+        assert!(outcome.device == run().device, "{} of {}: two runs differ", pass.kernel.name, case.name);
     }
 }
 
@@ -265,8 +289,14 @@ fn contributors(gpu: &Gpu) {
 }
 
 pub fn run(gpu: &Gpu) {
-    for (pass, side, rows, width) in variants(gpu) {
-        against_twin(gpu, pass, side, rows, width);
+    for side in [8, 16] {
+        for case in cases(side) {
+            for (pass, tile, rows, width) in variants(gpu) {
+                if tile == side {
+                    against_twin(gpu, pass, &case, rows, width);
+                }
+            }
+        }
     }
     contributors(gpu);
 }
