@@ -52,14 +52,17 @@ impl Variants {
         let cpu = caps.kind == DeviceKind::Cpu;
         let tile = if cpu { TileShape::Column } else { TileShape::Pixel };
         // On CPU devices slots are also the faster form: atomics there are compare-and-swap loops per lane.
-        let gradients = if deterministic || cpu {
-            GradientSum::Slots
-        } else if caps.buffer_floats == FloatAtomics::Native {
-            GradientSum::Atomic
-        } else {
-            GradientSum::CompareAndSwap
+        let slots = Self { tile, gradients: GradientSum::Slots };
+        if deterministic || cpu { slots } else { slots.without_slots(gpu) }
+    }
+
+    /// The same with sums by atomics, which need no memory per pair.
+    pub fn without_slots(self, gpu: &Gpu) -> Self {
+        let gradients = match gpu.caps().buffer_floats {
+            FloatAtomics::Native => GradientSum::Atomic,
+            FloatAtomics::CompareAndSwap => GradientSum::CompareAndSwap,
         };
-        Self { tile, gradients }
+        Self { gradients, ..self }
     }
 
     /// The same with some forms given.

@@ -15,7 +15,8 @@ use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish};
 use crate::raster::{
-    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
+    DENSITY_ENTRY, GradientSum, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer,
+    gaussians_of,
 };
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
@@ -26,6 +27,8 @@ const RING_WORDS: u64 = 32;
 const RING_SLOTS: u64 = 64;
 /// Byte offset of the losses in a slot.
 const RING_LOSS: u64 = 64;
+/// Bytes of the largest row of a plane or of the gradients.
+const LARGEST_ROW: u64 = 48;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
@@ -299,21 +302,33 @@ impl Engine {
         let status = words[counters::STATUS];
         let mut grown = Vec::new();
         let mut size = self.size;
+        let mut variants = self.renderer.variants();
         if status & counters::PAIRS_BIT != 0 {
-            size.pairs = larger(words[counters::WANT_PAIRS], size.pairs, "(splat, tile) pairs", "--max-side")?;
+            let wanted = words[counters::WANT_PAIRS];
+            if u64::from(wanted) > self.most_pairs(variants) && !self.settings.run.deterministic {
+                variants = variants.without_slots(&self.gpu);
+            }
+            let limit = self.most_pairs(variants);
+            size.pairs = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
             grown.push(("pairs", u64::from(size.pairs)));
         }
         if status & counters::SPLATS_BIT != 0 {
-            size.splats = larger(words[counters::WANT_SPLATS], size.splats, "splats", "--max-splats")?;
+            let limit = self.gpu.caps().limits.storage_range / LARGEST_ROW;
+            size.splats = larger(words[counters::WANT_SPLATS], size.splats, limit, "splats", "--max-splats")?;
             grown.push(("splats", u64::from(size.splats)));
             self.grow_planes(size.splats)?;
         }
         words[counters::STATUS] = 0;
-        let variants = self.renderer.variants();
         self.renderer = Renderer::new(&self.gpu, variants, size)?;
         self.size = size;
         self.gpu.write(&self.renderer.counters, &words)?;
         Ok((words[counters::DONE], grown))
+    }
+
+    /// Pairs that the buffers of a form can hold: a binding of the device limits each.
+    fn most_pairs(&self, variants: Variants) -> u64 {
+        let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
+        self.gpu.caps().limits.storage_range / row
     }
 
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
@@ -389,10 +404,10 @@ impl Engine {
 }
 
 /// A capacity for `wanted` elements with room to spare.
-fn larger(wanted: u32, now: u32, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
+fn larger(wanted: u32, now: u32, limit: u64, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
     let next = (u64::from(wanted) + u64::from(wanted) / 4).max(u64::from(now) + 64);
-    // Slots, keys and indices are 32 bits wide, and rows of 12 floats are indexed as words.
-    let limit = u64::from(u32::MAX / 12);
+    // Rows of 12 floats are indexed as 32-bit words.
+    let limit = limit.min(u64::from(u32::MAX / 12));
     if u64::from(wanted) > limit {
         return Err(Error::TooMany { what, wanted: u64::from(wanted), limit, remedy });
     }
