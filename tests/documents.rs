@@ -1,0 +1,55 @@
+//! What the documents promise about the tests is there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Names of the test functions under `folder`, and of the cases of the twin tests.
+fn tests_under(folder: &Path, found: &mut Vec<String>) {
+    let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            tests_under(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            let mut lines = text.lines().map(str::trim);
+            while let Some(line) = lines.next() {
+                if line == "#[test]"
+                    && let Some(name) = lines.find_map(|l| l.strip_prefix("fn "))
+                {
+                    found.push(name.split('(').next().unwrap_or(name).to_owned());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_portability_rule_names_its_test() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut tests = Vec::new();
+    tests_under(&root.join("tests"), &mut tests);
+    tests_under(&root.join("src"), &mut tests);
+    let cases = fs::read_to_string(root.join("tests/twins/main.rs")).unwrap();
+    let document = fs::read_to_string(root.join("docs/PORTABILITY.md")).unwrap();
+    let rules = document.lines().filter(|line| {
+        line.strip_prefix("| ").and_then(|rest| rest.split(' ').next()).is_some_and(|n| n.parse::<u32>().is_ok())
+    });
+    let mut count = 0;
+    for rule in rules {
+        count += 1;
+        let guards = rule.trim_end_matches(['|', ' ']).rsplit(" | ").next().unwrap();
+        let mut named = 0;
+        for name in guards.split('`').skip(1).step_by(2) {
+            // `twins::case` is a case of the twin tests, anything else the name of a test function.
+            let known = match name.strip_prefix("twins::") {
+                Some(case) => cases.lines().any(|line| line.trim().starts_with(&format!("{case}:"))),
+                None => tests.iter().any(|test| test == name),
+            };
+            assert!(known, "no test is called {name}: {rule}");
+            named += 1;
+        }
+        assert!(named > 0, "names no test: {rule}");
+    }
+    assert!(count >= 15, "{count} rules found");
+}
