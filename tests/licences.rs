@@ -1,5 +1,5 @@
-//! Every crate that is built may be shipped under the licences that `deny.toml` allows. A quick form of `cargo deny check
-//! licenses`, for the machines that do not have it.
+//! Every crate that is built may be shipped under the licences that `deny.toml` allows: what `cargo deny check licenses` looks
+//! at, for machines that do not have it (building it takes longer than building this project).
 
 use std::collections::BTreeSet;
 use std::path::Path;

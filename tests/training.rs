@@ -178,3 +178,26 @@ fn two_engines_in_one_process_do_not_disturb_each_other() {
     assert_same(&alone.state, &a.snapshot().expect("a").state, "first engine");
     assert_same(&alone.state, &b.snapshot().expect("b").state, "second engine");
 }
+
+#[test]
+fn a_step_is_scored_before_its_density_change_and_opacity_reset() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut settings = settings(60);
+    settings.run.eval_every = 5;
+    let mut trainer =
+        Trainer::new(&gpu, plane_scene::input(6, 64, 48, 300), &settings, Pacing::default(), None).expect("trainer");
+    let (mut scores, mut done) = (Vec::new(), Vec::new());
+    while let Some(message) = trainer.next_message().expect("message") {
+        match message {
+            Message::Evaluated { step, quality, .. } => {
+                assert!(!done.contains(&step), "step {step} was scored after what follows it");
+                scores.push((step, quality.psnr));
+            }
+            Message::Density { step, .. } | Message::OpacityReset { step } => done.push(step),
+            _ => {}
+        }
+    }
+    // Every fifth step once, 15, 30, 45 (density changes) and 40 (a reset) among them.
+    assert_eq!(scores.iter().map(|(step, _)| *step).collect::<Vec<_>>(), (1..=12).map(|k| 5 * k).collect::<Vec<_>>());
+    assert!(done.contains(&30) && done.contains(&40), "{done:?}");
+}

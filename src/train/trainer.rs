@@ -64,6 +64,8 @@ pub struct Trainer {
     messages: VecDeque<Message>,
     /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
+    /// The last step at which held-out photographs were scored.
+    evaluated: u32,
     checkpoints: Option<PathBuf>,
     history: History,
     last_splats: u32,
@@ -107,6 +109,7 @@ impl Trainer {
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
             attended: step,
+            evaluated: step,
             checkpoints: None,
             history,
             last_splats,
@@ -133,7 +136,11 @@ impl Trainer {
     /// One turn: attend to a stop, or submit what fits, then look at the oldest event.
     fn advance(&mut self) -> Result<(), Error> {
         let stop = self.next_stop();
-        while self.in_flight.len() < self.pacing.events_in_flight.max(1) && self.next.step <= stop {
+        // A step is scored before its density change and opacity reset, as in the reference: a model whose opacities have just
+        // been lowered says nothing.
+        let evaluate = self.evaluates_at(stop) && self.evaluated < stop;
+        let last = Event { step: stop, kind: if evaluate { Kind::Step } else { Kind::Reset } };
+        while self.in_flight.len() < self.pacing.events_in_flight.max(1) && self.next <= last {
             let plan = self.schedule.step(self.next.step);
             let ticket = self.engine.submit(self.next, &plan, self.schedule.view_at(self.next.step))?;
             self.in_flight.push_back((self.next, ticket));
@@ -143,7 +150,14 @@ impl Trainer {
             let outcome = self.engine.outcome(ticket)?;
             return self.look(event, outcome);
         }
-        self.attend(stop)
+        if !evaluate {
+            return self.attend(stop);
+        }
+        self.evaluated = stop;
+        let quality = self.quality(stop)?;
+        let (splats, seconds) = (self.last_splats, self.seconds());
+        self.tell(Message::Evaluated { step: stop, quality, splats, seconds });
+        Ok(())
     }
 
     fn seconds(&self) -> f64 {
@@ -247,11 +261,6 @@ impl Trainer {
 
     fn attend(&mut self, stop: u32) -> Result<(), Error> {
         self.attended = stop;
-        if self.evaluates_at(stop) {
-            let quality = self.evaluate()?;
-            let (splats, seconds) = (self.last_splats, self.seconds());
-            self.tell(Message::Evaluated { step: stop, quality, splats, seconds });
-        }
         if self.saves_at(stop) {
             let (step, path) = self.save_checkpoint()?;
             self.tell(Message::Checkpoint { step, path });
@@ -294,6 +303,10 @@ impl Trainer {
     /// Renders the held-out views and compares them with their photographs, 8 bits both.
     pub fn evaluate(&mut self) -> Result<crate::eval::Quality, Error> {
         let step = self.settle()?;
+        self.quality(step)
+    }
+
+    fn quality(&mut self, step: u32) -> Result<crate::eval::Quality, Error> {
         let plan = self.schedule.step(step.max(1));
         evaluate::quality(&mut self.engine, &self.held_out, plan.sh_degree, self.settings.model.background.evaluated())
     }
