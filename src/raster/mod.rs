@@ -1,5 +1,6 @@
 //! Passes composed into forward and backward: the differentiable renderer.
 
+mod kernels;
 mod planes;
 mod renderer;
 pub mod scan;
@@ -10,7 +11,7 @@ mod variants;
 mod viewer;
 
 pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, planes_of};
-pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size};
+pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
 pub use variants::{GradientSum, TileShape, Variants};
 pub use viewer::{Picture, Viewer};

@@ -1,12 +1,13 @@
 //! Forward and backward of one view, recorded as passes.
 
+use super::kernels;
 use super::planes::Planes;
 use super::target::Target;
 use super::tiles::{Capacities, Inputs, Lists, TileLists};
-use super::variants::{GradientSum, TileShape, Variants};
+use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{blend_backward, blend_forward, counters, project, project_backward, slot_sum};
+use crate::pass::{blend_forward, counters, project, project_backward, slot_sum};
 use crate::scene::Camera;
 use crate::twin::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
@@ -112,13 +113,12 @@ impl Renderer {
         let side = variants.tile.size();
         let channels = |aux: u32| -> Result<Channels, vk::Error> {
             let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux)];
-            let kernel = match variants.tile {
-                TileShape::Column => &blend_forward::COLUMN.kernel,
-                TileShape::Pixel => &blend_forward::PIXEL.kernel,
-            };
+            let (blend, width) = kernels::blend_forward(gpu, variants.tile);
+            let mut switches = vec![("AUX", aux), ("COUNT", u32::from(size.count))];
+            switches.extend(width);
             Ok(Channels {
                 project: gpu.pipeline(&project::PASS.kernel, &constants)?,
-                blend: gpu.pipeline(kernel, &[("AUX", aux), ("COUNT", u32::from(size.count))])?,
+                blend: gpu.pipeline(&blend.kernel, &switches)?,
             })
         };
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
@@ -318,6 +318,25 @@ impl Renderer {
     }
 }
 
+/// Most splats that fit the bindings of the device, each plane being bound whole.
+pub fn most_splats(gpu: &Gpu) -> u32 {
+    most(gpu, LARGEST_ROW)
+}
+
+/// Most pairs that fit the bindings of the device: slots are rows of 12 floats per pair, all else is no more than a word.
+pub fn most_pairs(gpu: &Gpu, variants: Variants) -> u32 {
+    let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
+    most(gpu, row)
+}
+
+/// Rows of `bytes` bytes in the largest binding of the device, as far as their words can be indexed with 32 bits.
+fn most(gpu: &Gpu, bytes: u64) -> u32 {
+    u32::try_from(gpu.caps().limits.storage_range / bytes).map_or(u32::MAX / 12, |rows| rows.min(u32::MAX / 12))
+}
+
+/// Bytes of the largest row of a plane or of the gradients.
+const LARGEST_ROW: u64 = 48;
+
 /// How large a renderer is.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
@@ -339,21 +358,13 @@ pub struct Size {
 
 impl Backward {
     fn new(gpu: &Gpu, variants: Variants, size: &Size) -> Result<Self, vk::Error> {
-        use GradientSum::{Atomic, CompareAndSwap, Slots};
-        use TileShape::{Column, Pixel};
-        let kernel = match (variants.tile, variants.gradients) {
-            (Column, Slots) => &blend_backward::COLUMN_SLOTS.kernel,
-            (Column, Atomic) => &blend_backward::COLUMN_ATOMIC.kernel,
-            (Column, CompareAndSwap) => &blend_backward::COLUMN_CAS.kernel,
-            (Pixel, Slots) => &blend_backward::PIXEL_SLOTS.kernel,
-            (Pixel, Atomic) => &blend_backward::PIXEL_ATOMIC.kernel,
-            (Pixel, CompareAndSwap) => &blend_backward::PIXEL_CAS.kernel,
-        };
-        let slots = variants.gradients == Slots;
-        let blend =
-            [("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
+        let (blend, width) = kernels::blend_backward(gpu, variants)?;
+        let slots = variants.gradients == GradientSum::Slots;
+        let mut switches =
+            vec![("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
+        switches.extend(width);
         Ok(Self {
-            blend: gpu.pipeline(kernel, &blend)?,
+            blend: gpu.pipeline(&blend.kernel, &switches)?,
             slot_sum: if slots { Some(gpu.pipeline(&slot_sum::PASS.kernel, &[])?) } else { None },
             project: gpu.pipeline(&project_backward::PASS.kernel, &[])?,
             slot_grads: gpu.buffer(

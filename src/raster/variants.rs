@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::vk::{DeviceKind, FloatAtomics, Gpu};
+use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
+
+/// The column shape is written for subgroups of this width.
+pub(super) const COLUMN_WIDTH: u32 = 8;
 
 /// How the blending passes share a tile among threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -56,13 +59,15 @@ impl Variants {
         if deterministic || cpu { slots } else { slots.without_slots(gpu) }
     }
 
-    /// The same with sums by atomics, which need no memory per pair.
+    /// The same with sums by atomics, which need no memory per pair; in the tiles for which the device can do them.
     pub fn without_slots(self, gpu: &Gpu) -> Self {
-        let gradients = match gpu.caps().buffer_floats {
-            FloatAtomics::Native => GradientSum::Atomic,
-            FloatAtomics::CompareAndSwap => GradientSum::CompareAndSwap,
+        let caps = gpu.caps();
+        let gradients = match (caps.buffer_floats, caps.subgroup) {
+            (FloatAtomics::Native, Subgroup::Hardware(_)) => GradientSum::Atomic,
+            _ => GradientSum::CompareAndSwap,
         };
-        Self { gradients, ..self }
+        let tile = if caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH) { self.tile } else { TileShape::Pixel };
+        Self { tile, gradients }
     }
 
     /// The same with some forms given.

@@ -1,9 +1,9 @@
 //! Pictures of a model, outside of training.
 
 use super::planes::Planes;
-use super::renderer::{Renderer, Shot, Size};
+use super::renderer::{Renderer, Shot, Size, most_pairs};
 use super::target::Target;
-use super::variants::Variants;
+use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
 use crate::scene::Gaussians;
 use crate::vk::{self, Gpu};
@@ -56,7 +56,13 @@ pub struct Viewer {
 impl Viewer {
     /// A viewer that allocates at the first picture.
     pub fn new(gpu: &Gpu) -> Self {
-        let variants = Variants::choose(gpu, false);
+        Self::with_variants(gpu, Variants::choose(gpu, false))
+    }
+
+    /// The same with these forms of the passes.
+    pub fn with_variants(gpu: &Gpu, variants: Variants) -> Self {
+        // Without a backward there are no slots, which would limit the pairs.
+        let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
         let size =
             Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
         Self { gpu: gpu.clone(), variants, size, renderer: None }
@@ -78,7 +84,8 @@ impl Viewer {
         if !fit(&self.size) {
             self.size.splats = self.size.splats.max(splats);
             self.size.tiles = self.size.tiles.max(tiles);
-            self.size.pairs = self.size.pairs.max(24 * tiles).max(4 * splats);
+            let guess = tiles.saturating_mul(24).max(splats.saturating_mul(4));
+            self.size.pairs = self.size.pairs.max(guess.min(most_pairs(&self.gpu, self.variants)));
             self.renderer = None;
         }
         loop {
@@ -93,7 +100,8 @@ impl Viewer {
             let words: Vec<u32> = gpu.read_at(&renderer.counters, 0, counters::COUNT)?;
             if words[counters::STATUS] & counters::PAIRS_BIT != 0 {
                 let wanted = words[counters::PAIRS];
-                self.size.pairs = wanted.saturating_add(wanted / 8);
+                let most = most_pairs(&self.gpu, self.variants).max(wanted);
+                self.size.pairs = wanted.saturating_add(wanted / 8).min(most);
                 self.renderer = None;
                 continue;
             }

@@ -15,8 +15,8 @@ use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish};
 use crate::raster::{
-    DENSITY_ENTRY, GradientSum, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer,
-    gaussians_of,
+    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
+    most_pairs, most_splats,
 };
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
@@ -25,10 +25,10 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 const RING_WORDS: u64 = 32;
 /// Slots; more than events ever in flight.
 const RING_SLOTS: u64 = 64;
+/// Most events in flight.
+pub(super) const MOST_IN_FLIGHT: usize = 32;
 /// Byte offset of the losses in a slot.
 const RING_LOSS: u64 = 64;
-/// Bytes of the largest row of a plane or of the gradients.
-const LARGEST_ROW: u64 = 48;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
@@ -90,14 +90,21 @@ impl Engine {
         let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
 
         let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
+        let most_splats = most_splats(gpu);
+        if initial_splats > most_splats {
+            let (what, wanted, limit) = ("splats", u64::from(initial_splats), u64::from(most_splats));
+            return Err(Error::TooMany { what, wanted, limit, remedy: "a smaller initial model" });
+        }
         let splats = match pacing.splat_capacity {
-            0 => (initial_splats + initial_splats / 2).max(1 << 14),
+            0 => initial_splats.saturating_add(initial_splats / 2).max(1 << 14),
             given => given.max(initial_splats),
         };
+        let splats = splats.min(most_splats);
         let pairs = match pacing.pair_capacity {
-            0 => (24 * tiles).max(8 * splats),
+            0 => tiles.saturating_mul(24).max(splats.saturating_mul(8)),
             given => given,
         };
+        let pairs = pairs.min(most_pairs(gpu, variants));
         let size = Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true };
         let extent = f64::from(input.extent);
         let mut engine = Self {
@@ -305,15 +312,15 @@ impl Engine {
         let mut variants = self.renderer.variants();
         if status & counters::PAIRS_BIT != 0 {
             let wanted = words[counters::WANT_PAIRS];
-            if u64::from(wanted) > self.most_pairs(variants) && !self.settings.run.deterministic {
+            if wanted > most_pairs(&self.gpu, variants) && !self.settings.run.deterministic {
                 variants = variants.without_slots(&self.gpu);
             }
-            let limit = self.most_pairs(variants);
+            let limit = most_pairs(&self.gpu, variants);
             size.pairs = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
             grown.push(("pairs", u64::from(size.pairs)));
         }
         if status & counters::SPLATS_BIT != 0 {
-            let limit = self.gpu.caps().limits.storage_range / LARGEST_ROW;
+            let limit = most_splats(&self.gpu);
             size.splats = larger(words[counters::WANT_SPLATS], size.splats, limit, "splats", "--max-splats")?;
             grown.push(("splats", u64::from(size.splats)));
             self.grow_planes(size.splats)?;
@@ -323,12 +330,6 @@ impl Engine {
         self.size = size;
         self.gpu.write(&self.renderer.counters, &words)?;
         Ok((words[counters::DONE], grown))
-    }
-
-    /// Pairs that the buffers of a form can hold: a binding of the device limits each.
-    fn most_pairs(&self, variants: Variants) -> u64 {
-        let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
-        self.gpu.caps().limits.storage_range / row
     }
 
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
@@ -403,15 +404,13 @@ impl Engine {
     }
 }
 
-/// A capacity for `wanted` elements with room to spare.
-fn larger(wanted: u32, now: u32, limit: u64, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
-    let next = (u64::from(wanted) + u64::from(wanted) / 4).max(u64::from(now) + 64);
-    // Rows of 12 floats are indexed as 32-bit words.
-    let limit = limit.min(u64::from(u32::MAX / 12));
-    if u64::from(wanted) > limit {
-        return Err(Error::TooMany { what, wanted: u64::from(wanted), limit, remedy });
+/// A capacity for `wanted` elements with room to spare, at most `most`.
+fn larger(wanted: u32, now: u32, most: u32, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
+    if wanted > most {
+        return Err(Error::TooMany { what, wanted: u64::from(wanted), limit: u64::from(most), remedy });
     }
-    Ok(next.min(limit) as u32)
+    let next = (u64::from(wanted) + u64::from(wanted) / 4).max(u64::from(now) + 64);
+    Ok(next.min(u64::from(most)) as u32)
 }
 
 fn upload(gpu: &Gpu, view: &View) -> Result<Buffer, Error> {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::checkpoint::Checkpointed;
-use super::engine::{Engine, Outcome};
+use super::engine::{Engine, MOST_IN_FLIGHT, Outcome};
 use super::event::{Event, Kind};
 use super::history::History;
 use super::input::{Input, View};
@@ -24,7 +24,7 @@ use crate::vk::{FloatAtomics, Gpu, Ticket};
 /// How far the host may run ahead of the device, and how large the buffers start.
 #[derive(Clone, Copy, Debug)]
 pub struct Pacing {
-    /// Events submitted and not yet looked at, at least 1. From 3 on, looking at the oldest never drains the device.
+    /// Events submitted and not yet looked at, from 1 to 32. From 3 on, looking at the oldest never drains the device.
     pub events_in_flight: usize,
     /// Splats that fit before the first growth; 0 chooses.
     pub splat_capacity: u32,
@@ -140,7 +140,7 @@ impl Trainer {
         // been lowered says nothing.
         let evaluate = self.evaluates_at(stop) && self.evaluated < stop;
         let last = Event { step: stop, kind: if evaluate { Kind::Step } else { Kind::Reset } };
-        while self.in_flight.len() < self.pacing.events_in_flight.max(1) && self.next <= last {
+        while self.in_flight.len() < self.pacing.events_in_flight.clamp(1, MOST_IN_FLIGHT) && self.next <= last {
             let plan = self.schedule.step(self.next.step);
             let ticket = self.engine.submit(self.next, &plan, self.schedule.view_at(self.next.step))?;
             self.in_flight.push_back((self.next, ticket));

@@ -1,0 +1,247 @@
+//! Whole images and whole gradients of the device against the brute-force f64 renderer, which shares no arithmetic with it.
+
+mod common;
+
+use common::guards::Guards;
+use common::splats::{Random, camera, spread};
+use psrgs_vk::pass::camera::{NEAR, Projection};
+use psrgs_vk::pass::counters;
+use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
+use psrgs_vk::scene::{Camera, Gaussians};
+use psrgs_vk::twin::project::project;
+use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
+use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::vk::{FloatAtomics, Gpu, Memory};
+
+const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
+/// Pixels nearer than this to a decision are left out: 16 roundings to f32, in units of the decision's condition.
+const BAND: f64 = 16.0 / (1u64 << 24) as f64;
+/// Most of the image that may be left out.
+const MOST_LEFT_OUT: f64 = 0.005;
+/// Largest error of colour, transmittance, normal sum, and depth sum in units of the farthest depth.
+const IMAGE_ERROR: f64 = 2e-5;
+
+/// A model with what the f64 renderer makes of it.
+struct Case {
+    name: String,
+    model: Gaussians,
+    shot: Shot,
+    settings: Settings,
+    splats: Vec<Splat<f64>>,
+    image: Image,
+}
+
+/// The camera as the device gets it.
+fn rounded(camera: Camera) -> Camera {
+    let f = |v: f64| f64::from(v as f32);
+    Camera {
+        rotation: camera.rotation.map(|row| row.map(f)),
+        translation: camera.translation.map(f),
+        fx: f(camera.fx),
+        fy: f(camera.fy),
+        cx: f(camera.cx),
+        cy: f(camera.cy),
+        ..camera
+    }
+}
+
+/// Ratio of the axes of the projected ellipse; 1 for a splat that is not seen.
+fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
+    let Ok(p) = project(splat, view, None) else { return 1.0 };
+    let [a, b, c] = p.conic;
+    let (middle, reach) = ((a + c) / 2.0, (((a - c) / 2.0).powi(2) + b * b).sqrt());
+    ((middle + reach) / (middle - reach)).sqrt()
+}
+
+fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: u64) -> Case {
+    let camera = rounded(camera(size.0, size.1));
+    let projection = Projection { sh_degree, near: NEAR, antialias, reference_clamp: false };
+    let view = View::<f64>::exact(&camera, &projection);
+    let mut random = Random::new(seed);
+    let mut model = Gaussians::zeros(splats);
+    let mut before = None;
+    for i in 0..splats {
+        let splat = loop {
+            let mut splat = spread(&mut random, &camera, 1.3);
+            // Some centres stand twice: which of the two is in front is then decided by the identities.
+            if let Some(mean) = before.filter(|_| i % 10 == 9) {
+                splat.mean = mean;
+            }
+            if aspect(&splat, &view) <= 10.0 {
+                break splat;
+            }
+        };
+        before = Some(splat.mean);
+        splat.store(&mut model, i);
+    }
+    let background = [0.25f32, 0.5, 0.75];
+    let settings =
+        Settings { sh_degree, near: f64::from(NEAR as f32), antialias, background: background.map(f64::from) };
+    let splats = Splat::all(&model);
+    let image = reference::render(&splats, &camera, &settings);
+    let name = format!("{}x{}, SH {sh_degree}, antialias {antialias}", size.0, size.1);
+    Case { name, model, shot: Shot { camera, projection, background }, settings, splats, image }
+}
+
+/// Sizes that are and are not multiples of the tiles, every SH degree, with and without anti-aliasing.
+fn cases(splats: usize) -> Vec<Case> {
+    let mut out = Vec::new();
+    for (k, size) in [(64, 64), (61, 45), (97, 34), (7, 50)].into_iter().enumerate() {
+        for antialias in [false, true] {
+            let degree = (k as u32 + 2 * u32::from(antialias)) % 4;
+            out.push(case(size, degree, antialias, splats, 100 + out.len() as u64));
+        }
+    }
+    out
+}
+
+impl Case {
+    /// Which pixels are away from every decision.
+    fn decided(&self) -> Vec<bool> {
+        let decided: Vec<bool> = self.image.margin.iter().map(|m| *m > BAND).collect();
+        let left_out = decided.iter().filter(|d| !**d).count();
+        let share = left_out as f64 / decided.len() as f64;
+        assert!(share < MOST_LEFT_OUT, "{}: {left_out} of {} pixels are near a decision", self.name, decided.len());
+        decided
+    }
+
+    /// The largest error over the decided pixels of some channels.
+    fn check(&self, what: &str, shape: TileShape, unit: f64, want: impl Fn(usize) -> f64, got: impl Fn(usize) -> f32) {
+        let (mut worst, mut at) = (0.0, 0);
+        for (i, _) in self.decided().into_iter().enumerate().filter(|(_, d)| *d) {
+            let error = (f64::from(got(i)) - want(i)).abs() / unit;
+            if error.is_nan() || error > worst {
+                (worst, at) = (error, i);
+            }
+        }
+        let (g, w) = (got(at), want(at));
+        assert!(
+            worst < IMAGE_ERROR,
+            "{}, {shape:?}, {what} at pixel {at}: {g} against {w}, off by {worst:e}",
+            self.name
+        );
+    }
+}
+
+#[test]
+fn images_agree_with_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut seen = 0;
+    for case in cases(200) {
+        seen += case.image.blended.iter().sum::<u32>();
+        let far = case.splats.iter().flat_map(|s| s.mean).fold(1.0f64, |m, v| m.max(v.abs()));
+        for tile in SHAPES {
+            let variants = Variants { tile, gradients: GradientSum::Slots };
+            let mut viewer = Viewer::with_variants(&gpu, variants);
+            let planes = viewer.upload(&case.model).unwrap();
+            let picture = viewer.render(&planes, case.model.len() as u32, &case.shot, true).unwrap();
+            let aux = picture.aux.as_ref().unwrap();
+            for c in 0..3 {
+                case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| picture.rgbt[4 * i + c]);
+                case.check("normal", tile, 1.0, |i| case.image.normal[i][c], |i| aux[4 * i + 1 + c]);
+            }
+            case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| picture.rgbt[4 * i + 3]);
+            case.check("depth", tile, far, |i| case.image.depth[i], |i| aux[4 * i]);
+        }
+    }
+    assert!(seen > 100_000, "only {seen} splats blended in all");
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
+
+/// Every form of the backward that the device can run.
+fn forms(gpu: &Gpu) -> Vec<Variants> {
+    let mut sums = vec![GradientSum::Slots, GradientSum::CompareAndSwap];
+    if gpu.caps().buffer_floats == FloatAtomics::Native {
+        sums.push(GradientSum::Atomic);
+    }
+    SHAPES.into_iter().flat_map(|tile| sums.iter().map(move |&gradients| Variants { tile, gradients })).collect()
+}
+
+/// Gradients of the planes, and their rows' lengths.
+fn device_gradients(gpu: &Gpu, variants: Variants, case: &Case, grad_image: &[f32]) -> [Vec<f32>; 8] {
+    let n = case.model.len() as u32;
+    let (width, height) = (case.shot.camera.width, case.shot.camera.height);
+    let side = variants.tile.size();
+    let size = Size {
+        splats: n,
+        pairs: 40_000,
+        tiles: width.div_ceil(side) * height.div_ceil(side),
+        aux: false,
+        train: true,
+        count: false,
+        clamp_gradient_passes: false,
+    };
+    let renderer = Renderer::new(gpu, variants, size).unwrap();
+    let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
+    let target = Target::new(gpu, "", width * height, false).unwrap();
+    let upstream = gpu.buffer("grad_image", 4 * grad_image.len() as u64, Memory::Device).unwrap();
+    model.write(gpu, &case.model).unwrap();
+    gpu.write(&upstream, grad_image).unwrap();
+    let mut words = [0u32; counters::COUNT];
+    words[counters::SPLATS] = n;
+    let mut rec = gpu.recorder("forward and backward").unwrap();
+    rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
+    for buffer in grads.buffers().iter().chain(renderer.grad2d()) {
+        rec.fill(buffer, f32::NAN.to_bits()).unwrap();
+    }
+    let lists = renderer.record_forward(&mut rec, &model, &case.shot, &target, false).unwrap();
+    let gradients = raster::Gradients { model: &model, of_model: &grads, of_image: &upstream };
+    renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();
+    rec.submit().unwrap();
+    let words: Vec<u32> = gpu.read(&renderer.counters).unwrap();
+    assert_eq!(words[counters::STATUS], 0, "the pairs were meant to fit: {}", words[counters::PAIRS]);
+    grads.read(gpu, n).unwrap()
+}
+
+/// The reference's gradients in the layout of the planes.
+fn planes_of(gradients: &Gradients) -> [Vec<f64>; 8] {
+    let mut out: [Vec<f64>; 8] = Default::default();
+    for splat in &gradients.splats {
+        let values = splat.to_array();
+        let mut first = 0;
+        for (plane, row) in out.iter_mut().zip(ROWS) {
+            plane.extend(&values[first..first + row]);
+            first += row;
+        }
+    }
+    out
+}
+
+/// An element below this share of its plane's largest is judged as if it were that large: behind many splats what is left of a
+/// gradient is a small difference of large numbers, with the rounding of those.
+const FLOOR: f64 = 1e-3;
+/// For every row by itself: none is zero or wrong by a factor.
+const ROW: Guards = Guards { element: 2e-2, ..Guards::of(1e-3) };
+const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
+const NAMES: [&str; 8] = ["means", "quats", "scales", "opacities", "sh0", "sh1", "sh2", "sh3"];
+
+#[test]
+fn gradients_agree_with_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    for (k, case) in cases(200).into_iter().enumerate() {
+        let decided = case.decided();
+        let mut random = Random::new(1000 + k as u64);
+        let mut upstream = ImageGradient::zeros(decided.len());
+        let mut grad_image = vec![0.0f32; 4 * decided.len()];
+        for i in (0..decided.len()).filter(|i| decided[*i]) {
+            let values: [f32; 4] = std::array::from_fn(|_| random.symmetric() as f32);
+            grad_image[4 * i..4 * i + 4].copy_from_slice(&values);
+            upstream.color[i] = std::array::from_fn(|c| f64::from(values[c]));
+            upstream.transmittance[i] = f64::from(values[3]);
+        }
+        let gradients = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream);
+        let want = planes_of(&gradients);
+        assert!(want[..5].iter().all(|plane| plane.iter().filter(|v| **v != 0.0).count() > 40));
+        for variants in forms(&gpu) {
+            let got = device_gradients(&gpu, variants, &case, &grad_image);
+            for p in 0..8 {
+                let name = format!("{}, {variants:?}, {}", case.name, NAMES[p]);
+                Guards { floor: FLOOR, ..Guards::of(1e-3) }.check(&name, got[p].len(), &got[p], &want[p]);
+                ROW.check(&name, ROWS[p], &got[p], &want[p]);
+            }
+        }
+    }
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
