@@ -3,6 +3,7 @@
 // One thread owns one visible splat and its slots [pair_offsets[k], + tile_counts[splat]); a workgroup owns 64 consecutive ones.
 // The tiles come from the same code on the same bits as the counts. Should a compiler make them differ all the same, a thread
 // writes no slot that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -24,6 +25,16 @@ layout(push_constant) uniform Push {
     uint capacity;  // pairs that fit
 } push;
 
+// Tiles per turn of a loop: lavapipe silently ends all loops of a thread after 65,535 turns in total, and a splat that covers a
+// picture of 3840x2160 has 129,600 tiles of 8x8.
+const uint STRIDE = 8u;
+
+void put(uint slot, uint tile, uint splat) {
+    pair_keys[slot] = tile;
+    pair_vals[slot] = slot;
+    slot_splat[slot] = splat;
+}
+
 void main() {
     const uint k = global_index();
     if (k >= counters[COUNTER_VISIBLE]) return;
@@ -39,16 +50,15 @@ void main() {
         splat2d[row + 5u], grid);
     for (uint y = e.row_begin; y < e.row_end; ++y) {
         const uvec2 columns = tile_row(e, y, grid);
-        for (uint x = columns.x; x < columns.y && slot < end; ++x) {
-            pair_keys[slot] = y * tiles.x + x;
-            pair_vals[slot] = slot;
-            slot_splat[slot] = splat;
-            ++slot;
+        for (uint x = columns.x; x < columns.y; x += STRIDE) {
+            [[unroll]] for (uint j = 0u; j < STRIDE; ++j) {
+                if (x + j < columns.y && slot < end) put(slot++, y * tiles.x + x + j, splat);
+            }
         }
     }
-    for (; slot < end; ++slot) {
-        pair_keys[slot] = tiles.x * tiles.y;
-        pair_vals[slot] = slot;
-        slot_splat[slot] = splat;
+    for (; slot < end; slot += STRIDE) {
+        [[unroll]] for (uint j = 0u; j < STRIDE; ++j) {
+            if (slot + j < end) put(slot + j, tiles.x * tiles.y, splat);
+        }
     }
 }
