@@ -4,6 +4,7 @@
 //! which describes compute shaders that [`vk`] runs. [`scene`], [`dataset`] and [`format`] know no Vulkan.
 //! Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
 
+pub mod bench;
 pub mod dataset;
 pub mod eval;
 pub mod format;

@@ -8,7 +8,7 @@ use crate::twin::tile::TileGrid;
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result};
 
 /// Bits of a depth key: depths are positive, so their sign bit is 0.
-const DEPTH_BITS: u32 = 31;
+pub(crate) const DEPTH_BITS: u32 = 31;
 /// Splats of a workgroup of `compact`, `gather_counts` and `emit`, pairs of one of `tile_ranges`.
 const LOCAL_SIZE: u32 = 64;
 
@@ -217,7 +217,7 @@ impl TileLists {
 }
 
 /// Bits of a pair's key: of the numbers of all tiles and of the one after the last (see `emit`).
-fn tile_bits(tiles: u64) -> u32 {
+pub(crate) fn tile_bits(tiles: u64) -> u32 {
     (64 - tiles.leading_zeros()).min(32)
 }
 

@@ -326,10 +326,20 @@ impl Engine {
             self.grow_planes(size.splats)?;
         }
         words[counters::STATUS] = 0;
+        self.rebuild(variants, size, &words)?;
+        Ok((words[counters::DONE], grown))
+    }
+
+    fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
         self.renderer = Renderer::new(&self.gpu, variants, size)?;
         self.size = size;
-        self.gpu.write(&self.renderer.counters, &words)?;
-        Ok((words[counters::DONE], grown))
+        Ok(self.gpu.write(&self.renderer.counters, counters)?)
+    }
+
+    /// From now on steps also count evaluated and blended pixel-splats into [`Renderer::pair_counts`], which is slower. Waits.
+    pub fn count_pixel_splats(&mut self) -> Result<(), Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        self.rebuild(self.variants(), Size { count: true, ..self.size }, &words)
     }
 
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {

@@ -1,0 +1,318 @@
+//! The steps that are timed.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use super::report::{DeviceName, Loss, PerPixel, PerStep, Report, Workload};
+use super::rows::rows;
+use super::traffic::Work;
+use super::{Error, Quartiles};
+use crate::pass::counters;
+use crate::raster::sort::Shape;
+use crate::raster::tiles::{DEPTH_BITS, tile_bits};
+use crate::train::{self, Engine, Event, Input, Outcome, Pacing, Schedule, Settings, StepPlan};
+use crate::vk::{Gpu, PassTime, Stats, Ticket};
+
+/// Views that are looked at in turn, at most: few, so that each comes up several times and its loss has to fall.
+const MOST_VIEWS: usize = 8;
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Steps before timing begins.
+    pub warm_up: u32,
+    /// Steps that are timed: with timestamps, and as many after them without.
+    pub steps: u32,
+}
+
+/// Times training steps of `settings` without density control, every band of the spherical harmonics in use from the first
+/// step. Up to 8 of the training views, spread over all of them, are looked at in turn.
+///
+/// Fails with [`Error::NotLive`] when a view has no visible splats or no pairs, when nothing is blended, or when the mean
+/// loss of the last look at each view is not below that of the first.
+pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Options) -> Result<Report, Error> {
+    if options.steps == 0 {
+        return Err(Error::NoSteps);
+    }
+    let caps = gpu.caps();
+    if caps.limits.timestamp_ns <= 0.0 {
+        return Err(Error::NoTimestamps { device: caps.device.clone() });
+    }
+    let all = input.train.len();
+    let views = all.min(MOST_VIEWS).min((options.total() / 2).max(1) as usize);
+    if views == 0 {
+        return Err(train::Error::NoViews.into());
+    }
+    let mut number = 0;
+    input.train.retain(|_| {
+        number += 1;
+        (number - 1) * views / all != number * views / all
+    });
+    let mut settings = settings.clone();
+    settings.run.no_densify = true;
+    // The end of a run has no optimiser step.
+    settings.run.iterations = settings.run.iterations.max(2 * options.total() + 100);
+    let variants = train::chosen_variants(gpu, &settings)?;
+    // No growth of the set of splats is to come.
+    let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };
+    let mut run = Run {
+        gpu,
+        engine: Engine::new(gpu, &input, &settings, variants, pacing, None)?,
+        schedule: Schedule::new(&settings, views),
+        sh_degree: settings.model.sh_degree,
+        views,
+        depth: pacing.events_in_flight,
+        options,
+        begin: 1,
+        next: 1,
+        in_flight: VecDeque::new(),
+        looked: Instant::now(),
+        samples: Vec::new(),
+        stats: [Stats::default(); 2],
+    };
+    run.follow()?;
+    run.report(&input)
+}
+
+impl Options {
+    fn total(&self) -> u32 {
+        self.warm_up.saturating_add(self.steps.saturating_mul(2))
+    }
+}
+
+/// A step that was looked at.
+struct Sample {
+    outcome: Outcome,
+    passes: Vec<PassTime>,
+    wall: Duration,
+}
+
+impl Sample {
+    fn counter(&self, index: usize) -> u32 {
+        self.outcome.counters.get(index).copied().unwrap_or(0)
+    }
+}
+
+struct Run<'a> {
+    gpu: &'a Gpu,
+    engine: Engine,
+    schedule: Schedule,
+    sh_degree: u32,
+    views: usize,
+    depth: usize,
+    options: &'a Options,
+    /// First step that counts: a step that overflowed a buffer and those before it do not.
+    begin: u32,
+    next: u32,
+    in_flight: VecDeque<Ticket>,
+    looked: Instant,
+    samples: Vec<Sample>,
+    /// Before and after the steps without timestamps.
+    stats: [Stats; 2],
+}
+
+impl Run<'_> {
+    fn plan(&self, step: u32) -> StepPlan {
+        StepPlan { sh_degree: self.sh_degree, ..self.schedule.step(step) }
+    }
+
+    fn submit(&mut self, profile: bool) -> Result<Ticket, Error> {
+        let mut recorder = self.gpu.recorder("step")?;
+        recorder.profile(profile);
+        let view = (self.next - 1) as usize % self.views;
+        self.engine.record(&mut recorder, Event::of_step(self.next), &self.plan(self.next), view)?;
+        self.next += 1;
+        Ok(self.engine.submit_recorded(recorder)?)
+    }
+
+    /// Warm-up, steps with timestamps, steps without: submitted ahead and looked at later, as in training.
+    fn follow(&mut self) -> Result<(), Error> {
+        let timed = self.options.warm_up..self.options.warm_up + self.options.steps;
+        let total = self.options.total();
+        while self.samples.len() < total as usize {
+            let number = self.next - self.begin;
+            if number == timed.end {
+                self.stats[0] = self.gpu.stats();
+            }
+            if number < total {
+                let ticket = self.submit(timed.contains(&number))?;
+                self.in_flight.push_back(ticket);
+            }
+            if self.in_flight.len() >= self.depth || number >= total {
+                self.look()?;
+            }
+            if number + 1 == total {
+                self.stats[1] = self.gpu.stats();
+            }
+        }
+        Ok(())
+    }
+
+    fn look(&mut self) -> Result<(), Error> {
+        let Some(ticket) = self.in_flight.pop_front() else { return Ok(()) };
+        let outcome = self.engine.outcome(ticket)?;
+        if self.grown(&outcome)? {
+            self.in_flight.clear();
+            self.samples.clear();
+            self.begin = self.next;
+            return Ok(());
+        }
+        if !outcome.loss.is_finite() {
+            return Err(train::Error::LossNotFinite { step: self.begin + self.samples.len() as u32 }.into());
+        }
+        let now = Instant::now();
+        let wall = now - self.looked;
+        self.looked = now;
+        let passes = self.gpu.timings(ticket)?.unwrap_or_default();
+        self.samples.push(Sample { outcome, passes, wall });
+        Ok(())
+    }
+
+    /// Whether the step was lost to a buffer that was too small. It is larger then, and the lost step is next.
+    fn grown(&mut self, outcome: &Outcome) -> Result<bool, Error> {
+        if outcome.counters[counters::STATUS] == 0 {
+            return Ok(false);
+        }
+        let (done, _) = self.engine.grow()?;
+        self.next = Event::after(done, &self.schedule).step;
+        Ok(true)
+    }
+
+    fn report(mut self, input: &Input) -> Result<Report, Error> {
+        let samples = std::mem::take(&mut self.samples);
+        let (warm_up, steps) = (self.options.warm_up as usize, self.options.steps as usize);
+        let loss = self.live(&samples)?;
+        let peak_device_bytes = self.gpu.memory_use().peak;
+        let (timed, plain) = samples[warm_up..].split_at(steps);
+        let work = self.work(input, timed);
+        let times: Vec<&[PassTime]> = timed.iter().map(|s| s.passes.as_slice()).collect();
+        let (passes, stages, device_ms) = rows(&times, &work)?;
+        let wall = |samples: &[Sample]| Quartiles::of(samples.iter().map(|s| s.wall.as_secs_f64() * 1e3));
+        let splats = timed.first().map_or(0, |s| s.counter(counters::SPLATS));
+        let splats_per_pixel = self.count(work.pixels)?;
+        let caps = self.gpu.caps();
+        Ok(Report {
+            device: DeviceName {
+                name: caps.device.clone(),
+                kind: caps.kind.to_string(),
+                driver: caps.driver.clone(),
+                api: format!("{}.{}.{}", caps.api.0, caps.api.1, caps.api.2),
+            },
+            variants: work.variants,
+            warm_up: self.options.warm_up,
+            steps: self.options.steps,
+            workload: Workload {
+                views: self.views,
+                size: input.train.first().map_or([0; 2], |v| [v.camera.width, v.camera.height]),
+                pixels: work.pixels,
+                tiles: work.tiles,
+                sh_degree: self.sh_degree,
+                splats,
+                visible: work.visible,
+                pairs: work.pairs,
+                splats_per_pixel,
+            },
+            loss,
+            device_ms,
+            wall_ms: wall(plain),
+            wall_timestamped_ms: wall(timed),
+            per_step: per_step(self.stats, self.options.steps),
+            passes,
+            stages,
+            peak_device_bytes,
+        })
+    }
+
+    /// That the device computed what it is meant to.
+    fn live(&self, samples: &[Sample]) -> Result<Loss, Error> {
+        for (what, index) in [("visible splat", counters::VISIBLE), ("(splat, tile) pair", counters::PAIRS)] {
+            let without = samples.iter().filter(|s| s.counter(index) == 0).count();
+            if without > 0 {
+                let all = samples.len();
+                return Err(Error::NotLive(format!("{without} of {all} steps had not one {what}")));
+            }
+        }
+        let mean = |samples: &[Sample]| {
+            samples.iter().map(|s| f64::from(s.outcome.loss)).sum::<f64>() / samples.len().max(1) as f64
+        };
+        let seen = self.views.min(samples.len());
+        let loss = Loss { first_pass: mean(&samples[..seen]), last_pass: mean(&samples[samples.len() - seen..]) };
+        if loss.last_pass < loss.first_pass {
+            return Ok(loss);
+        }
+        Err(Error::NotLive(format!(
+            "the mean loss over the same {} views went from {} to {} in {} steps. A trained model takes some steps to find back \
+             from the first ones of a fresh optimiser: more steps may help",
+            self.views,
+            loss.first_pass,
+            loss.last_pass,
+            samples.len()
+        )))
+    }
+
+    fn work(&self, input: &Input, samples: &[Sample]) -> Work {
+        let mean = |index| samples.iter().map(|s| f64::from(s.counter(index))).sum::<f64>() / samples.len() as f64;
+        let variants = self.engine.variants();
+        let side = variants.tile.size();
+        let tiles = |w: u32, h: u32| f64::from(w.div_ceil(side) * h.div_ceil(side));
+        let sizes = || input.train.iter().map(|v| (v.camera.width, v.camera.height));
+        let over_views = |f: &dyn Fn(u32, u32) -> f64| sizes().map(|(w, h)| f(w, h)).sum::<f64>() / self.views as f64;
+        let tile_capacity = sizes().map(|(w, h)| tiles(w, h)).fold(0.0, f64::max);
+        let shape = Shape::of(self.gpu.caps());
+        Work {
+            splats: mean(counters::SPLATS),
+            visible: mean(counters::VISIBLE),
+            pairs: mean(counters::PAIRS),
+            pixels: over_views(&|w, h| f64::from(w) * f64::from(h)),
+            tiles: over_views(&tiles),
+            splat_capacity: f64::from(self.engine.renderer().splat_capacity()),
+            tile_capacity,
+            sh_degree: self.sh_degree,
+            variants,
+            shape,
+            depth: shape.digits(DEPTH_BITS),
+            tile: shape.digits(tile_bits(tile_capacity as u64)),
+        }
+    }
+
+    /// Looks at each view once more with passes that count, one step after the other.
+    fn count(&mut self, pixels: f64) -> Result<Option<PerPixel>, Error> {
+        self.engine.count_pixel_splats()?;
+        let side = u64::from(self.engine.variants().tile.size());
+        let mut sums = [0.0; 4];
+        let mut counted = 0;
+        while counted < self.views {
+            self.gpu.write(self.engine.renderer().pair_counts(), &[0u32; 4])?;
+            let ticket = self.submit(false)?;
+            let outcome = self.engine.outcome(ticket)?;
+            if self.grown(&outcome)? {
+                continue;
+            }
+            if u64::from(outcome.counters[counters::PAIRS]) * side * side > u64::from(u32::MAX) {
+                return Ok(None);
+            }
+            let counts: Vec<u32> = self.gpu.read_at(self.engine.renderer().pair_counts(), 0, 4)?;
+            sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += f64::from(count));
+            counted += 1;
+        }
+        let [forward_evaluated, forward_blended, backward_evaluated, backward_blended] =
+            sums.map(|sum| sum / (pixels * self.views as f64));
+        if forward_blended == 0.0 || backward_blended == 0.0 {
+            return Err(Error::NotLive("not one splat was blended".into()));
+        }
+        Ok(Some(PerPixel { forward_evaluated, forward_blended, backward_evaluated, backward_blended }))
+    }
+}
+
+fn per_step([before, after]: [Stats; 2], steps: u32) -> PerStep {
+    let per = |f: fn(&Stats) -> u64| (f(&after) - f(&before)) as f64 / f64::from(steps);
+    PerStep {
+        dispatches: per(|s| s.dispatches),
+        transfers: per(|s| s.transfers),
+        barriers: per(|s| s.barriers),
+        buffer_barriers: per(|s| s.buffer_barriers),
+        submits: per(|s| s.submits),
+        host_waits: per(|s| s.host_waits),
+        pacing_waits: per(|s| s.pacing_waits),
+    }
+}

@@ -1,0 +1,122 @@
+//! Bytes that each pass moves by design.
+
+use crate::raster::sort::{Digits, Shape};
+use crate::raster::{GradientSum, PLANES, Variants};
+
+/// Means over the timed steps of what the passes work on.
+#[derive(Clone, Copy, Debug)]
+pub struct Work {
+    /// Splats of the model.
+    pub splats: f64,
+    /// Of these, on screen.
+    pub visible: f64,
+    /// (splat, tile) pairs.
+    pub pairs: f64,
+    /// Pixels of a view.
+    pub pixels: f64,
+    /// Tiles of a view.
+    pub tiles: f64,
+    /// Splats that the buffers hold.
+    pub splat_capacity: f64,
+    /// Tiles that the buffers hold.
+    pub tile_capacity: f64,
+    /// Degree of the spherical harmonics in use.
+    pub sh_degree: u32,
+    /// Forms of the passes.
+    pub variants: Variants,
+    /// Form of the sorts.
+    pub shape: Shape,
+    /// Digits of the sort by depth.
+    pub depth: Digits,
+    /// Digits of the sort by tile.
+    pub tile: Digits,
+}
+
+/// Bytes of the columns of `splat2d`, `grad2d` and `slot_grads`.
+const ROW_2D: f64 = 48.0;
+/// Bytes of one group of spherical harmonics.
+const SH: f64 = 48.0;
+/// Bytes of mean, quaternion, scales and opacity.
+const GEOMETRY: f64 = 44.0;
+
+impl Work {
+    /// Groups of spherical harmonics that are looked at.
+    fn sh_groups(&self) -> f64 {
+        match self.sh_degree {
+            0 | 1 => 1.0,
+            2 => 3.0,
+            _ => 4.0,
+        }
+    }
+
+    /// Over all digits of both sorts: words of keys, and words of the tables of digit counts.
+    fn sorted(&self) -> (f64, f64) {
+        let one = |keys: f64, digits: Digits| {
+            let passes = f64::from(digits.passes);
+            let blocks = (keys / f64::from(self.shape.block())).ceil();
+            (passes * keys, passes * blocks * f64::from(digits.rows()))
+        };
+        let (a, b) = (one(self.visible, self.depth), one(self.pairs, self.tile));
+        (a.0 + b.0, a.1 + b.1)
+    }
+
+    /// Words that go through prefix sums: splats, visible splats, tables.
+    fn summed(&self) -> f64 {
+        self.splats + self.visible + self.sorted().1
+    }
+}
+
+/// Bytes that all dispatches of a pass in one step read and write, each element counted once per thread or workgroup that
+/// needs it, caches left aside; `None` for passes of a fixed few bytes. N splats, V visible, P pairs, g groups of spherical
+/// harmonics in use:
+///
+/// | pass | bytes |
+/// |---|---|
+/// | `project` | N (44 parameters + 4 count) + V (48 g + 48 projected) |
+/// | `compact` | N (4 count + 4 place) + V (4 depth + 8 key and value) |
+/// | `radix_count` | per digit: 4 per key, 4 per table word |
+/// | `radix_scatter` | per digit: 16 per key, 4 per table word |
+/// | `scan_reduce`, `scan_add`, `scan_spine` | 4, 8, 8 / 1024 per word of N, V and the tables |
+/// | `gather_counts` | 12 V |
+/// | `emit` | V (12 + 24 of the projected splat) + 12 P |
+/// | `tile_ranges` | 16 P + 8 per tile |
+/// | `blend_forward` | P (4 + 48 projected) + 8 per tile + 20 per pixel: a list is read to its end |
+/// | `loss_rows`, `loss_columns`, `loss_grad` | 3 x 24, 3 x 32, 3 x 28 + 4 per pixel |
+/// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
+/// | `slot_sum` | V (12 + 48) + 48 P |
+/// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
+/// | `densify_stats` | 4 N + V (12 + 16 + 32) |
+/// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
+/// | `clear` | the tile ranges, and `grad2d` where there are no slots |
+pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
+    let Work { splats: n, visible: v, pairs: p, pixels, tiles, .. } = *work;
+    let slots = work.variants.gradients == GradientSum::Slots;
+    let sh = SH * work.sh_groups();
+    let lists = (4.0 + ROW_2D) * p + 8.0 * tiles;
+    let (keys, tables) = work.sorted();
+    let parameters = f64::from(PLANES.iter().map(|(_, row)| row).sum::<u32>());
+    let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+    // `project_backward` before `project`, whose name it begins with.
+    let families: [(&str, f64); 17] = [
+        ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
+        ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
+        ("compact", 8.0 * n + 12.0 * v),
+        ("radix_count", 4.0 * keys + 4.0 * tables),
+        ("radix_scatter", 16.0 * keys + 4.0 * tables),
+        ("scan_reduce", 4.0 * work.summed()),
+        ("scan_add", 8.0 * work.summed()),
+        ("scan_spine", 8.0 * work.summed() / f64::from(crate::raster::scan::BLOCK)),
+        ("gather_counts", 12.0 * v),
+        ("emit", 36.0 * v + 12.0 * p),
+        ("tile_ranges", 16.0 * p + 8.0 * tiles),
+        ("blend_forward", lists + 20.0 * pixels),
+        ("blend_backward", lists + 36.0 * pixels + p * if slots { 4.0 + ROW_2D } else { 2.0 * ROW_2D }),
+        ("slot_sum", v * (12.0 + ROW_2D) + ROW_2D * p),
+        ("densify_stats", 4.0 * n + v * (12.0 + 16.0 + 32.0)),
+        ("adam", 28.0 * parameters * n),
+        ("clear", 8.0 * work.tile_capacity + if slots { 0.0 } else { ROW_2D * work.splat_capacity }),
+    ];
+    let losses = [("loss_rows", 72.0), ("loss_columns", 96.0), ("loss_grad", 88.0)];
+    let of_pixels = losses.iter().find(|(name, _)| is(name)).map(|(_, each)| each * pixels);
+    of_pixels.or_else(|| families.iter().find(|(name, _)| is(name)).map(|(_, bytes)| *bytes))
+}
