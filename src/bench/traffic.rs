@@ -81,7 +81,7 @@ impl Work {
 /// | `emit` | V (12 + 24 of the projected splat) + 12 P |
 /// | `tile_ranges` | 16 P + 8 per tile |
 /// | `blend_forward` | P (4 + 48 projected) + 8 per tile + 20 per pixel: a list is read to its end |
-/// | `loss_rows`, `loss_columns`, `loss_grad` | 3 x 24, 3 x 32, 3 x 28 + 4 per pixel |
+/// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
 /// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
 /// | `slot_sum` | V (12 + 48) + 48 P |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
@@ -97,7 +97,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let parameters = f64::from(PLANES.iter().map(|(_, row)| row).sum::<u32>());
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     // `project_backward` before `project`, whose name it begins with.
-    let families: [(&str, f64); 17] = [
+    let families: [(&str, f64); 19] = [
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
         ("compact", 8.0 * n + 12.0 * v),
@@ -110,13 +110,13 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         ("emit", 36.0 * v + 12.0 * p),
         ("tile_ranges", 16.0 * p + 8.0 * tiles),
         ("blend_forward", lists + 20.0 * pixels),
+        ("loss_strips", 56.0 * pixels),
+        ("loss_grad", 72.0 * pixels),
         ("blend_backward", lists + 36.0 * pixels + p * if slots { 4.0 + ROW_2D } else { 2.0 * ROW_2D }),
         ("slot_sum", v * (12.0 + ROW_2D) + ROW_2D * p),
         ("densify_stats", 4.0 * n + v * (12.0 + 16.0 + 32.0)),
         ("adam", 28.0 * parameters * n),
         ("clear", 8.0 * work.tile_capacity + if slots { 0.0 } else { ROW_2D * work.splat_capacity }),
     ];
-    let losses = [("loss_rows", 72.0), ("loss_columns", 96.0), ("loss_grad", 88.0)];
-    let of_pixels = losses.iter().find(|(name, _)| is(name)).map(|(_, each)| each * pixels);
-    of_pixels.or_else(|| families.iter().find(|(name, _)| is(name)).map(|(_, bytes)| *bytes))
+    families.iter().find(|(name, _)| is(name)).map(|(_, bytes)| *bytes)
 }

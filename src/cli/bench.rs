@@ -1,31 +1,47 @@
 //! `psrgs-vk bench`: where the time of a step goes.
 
-use std::path::PathBuf;
+mod table;
 
+use std::path::{Path, PathBuf};
+
+use psrgs_vk::bench::{self, Options, Report};
+use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::format::atomic;
+use psrgs_vk::scene::Frame;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs};
+use psrgs_vk::train::{Input, Settings, prepare};
+use psrgs_vk::vk::Gpu;
 
-use super::console::Console;
+use super::console::{self, Console};
+use super::device;
+use super::exit::Failure;
 
 /// Time each GPU pass over warm training steps
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   psrgs-vk bench fox --max-side 640
-  psrgs-vk bench fox --max-side 640 --init fox-model/point_cloud.ply --json bench.json
+  psrgs-vk bench fox --max-side 640 --splats 100000 --json bench.json
+  psrgs-vk bench fox --max-side 640 --init fox-model/point_cloud.ply
   psrgs-vk bench fox --max-side 160 --steps 5 --validate
 
-Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall.")]
+The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn.
+Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look at these views
+to the last.")]
 pub(crate) struct Args {
     /// Dataset
     pub(crate) data: PathBuf,
     /// Start from the splats of this PLY file instead of the dataset's points
     #[arg(long, value_name = "FILE.ply")]
     pub(crate) init: Option<PathBuf>,
+    /// Make a model of this many splats from those: repeated, moved within themselves and made smaller, or thinned out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) splats: Option<u32>,
     /// Steps before timing begins
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     pub(crate) warm_up: u32,
-    /// Steps that are timed
-    #[arg(long, value_name = "N", default_value_t = 30)]
+    /// Steps that are timed pass by pass; as many follow without timestamps, for the time of the whole step
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) steps: u32,
     /// Highest degree of the spherical harmonics, all in use from the first step
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
@@ -33,7 +49,7 @@ pub(crate) struct Args {
     /// Use the passes of deterministic training
     #[arg(long)]
     pub(crate) deterministic: bool,
-    /// Seed of the order of photographs
+    /// Seed of the copies that --splats makes
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Run under core and synchronization validation; fail on any message, or when the layer is not installed
@@ -48,6 +64,107 @@ pub(crate) struct Args {
     pub(crate) device: DeviceChoice,
 }
 
-pub(crate) fn run(_args: &Args, _console: &Console) -> anyhow::Result<()> {
-    anyhow::bail!("benchmarks are not part of this build")
+/// What the JSON holds: how it was made, and the results.
+#[derive(serde::Serialize)]
+struct Made<'a> {
+    command: String,
+    version: &'static str,
+    /// The commit that was built, where the build was told.
+    commit: Option<&'static str>,
+    /// Whether the build has debug assertions: the host's share of a step is slower then.
+    debug_assertions: bool,
+    /// Whether the validation layer watched: times say nothing then.
+    validated: bool,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
+impl Args {
+    fn settings(&self) -> Settings {
+        let mut settings =
+            Settings { photographs: self.photographs.clone(), device: self.device.clone(), ..Settings::default() };
+        settings.run.deterministic = self.deterministic;
+        settings.run.no_densify = true;
+        settings.run.seed = self.seed;
+        settings.model.sh_degree = self.sh_degree;
+        settings
+    }
+
+    /// What the steps are taken on.
+    fn input(&self, settings: &Settings) -> anyhow::Result<Input> {
+        let dataset = Dataset::load(&self.data, &prepare::load_options(&settings.photographs))?;
+        let mut initial = prepare::initial(&dataset, self.init.as_deref())?;
+        if let Some(splats) = self.splats {
+            initial = bench::resized(&initial, splats, self.seed);
+        }
+        let train = prepare::views(&dataset, Role::Train)?;
+        Ok(Input { train, held_out: Vec::new(), initial, extent: Frame::EXTENT as f32 })
+    }
+
+    /// The device, without what only tests need: guards and checks would be timed too.
+    fn open(&self, console: &Console) -> anyhow::Result<Gpu> {
+        let mut options = device::options(&self.device, self.validate);
+        options.canaries = self.validate;
+        options.check_hazards = self.validate;
+        device::open_with(&options, console)
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    let settings = args.settings();
+    settings.check()?;
+    let gpu = args.open(console)?;
+    let input = args.input(&settings)?;
+    console.say(format_args!(
+        "{} splats, {} training photographs; {} steps to warm up, {} timed",
+        input.initial.len(),
+        input.train.len(),
+        args.warm_up,
+        args.steps
+    ));
+    let measured = bench::measure(&gpu, input, &settings, &Options { warm_up: args.warm_up, steps: args.steps });
+    // First, because it may be why nothing could be measured.
+    if args.validate {
+        clean(&gpu)?;
+    }
+    let report = measured.map_err(failure)?;
+    if args.validate {
+        console.say("validation: not one message; the times below are those under the layer");
+    }
+    if let Some(file) = &args.json {
+        write(file, &report, args)?;
+    }
+    Ok(console::print(&table::text(&report))?)
+}
+
+/// That neither the layer nor the guards have anything to say.
+fn clean(gpu: &Gpu) -> anyhow::Result<()> {
+    let messages = gpu.validation_messages();
+    if let Some(first) = messages.first() {
+        return Err(Failure::Check(format!("{} validation messages, the first: {first}", messages.len())).into());
+    }
+    gpu.check_canaries().map_err(|error| Failure::Check(error.to_string()).into())
+}
+
+/// Errors of the layers below are handed on bare, for their exit codes.
+fn failure(error: bench::Error) -> anyhow::Error {
+    match error {
+        bench::Error::Train(error) => error.into(),
+        bench::Error::Device(error) => error.into(),
+        bench::Error::NotLive(_) => Failure::Check(error.to_string()).into(),
+        _ => error.into(),
+    }
+}
+
+fn write(file: &Path, report: &Report, args: &Args) -> anyhow::Result<()> {
+    let made = Made {
+        command: std::iter::once("psrgs-vk".into()).chain(std::env::args().skip(1)).collect::<Vec<_>>().join(" "),
+        version: env!("CARGO_PKG_VERSION"),
+        commit: option_env!("PSRGS_COMMIT"),
+        debug_assertions: cfg!(debug_assertions),
+        validated: args.validate,
+        report,
+    };
+    let text = serde_json::to_string_pretty(&made)? + "\n";
+    Ok(atomic::write(file, |out| out.write_all(text.as_bytes()))?)
 }

@@ -25,7 +25,12 @@ pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> OpenOptions {
 
 /// Opens the device and says which it is.
 pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> anyhow::Result<Gpu> {
-    let gpu = Gpu::open(&options(choice, validate))?;
+    open_with(&options(choice, validate), console)
+}
+
+/// The same with options of the caller's.
+pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Result<Gpu> {
+    let gpu = Gpu::open(options)?;
     let caps = gpu.caps();
     console.say(format_args!("device: {} ({})", caps.device, caps.kind));
     for choice in &caps.choices {

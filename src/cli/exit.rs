@@ -2,7 +2,7 @@
 
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{dataset, format, vk};
+use psrgs_vk::{dataset, format, train, vk};
 
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
@@ -74,6 +74,19 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
             _ => FAILURE,
         });
     }
+    if let Some(training) = cause.downcast_ref::<train::Error>() {
+        // Errors that are passed on as they are stand for themselves in the chain of causes.
+        return match training {
+            train::Error::Device(error) => code_of(error),
+            train::Error::Dataset(error) => code_of(error),
+            train::Error::File(error) => code_of(error),
+            train::Error::Settings(error) => code_of(error),
+            train::Error::NotDeterministic | train::Error::NoFloatAtomics => Some(USAGE),
+            train::Error::Init(_) | train::Error::NoViews | train::Error::PhotographSize { .. } => Some(INPUT),
+            train::Error::Checkpoint { .. } | train::Error::CheckpointText(_) => Some(INPUT),
+            _ => None,
+        };
+    }
     if let Some(world) = cause.downcast_ref::<WorldError>() {
         return Some(match world {
             WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } => USAGE,
@@ -131,6 +144,9 @@ mod tests {
         assert_eq!((code(&error), message(&error).as_str()), (CHECK, "bench: no pairs"));
         let error = Err::<(), _>(std::io::Error::other("gone")).context(Failure::Input("a.ply".into())).unwrap_err();
         assert_eq!((code(&error), message(&error).as_str()), (INPUT, "a.ply: gone"));
+        let lost = vk::Error::DeviceLost { during: "vkQueueSubmit2", pass: "adam".into() };
+        let error = Err::<(), _>(train::Error::from(lost)).context("training").unwrap_err();
+        assert_eq!(code(&error), LOST);
         assert_eq!(code(&anyhow::anyhow!("else")), FAILURE);
     }
 

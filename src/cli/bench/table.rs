@@ -1,0 +1,99 @@
+//! A benchmark as text.
+
+use indicatif::{HumanBytes, HumanCount};
+use psrgs_vk::bench::{Quartiles, Report};
+
+use crate::cli::console::table;
+
+/// Header lines, passes, stages.
+pub(super) fn text(report: &Report) -> String {
+    let Report { device, workload: w, loss, per_step: host, .. } = report;
+    let count = |n: f64| HumanCount(n.round() as u64);
+    let mut text = format!(
+        "{} ({}), {}, Vulkan {}\n{} tiles, gradients by {}\n",
+        device.name,
+        device.kind,
+        device.driver,
+        device.api,
+        word(&report.variants.tile),
+        word(&report.variants.gradients),
+    );
+    text += &format!(
+        "{} splats, {} visible, {} pairs; {}x{}, {} tiles, {} views in turn, harmonics of degree {}\n",
+        HumanCount(w.splats.into()),
+        count(w.visible),
+        count(w.pairs),
+        w.size[0],
+        w.size[1],
+        count(w.tiles),
+        w.views,
+        w.sh_degree,
+    );
+    if let Some(p) = w.splats_per_pixel {
+        text += &format!(
+            "splats per pixel: forward {:.1} evaluated, {:.1} blended; backward {:.1} evaluated, {:.1} blended\n",
+            p.forward_evaluated, p.forward_blended, p.backward_evaluated, p.backward_blended,
+        );
+    }
+    text += &format!(
+        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing waits\n",
+        host.dispatches,
+        host.transfers,
+        host.barriers,
+        host.buffer_barriers,
+        host.submits,
+        host.host_waits,
+        host.pacing_waits,
+    );
+    text += &format!("mean loss over the views: {:.5} at first, {:.5} at last\n", loss.first_pass, loss.last_pass);
+    text += &format!(
+        "{} steps after {} to warm up; at most {} of device memory\n\n",
+        report.steps,
+        report.warm_up,
+        HumanBytes(report.peak_device_bytes),
+    );
+
+    let mut rows = vec![["pass", "calls", "ms", "q1", "q3", "share", "MB", "GB/s"].map(str::to_owned).to_vec()];
+    let row = |name: &str, calls: String, ms: Quartiles, share: String| {
+        vec![name.to_owned(), calls, number(ms.median), number(ms.q1), number(ms.q3), share]
+    };
+    for pass in &report.passes {
+        let mut cells = row(&pass.pass, format!("{}", pass.calls), pass.ms, percent(pass.share));
+        // Empty cells would make a column of numbers a column of words.
+        cells.push(pass.bytes.map_or("-".into(), |bytes| number(bytes * 1e-6)));
+        cells.push(pass.gb_per_s.map_or("-".into(), number));
+        rows.push(cells);
+    }
+    rows.push(row("device", "-".into(), report.device_ms, percent(1.0)));
+    text += &table(&rows);
+    text.push('\n');
+
+    let mut rows = vec![["stage", "ms", "q1", "q3", "share"].map(str::to_owned).to_vec()];
+    let row = |name: &str, ms: Quartiles, share: String| {
+        vec![name.to_owned(), number(ms.median), number(ms.q1), number(ms.q3), share]
+    };
+    rows.extend(report.stages.iter().map(|stage| row(stage.stage, stage.ms, percent(stage.share))));
+    rows.push(row("device", report.device_ms, percent(1.0)));
+    rows.push(row("wall", report.wall_ms, "-".into()));
+    rows.push(row("wall, with timestamps", report.wall_timestamped_ms, "-".into()));
+    text + &table(&rows)
+}
+
+/// Three significant digits or more.
+fn number(x: f64) -> String {
+    match x.abs() {
+        x if x >= 100.0 => format!("{x:.0}"),
+        x if x >= 10.0 => format!("{x:.1}"),
+        x if x >= 1.0 => format!("{x:.2}"),
+        _ => format!("{x:.3}"),
+    }
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1}%", 100.0 * share)
+}
+
+/// The name of a form as settings files have it.
+fn word(form: &impl serde::Serialize) -> String {
+    serde_json::to_value(form).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+}
