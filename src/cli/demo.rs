@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::HumanCount;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::DeviceChoice;
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
 use super::exit::Failure;
-use super::progress::duration;
+use super::progress::{counter, duration};
 use super::{train, train_run};
 
 /// Folder of the trained model inside the scene's.
@@ -84,9 +84,7 @@ fn make(args: &Args, console: &Console) -> anyhow::Result<Summary> {
     };
     let begin = Instant::now();
     console.say(format_args!("making a scene of {} m with {} photographs", params.extent, params.images));
-    let target = if console.draws() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(Some(u64::from(params.images)), target);
-    bar.set_style(ProgressStyle::with_template("{bar:24} {pos}/{len} photographs")?);
+    let bar = counter(console, params.images as usize, "photographs");
     let summary = generate(&params, &args.out, &mut |progress| {
         if progress.stage == Stage::Photographs {
             bar.set_position(u64::from(progress.done));

@@ -1,17 +1,28 @@
 //! `psrgs-vk eval`: scores of a model on held-out photographs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use psrgs_vk::train::settings::{DeviceChoice, Photographs};
+use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::eval::{self, ImageScore, Metrics, ReportData, ReportError, ViewPanel, mean};
+use psrgs_vk::format::atomic;
+use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
+use psrgs_vk::train::{prepare, score};
 
-use super::console::Console;
+use super::console::{self, Console};
+use super::exit::Failure;
+use super::model_file::ModelFile;
+use super::pictures::Pictures;
+use super::run_folder::REPORT;
+use super::{device, outputs, progress};
 
 /// Score a model on the held-out photographs of a dataset
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   psrgs-vk eval fox-model/point_cloud.ply fox
-  psrgs-vk eval other-trainer.ply fox --max-side 640 --json scores.json")]
+  psrgs-vk eval other-trainer.ply fox --max-side 640 --json scores.json
+  psrgs-vk eval fox-model/point_cloud.ply fox --out scored      pictures and report.html")]
 pub(crate) struct Args {
     /// Model, a PLY file in the INRIA layout, of this or another trainer
     pub(crate) model: PathBuf,
@@ -20,7 +31,7 @@ pub(crate) struct Args {
     /// Write the scores, for each photograph too, as JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
-    /// Write the renders as PNG into this folder
+    /// Write renders, photographs, depth and normals into this folder, and a report.html
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Colour behind the splats
@@ -35,6 +46,153 @@ pub(crate) struct Args {
     pub(crate) device: DeviceChoice,
 }
 
-pub(crate) fn run(_args: &Args, _console: &Console) -> anyhow::Result<()> {
-    anyhow::bail!("evaluation is not part of this build")
+/// What `--json` writes.
+#[derive(Debug, serde::Serialize)]
+struct Scores<'a> {
+    model: &'a Path,
+    scene: String,
+    split: Split,
+    background: &'a str,
+    antialias: bool,
+    test_images: usize,
+    /// Size of the first held-out view.
+    width: u32,
+    height: u32,
+    device: &'a str,
+    splats: usize,
+    bytes: u64,
+    /// Means, as in `metrics.json`.
+    psnr: Option<f64>,
+    ssim: Option<f64>,
+    images: &'a [ImageScore],
+}
+
+pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
+    let model = ModelFile::read(&args.model, args.antialias, console)?;
+    let dataset = Dataset::load(&args.data, &prepare::load_options(&args.photographs))?;
+    if dataset.views_of(Role::HeldOut).next().is_none() {
+        return Err(nothing_held_out(args, &dataset));
+    }
+    let views = prepare::views(&dataset, Role::HeldOut)?;
+    let gpu = device::open(&args.device, false, console)?;
+    let mut drawn = model.upload(&gpu, &dataset.frame, &args.background)?;
+    let pictures = match &args.out {
+        Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
+        None => None,
+    };
+    let (mut images, mut panels) = (Vec::new(), Vec::new());
+    let bar = progress::counter(console, views.len(), "photographs");
+    for (i, view) in views.iter().enumerate() {
+        let picture = drawn.picture(&view.camera, pictures.is_some())?;
+        match &pictures {
+            Some(pictures) => {
+                let panel = pictures.held_out(i, view, &picture)?;
+                images.push(panel.score());
+                panels.push(panel);
+            }
+            None => images.push(score(view, &picture.rgb8())),
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    drawn.warn_if_unseen(&args.model, &args.data, console);
+    console::print(&table(&images))?;
+
+    let size = views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
+    let scene = outputs::scene_name(&dataset);
+    if let Some(file) = &args.json {
+        let scores = Scores {
+            model: &args.model,
+            scene: scene.clone(),
+            split: args.photographs.split,
+            background: &args.background,
+            antialias: model.antialias,
+            test_images: images.len(),
+            width: size.0,
+            height: size.1,
+            device: &gpu.caps().device,
+            splats: model.splats(),
+            bytes: model.bytes,
+            psnr: mean(images.iter().map(|i| i.psnr)),
+            ssim: mean(images.iter().map(|i| i.ssim)),
+            images: &images,
+        };
+        let text = serde_json::to_string_pretty(&scores)?;
+        atomic::write(file, |out| writeln!(out, "{text}"))?;
+    }
+    if let Some(folder) = &args.out {
+        let metrics = Metrics {
+            method: file_name(&args.model),
+            iterations: 0,
+            scene,
+            train_images: dataset.views_of(Role::Train).count(),
+            test_images: 0,
+            width: size.0,
+            height: size.1,
+            seed: 0,
+            device: gpu.caps().device.clone(),
+            psnr: None,
+            ssim: None,
+            splats: model.splats(),
+            bytes: model.bytes,
+            seconds: started.elapsed().as_secs_f64(),
+            seconds_per_iteration: 0.0,
+            peak_device_bytes: gpu.memory_use().peak,
+            peak_host_bytes: eval::peak_host_bytes(),
+            images: Vec::new(),
+        }
+        .with_images(images);
+        report(args, &dataset, metrics, panels, &folder.join(REPORT))?;
+        console.say(format_args!("pictures and report in {}", folder.display()));
+    }
+    Ok(())
+}
+
+fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
+    if args.photographs.split == Split::None {
+        return Failure::Usage("--split none holds no photograph out: there is nothing to score".into()).into();
+    }
+    let views = dataset.views.len();
+    Failure::Input(format!("{}: with {views} photographs none is held out to be scored", args.data.display())).into()
+}
+
+/// Each photograph and the means.
+fn table(images: &[ImageScore]) -> String {
+    let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
+    let mut rows = vec![["photograph", "PSNR, dB", "SSIM"].map(str::to_owned).to_vec()];
+    rows.extend(images.iter().map(|i| vec![i.name.clone(), decibels(i.psnr), format!("{:.4}", i.ssim)]));
+    if let (Some(psnr), Some(ssim)) = (mean(images.iter().map(|i| i.psnr)), mean(images.iter().map(|i| i.ssim))) {
+        rows.push(vec!["mean".to_owned(), decibels(psnr), format!("{ssim:.4}")]);
+    }
+    console::table(&rows)
+}
+
+fn report(
+    args: &Args,
+    dataset: &Dataset,
+    metrics: Metrics,
+    views: Vec<ViewPanel>,
+    file: &Path,
+) -> Result<(), ReportError> {
+    let setting = |name: &str, value: String| (name.to_owned(), value);
+    let data = ReportData {
+        title: format!("{} on {}", metrics.method, metrics.scene),
+        settings: vec![
+            setting("model", args.model.display().to_string()),
+            setting("data", args.data.display().to_string()),
+            setting("max-side", args.photographs.max_side.to_string()),
+            setting("split", args.photographs.split.to_string()),
+            setting("background", args.background.clone()),
+        ],
+        curves: Vec::new(),
+        files: Vec::new(),
+        notes: dataset.warnings.iter().map(ToString::to_string).collect(),
+        views,
+        metrics,
+    };
+    eval::write_report(&data, file)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -1,5 +1,8 @@
 //! Exit codes, and the message that goes with one. The README lists them.
 
+use std::error::Error;
+
+use psrgs_vk::eval::{MetricsError, ReportError};
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
 use psrgs_vk::{dataset, format, train, vk};
@@ -56,23 +59,17 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     }
 }
 
-fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
+/// The code of one error of a chain. Errors that only hand on another (`transparent`) hide it from the chain, so they are
+/// opened here.
+fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
+    if let Some(training) = cause.downcast_ref::<train::Error>() {
+        return Some(of_training(training));
+    }
     if let Some(settings) = cause.downcast_ref::<SettingsError>() {
-        return Some(match settings {
-            SettingsError::Io { .. } | SettingsError::Parse { .. } | SettingsError::Value { .. } => USAGE,
-            SettingsError::Write(_) => FAILURE,
-        });
+        return Some(of_settings(settings));
     }
     if let Some(device) = cause.downcast_ref::<vk::Error>() {
-        return Some(match device {
-            vk::Error::NoVulkan(_)
-            | vk::Error::NoDevice { .. }
-            | vk::Error::MissingFeature { .. }
-            | vk::Error::MissingLayer { .. } => DEVICE,
-            vk::Error::OutOfDeviceMemory { .. } => MEMORY,
-            vk::Error::DeviceLost { .. } => LOST,
-            _ => FAILURE,
-        });
+        return Some(of_device(device));
     }
     if let Some(training) = cause.downcast_ref::<train::Error>() {
         // Errors that are passed on as they are stand for themselves in the chain of causes.
@@ -94,16 +91,63 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
         });
     }
     if let Some(data) = cause.downcast_ref::<dataset::Error>() {
-        return Some(if matches!(data, dataset::Error::ZeroMaxSide) { USAGE } else { INPUT });
+        return Some(of_dataset(data));
     }
     if let Some(file) = cause.downcast_ref::<format::Error>() {
-        return Some(match file {
-            format::Error::Io { action, .. } if !["read", "open", "list"].contains(action) => OUTPUT,
-            format::Error::Unwritable { .. } => OUTPUT,
-            _ => INPUT,
-        });
+        return Some(of_file(file));
     }
-    None
+    // Metrics and reports are only written by the commands.
+    (cause.is::<MetricsError>() || cause.is::<ReportError>()).then_some(OUTPUT)
+}
+
+fn of_training(error: &train::Error) -> u8 {
+    match error {
+        train::Error::Device(device) => of_device(device),
+        train::Error::Dataset(data) => of_dataset(data),
+        train::Error::File(file) => of_file(file),
+        train::Error::Settings(settings) => of_settings(settings),
+        train::Error::NotDeterministic | train::Error::NoFloatAtomics => USAGE,
+        train::Error::Init(_)
+        | train::Error::NoViews
+        | train::Error::PhotographSize { .. }
+        | train::Error::Checkpoint { .. }
+        | train::Error::CheckpointText(_) => INPUT,
+        train::Error::TooMany { .. } => MEMORY,
+        _ => FAILURE,
+    }
+}
+
+fn of_settings(error: &SettingsError) -> u8 {
+    match error {
+        SettingsError::Io { .. } | SettingsError::Parse { .. } | SettingsError::Value { .. } => USAGE,
+        SettingsError::Write(_) => FAILURE,
+    }
+}
+
+fn of_device(error: &vk::Error) -> u8 {
+    match error {
+        vk::Error::NoVulkan(_)
+        | vk::Error::NoDevice { .. }
+        | vk::Error::MissingFeature { .. }
+        | vk::Error::MissingLayer { .. } => DEVICE,
+        vk::Error::OutOfDeviceMemory { .. } | vk::Error::BindingTooLarge { .. } => MEMORY,
+        vk::Error::Vulkan { result: vk::ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => MEMORY,
+        vk::Error::DeviceLost { .. } => LOST,
+        vk::Error::File { .. } => OUTPUT,
+        _ => FAILURE,
+    }
+}
+
+fn of_dataset(error: &dataset::Error) -> u8 {
+    if matches!(error, dataset::Error::ZeroMaxSide) { USAGE } else { INPUT }
+}
+
+fn of_file(error: &format::Error) -> u8 {
+    match error {
+        format::Error::Io { action, .. } if !["read", "open", "list"].contains(action) => OUTPUT,
+        format::Error::Unwritable { .. } => OUTPUT,
+        _ => INPUT,
+    }
 }
 
 /// What to do about an error, where its code says enough to know.
@@ -155,5 +199,68 @@ mod tests {
         let io = std::io::Error::other("disk full");
         let error = anyhow::Error::new(io).context("a.ply: disk full").context("saving");
         assert_eq!(message(&error), "saving: a.ply: disk full");
+    }
+
+    /// Of the error itself, below a context, and handed on by training.
+    fn codes<E>(make: impl Fn() -> E) -> [u8; 3]
+    where
+        E: Error + Send + Sync + 'static,
+        train::Error: From<E>,
+    {
+        [
+            code(&make().into()),
+            code(&anyhow::Error::new(make()).context("train")),
+            code(&train::Error::from(make()).into()),
+        ]
+    }
+
+    #[test]
+    fn every_way_to_fail_has_its_documented_code() {
+        let device = || "D".to_owned();
+        let lost = || vk::Error::DeviceLost { during: "vkQueueSubmit2", pass: "adam".into() };
+        let full = || vk::Error::OutOfDeviceMemory { requested: 9, name: device(), in_use: 1, limit: 2 };
+        let refused =
+            || vk::Error::Vulkan { call: "vkCreateBuffer", result: vk::ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY };
+        let wide = || vk::Error::BindingTooLarge { buffer: device(), bytes: 9, limit: 2 };
+        assert_eq!(codes(|| vk::Error::NoVulkan(device())), [DEVICE; 3]);
+        assert_eq!(codes(|| vk::Error::NoDevice { wanted: device(), found: vec![] }), [DEVICE; 3]);
+        assert_eq!(codes(|| vk::Error::MissingLayer { layer: "l" }), [DEVICE; 3]);
+        assert_eq!(
+            codes(|| vk::Error::MissingFeature { feature: "f", needed_for: device(), device: device() }),
+            [DEVICE; 3]
+        );
+        assert_eq!(codes(full), [MEMORY; 3]);
+        assert_eq!(codes(refused), [MEMORY; 3]);
+        assert_eq!(codes(wide), [MEMORY; 3]);
+        assert_eq!(codes(lost), [LOST; 3]);
+        assert_eq!(codes(|| vk::Error::Hazard(device())), [FAILURE; 3]);
+
+        let file = std::path::PathBuf::from("f");
+        let io = || std::io::Error::other("no");
+        assert_eq!(codes(|| format::Error::Io { file: file.clone(), action: "read", source: io() }), [INPUT; 3]);
+        assert_eq!(codes(|| format::Error::Io { file: file.clone(), action: "rename", source: io() }), [OUTPUT; 3]);
+        let unwritable = || format::Error::Unwritable { file: file.clone(), what: "the PNG", problem: device() };
+        assert_eq!(codes(unwritable), [OUTPUT; 3]);
+        let section = || format::Error::NoSection { file: file.clone(), section: device() };
+        assert_eq!(codes(section), [INPUT; 3]);
+        assert_eq!(codes(|| dataset::Error::ZeroMaxSide), [USAGE; 3]);
+        assert_eq!(codes(|| dataset::Error::NoImages { file: file.clone() }), [INPUT; 3]);
+        assert_eq!(codes(|| dataset::Error::from(section())), [INPUT; 3]);
+        assert_eq!(codes(|| psrgs_vk::scene::init::InitError::NoPoints)[2], INPUT);
+        assert_eq!(codes(|| SettingsError::Value { key: "iterations", want: "1" }), [USAGE; 3]);
+
+        let training = |error: train::Error| code(&error.into());
+        assert_eq!(training(train::Error::NoViews), INPUT);
+        let size = train::Error::PhotographSize { name: device(), found: 1, expected: 2 };
+        assert_eq!(training(size), INPUT);
+        assert_eq!(training(train::Error::Checkpoint { section: device(), found: 1, expected: 2 }), INPUT);
+        assert_eq!(training(train::Error::NotDeterministic), USAGE);
+        assert_eq!(training(train::Error::NoFloatAtomics), USAGE);
+        let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
+        assert_eq!(training(many), MEMORY);
+        assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);
+        let report = ReportError::Write { path: file.clone(), source: io() };
+        assert_eq!(code(&report.into()), OUTPUT);
+        assert_eq!(code(&MetricsError::File { path: file, source: io() }.into()), OUTPUT);
     }
 }

@@ -9,8 +9,10 @@ mod eval;
 mod exit;
 mod info;
 mod interrupt;
+mod model_file;
 mod outputs;
 mod passes;
+mod pictures;
 mod progress;
 mod render;
 mod run_folder;
@@ -89,7 +91,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
     match command {
         Command::Train(args) => train::run(args, matches.subcommand().map_or(matches, |(_, of)| of), console, started),
         Command::Render(args) => render::run(args, console),
-        Command::Eval(args) => eval::run(args, console),
+        Command::Eval(args) => eval::run(args, console, started),
         Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Info(args) => info::run(args, console),

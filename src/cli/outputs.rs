@@ -1,20 +1,16 @@
 //! The files of a finished training.
 
 use std::fs;
-use std::path::Path;
 use std::time::Instant;
 
-use anyhow::Context as _;
-use image::RgbImage;
 use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, Curve, DepthMap, ImageScore, Metrics, ReportData, ViewPanel};
-use psrgs_vk::format::{FRAME_FILE, FrameFile, image_out, ply};
-use psrgs_vk::raster::Picture;
-use psrgs_vk::train::{History, Trainer, View, score};
+use psrgs_vk::eval::{self, Curve, Metrics, ReportData};
+use psrgs_vk::format::{FRAME_FILE, FrameFile, ply};
+use psrgs_vk::train::{History, Trainer};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
-use super::exit::Failure;
+use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, REPORT, RunFolder};
 use super::train::Plan;
 
@@ -46,14 +42,12 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     FrameFile::new(frame).write(&run.folder.file(FRAME_FILE))?;
     let bytes = fs::metadata(&file).map(|m| m.len()).unwrap_or(0);
 
-    let renders = run.folder.file(RENDERS);
-    fs::create_dir_all(&renders).with_context(|| Failure::Output(renders.display().to_string()))?;
-    let (mut scores, mut panels) = (Vec::new(), Vec::new());
     let views = trainer.held_out().to_vec();
-    for view in &views {
-        let picture = trainer.picture(&view.camera)?;
-        let panel = held_out(&renders, view, &picture, frame.scale)?;
-        scores.push(ImageScore { name: view.name.clone(), psnr: panel.psnr, ssim: panel.ssim });
+    let pictures = Pictures::new(&run.folder.file(RENDERS), views.iter().map(|v| v.name.as_str()), frame.scale)?;
+    let (mut scores, mut panels) = (Vec::new(), Vec::new());
+    for (i, view) in views.iter().enumerate() {
+        let panel = pictures.held_out(i, view, &trainer.picture(&view.camera)?)?;
+        scores.push(panel.score());
         panels.push(panel);
     }
 
@@ -61,7 +55,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     let metrics = Metrics {
         method: settings.run.method.to_string(),
         iterations: settings.run.iterations,
-        scene: run.dataset.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        scene: scene_name(run.dataset),
         train_images: run.dataset.views_of(Role::Train).count(),
         test_images: 0,
         width: sized.map_or(0, |c| c.width),
@@ -98,25 +92,10 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     Ok(())
 }
 
-/// Writes one held-out view's pictures and compares it with its photograph.
-fn held_out(folder: &Path, view: &View, picture: &Picture, scale: f64) -> anyhow::Result<ViewPanel> {
-    let (width, height) = (picture.width, picture.height);
-    let rgb = picture.rgb8();
-    let stem = view.name.replace(['/', '\\'], "_");
-    let truth: Vec<u8> = view.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    image_out::write_png(&folder.join(format!("{stem}.render.png")), width, height, &rgb)?;
-    image_out::write_png(&folder.join(format!("{stem}.photograph.png")), width, height, &truth)?;
-    let mut depth = None;
-    if let (Some(z), Some(normals)) = (picture.depth(), picture.normals()) {
-        // Depth in the units of the dataset.
-        let values: Vec<f32> = z.iter().map(|z| (f64::from(*z) / scale) as f32).collect();
-        image_out::write_depth(&folder.join(format!("{stem}.depth.exr")), width, height, &values)?;
-        image_out::write_normals(&folder.join(format!("{stem}.normal.exr")), width, height, &normals)?;
-        depth = Some(DepthMap { width, height, values });
-    }
-    let ImageScore { name, psnr, ssim } = score(view, &rgb);
-    let image = |pixels: Vec<u8>| RgbImage::from_raw(width, height, pixels).context("picture size");
-    Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, ssim })
+/// What a dataset is called: its folder's name.
+pub(crate) fn scene_name(dataset: &Dataset) -> String {
+    let path = std::path::absolute(&dataset.path).unwrap_or_else(|_| dataset.path.clone());
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 fn named_settings(toml: &str) -> Vec<(String, String)> {

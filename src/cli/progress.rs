@@ -130,6 +130,15 @@ impl Progress {
     }
 }
 
+/// A bar that counts, where there is a terminal to draw it on.
+pub(crate) fn counter(console: &Console, total: usize, what: &str) -> ProgressBar {
+    let target = if console.draws() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}");
+    ProgressBar::with_draw_target(Some(total as u64), target)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        .with_message(what.to_owned())
+}
+
 /// A speed in the unit that reads best.
 fn speed(rate: f64) -> String {
     if rate >= 1.0 { format!("{rate:.1} it/s") } else { format!("{:.1} s/it", 1.0 / rate) }

@@ -2,7 +2,14 @@
 
 use std::path::PathBuf;
 
+use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
+use psrgs_vk::scene::Camera;
+
 use super::console::Console;
+use super::exit::Failure;
+use super::model_file::ModelFile;
+use super::pictures::Pictures;
+use super::{device, progress};
 
 /// Render a model from the cameras of a dataset
 #[derive(clap::Args)]
@@ -46,6 +53,41 @@ pub(crate) enum Views {
     Test,
 }
 
-pub(crate) fn run(_args: &Args, _console: &Console) -> anyhow::Result<()> {
-    anyhow::bail!("rendering is not part of this build")
+impl Views {
+    fn take(self, role: Role) -> bool {
+        match self {
+            Self::All => true,
+            Self::Train => role == Role::Train,
+            Self::Test => role == Role::HeldOut,
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    let model = ModelFile::read(&args.model, args.antialias, console)?;
+    let options = LoadOptions { max_side: Some(args.max_side), photographs: false, ..LoadOptions::default() };
+    let dataset = Dataset::load(&args.cameras, &options)?;
+    let wanted: Vec<(&str, Camera)> = dataset
+        .views
+        .iter()
+        .enumerate()
+        .filter(|(_, view)| args.views.take(view.role))
+        .filter_map(|(i, view)| Some((view.name.as_str(), dataset.scene_camera(i)?)))
+        .collect();
+    if wanted.is_empty() {
+        let text = format!("{}: too few cameras to hold any out; leave --views out", args.cameras.display());
+        return Err(Failure::Input(text).into());
+    }
+    let pictures = Pictures::new(&args.out, wanted.iter().map(|(name, _)| *name), dataset.frame.scale)?;
+    let gpu = device::open(&args.device, false, console)?;
+    let mut drawn = model.upload(&gpu, &dataset.frame, &args.background)?;
+    let bar = progress::counter(console, wanted.len(), "pictures");
+    for (i, (_, camera)) in wanted.iter().enumerate() {
+        pictures.write(i, &drawn.picture(camera, args.depth)?)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    drawn.warn_if_unseen(&args.model, &args.cameras, console);
+    console.say(format_args!("{} pictures in {}", wanted.len(), args.out.display()));
+    Ok(())
 }

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 
-use super::Metrics;
 use super::colormap::Colormap;
+use super::{ImageScore, Metrics};
 use panel::{STORAGES, Storage};
 use text::{bytes, decibels, duration, escape, fill, grouped, link, significant};
 
@@ -65,7 +65,7 @@ pub struct ReportData {
     pub settings: Vec<(String, String)>,
     /// Curves, drawn in this order.
     pub curves: Vec<Curve>,
-    /// The numbers of the run.
+    /// The numbers of the run. With no iterations they are those of a model that was only scored.
     pub metrics: Metrics,
     /// Held-out views, shown in this order.
     pub views: Vec<ViewPanel>,
@@ -73,6 +73,13 @@ pub struct ReportData {
     pub files: Vec<(String, String)>,
     /// Remarks, one paragraph each.
     pub notes: Vec<String>,
+}
+
+impl ViewPanel {
+    /// The view's numbers.
+    pub fn score(&self) -> ImageScore {
+        ImageScore { name: self.name.clone(), psnr: self.psnr, ssim: self.ssim }
+    }
 }
 
 /// Errors of making a report.
@@ -127,13 +134,8 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
     let steps = data.curves.iter().flat_map(|c| &c.points).map(|p| p.0).fold(f64::from(m.iterations), f64::max);
     let curves: String = data.curves.iter().enumerate().map(|(k, c)| chart::figure(c, k, steps)).collect();
     let settings: String = data.settings.iter().map(|(k, v)| row(k, v)).collect();
-    let subtitle = format!(
-        "{} with {}, {} steps on {}",
-        escape(&m.scene),
-        escape(&m.method),
-        grouped(u64::from(m.iterations)),
-        escape(&m.device)
-    );
+    let steps_done = if trained(m) { format!(", {} steps", grouped(u64::from(m.iterations))) } else { String::new() };
+    let subtitle = format!("{} with {}{steps_done} on {}", escape(&m.scene), escape(&m.method), escape(&m.device));
     Ok(fill(
         include_str!("page.html"),
         &[
@@ -184,9 +186,15 @@ fn row(name: &str, value: &str) -> String {
     format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", escape(name), escape(value))
 }
 
+/// Whether the numbers are of a training, and not of the scoring of a finished model.
+fn trained(m: &Metrics) -> bool {
+    m.iterations > 0
+}
+
 fn tiles(m: &Metrics) -> String {
     let ssim = m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.3}"));
-    let per_step = format!("{} a step", duration(m.seconds_per_iteration));
+    let per_step =
+        if trained(m) { format!("{} a step", duration(m.seconds_per_iteration)) } else { "to score".to_owned() };
     let held_out = format!("mean of {} held-out views", m.test_images);
     [
         ("PSNR", decibels(m.psnr), "dB", held_out.as_str()),
@@ -206,6 +214,7 @@ fn tiles(m: &Metrics) -> String {
 
 fn numbers(m: &Metrics) -> String {
     let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
+    let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
         ("iterations", grouped(u64::from(m.iterations))),
@@ -225,6 +234,7 @@ fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .filter(|(k, _)| trained(m) || !of_training.contains(k))
     .map(|(k, v)| row(k, v))
     .collect()
 }

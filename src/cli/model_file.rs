@@ -1,0 +1,90 @@
+//! A model given on the command line, placed in a dataset's scene and drawn from its cameras.
+
+use std::path::Path;
+
+use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::raster::{Picture, Planes, Shot, Viewer};
+use psrgs_vk::scene::{Camera, Frame};
+use psrgs_vk::vk::{self, Gpu};
+
+use super::console::Console;
+
+/// A model file that was read.
+pub(crate) struct ModelFile {
+    model: ply::Model,
+    /// Size of the file in bytes.
+    pub(crate) bytes: u64,
+    /// Whether it is drawn with the anti-aliasing factor.
+    pub(crate) antialias: bool,
+}
+
+impl ModelFile {
+    /// Reads a model. Editors drop the comments of a file: then the shift of its coordinates is that of `frame.json` beside it.
+    /// `antialias` is what the user asked for; without it the file decides.
+    pub(crate) fn read(file: &Path, antialias: bool, console: &Console) -> anyhow::Result<Self> {
+        let mut model = ply::read(file)?;
+        if model.version.is_none()
+            && model.shift == [0.0; 3]
+            && let Some(beside) = FrameFile::beside(file)?
+            && beside.shift != [0.0; 3]
+        {
+            let [x, y, z] = beside.shift;
+            console
+                .say(format_args!("{}: taking positions as moved by {x} {y} {z}, as frame.json says", file.display()));
+            model.shift = beside.shift;
+        }
+        let bytes = std::fs::metadata(file).map(|m| m.len()).unwrap_or(0);
+        let antialias = antialias || model.antialias.unwrap_or(false);
+        console.say(format_args!("{}: {} splats", file.display(), model.gaussians.len()));
+        Ok(Self { model, bytes, antialias })
+    }
+
+    /// Number of splats.
+    pub(crate) fn splats(&self) -> usize {
+        self.model.gaussians.len()
+    }
+
+    /// The model on a device, in the coordinates of a dataset's scene.
+    pub(crate) fn upload(&self, gpu: &Gpu, frame: &Frame, background: &str) -> Result<Drawn, vk::Error> {
+        let viewer = Viewer::new(gpu);
+        let planes = viewer.upload(&self.model.in_scene(frame))?;
+        let projection =
+            Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
+        let background = if background == "white" { [1.0; 3] } else { [0.0; 3] };
+        Ok(Drawn { viewer, planes, splats: self.splats() as u32, projection, background, seen: false })
+    }
+}
+
+/// A model on the device.
+pub(crate) struct Drawn {
+    viewer: Viewer,
+    planes: Planes,
+    splats: u32,
+    projection: Projection,
+    background: [f32; 3],
+    /// Whether any picture so far shows a splat.
+    seen: bool,
+}
+
+impl Drawn {
+    /// A picture from a camera of the scene, with depth and normals when `aux`.
+    pub(crate) fn picture(&mut self, camera: &Camera, aux: bool) -> Result<Picture, vk::Error> {
+        let shot = Shot { camera: *camera, projection: self.projection, background: self.background };
+        let picture = self.viewer.render(&self.planes, self.splats, &shot, aux)?;
+        self.seen |= picture.rgbt.chunks_exact(4).any(|pixel| pixel[3] < 1.0);
+        Ok(picture)
+    }
+
+    /// Warns when no picture showed anything: model and cameras do not belong together.
+    pub(crate) fn warn_if_unseen(&self, model: &Path, dataset: &Path, console: &Console) {
+        if !self.seen {
+            console.warn(format_args!(
+                "no camera of {} sees a splat of {}: the pictures are empty. Model and dataset must share one coordinate system: \
+                 was the model trained on this dataset, and neither of them moved since?",
+                dataset.display(),
+                model.display()
+            ));
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! Pictures of views as files: renders, depth and normals, and photographs beside them.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use image::RgbImage;
+use psrgs_vk::eval::{DepthMap, ImageScore, ViewPanel};
+use psrgs_vk::format::image_out;
+use psrgs_vk::raster::Picture;
+use psrgs_vk::train::{View, score};
+
+use super::exit::Failure;
+
+/// A folder for pictures, and what each view's are called in it.
+pub(crate) struct Pictures {
+    folder: PathBuf,
+    names: Vec<String>,
+    /// Scene units per dataset unit: depth is written in the dataset's.
+    scale: f64,
+}
+
+impl Pictures {
+    /// Makes the folder; views are later told by their position in `views`.
+    pub(crate) fn new<'a>(
+        folder: &Path,
+        views: impl Iterator<Item = &'a str>,
+        scale: f64,
+    ) -> Result<Self, anyhow::Error> {
+        fs::create_dir_all(folder).with_context(|| Failure::Output(folder.display().to_string()))?;
+        let views: Vec<&str> = views.collect();
+        Ok(Self { folder: folder.to_owned(), names: file_names(&views), scale })
+    }
+
+    /// Writes `NAME.png`, or `NAME.KIND.png`.
+    fn rgb(&self, view: usize, kind: &str, size: (u32, u32), rgb: &[u8]) -> anyhow::Result<()> {
+        Ok(image_out::write_png(&self.file(view, kind, "png"), size.0, size.1, rgb)?)
+    }
+
+    /// Writes the picture, and depth (along the camera's axis, in the dataset's units) and normals if it has them.
+    pub(crate) fn write(&self, view: usize, picture: &Picture) -> anyhow::Result<()> {
+        self.rgb(view, "", (picture.width, picture.height), &picture.rgb8())?;
+        self.geometry(view, picture)?;
+        Ok(())
+    }
+
+    fn geometry(&self, view: usize, picture: &Picture) -> anyhow::Result<Option<DepthMap>> {
+        let (width, height) = (picture.width, picture.height);
+        let (Some(depth), Some(normals)) = (picture.depth(), picture.normals()) else { return Ok(None) };
+        let values: Vec<f32> = depth.iter().map(|z| (f64::from(*z) / self.scale) as f32).collect();
+        image_out::write_depth(&self.file(view, "depth", "exr"), width, height, &values)?;
+        image_out::write_normals(&self.file(view, "normal", "exr"), width, height, &normals)?;
+        Ok(Some(DepthMap { width, height, values }))
+    }
+
+    /// Writes a held-out view's pictures, its photograph too, and compares the two.
+    pub(crate) fn held_out(&self, at: usize, view: &View, picture: &Picture) -> anyhow::Result<ViewPanel> {
+        let size = (picture.width, picture.height);
+        let (rgb, truth) = (picture.rgb8(), without_alpha(&view.rgba));
+        self.rgb(at, "render", size, &rgb)?;
+        self.rgb(at, "photograph", size, &truth)?;
+        let depth = self.geometry(at, picture)?;
+        let ImageScore { name, psnr, ssim } = score(view, &rgb);
+        let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
+        Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, ssim })
+    }
+
+    fn file(&self, view: usize, kind: &str, extension: &str) -> PathBuf {
+        let name = self.names.get(view).map_or("view", String::as_str);
+        let dot = if kind.is_empty() { "" } else { "." };
+        self.folder.join(format!("{name}{dot}{kind}.{extension}"))
+    }
+}
+
+fn without_alpha(rgba: &[u8]) -> Vec<u8> {
+    rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect()
+}
+
+/// A file name for each view: its own without the extension and with `_` for folders, or with a number where that would make
+/// two the same (also on systems that do not tell upper from lower case).
+fn file_names(views: &[&str]) -> Vec<String> {
+    let plain = |name: &str| {
+        let cut = Path::new(name).with_extension("");
+        cut.to_string_lossy().replace(['/', '\\'], "_")
+    };
+    let mut count: HashMap<String, usize> = HashMap::new();
+    for name in views {
+        *count.entry(plain(name).to_lowercase()).or_default() += 1;
+    }
+    let unique = |name: &str| count.get(&name.to_lowercase()).is_none_or(|n| *n < 2);
+    let one = |(i, name): (usize, &&str)| {
+        let plain = plain(name);
+        if unique(&plain) { plain } else { format!("{plain}-{i}") }
+    };
+    views.iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_views_share_a_file() {
+        assert_eq!(file_names(&["a.jpg", "left/b.v2.png"]), ["a", "left_b.v2"]);
+        assert_eq!(file_names(&["a.jpg", "A.png", "x/y.jpg", "x_y.jpg", "z"]), ["a-0", "A-1", "x_y-2", "x_y-3", "z"]);
+    }
+}
