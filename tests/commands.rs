@@ -1,0 +1,14 @@
+//! The commands end to end on a tiny made-up scene: train, stop, resume, repeat, render, eval, and data that cannot be used.
+
+// Nothing of a test binary is reachable from outside.
+#![allow(unreachable_pub)]
+
+#[path = "commands/bad_data.rs"]
+mod bad_data;
+mod common;
+#[path = "commands/run.rs"]
+mod run;
+#[path = "commands/training.rs"]
+mod training;
+#[path = "commands/viewing.rs"]
+mod viewing;

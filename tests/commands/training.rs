@@ -1,0 +1,151 @@
+//! `train`: files, repetition, interruption.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use crate::run::{OPTIONS, STEPS, Shared, command, psrgs, shared, stderr, text, works};
+
+const KEYS: &str = "method iterations scene train_images test_images width height seed device psnr ssim splats bytes seconds \
+                    seconds_per_iteration peak_device_bytes peak_host_bytes images";
+
+#[test]
+fn a_training_leaves_every_file_that_is_promised() {
+    let Some(shared) = shared() else { return };
+    let run = shared.run();
+    for file in "point_cloud.ply frame.json metrics.json settings.toml report.html renders/view_0000.render.png \
+                 renders/view_0000.photograph.png renders/view_0000.depth.exr renders/view_0008.normal.exr"
+        .split_whitespace()
+    {
+        assert!(fs::metadata(run.join(file)).is_ok_and(|m| m.len() > 0), "no {file}");
+    }
+    let metrics = fs::read_to_string(run.join("metrics.json")).expect("metrics");
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
+    let keys: BTreeSet<&str> = metrics.as_object().expect("an object").keys().map(String::as_str).collect();
+    assert_eq!(keys, KEYS.split_whitespace().collect());
+    assert_eq!(metrics["iterations"], STEPS);
+    assert_eq!((&metrics["train_images"], &metrics["test_images"]), (&7.into(), &2.into()));
+    assert_eq!((&metrics["width"], &metrics["height"]), (&64.into(), &48.into()));
+    assert_eq!(metrics["bytes"], fs::metadata(shared.model()).expect("a model").len());
+    assert!(metrics["seconds"].as_f64() > Some(0.0) && metrics["seconds_per_iteration"].as_f64() > Some(0.0));
+    let images = metrics["images"].as_array().expect("images");
+    assert_eq!(images.len(), 2);
+    let mean = images.iter().map(|i| i["psnr"].as_f64().expect("a number")).sum::<f64>() / 2.0;
+    assert!((mean - metrics["psnr"].as_f64().expect("a number")).abs() < 1e-9);
+}
+
+/// Trains in `out` and compares the model with the shared one.
+#[track_caller]
+fn same_model(shared: &Shared, out: &Path, what: &str) {
+    let read = |file: &Path| fs::read(file).expect("a model");
+    assert!(read(&shared.model()) == read(&out.join("point_cloud.ply")), "{what}: the models differ");
+}
+
+#[test]
+fn settings_repeat_a_run_bit_for_bit() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("again");
+    works(&["train", "--config", text(&shared.run().join("settings.toml")), "--out", text(&out), "-q"]);
+    same_model(shared, &out, "repeated from settings.toml");
+    // The comparison can tell: another seed gives another model.
+    let other = folder.path().join("other");
+    works(&[
+        "train",
+        "--config",
+        text(&shared.run().join("settings.toml")),
+        "--out",
+        text(&other),
+        "-q",
+        "--seed",
+        "4",
+    ]);
+    assert!(fs::read(shared.model()).ok() != fs::read(other.join("point_cloud.ply")).ok());
+}
+
+/// Starts a training and sends it a signal once it has said `word`; gives its exit code and what it said.
+#[cfg(unix)]
+fn stopped(args: &[String], word: &str, signal: &str) -> (Option<i32>, String) {
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let mut child = command(&args).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe"));
+    let mut said = String::new();
+    while lines.read_line(&mut said).expect("text") > 0 {
+        if said.lines().last().is_some_and(|line| line.contains(word)) {
+            let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
+            assert!(sent.success());
+            break;
+        }
+    }
+    lines.read_to_string(&mut said).expect("text");
+    (child.wait().expect("an end").code(), said)
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_saves_and_says_how_to_go_on_and_ends_the_same() {
+    let Some(shared) = shared() else { return };
+    for signal in ["-INT", "-TERM"] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let out = folder.path().join("run");
+        let (code, said) = stopped(&shared.train(&out), "step 1/", signal);
+        assert_eq!(code, Some(130), "{said}");
+        assert!(said.contains(&format!("psrgs-vk train --resume {}", out.display())), "{said}");
+        assert!(!said.contains("panicked") && !out.join("point_cloud.ply").exists(), "{said}");
+        let saved = fs::read_dir(out.join("checkpoints")).expect("a folder").count();
+        assert_eq!(saved, 1, "{said}");
+        let said = works(&["train", "--resume", text(&out)]);
+        assert!(said.contains("going on after step"), "{said}");
+        same_model(shared, &out, &format!("{signal}, resumed"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_goes_on_from_its_last_checkpoint_and_ends_the_same() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let mut args = shared.train(&out);
+    args.extend(["--checkpoint-every", "15", "-v"].map(str::to_owned));
+    let (code, said) = stopped(&args, "step 30: saved", "-KILL");
+    assert_eq!(code, None, "{said}");
+    let resumed = works(&["train", "--resume", text(&out)]);
+    let step = resumed.split("going on after step ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a step");
+    assert!(step.parse::<u32>().is_ok_and(|s| s >= 30 && s.is_multiple_of(15)), "{resumed}");
+    same_model(shared, &out, "killed and resumed");
+    // The curves are whole.
+    let report = fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(report.contains("Loss"));
+    // Its end reached, there is nothing to go on with but the last files.
+    assert!(psrgs(&["train", "--resume", text(&out), "-q"]).status.success());
+    same_model(shared, &out, "resumed at the end");
+}
+
+#[test]
+fn test_photographs_do_not_touch_the_model() {
+    let Some(shared) = shared() else { return };
+    let data = crate::run::copy_of(&shared.data());
+    let mut state = 1u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    for name in ["view_0000.jpg", "view_0008.jpg"] {
+        let pixels: Vec<u8> = (0..64 * 48 * 3).map(|_| noise()).collect();
+        let picture = image::RgbImage::from_raw(64, 48, pixels).expect("of that size");
+        picture.save(data.path().join("images").join(name)).expect("written");
+    }
+    let out = data.path().join("run");
+    let ends = ["train", text(data.path()), "--out", text(&out), "-q"];
+    let args: Vec<&str> = ends.into_iter().chain(OPTIONS).collect();
+    let output = psrgs(&args);
+    assert!(output.status.success(), "{}", stderr(&output));
+    same_model(shared, &out, "test photographs of noise");
+    let read = |run: &Path| fs::read_to_string(run.join("metrics.json")).expect("metrics");
+    let psnr = |text: String| serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["psnr"].as_f64();
+    let (noise, scene) = (psnr(read(&out)).expect("a number"), psnr(read(&shared.run())).expect("a number"));
+    assert!((noise - scene).abs() > 0.01, "scoring did not look at the noise: {noise} and {scene} dB");
+}

@@ -1,0 +1,157 @@
+//! `render` and `eval`: the pictures and scores that training gave.
+
+use std::fs;
+use std::path::Path;
+
+use psrgs_vk::dataset::{Dataset, LoadOptions};
+use psrgs_vk::format::{image_out, ply};
+use psrgs_vk::scene::Gaussians;
+
+use crate::run::{fails, psrgs, shared, stderr, text, works};
+
+fn rgb(file: &Path) -> Vec<u8> {
+    image::open(file).unwrap_or_else(|e| panic!("{}: {e}", file.display())).to_rgb8().into_raw()
+}
+
+fn json(file: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON")
+}
+
+/// Training renders from scene coordinates; a file holds dataset coordinates, and both are rounded to f32. Where a colour lies at
+/// the boundary between two 8-bit steps, that can move it by one step; more than a handful of such pixels would be an error.
+#[track_caller]
+fn nearly_equal(a: &[u8], b: &[u8]) {
+    assert_eq!(a.len(), b.len());
+    let differences: Vec<u8> = a.iter().zip(b).map(|(x, y)| x.abs_diff(*y)).collect();
+    assert!(differences.iter().all(|d| *d <= 1), "a colour differs by {:?}", differences.iter().max());
+    let moved = differences.iter().filter(|d| **d > 0).count();
+    assert!(moved * 500 <= a.len(), "{moved} of {} colours differ", a.len());
+}
+
+#[test]
+fn eval_of_a_trained_model_gives_the_numbers_of_training() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scores, out) = (folder.path().join("scores.json"), folder.path().join("scored"));
+    let output =
+        psrgs(&["eval", text(&shared.model()), text(&shared.data()), "--json", text(&scores), "--out", text(&out)]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let (got, want) = (json(&scores), json(&shared.run().join("metrics.json")));
+    for key in "scene test_images width height device splats bytes".split_whitespace() {
+        assert_eq!(got[key], want[key], "{key}");
+    }
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    for (got, want) in got["images"].as_array().expect("images").iter().zip(want["images"].as_array().expect("images"))
+    {
+        let name = got["name"].as_str().expect("a name");
+        assert_eq!(got["name"], want["name"]);
+        assert!(table.contains(name) && table.contains("mean"), "{table}");
+        // A few of 9216 colours moved by one of 255 steps (see `nearly_equal`): d(PSNR) = 10 / ln 10 * d(MSE) / MSE.
+        for (key, bound) in [("psnr", 1e-3), ("ssim", 1e-4)] {
+            let off = (got[key].as_f64().expect("a number") - want[key].as_f64().expect("a number")).abs();
+            println!("{name}: {key} off by {off:e}");
+            assert!(off < bound, "{name}: {key} off by {off:e}");
+        }
+        let picture = format!("{}.render.png", name.trim_end_matches(".jpg"));
+        nearly_equal(&rgb(&out.join(&picture)), &rgb(&shared.run().join("renders").join(&picture)));
+    }
+    let page = fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(page.contains("point_cloud.ply on scene") && page.contains("data:image/") && !page.contains("steps on"));
+}
+
+#[test]
+fn what_is_not_scored_says_why() {
+    let Some(shared) = shared() else { return };
+    fails(&["eval", text(&shared.model()), text(&shared.data()), "--split", "none"], 2, &["nothing to score"]);
+}
+
+#[test]
+fn render_gives_the_pictures_of_training_and_depth_in_the_units_of_the_dataset() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("pictures");
+    let (model, data) = (shared.model(), shared.data());
+    let said = works(&["render", text(&model), "--cameras", text(&data), "--out", text(&out), "--depth"]);
+    assert!(!said.contains("warning"), "{said}");
+    assert_eq!(fs::read_dir(&out).expect("a folder").count(), 27);
+    let renders = shared.run().join("renders");
+    for view in ["view_0000", "view_0008"] {
+        nearly_equal(&rgb(&out.join(format!("{view}.png"))), &rgb(&renders.join(format!("{view}.render.png"))));
+        let depth =
+            |folder: &Path| image_out::read_depth(&folder.join(format!("{view}.depth.exr"))).expect("a depth map");
+        let (got, want) = (depth(&out), depth(&renders));
+        assert_eq!((got.width, got.height), (64, 48));
+        let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * b.abs() + 1e-6;
+        assert!(got.values.iter().zip(&want.values).filter(|pair| !close(*pair)).count() <= 6);
+    }
+    // The camera hovers tens of metres above the ground; the scene is 10 units wide inside.
+    let truth = image_out::read_depth(&data.join("depth/view_0000.exr")).expect("true depth");
+    let got = image_out::read_depth(&out.join("view_0000.depth.exr")).expect("a depth map");
+    let middle = |values: &[f32]| {
+        let mut seen: Vec<f32> = values.iter().copied().filter(|v| *v > 0.0).collect();
+        seen.sort_by(f32::total_cmp);
+        seen[seen.len() / 2]
+    };
+    let ratio = middle(&got.values) / middle(&truth.values);
+    assert!((0.7..1.4).contains(&ratio), "median depth is {ratio} times the true one");
+}
+
+#[test]
+fn views_are_those_asked_for_and_photographs_are_not_needed() {
+    let Some(shared) = shared() else { return };
+    let data = crate::run::copy_of(&shared.data());
+    fs::remove_dir_all(data.path().join("images")).expect("removed");
+    let out = data.path().join("pictures");
+    for (views, count) in [("test", 2), ("train", 7)] {
+        let model = shared.model();
+        let args = ["render", text(&model), "--cameras", text(data.path()), "--views", views];
+        works(&[&args[..], &["--out", text(&out), "--max-side", "32", "-q"]].concat());
+        assert_eq!(fs::read_dir(&out).expect("a folder").count(), count);
+        fs::remove_dir_all(&out).expect("removed");
+    }
+}
+
+#[test]
+fn a_model_from_elsewhere_and_an_empty_one_get_a_warning() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let read = ply::read(&shared.model()).expect("a model");
+    let mut far = read.clone();
+    far.gaussians.means.chunks_exact_mut(3).for_each(|p| p[0] += 1e6);
+    let empty = ply::Model { gaussians: Gaussians::zeros(0), ..read };
+    for (name, model) in [("far.ply", far), ("empty.ply", empty)] {
+        let file = folder.path().join(name);
+        ply::write(&file, &model).expect("written");
+        let out = folder.path().join("pictures");
+        let said = works(&["render", text(&file), "--cameras", text(&shared.data()), "--out", text(&out), "-q"]);
+        assert!(said.contains("warning: no camera of") && said.contains(name), "{said}");
+        assert!(rgb(&out.join("view_0003.png")).iter().all(|v| *v == 0));
+        let said = works(&["eval", text(&file), text(&shared.data()), "-q"]);
+        assert!(said.contains("warning: no camera of"), "{said}");
+    }
+}
+
+/// A geo-referenced model whose comments an editor has dropped is still where it was.
+#[test]
+fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dataset = Dataset::load(&shared.data(), &LoadOptions::default()).expect("a dataset");
+    let frame = dataset.frame;
+    let shift = [1e5, -2e5, 300.0];
+    let mut model = ply::read(&shared.model()).expect("a model");
+    for p in model.gaussians.means.chunks_exact_mut(3) {
+        (0..3).for_each(|k| p[k] = (f64::from(p[k]) - shift[k]) as f32);
+    }
+    model.version = None;
+    let file = folder.path().join("edited.ply");
+    ply::write(&file, &model).expect("written");
+    let data = shared.data();
+    let args = ["render", text(&file), "--cameras", text(&data), "--views", "test", "--out"];
+    let out = folder.path().join("lost");
+    assert!(works(&[&args[..], &[text(&out)]].concat()).contains("warning: no camera"));
+    psrgs_vk::format::FrameFile { frame, shift }.write(&folder.path().join("frame.json")).expect("written");
+    let out = folder.path().join("found");
+    let said = works(&[&args[..], &[text(&out)]].concat());
+    assert!(said.contains("frame.json") && !said.contains("warning"), "{said}");
+}
