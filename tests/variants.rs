@@ -1,0 +1,184 @@
+//! One training under every form of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of every width
+//! learn alike; what is integer is the same bits.
+
+mod common;
+
+use common::plane_scene;
+use common::splats::{Random, camera, spread};
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::counters;
+use psrgs_vk::raster::{GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
+use psrgs_vk::vk::{self, FloatAtomics, Gpu};
+
+const STEPS: u32 = 8;
+const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
+
+fn settings(variants: Variants) -> Settings {
+    let mut s = Settings::default();
+    s.run.iterations = STEPS;
+    s.run.eval_every = 0;
+    s.model.sh_interval = 2;
+    s.model.antialias = true;
+    // So few steps say something only when they are large.
+    s.optimiser.lr_sh_base = 0.02;
+    s.optimiser.lr_opacities = 0.1;
+    s.device.tile_shape = Some(variants.tile);
+    s.device.gradient_sum = Some(variants.gradients);
+    s
+}
+
+fn losses(gpu: &Gpu, input: &Input, variants: Variants) -> Vec<f32> {
+    let mut trainer =
+        Trainer::new(gpu, Input { held_out: vec![], ..input.clone() }, &settings(variants), Pacing::default(), None)
+            .unwrap();
+    let mut losses = Vec::new();
+    while let Some(message) = trainer.next_message().unwrap() {
+        if let Message::Step { loss, .. } = message {
+            losses.push(loss);
+        }
+    }
+    assert_eq!(trainer.snapshot().unwrap().variants, variants, "another form ran than was asked for");
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(gpu);
+    losses
+}
+
+/// Sums that a device can do in a shape.
+fn sums(gpu: &Gpu, tile: TileShape) -> Vec<GradientSum> {
+    let hardware = matches!(gpu.caps().subgroup, vk::Subgroup::Hardware(_));
+    let column_hardware = gpu.caps().subgroup == vk::Subgroup::Hardware(8);
+    let mut sums = vec![GradientSum::Slots];
+    if tile == TileShape::Pixel || column_hardware {
+        sums.push(GradientSum::CompareAndSwap);
+        if gpu.caps().buffer_floats == FloatAtomics::Native && hardware {
+            sums.push(GradientSum::Atomic);
+        }
+    }
+    sums
+}
+
+/// The promise for gradients, 1e-3, holds for the losses of a few steps; the first step's image is the same to rounding.
+fn check(what: &str, got: &[f32], want: &[f32]) {
+    assert_eq!(got.len(), STEPS as usize, "{what}");
+    for (k, (g, w)) in got.iter().zip(want).enumerate() {
+        let bound = if k == 0 { 1e-5 } else { 1e-3 };
+        assert!((g - w).abs() < bound * w, "{what}: loss {g} instead of {w} at step {}", k + 1);
+    }
+}
+
+#[test]
+fn every_form_learns_alike() {
+    let Some(native) = common::gpu() else { return };
+    let input = plane_scene::input(4, 48, 40, 150);
+    let want = losses(&native, &input, Variants::choose(&native, true));
+    let epoch = |losses: &[f32]| losses.iter().sum::<f32>();
+    assert!(epoch(&want[4..]) < 0.97 * epoch(&want[..4]), "nothing is learnt: {want:?}");
+    let mut devices = vec![("native".to_owned(), native)];
+    devices.push((
+        "compare-and-swap".into(),
+        common::gpu_with(|o| o.float_atomics = Some(FloatAtomics::CompareAndSwap)).unwrap(),
+    ));
+    for width in [32, 64] {
+        let gpu = common::gpu_with(|o| o.emulate_subgroup = Some(width)).unwrap();
+        devices.push((format!("subgroups of {width} emulated"), gpu));
+    }
+    let mut ran = 0;
+    for (name, gpu) in &devices {
+        for tile in SHAPES {
+            for gradients in sums(gpu, tile) {
+                let variants = Variants { tile, gradients };
+                check(&format!("{name}, {variants:?}"), &losses(gpu, &input, variants), &want);
+                ran += 1;
+            }
+        }
+    }
+    assert!(ran >= 4 + 4 + 3 + 3, "only {ran} forms ran");
+}
+
+#[test]
+fn forms_that_the_device_cannot_run_are_refused() {
+    let Some(gpu) = common::gpu_with(|o| {
+        o.float_atomics = Some(FloatAtomics::CompareAndSwap);
+        o.emulate_subgroup = Some(32);
+    }) else {
+        return;
+    };
+    let start = |tile, gradients| {
+        let input = plane_scene::input(2, 24, 16, 20);
+        Trainer::new(&gpu, input, &settings(Variants { tile, gradients }), Pacing::default(), None).err()
+    };
+    assert!(matches!(start(TileShape::Pixel, GradientSum::Atomic), Some(train::Error::NoFloatAtomics)));
+    assert!(matches!(
+        start(TileShape::Column, GradientSum::CompareAndSwap),
+        Some(train::Error::Device(vk::Error::MissingFeature { .. }))
+    ));
+    assert!(start(TileShape::Column, GradientSum::Slots).is_none());
+    // What is chosen where nothing is asked for is always possible.
+    for deterministic in [false, true] {
+        let mut s = settings(Variants::choose(&gpu, deterministic));
+        s.run.deterministic = deterministic;
+        assert!(Trainer::new(&gpu, plane_scene::input(2, 24, 16, 20), &s, Pacing::default(), None).is_ok());
+        Renderer::new(&gpu, Variants::choose(&gpu, deterministic).without_slots(&gpu), size(10, 10, 10)).unwrap();
+    }
+}
+
+fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
+    Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true }
+}
+
+/// Counts and every array of the tile lists, as far as they hold something.
+fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<Vec<u32>> {
+    let n = model.len() as u32;
+    let side = variants.tile.size();
+    let (width, height) = (shot.camera.width, shot.camera.height);
+    let tiles = width.div_ceil(side) * height.div_ceil(side);
+    let renderer = Renderer::new(gpu, variants, size(n, 60_000, tiles)).unwrap();
+    let planes = Planes::new(gpu, "", n).unwrap();
+    planes.write(gpu, model).unwrap();
+    let target = Target::new(gpu, "", width * height, false).unwrap();
+    let mut words = [0u32; counters::COUNT];
+    words[counters::SPLATS] = n;
+    let mut rec = gpu.recorder("lists").unwrap();
+    rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
+    let lists = renderer.record_forward(&mut rec, &planes, shot, &target, false).unwrap();
+    rec.submit().unwrap();
+    let counts: Vec<u32> = gpu.read(&renderer.counters).unwrap();
+    assert_eq!(counts[counters::STATUS], 0);
+    let (visible, pairs) = (counts[counters::VISIBLE] as usize, counts[counters::PAIRS] as usize);
+    assert!(visible > 500 && pairs > 2 * visible, "{visible} visible, {pairs} pairs");
+    let read = |buffer, words| gpu.read_at::<u32>(buffer, 0, words).unwrap();
+    vec![
+        vec![visible as u32, pairs as u32],
+        read(&renderer.tile_counts, n as usize),
+        read(lists.order, visible),
+        read(lists.pair_offsets, visible),
+        read(lists.slot_splat, pairs),
+        read(lists.sorted_slots, pairs),
+        read(lists.sorted_splats, pairs),
+        read(lists.tile_ranges, 2 * tiles as usize),
+    ]
+}
+
+#[test]
+fn tile_lists_are_the_same_bits_in_every_form() {
+    let Some(native) = common::gpu() else { return };
+    let camera = camera(150, 110);
+    let mut random = Random::new(9);
+    let mut model = Gaussians::zeros(1500);
+    (0..model.len()).for_each(|i| spread(&mut random, &camera, 1.4).store(&mut model, i));
+    let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
+    let emulated = [8, 16, 32, 64].map(|width| common::gpu_with(|o| o.emulate_subgroup = Some(width)).unwrap());
+    for tile in SHAPES {
+        let want = lists(&native, Variants { tile, gradients: GradientSum::Slots }, &model, &shot);
+        for gpu in std::iter::once(&native).chain(&emulated) {
+            for gradients in sums(gpu, tile) {
+                let got = lists(gpu, Variants { tile, gradients }, &model, &shot);
+                for (k, (g, w)) in got.iter().zip(&want).enumerate() {
+                    assert!(g == w, "{tile:?}, {gradients:?}, {:?}: array {k} differs", gpu.caps().subgroup);
+                }
+            }
+        }
+    }
+}
