@@ -158,7 +158,6 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
         "loss",
         "device_ms",
         "wall_ms",
-        "wall_timestamped_ms",
         "per_step",
         "passes",
         "stages",

@@ -21,7 +21,7 @@ const MOST_VIEWS: usize = 8;
 pub struct Options {
     /// Steps before timing begins.
     pub warm_up: u32,
-    /// Steps that are timed: with timestamps, and as many after them without.
+    /// Steps that are timed as a whole, and as many after them with timestamps.
     pub steps: u32,
 }
 
@@ -125,23 +125,24 @@ impl Run<'_> {
         Ok(self.engine.submit_recorded(recorder)?)
     }
 
-    /// Warm-up, steps with timestamps, steps without: submitted ahead and looked at later, as in training.
+    /// Warm-up, steps without timestamps, steps with: submitted ahead and looked at later, as in training. In this order,
+    /// because reading timestamps waits for the whole queue on lavapipe.
     fn follow(&mut self) -> Result<(), Error> {
-        let timed = self.options.warm_up..self.options.warm_up + self.options.steps;
+        let plain = self.options.warm_up..self.options.warm_up + self.options.steps;
         let total = self.options.total();
         while self.samples.len() < total as usize {
             let number = self.next - self.begin;
-            if number == timed.end {
+            if number == plain.start {
                 self.stats[0] = self.gpu.stats();
             }
             if number < total {
-                let ticket = self.submit(timed.contains(&number))?;
+                let ticket = self.submit(number >= plain.end)?;
                 self.in_flight.push_back(ticket);
             }
             if self.in_flight.len() >= self.depth || number >= total {
                 self.look()?;
             }
-            if number + 1 == total {
+            if number + 1 == plain.end {
                 self.stats[1] = self.gpu.stats();
             }
         }
@@ -183,11 +184,10 @@ impl Run<'_> {
         let (warm_up, steps) = (self.options.warm_up as usize, self.options.steps as usize);
         let loss = self.live(&samples)?;
         let peak_device_bytes = self.gpu.memory_use().peak;
-        let (timed, plain) = samples[warm_up..].split_at(steps);
+        let (plain, timed) = samples[warm_up..].split_at(steps);
         let work = self.work(input, timed);
         let times: Vec<&[PassTime]> = timed.iter().map(|s| s.passes.as_slice()).collect();
         let (passes, stages, device_ms) = rows(&times, &work)?;
-        let wall = |samples: &[Sample]| Quartiles::of(samples.iter().map(|s| s.wall.as_secs_f64() * 1e3));
         let splats = timed.first().map_or(0, |s| s.counter(counters::SPLATS));
         let splats_per_pixel = self.count(work.pixels)?;
         let caps = self.gpu.caps();
@@ -214,8 +214,7 @@ impl Run<'_> {
             },
             loss,
             device_ms,
-            wall_ms: wall(plain),
-            wall_timestamped_ms: wall(timed),
+            wall_ms: Quartiles::of(plain.iter().map(|s| s.wall.as_secs_f64() * 1e3)),
             per_step: per_step(self.stats, self.options.steps),
             passes,
             stages,

@@ -14,7 +14,7 @@ pub struct Report {
     pub variants: Variants,
     /// Steps before timing began.
     pub warm_up: u32,
-    /// Steps timed pass by pass, and again without timestamps.
+    /// Steps timed as a whole, and as many pass by pass.
     pub steps: u32,
     /// What a step worked on.
     pub workload: Workload,
@@ -24,8 +24,6 @@ pub struct Report {
     pub device_ms: Quartiles,
     /// From the end of one step to the end of the next as the host sees it, steps in flight as in training, no timestamps.
     pub wall_ms: Quartiles,
-    /// The same of the steps with timestamps, between which passes cannot overlap.
-    pub wall_timestamped_ms: Quartiles,
     /// What the host did per step.
     pub per_step: PerStep,
     /// Every pass, by time.

@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Steps before timing begins
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     pub(crate) warm_up: u32,
-    /// Steps that are timed pass by pass; as many follow without timestamps, for the time of the whole step
+    /// Steps that are timed as a whole; as many follow that are timed pass by pass
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) steps: u32,
     /// Highest degree of the spherical harmonics, all in use from the first step

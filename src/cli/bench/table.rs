@@ -75,7 +75,6 @@ pub(super) fn text(report: &Report) -> String {
     rows.extend(report.stages.iter().map(|stage| row(stage.stage, stage.ms, percent(stage.share))));
     rows.push(row("device", report.device_ms, percent(1.0)));
     rows.push(row("wall", report.wall_ms, "-".into()));
-    rows.push(row("wall, with timestamps", report.wall_timestamped_ms, "-".into()));
     text + &table(&rows)
 }
 
