@@ -21,7 +21,7 @@ const TRAINED: &str = "trained";
 #[command(after_help = "\
 Examples:
   psrgs-vk demo --out demo-out                       about five minutes on two CPU cores
-  psrgs-vk demo --out world --images 80 --max-side 640 --no-train
+  psrgs-vk demo --out world --images 100 --max-side 640 --no-train
 
 Written to DIR: images/, sparse/0/, depth/ (ground truth along the camera's axis, EXR), world.toml, and trained/.")]
 pub(crate) struct Args {
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Photographs
-    #[arg(long, value_name = "N", default_value_t = WorldParams::default().images)]
+    #[arg(long, value_name = "N", default_value_t = 60)]
     images: u32,
     /// Longer side of a photograph in pixels
     #[arg(long, value_name = "PX", default_value_t = WorldParams::default().max_side)]
@@ -41,8 +41,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
     /// Training steps
-    #[arg(long, value_name = "N", default_value_t = 1000)]
+    #[arg(long, value_name = "N", default_value_t = 2000)]
     iterations: u32,
+    /// Stop growing at this many splats
+    #[arg(long, value_name = "N", default_value_t = 40_000)]
+    max_splats: u32,
     /// Only make the scene
     #[arg(long)]
     no_train: bool,
@@ -109,7 +112,9 @@ fn settings(args: &Args) -> anyhow::Result<Settings> {
     settings.run.iterations = args.iterations;
     settings.run.scale_schedule = true;
     settings.run.seed = args.seed;
-    settings.run.eval_every = (args.iterations / 5).max(1);
+    settings.run.eval_every = (args.iterations / 10).max(1);
+    // More would show on pictures of this size as time, hardly as quality.
+    settings.density.max_splats = Some(args.max_splats);
     settings.device = args.device.clone();
     settings.check()?;
     Ok(settings)

@@ -110,7 +110,7 @@ fn curves(history: &History) -> Vec<Curve> {
     let stretch = history.loss.len().div_ceil(CURVE_POINTS).max(1);
     let loss = history.loss.chunks(stretch).enumerate().map(|(i, part)| {
         let mean = part.iter().map(|l| f64::from(*l)).sum::<f64>() / part.len() as f64;
-        ((i * stretch) as f64 + 0.5 * (part.len() as f64 + 1.0), mean)
+        ((i * stretch + part.len().div_ceil(2)) as f64, mean)
     });
     let curve =
         |name: &str, unit: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), unit: unit.into(), points };
