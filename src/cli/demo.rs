@@ -29,7 +29,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Photographs
-    #[arg(long, value_name = "N", default_value_t = 60)]
+    #[arg(long, value_name = "N", default_value_t = 64)]
     images: u32,
     /// Longer side of a photograph in pixels
     #[arg(long, value_name = "PX", default_value_t = WorldParams::default().max_side)]
