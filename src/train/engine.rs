@@ -331,6 +331,8 @@ impl Engine {
     }
 
     fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
+        // The old buffers go before the new ones come: nothing in them outlives a step.
+        self.renderer = Renderer::new(&self.gpu, variants, Size { splats: 1, pairs: 1, tiles: 1, ..size })?;
         self.renderer = Renderer::new(&self.gpu, variants, size)?;
         self.size = size;
         Ok(self.gpu.write(&self.renderer.counters, counters)?)
