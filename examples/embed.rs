@@ -1,13 +1,21 @@
-//! A host program with its own `VkDevice` that runs this engine on it: the host creates instance, device and queue with ash,
-//! hands them over, runs a pass after work of its own, and reads the result back.
+//! A host program with its own `VkDevice` that renders a Gaussian model on it: the host creates instance, device and queue with
+//! ash, hands them over, has a picture rendered between two points of its own timeline, and reads it back.
+//!
+//! ```text
+//! cargo run --example embed -- picture.png
+//! ```
 
 // A host speaks Vulkan itself, so this is the one place outside the device layer with `unsafe`.
 use std::error::Error;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-use psrgs_vk::pass::fill;
+use psrgs_vk::format::image_out;
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::raster::{Picture, Shot, Viewer};
+use psrgs_vk::scene::init::SH_C0;
+use psrgs_vk::scene::{Camera, Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::vk::ash::{self, vk};
-use psrgs_vk::vk::{Features, Gpu, Groups, HostDevice, HostSemaphore, Memory, OpenOptions, QueueLock};
+use psrgs_vk::vk::{Features, Gpu, HostDevice, HostSemaphore, OpenOptions, QueueLock};
 
 /// The host's side: everything here was made, and will be destroyed, by the host.
 pub struct Host {
@@ -98,16 +106,21 @@ impl Host {
         unsafe { self.device.signal_semaphore(&info) }
     }
 
-    /// Waits for a timeline semaphore and destroys it.
-    pub fn wait_and_destroy(&self, at: HostSemaphore) -> Result<(), vk::Result> {
+    /// Waits until a timeline semaphore has a value.
+    pub fn wait(&self, at: HostSemaphore) -> Result<(), vk::Result> {
         let (semaphores, values) = ([at.semaphore], [at.value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is the host's, and no submit that uses it is left once it has this value.
-        unsafe {
-            self.device.wait_semaphores(&info, u64::MAX)?;
-            self.device.destroy_semaphore(at.semaphore, None);
-        }
-        Ok(())
+        // SAFETY: the semaphore is the host's.
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }
+    }
+
+    /// Destroys a timeline semaphore.
+    ///
+    /// # Safety
+    /// No submit that uses it is left.
+    pub unsafe fn destroy(&self, semaphore: vk::Semaphore) {
+        // SAFETY: the semaphore is the host's; the rest is the caller's promise.
+        unsafe { self.device.destroy_semaphore(semaphore, None) }
     }
 }
 
@@ -142,28 +155,75 @@ pub fn queue_lock() -> (QueueLock, Arc<Mutex<u64>>) {
     ((Box::new(lock), Box::new(unlock)), uses)
 }
 
-/// Runs a pass on the host's device, between two points of the host's own timeline.
-pub fn run(host: &Host, description: HostDevice) -> Result<Vec<u32>, Box<dyn Error>> {
-    // SAFETY: the host's handles outlive `gpu` and its buffers, which end with this function.
+/// Where the splats of [`model`] are, and their colours.
+pub const SPLATS: [([f32; 3], [f32; 3]); 3] =
+    [([-1.5, 0.0, 4.0], [1.0, 0.1, 0.1]), ([0.0, 0.5, 4.0], [0.1, 1.0, 0.1]), ([1.5, 0.0, 4.0], [0.1, 0.1, 1.0])];
+
+/// A red, a green and a blue ball. A host with a file would take `psrgs_vk::format::ply::read(file)?.gaussians`.
+pub fn model() -> Gaussians {
+    let mut model = Gaussians::zeros(SPLATS.len());
+    for (i, (mean, colour)) in SPLATS.into_iter().enumerate() {
+        model.means[3 * i..3 * i + 3].copy_from_slice(&mean);
+        model.quats[4 * i] = 1.0;
+        model.scales[3 * i..3 * i + 3].fill(0.3_f32.ln());
+        // A logit: almost opaque.
+        model.opacities[i] = 5.0;
+        for (k, value) in colour.into_iter().enumerate() {
+            model.sh[0][SH_GROUP_FLOATS * i + k] = (value - 0.5) / SH_C0 as f32;
+        }
+    }
+    model
+}
+
+/// What is rendered: from the origin along z.
+pub fn shot() -> Shot {
+    let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let (width, height) = (96, 64);
+    let camera = Camera { rotation, translation: [0.0; 3], fx: 80.0, fy: 80.0, cx: 48.0, cy: 32.0, width, height };
+    Shot { camera, projection: Projection::default(), background: [0.0; 3] }
+}
+
+/// What the engine gave.
+pub struct Frame {
+    /// The picture.
+    pub picture: Picture,
+    /// How often the engine submitted work for it.
+    pub submits: u64,
+}
+
+/// Renders on the host's device, between two points of the host's own timeline.
+pub fn run(host: &Host, description: HostDevice) -> Result<Frame, Box<dyn Error>> {
+    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
-    let target = gpu.buffer("picture", 4 * 1000, Memory::Device)?;
-    let pipeline = gpu.pipeline(&fill::PASS.kernel, &[])?;
+    let mut viewer = Viewer::new(&gpu);
+    let model = model();
+    let splats = model.len() as u32;
+    let model = viewer.upload(&model)?;
     let timeline = host.timeline()?;
-    let (before, after) =
-        (HostSemaphore { semaphore: timeline, value: 1 }, HostSemaphore { semaphore: timeline, value: 2 });
+    let at = |value| HostSemaphore { semaphore: timeline, value };
 
-    let mut recorder = gpu.recorder("engine's part of a frame")?;
-    recorder.fill(&target, 0)?;
-    recorder.dispatch(&pipeline, &[&target], &fill::Push { count: 900, value: 3 }, Groups::Items(900))?;
-    // SAFETY: a timeline semaphore of this device, with rising values.
-    unsafe { recorder.submit_with(&[before], &[after]) }?;
+    let mut now = 0;
+    let picture = loop {
+        let (before, after) = (at(now + 1), at(now + 2));
+        let mut recorder = gpu.recorder("engine's part of a frame")?;
+        viewer.record(&mut recorder, &model, splats, &shot(), true)?;
+        // SAFETY: a timeline semaphore of this device, with rising values.
+        unsafe { recorder.submit_with(&[before], &[after]) }?;
 
-    // The host's part comes first, and the host waits for the engine's on its own timeline.
-    host.signal(before)?;
-    host.wait_and_destroy(after)?;
-    let picture = gpu.read(&target)?;
+        // The host's part of the frame comes first, and the host waits for the engine's on its own timeline. A host that goes on
+        // with the picture on the device would use `viewer.target()` in a submit that waits for `after`.
+        host.signal(before)?;
+        host.wait(after)?;
+        now += 2;
+        // None: there was no room yet for so many splats in so many tiles. The next frame has it.
+        if let Some(picture) = viewer.collect()? {
+            break picture;
+        }
+    };
+    // SAFETY: the submits that used it have signalled it.
+    unsafe { host.destroy(timeline) };
     gpu.check_canaries()?;
-    Ok(picture)
+    Ok(Frame { picture, submits: gpu.stats().submits })
 }
 
 #[allow(dead_code)]
@@ -173,9 +233,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Ok(());
     };
     let (lock, uses) = queue_lock();
-    let picture = run(&host, host.describe(Some(lock)))?;
-    let written = picture.iter().filter(|&&word| word == 3).count();
+    let Frame { picture, .. } = run(&host, host.describe(Some(lock)))?;
+    let file = std::env::args().nth(1).unwrap_or_else(|| "embed.png".to_owned());
+    image_out::write_png(file.as_ref(), picture.width, picture.height, &picture.rgb8())?;
     let submits = *uses.lock().unwrap_or_else(PoisonError::into_inner);
-    println!("{written} of {} words written on the host's device in {submits} submits", picture.len());
+    println!("{file}: rendered on the host's device in {submits} submits");
     Ok(())
 }

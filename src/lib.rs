@@ -3,6 +3,65 @@
 //! The layers, each knowing only those below it: [`train`] and [`eval`] compose [`raster`], which composes [`pass`],
 //! which describes compute shaders that [`vk`] runs. [`scene`], [`dataset`] and [`format`] know no Vulkan.
 //! Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
+//!
+//! # A picture of a model
+//!
+//! ```no_run
+//! use psrgs_vk::dataset::{Dataset, LoadOptions};
+//! use psrgs_vk::format::{image_out, ply};
+//! use psrgs_vk::pass::camera::Projection;
+//! use psrgs_vk::raster::{Shot, Viewer};
+//! use psrgs_vk::vk::{Gpu, OpenOptions};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::open(&OpenOptions::default())?;
+//! let cameras = Dataset::load("fox".as_ref(), &LoadOptions { photographs: false, ..LoadOptions::default() })?;
+//! // Models come in the units of their dataset; everything is drawn in scene coordinates.
+//! let model = ply::read("fox-model/point_cloud.ply".as_ref())?.in_scene(&cameras.frame);
+//! let camera = cameras.scene_camera(0).ok_or("the dataset has no camera")?;
+//!
+//! let mut viewer = Viewer::new(&gpu);
+//! let planes = viewer.upload(&model)?;
+//! let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
+//! let picture = viewer.render(&planes, model.len() as u32, &shot, false)?;
+//! image_out::write_png("fox.png".as_ref(), picture.width, picture.height, &picture.rgb8())?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! On a device that belongs to a host program, [`vk::Gpu::adopt`] takes the place of `open` (`examples/embed.rs`).
+//!
+//! # Training, by pulling messages
+//!
+//! A [`train::Trainer`] works while it is asked for the next [`train::Message`], and only then: a caller can look at the model,
+//! save a checkpoint or stop between any two messages.
+//!
+//! ```no_run
+//! use psrgs_vk::dataset::Dataset;
+//! use psrgs_vk::format::ply;
+//! use psrgs_vk::train::{Message, Pacing, Settings, Trainer, prepare};
+//! use psrgs_vk::vk::{Gpu, OpenOptions};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::open(&OpenOptions::default())?;
+//! let mut settings = Settings::default();
+//! settings.run.iterations = 2000;
+//! settings.run.scale_schedule = true;
+//! let dataset = Dataset::load("fox".as_ref(), &prepare::load_options(&settings.photographs))?;
+//! let input = prepare::input(&dataset, &settings)?;
+//!
+//! let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None)?;
+//! while let Some(message) = trainer.next_message()? {
+//!     match message {
+//!         Message::Step { step, loss, splats, .. } => println!("{step}: {loss}, {splats} splats"),
+//!         Message::Evaluated { step, quality, .. } => println!("{step}: {:.2} dB", quality.psnr),
+//!         _ => {}
+//!     }
+//! }
+//! ply::save("point_cloud.ply".as_ref(), &trainer.model()?, &dataset.frame, settings.model.antialias)?;
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod bench;
 pub mod dataset;

@@ -6,8 +6,12 @@
 #[path = "commands/bad_data.rs"]
 mod bad_data;
 mod common;
+#[path = "commands/library.rs"]
+mod library;
 #[path = "commands/run.rs"]
 mod run;
+#[path = "../examples/train.rs"]
+mod train_example;
 #[path = "commands/training.rs"]
 mod training;
 #[path = "commands/viewing.rs"]

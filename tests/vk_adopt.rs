@@ -11,7 +11,9 @@ use std::ffi::{CStr, c_char};
 use std::process::Command;
 use std::sync::OnceLock;
 
+use psrgs_vk::format::image_out;
 use psrgs_vk::pass::fill;
+use psrgs_vk::raster::{Picture, Viewer};
 use psrgs_vk::vk::ash::vk;
 use psrgs_vk::vk::{Error, Features, Gpu, Groups, Memory, OpenOptions};
 
@@ -23,15 +25,54 @@ fn host() -> Option<embed::Host> {
     host
 }
 
+/// Three balls where they should be, and nothing elsewhere.
+fn check(picture: &Picture) {
+    let shot = embed::shot();
+    let (camera, rgb) = (shot.camera, picture.rgb8());
+    assert_eq!((picture.width, picture.height), (camera.width, camera.height));
+    let pixel = |x: u32, y: u32| {
+        let at = 3 * (y * camera.width + x) as usize;
+        [rgb[at], rgb[at + 1], rgb[at + 2]]
+    };
+    for ([x, y, z], colour) in embed::SPLATS {
+        let (u, v) = (camera.fx as f32 * x / z + camera.cx as f32, camera.fy as f32 * y / z + camera.cy as f32);
+        for (got, want) in pixel(u as u32, v as u32).into_iter().zip(colour) {
+            assert!((f32::from(got) / 255.0 - want).abs() < 0.06, "{got} instead of {want} at {u} {v}");
+        }
+    }
+    assert_eq!([pixel(0, 0), pixel(95, 63), pixel(48, 10)], [[0; 3]; 3]);
+    let depth = picture.depth().expect("depth was asked for");
+    assert!((depth[(32 * 96 + 18) as usize] - 4.0).abs() < 1e-3, "the red ball is 4 units away");
+}
+
 #[test]
-fn a_pass_runs_inside_the_hosts_lock() {
+fn a_picture_is_rendered_inside_the_hosts_lock() {
     let Some(host) = host() else { return };
     let (lock, uses) = embed::queue_lock();
-    let picture = embed::run(&host, host.describe(Some(lock))).unwrap();
-    assert!(picture[..900].iter().all(|&word| word == 3));
-    assert!(picture[900..].iter().all(|&word| word == 0));
-    // The recording, the read, and the check of the guards in debug builds.
-    assert_eq!(*uses.lock().unwrap(), if cfg!(debug_assertions) { 3 } else { 2 });
+    let frame = embed::run(&host, host.describe(Some(lock))).unwrap();
+    check(&frame.picture);
+    assert_eq!(*uses.lock().unwrap(), frame.submits, "a submit for which the host's lock was not taken");
+
+    // What comes out as a file is what was rendered.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("picture.png");
+    let rgb = frame.picture.rgb8();
+    image_out::write_png(&file, frame.picture.width, frame.picture.height, &rgb).unwrap();
+    assert_eq!(image::open(&file).unwrap().to_rgb8().into_raw(), rgb);
+}
+
+#[test]
+fn a_hosts_device_gives_the_picture_of_our_own() {
+    let Some(host) = host() else { return };
+    let adopted = embed::run(&host, host.describe(None)).unwrap().picture;
+    let gpu = common::gpu().unwrap();
+    let mut viewer = Viewer::new(&gpu);
+    let model = embed::model();
+    let planes = viewer.upload(&model).unwrap();
+    let own = viewer.render(&planes, model.len() as u32, &embed::shot(), true).unwrap();
+    for (a, b) in adopted.rgbt.iter().zip(&own.rgbt) {
+        assert!((a - b).abs() <= 1e-5, "{a} and {b}");
+    }
 }
 
 #[test]
@@ -142,8 +183,7 @@ fn nothing_of_the_hosts_is_created_destroyed_or_waited_idle() {
     LOADER.get_or_init(|| description.get_instance_proc_addr);
     description.get_instance_proc_addr = hooked_instance;
     // A call of a forbidden command ends the process.
-    let picture = embed::run(&host, description).unwrap();
-    assert_eq!(picture.len(), 1000);
+    check(&embed::run(&host, description).unwrap().picture);
 }
 
 /// Set to make the host forget a semaphore, to see that the layer would say so.

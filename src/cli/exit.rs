@@ -71,19 +71,6 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     if let Some(device) = cause.downcast_ref::<vk::Error>() {
         return Some(of_device(device));
     }
-    if let Some(training) = cause.downcast_ref::<train::Error>() {
-        // Errors that are passed on as they are stand for themselves in the chain of causes.
-        return match training {
-            train::Error::Device(error) => code_of(error),
-            train::Error::Dataset(error) => code_of(error),
-            train::Error::File(error) => code_of(error),
-            train::Error::Settings(error) => code_of(error),
-            train::Error::NotDeterministic | train::Error::NoFloatAtomics => Some(USAGE),
-            train::Error::Init(_) | train::Error::NoViews | train::Error::PhotographSize { .. } => Some(INPUT),
-            train::Error::Checkpoint { .. } | train::Error::CheckpointText(_) => Some(INPUT),
-            _ => None,
-        };
-    }
     if let Some(world) = cause.downcast_ref::<WorldError>() {
         return Some(match world {
             WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } => USAGE,

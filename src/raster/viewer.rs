@@ -6,7 +6,7 @@ use super::target::Target;
 use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
 use crate::scene::Gaussians;
-use crate::vk::{self, Gpu};
+use crate::vk::{self, Gpu, Recorder};
 
 /// A rendered view, row-major.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +51,8 @@ pub struct Viewer {
     variants: Variants,
     size: Size,
     renderer: Option<(Renderer, Target)>,
+    /// Width, height and auxiliary channels of a picture to be collected.
+    recorded: Option<(u32, u32, bool)>,
 }
 
 impl Viewer {
@@ -65,7 +67,7 @@ impl Viewer {
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
         let size =
             Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
-        Self { gpu: gpu.clone(), variants, size, renderer: None }
+        Self { gpu: gpu.clone(), variants, size, renderer: None, recorded: None }
     }
 
     /// The model on the device, for [`Self::render`].
@@ -77,6 +79,26 @@ impl Viewer {
 
     /// Renders the first `splats` splats of `model`. Waits.
     pub fn render(&mut self, model: &Planes, splats: u32, shot: &Shot, aux: bool) -> Result<Picture, vk::Error> {
+        loop {
+            let mut recorder = self.gpu.recorder("view")?;
+            self.record(&mut recorder, model, splats, shot, aux)?;
+            recorder.submit()?;
+            if let Some(picture) = self.collect()? {
+                return Ok(picture);
+            }
+        }
+    }
+
+    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more, or between
+    /// semaphores of its own. Once submitted, [`Self::collect`] gives the picture.
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        splats: u32,
+        shot: &Shot,
+        aux: bool,
+    ) -> Result<(), vk::Error> {
         let (width, height) = (shot.camera.width, shot.camera.height);
         let side = self.variants.tile.size();
         let tiles = width.div_ceil(side) * height.div_ceil(side);
@@ -88,31 +110,41 @@ impl Viewer {
             self.size.pairs = self.size.pairs.max(guess.min(most_pairs(&self.gpu, self.variants)));
             self.renderer = None;
         }
-        loop {
-            let (renderer, target) = self.ready(width * height)?;
-            let mut words = [0u32; counters::COUNT];
-            words[counters::SPLATS] = splats;
-            let mut recorder = renderer.gpu().recorder("view")?;
-            recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
-            renderer.record_forward(&mut recorder, model, shot, target, aux)?;
-            recorder.submit()?;
-            let gpu = renderer.gpu();
-            let words: Vec<u32> = gpu.read_at(&renderer.counters, 0, counters::COUNT)?;
-            if words[counters::STATUS] & counters::PAIRS_BIT != 0 {
-                let wanted = words[counters::PAIRS];
-                let most = most_pairs(&self.gpu, self.variants).max(wanted);
-                self.size.pairs = wanted.saturating_add(wanted / 8).min(most);
-                self.renderer = None;
-                continue;
-            }
-            let floats = 4 * width as usize * height as usize;
-            return Ok(Picture {
-                width,
-                height,
-                rgbt: gpu.read_at(&target.image, 0, floats)?,
-                aux: if aux { Some(gpu.read_at(&target.aux, 0, floats)?) } else { None },
-            });
+        let (renderer, target) = self.ready(width * height)?;
+        let mut words = [0u32; counters::COUNT];
+        words[counters::SPLATS] = splats;
+        recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
+        renderer.record_forward(recorder, model, shot, target, aux)?;
+        self.recorded = Some((width, height, aux));
+        Ok(())
+    }
+
+    /// The picture that was recorded last and has been submitted since; waits for it. `None` when there was no room for its
+    /// (splat, tile) pairs (or nothing was recorded): there is room now, and it has to be recorded again.
+    pub fn collect(&mut self) -> Result<Option<Picture>, vk::Error> {
+        let (Some((width, height, aux)), Some((renderer, target))) = (self.recorded.take(), &self.renderer) else {
+            return Ok(None);
+        };
+        let words: Vec<u32> = self.gpu.read_at(&renderer.counters, 0, counters::COUNT)?;
+        if words[counters::STATUS] & counters::PAIRS_BIT != 0 {
+            let wanted = words[counters::PAIRS];
+            let most = most_pairs(&self.gpu, self.variants).max(wanted);
+            self.size.pairs = wanted.saturating_add(wanted / 8).min(most);
+            self.renderer = None;
+            return Ok(None);
         }
+        let floats = 4 * width as usize * height as usize;
+        Ok(Some(Picture {
+            width,
+            height,
+            rgbt: self.gpu.read_at(&target.image, 0, floats)?,
+            aux: if aux { Some(self.gpu.read_at(&target.aux, 0, floats)?) } else { None },
+        }))
+    }
+
+    /// Where the picture that was recorded last is (or will be) on the device.
+    pub fn target(&self) -> Option<&Target> {
+        self.renderer.as_ref().map(|(_, target)| target)
     }
 
     fn ready(&mut self, pixels: u32) -> Result<(&Renderer, &Target), vk::Error> {
