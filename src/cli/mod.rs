@@ -41,10 +41,10 @@ Examples:
 #[command(subcommand_required = true, disable_help_subcommand = true)]
 struct Cli {
     /// Say only what went wrong
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", display_order = 900)]
     quiet: bool,
     /// Say more
-    #[arg(short, long, global = true, action = ArgAction::Count)]
+    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     verbose: u8,
     #[command(subcommand)]
     command: Command,

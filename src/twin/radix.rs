@@ -4,7 +4,7 @@ use super::TwinCall;
 use super::plan::given_count;
 use crate::pass::radix::{GROUPS_LOCAL_SIZE, Push, RUNS_LOCAL_SIZE};
 
-/// Digit counts of each block of keys as a table [digit][block].
+/// Digit counts of each block of keys as a table, digit by digit, a word per block.
 pub fn count(keys: &[u32], block: usize, push: &Push) -> Vec<u32> {
     let blocks = keys.len().div_ceil(block);
     let mut table = vec![0; blocks * push.digits as usize];
