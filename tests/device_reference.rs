@@ -149,6 +149,29 @@ fn images_agree_with_the_brute_force_renderer() {
     common::assert_no_messages(&gpu);
 }
 
+/// Every splat lies over the whole image: more pairs than a viewer has room for at first.
+#[test]
+fn pictures_are_whole_when_the_pairs_had_to_grow() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut case = case((64, 64), 1, false, 60, 3);
+    case.model.scales.fill(0.4);
+    case.model.opacities.fill(-2.5);
+    case.splats = Splat::all(&case.model);
+    case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
+    for tile in SHAPES {
+        let tiles = (64 / tile.size()).pow(2);
+        let mut viewer = Viewer::with_variants(&gpu, Variants { tile, gradients: GradientSum::Slots });
+        let planes = viewer.upload(&case.model).unwrap();
+        let submits = gpu.stats().submits;
+        let picture = viewer.render(&planes, 60, &case.shot, false).unwrap();
+        assert!(gpu.stats().submits > submits + 3, "nothing had to grow");
+        assert!(case.image.blended.iter().sum::<u32>() > 30 * tiles * tile.size().pow(2));
+        for c in 0..3 {
+            case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| picture.rgbt[4 * i + c]);
+        }
+    }
+}
+
 /// Every form of the backward that the device can run.
 fn forms(gpu: &Gpu) -> Vec<Variants> {
     let mut sums = vec![GradientSum::Slots, GradientSum::CompareAndSwap];
