@@ -5,7 +5,7 @@ use std::error::Error;
 use psrgs_vk::eval::{MetricsError, ReportError};
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{dataset, format, train, vk};
+use psrgs_vk::{bench, dataset, format, train, vk};
 
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
@@ -82,6 +82,16 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if let Some(file) = cause.downcast_ref::<format::Error>() {
         return Some(of_file(file));
+    }
+    if let Some(bench) = cause.downcast_ref::<bench::Error>() {
+        return Some(match bench {
+            bench::Error::Device(device) => of_device(device),
+            bench::Error::Train(training) => of_training(training),
+            bench::Error::NotLive(_) => CHECK,
+            bench::Error::NoTimestamps { .. } => DEVICE,
+            bench::Error::NoSteps => USAGE,
+            _ => FAILURE,
+        });
     }
     // Metrics and reports are only written by the commands.
     (cause.is::<MetricsError>() || cause.is::<ReportError>()).then_some(OUTPUT)
@@ -246,6 +256,11 @@ mod tests {
         let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
         assert_eq!(training(many), MEMORY);
         assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);
+        assert_eq!(code(&bench::Error::NotLive(device()).into()), CHECK);
+        assert_eq!(code(&bench::Error::NoTimestamps { device: device() }.into()), DEVICE);
+        assert_eq!(code(&bench::Error::NoSteps.into()), USAGE);
+        assert_eq!(code(&bench::Error::from(lost()).into()), LOST);
+        assert_eq!(code(&bench::Error::from(train::Error::from(full())).into()), MEMORY);
         let report = ReportError::Write { path: file.clone(), source: io() };
         assert_eq!(code(&report.into()), OUTPUT);
         assert_eq!(code(&MetricsError::File { path: file, source: io() }.into()), OUTPUT);
