@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     }
     let views = prepare::views(&dataset, Role::HeldOut)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
     let pictures = match &args.out {
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use psrgs_vk::format::{FrameFile, ply};
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, Planes, Shot, Viewer};
+use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame};
+use psrgs_vk::train::settings::DeviceChoice;
 use psrgs_vk::vk::{self, Gpu};
 
 use super::console::Console;
@@ -46,8 +47,14 @@ impl ModelFile {
     }
 
     /// The model on a device, in the coordinates of a dataset's scene.
-    pub(crate) fn upload(&self, gpu: &Gpu, frame: &Frame, background: &str) -> Result<Drawn, vk::Error> {
-        let viewer = Viewer::new(gpu);
+    pub(crate) fn upload(
+        &self,
+        gpu: &Gpu,
+        choice: &DeviceChoice,
+        frame: &Frame,
+        background: &str,
+    ) -> Result<Drawn, vk::Error> {
+        let viewer = Viewer::with_variants(gpu, Variants::choose(gpu, false).with(choice.tile_shape, None));
         let planes = viewer.upload(&self.model.in_scene(frame))?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };

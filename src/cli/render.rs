@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     let pictures = Pictures::new(&args.out, wanted.iter().map(|(name, _)| *name), dataset.frame.scale)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
     let bar = progress::counter(console, wanted.len(), "pictures");
     for (i, (_, camera)) in wanted.iter().enumerate() {
         pictures.write(i, &drawn.picture(camera, args.depth)?)?;
