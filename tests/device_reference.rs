@@ -11,7 +11,7 @@ use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{Splat, View};
-use psrgs_vk::vk::{FloatAtomics, Gpu, Memory};
+use psrgs_vk::vk::{Gpu, Memory};
 
 const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
 /// Pixels nearer than this to a decision are left out: 16 roundings to f32, in units of the decision's condition.
@@ -172,16 +172,7 @@ fn pictures_are_whole_when_the_pairs_had_to_grow() {
     }
 }
 
-/// Every form of the backward that the device can run.
-fn forms(gpu: &Gpu) -> Vec<Variants> {
-    let mut sums = vec![GradientSum::Slots, GradientSum::CompareAndSwap];
-    if gpu.caps().buffer_floats == FloatAtomics::Native {
-        sums.push(GradientSum::Atomic);
-    }
-    SHAPES.into_iter().flat_map(|tile| sums.iter().map(move |&gradients| Variants { tile, gradients })).collect()
-}
-
-/// Gradients of the planes, and their rows' lengths.
+/// Gradients of the planes.
 fn device_gradients(gpu: &Gpu, variants: Variants, case: &Case, grad_image: &[f32]) -> [Vec<f32>; 8] {
     let n = case.model.len() as u32;
     let (width, height) = (case.shot.camera.width, case.shot.camera.height);
@@ -256,7 +247,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
         let gradients = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream);
         let want = planes_of(&gradients);
         assert!(want[..5].iter().all(|plane| plane.iter().filter(|v| **v != 0.0).count() > 40));
-        for variants in forms(&gpu) {
+        for variants in common::forms(&gpu) {
             let got = device_gradients(&gpu, variants, &case, &grad_image);
             for p in 0..8 {
                 let name = format!("{}, {variants:?}, {}", case.name, NAMES[p]);

@@ -5,9 +5,8 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::dataset::Dataset;
-use psrgs_vk::raster::{GradientSum, TileShape, Variants};
 use psrgs_vk::train::{Engine, Event, Input, Kind, Message, Pacing, Restart, Schedule, Settings, Trainer, prepare};
-use psrgs_vk::vk::{FloatAtomics, Gpu, OpenOptions, Validation};
+use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 
 const STEPS: u32 = 40;
 
@@ -94,15 +93,6 @@ fn whole_training_of_the_fox_leaves_no_message() {
     assert!(gpu.stats().barriers > 1000, "{:?}", gpu.stats());
 }
 
-fn forms(gpu: &Gpu) -> Vec<Variants> {
-    use GradientSum::{Atomic, CompareAndSwap, Slots};
-    let native = gpu.caps().buffer_floats == FloatAtomics::Native;
-    let sums = [Slots, CompareAndSwap, Atomic].into_iter().filter(move |s| native || *s != Atomic);
-    let all = sums.flat_map(|gradients| [TileShape::Column, TileShape::Pixel].map(|tile| Variants { tile, gradients }));
-    let chosen = Variants::choose(gpu, true);
-    all.filter(|v| v.tile == TileShape::Pixel || chosen.tile == TileShape::Column).collect()
-}
-
 /// Settings under which the plane scene changes density at step 3.
 fn short() -> Settings {
     let mut s = settings();
@@ -119,7 +109,7 @@ fn short() -> Settings {
 fn every_form_trains_without_a_message() {
     let Some(gpu) = common::gpu_with(watch) else { return };
     let input = plane_scene::input(3, 40, 30, 60);
-    for variants in forms(&gpu) {
+    for variants in common::forms(&gpu) {
         let mut settings = short();
         settings.device.tile_shape = Some(variants.tile);
         settings.device.gradient_sum = Some(variants.gradients);
@@ -139,7 +129,7 @@ fn checker_misses_every_barrier_of_every_event() {
     let settings = short();
     let input = plane_scene::input(3, 40, 30, 60);
     let schedule = Schedule::new(&settings, input.train.len());
-    for variants in forms(&gpu) {
+    for variants in common::forms(&gpu) {
         let pacing = Pacing::default();
         let mut engine = Engine::new(&gpu, &input, &settings, variants, pacing, None).unwrap();
         // Twice, so that the second time every event has barriers against the events before.
