@@ -37,12 +37,11 @@ impl Planes {
     /// Room for `capacity` splats; contents undefined. `prefix` tells gradients and moments apart in captures.
     pub fn new(gpu: &Gpu, prefix: &str, capacity: u32) -> Result<Self, vk::Error> {
         let capacity = capacity.max(1);
-        let mut made = Vec::with_capacity(8);
-        for (name, row) in PLANES {
-            let bytes = u64::from(row) * 4 * u64::from(capacity);
-            made.push(gpu.buffer(&format!("{prefix}{name}"), bytes, Memory::Device)?);
-        }
-        let buffers = made.try_into().unwrap_or_else(|_| unreachable!("one buffer per plane"));
+        let plane = |k: usize| {
+            let (name, row) = PLANES[k];
+            gpu.buffer(&format!("{prefix}{name}"), u64::from(row) * 4 * u64::from(capacity), Memory::Device)
+        };
+        let buffers = [plane(0)?, plane(1)?, plane(2)?, plane(3)?, plane(4)?, plane(5)?, plane(6)?, plane(7)?];
         Ok(Self { prefix: prefix.to_owned(), capacity, buffers })
     }
 
