@@ -77,7 +77,7 @@ group! {
         pub no_densify,
     }
     optional {
-        /// Start from the splats (or plain coloured points) of this PLY file instead of the dataset's points
+        /// Start from the splats of this PLY file instead of the points of the dataset
         #[arg(value_name = "FILE.ply")]
         pub init: PathBuf,
     }
