@@ -49,7 +49,7 @@ fn a_small_demo_leaves_everything_it_promises() {
 
 /// Relative errors of the depths of one held-out view: as rendered, and of the best flat guess (the median depth everywhere).
 fn depth_errors(out: &Path, view: &str) -> (Vec<f64>, Vec<f64>) {
-    let rendered = read_depth(&out.join("trained/renders").join(format!("{view}.jpg.depth.exr"))).unwrap();
+    let rendered = read_depth(&out.join("trained/renders").join(format!("{view}.depth.exr"))).unwrap();
     let truth = read_depth(&out.join("depth").join(format!("{view}.exr"))).unwrap();
     assert_eq!((rendered.width, rendered.height), (truth.width, truth.height));
     let depths: Vec<f64> = truth.values.iter().map(|z| f64::from(*z)).collect();

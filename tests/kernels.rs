@@ -190,7 +190,9 @@ fn constants_are_as_declared() {
                 Op::SpecConstantFalse => 0,
                 _ => word(&value.operands[0]),
             };
-            shader.insert(word(&operands[0]), (spirv.names.get(&result).cloned().unwrap_or_default(), default));
+            // A workgroup size that is set by a constant has no name in the shader.
+            let name = spirv.names.get(&result).filter(|n| !n.is_empty()).map_or("LOCAL_SIZE", String::as_str);
+            shader.insert(word(&operands[0]), (name.to_owned(), default));
         }
         let table: BTreeMap<u32, (String, u32)> =
             kernel.constants.iter().map(|c| (c.id, (c.name.to_owned(), c.default))).collect();

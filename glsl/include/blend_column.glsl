@@ -7,6 +7,7 @@
 
 #extension GL_EXT_control_flow_attributes : require
 #define LOCAL_SIZE 8
+#define EMULATED_WIDTH_DEFAULT 8u
 #include "subgroup.glsl"
 #include "blend.glsl"
 

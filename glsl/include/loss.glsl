@@ -19,7 +19,7 @@
 #ifdef SUBGROUP_EMULATED
 layout(local_size_x = 32) in;
 #else
-layout(local_size_x_id = 0) in;  // the subgroup's width, or a multiple
+layout(local_size_x = 8, local_size_x_id = 0) in;  // the subgroup's width, or a multiple
 #endif
 
 const float PIVOT = 0.5;

@@ -36,7 +36,10 @@ uvec4 subgroup_ballot(bool x) { return subgroupBallot(x); }
 
 #else
 
-layout(constant_id = 100) const uint EMULATED_WIDTH = 32u;
+#ifndef EMULATED_WIDTH_DEFAULT
+#define EMULATED_WIDTH_DEFAULT 32u
+#endif
+layout(constant_id = 100) const uint EMULATED_WIDTH = EMULATED_WIDTH_DEFAULT;
 shared uint subgroup_words[LOCAL_SIZE];
 
 uint subgroup_width() { return EMULATED_WIDTH; }
