@@ -57,6 +57,14 @@ fn densification_is_strictly_inside_its_interval() {
 }
 
 #[test]
+fn nothing_follows_the_last_step() {
+    let s = schedule(|s| s.run.iterations = 6000);
+    assert!(densified(&s).contains(&5900) && !densified(&s).contains(&6000));
+    assert_eq!(resets(&s), [3000]);
+    assert_eq!(s.density_changes(6000), s.density_changes(5999));
+}
+
+#[test]
 fn large_splats_are_pruned_after_the_first_reset_only() {
     let s = schedule(|_| {});
     assert!(!s.step(3000).densify.unwrap().prune_large);
@@ -85,7 +93,7 @@ fn a_fixed_set_has_no_density_control_at_all() {
 fn adam_skips_what_the_reference_skips() {
     // An interval that does not divide the resets' makes some resets stand alone.
     let s = schedule(|o| {
-        o.run.iterations = 7000;
+        o.run.iterations = 8000;
         o.density.densify_interval = 700;
         o.density.opacity_reset_interval = 1000;
     });

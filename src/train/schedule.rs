@@ -200,16 +200,19 @@ impl Schedule {
         if !self.densify {
             return 0;
         }
-        let last = t.min(self.densify_until.saturating_sub(1));
+        let last = t.min(self.densify_until.min(self.iterations).saturating_sub(1));
         (last / self.densify_interval).saturating_sub(self.densify_from / self.densify_interval)
     }
 
+    /// The last step is followed by neither a density change nor a reset: nothing would train what they leave. The reference
+    /// saves its model before them too.
     fn densifies_at(&self, t: u32) -> bool {
-        self.densify && t > self.densify_from && t < self.densify_until && t.is_multiple_of(self.densify_interval)
+        let grows = self.densify && t > self.densify_from && t < self.densify_until.min(self.iterations);
+        grows && t.is_multiple_of(self.densify_interval)
     }
 
     fn resets_at(&self, t: u32) -> bool {
-        if !self.densify || self.reset_interval == 0 || t == 0 {
+        if !self.densify || self.reset_interval == 0 || t == 0 || t >= self.iterations {
             return false;
         }
         let regular = t.is_multiple_of(self.reset_interval) && t <= self.reset_until;
@@ -222,13 +225,12 @@ impl Schedule {
     /// happens the opacities have none.
     fn adam_steps(&self, t: u32, opacities: bool) -> u32 {
         let t = t.min(self.iterations);
-        // The last iteration is skipped whether or not it also changes density.
-        let last = u32::from(t == self.iterations && !self.densifies_at(t));
+        let last = u32::from(t == self.iterations);
         let mut steps = t - self.density_changes(t) - last;
         if opacities && self.reset_interval > 0 && self.densify {
             let resets = (1..=t / self.reset_interval).map(|k| k * self.reset_interval);
             let white = (!self.densify_from.is_multiple_of(self.reset_interval)).then_some(self.densify_from);
-            let alone = |&r: &u32| r <= t && r < self.iterations && self.resets_at(r) && !self.densifies_at(r);
+            let alone = |&r: &u32| r <= t && self.resets_at(r) && !self.densifies_at(r);
             steps -= resets.chain(white).filter(alone).count() as u32;
         }
         steps
