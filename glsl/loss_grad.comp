@@ -36,7 +36,7 @@ void main() {
     const uint lanes = subgroup_width();
     const uint lane = subgroup_lane();
     const uint row = owner();
-    const float each = 1.0 / (3.0 * float(push.width) * float(push.height));
+    const float each = 1.0 / push.values;
     const float of_l1 = (1.0 - push.lambda) * each;
     const float of_ssim = -push.lambda * each;
     float sum = 0.0;
@@ -50,14 +50,16 @@ void main() {
         [[unroll]] for (uint c = 0u; c < 3u; ++c) spread[c] = window_across(left.of[c], here.of[c], right.of[c]);
         if (column < push.width && row < push.height) {
             const uint k = row * push.width + column;
-            const vec3 x = image[k].rgb;
-            const vec3 d = x - unpackUnorm4x8(target[k]).rgb;
+            const uint photograph = target[k];
+            const vec3 y = unpackUnorm4x8(photograph).rgb;
+            const vec3 x = masked(photograph) ? y : image[k].rgb;
+            const vec3 d = x - y;
             sum += abs(d.x) + abs(d.y) + abs(d.z);
             vec3 grad = of_l1 * sign(d);
             [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                 grad[c] += of_ssim * (spread[c].x + d[c] * spread[c].y + (x[c] - PIVOT) * spread[c].z);
             }
-            grad_image[k] = vec4(grad, 0.0);
+            grad_image[k] = masked(photograph) ? vec4(0.0) : vec4(grad, 0.0);
         }
         left = here;
         here = right;

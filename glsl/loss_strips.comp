@@ -16,17 +16,21 @@ layout(set = 0, binding = 5) writeonly buffer SsimParts { float ssim_parts[]; };
 // Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
 struct Moments {
     vec4 of[3];
+    bool counts;
 };
 
 Moments moments_at(uint column, uint row) {
     vec3 x = vec3(0.0);
     vec3 y = vec3(0.0);
+    Moments moments;
+    moments.counts = false;
     if (column < push.width && row < push.height) {
         const uint k = row * push.width + column;
-        x = image[k].rgb;
-        y = unpackUnorm4x8(target[k]).rgb;
+        const uint photograph = target[k];
+        moments.counts = !masked(photograph);
+        y = unpackUnorm4x8(photograph).rgb;
+        x = moments.counts ? image[k].rgb : y;
     }
-    Moments moments;
     [[unroll]] for (uint c = 0u; c < 3u; ++c) {
         const float d = x[c] - y[c];
         const vec2 p = vec2(x[c], y[c]) - PIVOT;
@@ -64,6 +68,8 @@ void main() {
     Window back[3];
     [[unroll]] for (uint c = 0u; c < 3u; ++c) moments[c] = back[c] = window_empty();
     float sum = 0.0;
+    // Bit j: whether this column's pixel counts that was taken j rows ago.
+    uint counts = 0u;
     // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
     // numbers, which are outside like those past the last.
     for (uint i = first; i < first + SEGMENT + 4u * WINDOW_RADIUS; ++i) {
@@ -73,13 +79,15 @@ void main() {
         const Moments left = moments_at(column - lanes, taken);
         const Moments here = moments_at(column, taken);
         const Moments right = moments_at(column + lanes, taken);
+        counts = counts << 1 | uint(here.counts);
+        const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
         vec4 spread[3];
         [[unroll]] for (uint c = 0u; c < 3u; ++c) {
             const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
             vec4 derivatives;
             const float value = ssim(mean, derivatives);
-            sum += center >= first && center < end ? value : 0.0;
-            spread[c] = window_take(back[c], center < push.height ? derivatives : vec4(0.0));
+            sum += center >= first && center < end && center_counts ? value : 0.0;
+            spread[c] = window_take(back[c], center_counts ? derivatives : vec4(0.0));
         }
         if (done >= first && done < end && column < push.width) {
             const uint k = 3u * (done * push.width + column);

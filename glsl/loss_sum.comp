@@ -8,8 +8,7 @@ layout(set = 0, binding = 0) readonly buffer SsimParts { float ssim_parts[]; };
 layout(set = 0, binding = 1) readonly buffer L1Parts { float l1_parts[]; };
 layout(set = 0, binding = 2) writeonly buffer Loss { float loss[]; };
 layout(push_constant) uniform Push {
-    uint width;
-    uint height;
+    float values;  // channels times pixels that are not masked
     uint ssim_count;
     uint l1_count;
     uint slot;
@@ -28,7 +27,7 @@ void main() {
     if (t == 0u && group_index() == 0u) {
         sum = vec2(0.0);
         for (uint i = 0u; i < 64u; ++i) sum += sums[i];
-        sum /= 3.0 * float(push.width) * float(push.height);
+        sum /= push.values;
         loss[4u * push.slot] = (1.0 - push.lambda) * sum.y + push.lambda * (1.0 - sum.x);
         loss[4u * push.slot + 1u] = sum.y;
         loss[4u * push.slot + 2u] = sum.x;

@@ -1,5 +1,6 @@
 // What the passes of the image loss share. The loss is (1 - lambda) mean |x - y| + lambda (1 - mean SSIM) of render x and
-// photograph y over pixels and channels; outside the image both are 0 (zero padding).
+// photograph y over pixels and channels; outside the image both are 0 (zero padding). A pixel of the photograph with alpha 0 is masked:
+// the render there counts as equal to the photograph and has no gradient, and neither mean is taken over it.
 //
 // With m = mean x - mean y, V = variance of x - y and v1 + v2 = the sum of the variances in the window,
 //     SSIM = (1 - m^2 / A) (1 - V / B),  A = mu1^2 + mu2^2 + C1,  B = v1 + v2 + C2,
@@ -30,7 +31,10 @@ layout(push_constant) uniform Push {
     uint width;
     uint height;
     float lambda;  // weight of 1 - SSIM
+    float values;  // channels times pixels that are not masked
 } push;
+
+bool masked(uint photograph) { return photograph >> 24 == 0u; }
 
 // The number of this subgroup in the dispatch: what it owns follows from it.
 uint owner() { return group_index() * subgroup_count() + subgroup_number(); }

@@ -74,6 +74,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         return Err(nothing_held_out(args, &dataset));
     }
     let views = prepare::views(&dataset, Role::HeldOut)?;
+    prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
     let pictures = match &args.out {

@@ -38,6 +38,9 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     let settings = &settings;
     let input = prepare::input(&dataset, settings)?;
+    for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
+        prepare::left_out(&dataset, role, views).iter().for_each(|warning| console.warn(warning));
+    }
     console.say(format_args!(
         "{}, {} steps, seed {}, {} splats to begin with",
         settings.run.method,

@@ -13,6 +13,11 @@ pub enum Warning {
         /// The extent used instead, in dataset units.
         extent: f64,
     },
+    /// Every pixel of a photograph is masked: it is not used.
+    AllMasked {
+        /// The view.
+        name: String,
+    },
     /// There are too few photographs to hold any out.
     NothingHeldOut {
         /// Number of photographs.
@@ -37,6 +42,7 @@ impl fmt::Display for Warning {
                 f,
                 "the training cameras ({cameras}) are all at one place: the scene's extent is taken from the points ({extent} units)"
             ),
+            Self::AllMasked { name } => write!(f, "'{name}': every pixel is masked; it is left out"),
             Self::NothingHeldOut { views } => {
                 write!(
                     f,

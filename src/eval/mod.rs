@@ -9,4 +9,4 @@ mod ssim;
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
 pub use quality::Quality;
 pub use report::{Curve, DepthMap, ReportData, ReportError, ViewPanel, render_report, write_report};
-pub use ssim::{psnr, ssim};
+pub use ssim::{psnr, psnr_where, ssim, ssim_where};

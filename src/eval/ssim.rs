@@ -1,4 +1,4 @@
-//! PSNR and SSIM of 8-bit pictures, in f64.
+//! PSNR and SSIM of 8-bit pictures, in f64; on request only over the pixels that are not masked.
 
 use rayon::prelude::*;
 
@@ -12,10 +12,34 @@ pub fn psnr(a: &[u8], b: &[u8]) -> Option<f64> {
     Some(-10.0 * (squares as f64 / a.len() as f64 / (255.0 * 255.0)).log10())
 }
 
+/// [`psnr`] of two RGB pictures over the pixels for which `counts` is true: at least one of them.
+pub fn psnr_where(a: &[u8], b: &[u8], counts: &[bool]) -> Option<f64> {
+    if a.len() != 3 * counts.len() || b.len() != a.len() {
+        return None;
+    }
+    let kept = |p: &[u8]| -> Vec<u8> {
+        p.chunks_exact(3).zip(counts).filter(|(_, counts)| **counts).flat_map(|(p, _)| [p[0], p[1], p[2]]).collect()
+    };
+    psnr(&kept(a), &kept(b))
+}
+
+/// [`ssim`] over the windows around the pixels for which `counts` is true, `a` being taken as equal to `b` in the others.
+pub fn ssim_where(a: &[u8], b: &[u8], counts: &[bool], width: usize, height: usize) -> Option<f64> {
+    if a.len() != 3 * counts.len() || b.len() != a.len() {
+        return None;
+    }
+    let shown: Vec<u8> = a.iter().zip(b).enumerate().map(|(k, (a, b))| if counts[k / 3] { *a } else { *b }).collect();
+    mean_ssim(&shown, b, Some(counts), width, height)
+}
+
 /// Mean SSIM of two RGB pictures (interleaved bytes): per channel, 11x11 Gaussian window with sigma 1.5, zero padding,
 /// C1 = 1e-4, C2 = 9e-4, over all pixels, the border included; the definition that the 3DGS reference trains and reports with.
 /// `None` where the sizes do not agree.
 pub fn ssim(a: &[u8], b: &[u8], width: usize, height: usize) -> Option<f64> {
+    mean_ssim(a, b, None, width, height)
+}
+
+fn mean_ssim(a: &[u8], b: &[u8], counts: Option<&[bool]>, width: usize, height: usize) -> Option<f64> {
     if a.len() != b.len() || a.len() != 3 * width * height || a.is_empty() {
         return None;
     }
@@ -38,6 +62,7 @@ pub fn ssim(a: &[u8], b: &[u8], width: usize, height: usize) -> Option<f64> {
             }
         }
         (0..3 * width)
+            .filter(|j| counts.is_none_or(|counts| counts[i * width + j / 3]))
             .map(|j| {
                 let mut m = [0.0f64; 5];
                 for (k, &w) in taps.iter().enumerate() {
@@ -53,7 +78,8 @@ pub fn ssim(a: &[u8], b: &[u8], width: usize, height: usize) -> Option<f64> {
     };
     // Rows are added in order, so that the result does not depend on the number of threads.
     let rows: Vec<f64> = (0..height).into_par_iter().map(row_of).collect();
-    Some(rows.iter().sum::<f64>() / a.len() as f64)
+    let values = counts.map_or(a.len(), |counts| 3 * counts.iter().filter(|c| **c).count());
+    (values > 0).then(|| rows.iter().sum::<f64>() / values as f64)
 }
 
 #[cfg(test)]
@@ -126,6 +152,33 @@ mod tests {
         let full = (total(21) - 2.0 * total(20) + total(19)) / 2.0;
         let flat = (2.0 * 0.2 * 0.8 + 1e-4) / (0.04 + 0.64 + 1e-4);
         assert!((full - flat).abs() < 1e-9, "{full} instead of {flat}");
+    }
+
+    #[test]
+    fn masked_pixels_have_no_part_and_the_others_their_full_windows() {
+        let (width, height) = (23, 17);
+        let (a, b) = (picture(width, height, 0), picture(width, height, 3));
+        let all = vec![true; width * height];
+        assert_eq!(ssim_where(&a, &b, &all, width, height), ssim(&a, &b, width, height));
+        assert_eq!(psnr_where(&a, &b, &all), psnr(&a, &b));
+        let counts: Vec<bool> = (0..width * height).map(|k| k % width > 6 && k % 5 != 2).collect();
+        let mut other = a.clone();
+        other.chunks_exact_mut(3).zip(&counts).filter(|(_, c)| !**c).for_each(|(p, _)| p.fill(99));
+        assert_eq!(ssim_where(&other, &b, &counts, width, height), ssim_where(&a, &b, &counts, width, height));
+        assert_eq!(psnr_where(&other, &b, &counts), psnr_where(&a, &b, &counts));
+        // The definition: SSIM's map of the picture with the masked pixels replaced, averaged where pixels count.
+        let mut shown = a.clone();
+        let covered = |k: &usize| !counts[*k / 3];
+        (0..a.len()).filter(covered).for_each(|k| shown[k] = b[k]);
+        let single = |k: usize| {
+            let only: Vec<bool> = (0..width * height).map(|i| i == k).collect();
+            mean_ssim(&shown, &b, Some(&only), width, height).unwrap()
+        };
+        let counted: Vec<usize> = (0..width * height).filter(|k| counts[*k]).collect();
+        let want = counted.iter().map(|k| single(*k)).sum::<f64>() / counted.len() as f64;
+        assert!((ssim_where(&a, &b, &counts, width, height).unwrap() - want).abs() < 1e-12);
+        assert_eq!(ssim_where(&a, &b, &vec![false; width * height], width, height), None);
+        assert_eq!(psnr_where(&a, &b, &vec![false; width * height]), None);
     }
 
     #[test]

@@ -22,16 +22,16 @@ crate::push_constants! {
         pub height: u32,
         /// Weight of 1 - SSIM; L1 has the rest.
         pub lambda: f32,
+        /// What the means are taken over: see [`values`].
+        pub values: f32,
     }
 }
 
 crate::push_constants! {
     /// Push constants of [`SUM`].
     pub struct SumPush {
-        /// Image width in pixels.
-        pub width: u32,
-        /// Image height in pixels.
-        pub height: u32,
+        /// What the means are taken over: see [`values`].
+        pub values: f32,
         /// Floats in `ssim_parts`.
         pub ssim_count: u32,
         /// Floats in `l1_parts`.
@@ -41,6 +41,19 @@ crate::push_constants! {
         /// Weight of 1 - SSIM.
         pub lambda: f32,
     }
+}
+
+/// Channels times pixels that count, where `masked` pixels of an image do not.
+pub fn values(width: u32, height: u32, masked: u32) -> f32 {
+    match masked {
+        0 => 3.0 * width as f32 * height as f32,
+        _ => 3.0 * (width * height).saturating_sub(masked).max(1) as f32,
+    }
+}
+
+/// Whether a pixel of a photograph, packed with red in the lowest bits, is masked: it is when its alpha is 0.
+pub fn masked(photograph: u32) -> bool {
+    photograph >> 24 == 0
 }
 
 /// How an image is divided among subgroups.

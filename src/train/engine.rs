@@ -13,7 +13,7 @@ use super::settings::Settings;
 use super::state::State;
 use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
-use crate::pass::{counters, densify_stats, finish};
+use crate::pass::{counters, densify_stats, finish, loss};
 use crate::raster::{
     DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
     most_pairs, most_splats,
@@ -63,7 +63,7 @@ pub struct Engine {
     next_slot: u64,
     slots: VecDeque<(Ticket, u64)>,
     cameras: Vec<Camera>,
-    photographs: Vec<Buffer>,
+    photographs: Vec<Photograph>,
     antialias: bool,
     settings: Settings,
     extent: f64,
@@ -249,7 +249,14 @@ impl Engine {
         let renderer = &self.renderer;
         let shot = self.shot(*camera, plan);
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
-        self.losses.record(recorder, &self.target.image, photograph, camera.width, camera.height)?;
+        self.losses.record(
+            recorder,
+            &self.target.image,
+            &photograph.pixels,
+            camera.width,
+            camera.height,
+            photograph.values,
+        )?;
         let gradients = Gradients { model: &self.model, of_image: self.losses.grad_image(), of_model: &self.grads };
         renderer.record_backward(recorder, &lists, &gradients, &shot, &self.target)?;
         if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
@@ -425,12 +432,21 @@ fn larger(wanted: u32, now: u32, most: u32, what: &'static str, remedy: &'static
     Ok(next.min(u64::from(most)) as u32)
 }
 
-fn upload(gpu: &Gpu, view: &View) -> Result<Buffer, Error> {
+/// A photograph on the device.
+struct Photograph {
+    /// RGBA8; alpha 0 is masked.
+    pixels: Buffer,
+    /// What the means of the loss are taken over.
+    values: f32,
+}
+
+fn upload(gpu: &Gpu, view: &View) -> Result<Photograph, Error> {
     let expected = 4 * view.camera.width as usize * view.camera.height as usize;
     if view.rgba.len() != expected || expected == 0 {
         return Err(Error::PhotographSize { name: view.name.clone(), found: view.rgba.len(), expected });
     }
-    let buffer = gpu.buffer(&format!("photograph {}", view.name), expected as u64, Memory::Device)?;
-    gpu.write(&buffer, &view.rgba)?;
-    Ok(buffer)
+    let pixels = gpu.buffer(&format!("photograph {}", view.name), expected as u64, Memory::Device)?;
+    gpu.write(&pixels, &view.rgba)?;
+    let values = loss::values(view.camera.width, view.camera.height, view.masked());
+    Ok(Photograph { pixels, values })
 }

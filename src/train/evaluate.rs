@@ -3,7 +3,7 @@
 use super::Error;
 use super::engine::Engine;
 use super::input::View;
-use crate::eval::{ImageScore, Quality, psnr, ssim};
+use crate::eval::{ImageScore, Quality, psnr, psnr_where, ssim, ssim_where};
 
 /// Renders every view and compares it with its photograph, both rounded to 8 bits.
 pub(super) fn quality(
@@ -20,13 +20,15 @@ pub(super) fn quality(
     Ok(Quality::of(images))
 }
 
-/// Compares 8-bit RGB with a view's photograph.
+/// Compares 8-bit RGB with a view's photograph, where that is not masked.
 pub fn score(view: &View, rgb: &[u8]) -> ImageScore {
     let truth: Vec<u8> = view.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-    ImageScore {
-        name: view.name.clone(),
-        psnr: psnr(rgb, &truth).unwrap_or(f64::NAN),
-        ssim: ssim(rgb, &truth, width, height).unwrap_or(f64::NAN),
-    }
+    let (psnr, ssim) = if view.masked() == 0 {
+        (psnr(rgb, &truth), ssim(rgb, &truth, width, height))
+    } else {
+        let counts: Vec<bool> = view.rgba.chunks_exact(4).map(|p| p[3] != 0).collect();
+        (psnr_where(rgb, &truth, &counts), ssim_where(rgb, &truth, &counts, width, height))
+    };
+    ImageScore { name: view.name.clone(), psnr: psnr.unwrap_or(f64::NAN), ssim: ssim.unwrap_or(f64::NAN) }
 }

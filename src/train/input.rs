@@ -9,8 +9,15 @@ pub struct View {
     pub name: String,
     /// Camera, of the size of `rgba`.
     pub camera: Camera,
-    /// 8-bit RGBA, row-major.
+    /// 8-bit RGBA, row-major. Where alpha is 0 the pixel is masked: it has no part in losses and metrics.
     pub rgba: Vec<u8>,
+}
+
+impl View {
+    /// Number of masked pixels.
+    pub fn masked(&self) -> u32 {
+        self.rgba.chunks_exact(4).filter(|p| p[3] == 0).count() as u32
+    }
 }
 
 /// The input of a training, in scene coordinates.

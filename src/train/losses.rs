@@ -49,7 +49,8 @@ impl Losses {
         })
     }
 
-    /// Records the loss of `image` against `photograph` (RGBA8), both of the given size.
+    /// Records the loss of `image` against `photograph` (RGBA8, alpha 0 is masked), both of the given size, over that many
+    /// `values`: see [`loss::values`].
     pub(super) fn record(
         &self,
         recorder: &mut Recorder,
@@ -57,17 +58,17 @@ impl Losses {
         photograph: &Buffer,
         width: u32,
         height: u32,
+        values: f32,
     ) -> Result<(), vk::Error> {
         let layout = Layout::new(width, height, self.lanes);
-        let push = Push { width, height, lambda: self.lambda };
+        let push = Push { width, height, lambda: self.lambda, values };
         let [red, green, blue] = &self.planes;
         let buffers = [image, photograph, red, green, blue, &self.ssim_parts];
         recorder.dispatch(&self.strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
         let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts];
         recorder.dispatch(&self.grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
         let push = SumPush {
-            width,
-            height,
+            values,
             ssim_count: layout.ssim_parts(),
             l1_count: layout.l1_parts(),
             slot: 0,

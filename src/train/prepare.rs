@@ -1,11 +1,12 @@
 //! From a dataset and settings to the input of a training.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use super::Error;
 use super::input::{Input, View};
 use super::settings::{self, Settings};
-use crate::dataset::{Dataset, LoadOptions, Role};
+use crate::dataset::{Dataset, LoadOptions, Role, Warning};
 use crate::format::ply;
 use crate::scene::{Frame, Gaussians, init};
 
@@ -19,16 +20,27 @@ pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
     }
 }
 
-/// The views of a role with their photographs decoded, cameras in scene coordinates.
+/// The views of a role with their photographs decoded, cameras in scene coordinates. Pixels less than half opaque are masked;
+/// a photograph without any other is left out: see [`left_out`].
 pub fn views(dataset: &Dataset, role: Role) -> Result<Vec<View>, Error> {
     let photographs = dataset.photographs(role)?;
     let views = dataset.views_of(role).zip(photographs);
     Ok(views
         .filter_map(|((index, view), photograph)| {
             let camera = dataset.scene_camera(index)?;
-            Some(View { name: view.name.clone(), camera, rgba: photograph.rgba })
+            let mut rgba = photograph.rgba;
+            rgba.chunks_exact_mut(4).for_each(|p| p[3] = if p[3] < 128 { 0 } else { 255 });
+            Some(View { name: view.name.clone(), camera, rgba })
         })
+        .filter(|view| view.rgba.chunks_exact(4).any(|p| p[3] != 0))
         .collect())
+}
+
+/// What to tell of the views of a role that [`views`] has left out.
+pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
+    let kept: HashSet<&str> = views.iter().map(|view| view.name.as_str()).collect();
+    let gone = dataset.views_of(role).filter(|(_, view)| !kept.contains(view.name.as_str()));
+    gone.map(|(_, view)| Warning::AllMasked { name: view.name.clone() }).collect()
 }
 
 /// The first model: from `--init`, or from the reconstructed points.

@@ -1,7 +1,7 @@
 //! Twins of `glsl/loss_*.comp`, and the loss as its definition reads, with all 121 taps of the window.
 
 use super::{Real, TwinCall};
-use crate::pass::loss::{Push, SLOT_FLOATS, SumPush};
+use crate::pass::loss::{Push, SLOT_FLOATS, SumPush, masked};
 
 const RADIUS: usize = 5;
 const C1: f64 = 1e-4;
@@ -26,8 +26,10 @@ pub struct ChannelLoss<R> {
     pub grad_ssim: Vec<R>,
 }
 
-/// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding.
-pub fn channel<R: Real>(x: &[R], y: &[R], width: usize, height: usize) -> ChannelLoss<R> {
+/// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding. Where
+/// `counts` is false x is taken to be y, nothing is summed and the gradient is 0.
+pub fn channel<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize, height: usize) -> ChannelLoss<R> {
+    let x: Vec<R> = x.iter().zip(y).zip(counts).map(|((x, y), counts)| if *counts { *x } else { *y }).collect();
     let taps = window::<R>();
     let near = |at: usize, size: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(size);
     let tap = |i: usize, j: usize| taps[j + RADIUS - i];
@@ -35,6 +37,9 @@ pub fn channel<R: Real>(x: &[R], y: &[R], width: usize, height: usize) -> Channe
     let mut out = ChannelLoss { l1: R::zero(), ssim: R::zero(), grad_ssim: vec![R::zero(); x.len()] };
     for i in 0..height {
         for j in 0..width {
+            if !counts[i * width + j] {
+                continue;
+            }
             let [mut mx, mut my, mut xx, mut yy, mut xy] = [R::zero(); 5];
             for p in near(i, height) {
                 for q in near(j, width) {
@@ -58,6 +63,9 @@ pub fn channel<R: Real>(x: &[R], y: &[R], width: usize, height: usize) -> Channe
                 - my * of_cov;
             for p in near(i, height) {
                 for q in near(j, width) {
+                    if !counts[p * width + q] {
+                        continue;
+                    }
                     let (w, a, b) = (tap(i, p) * tap(j, q), x[p * width + q], y[p * width + q]);
                     out.grad_ssim[p * width + q] += w * (of_mean + two * a * of_var + b * of_cov);
                 }
@@ -82,18 +90,25 @@ pub struct Loss<R> {
     pub grad: Vec<[R; 4]>,
 }
 
-/// The loss by its definition.
-pub fn loss<R: Real>(image: &[[R; 4]], photo: &[[R; 3]], width: usize, height: usize, lambda: R) -> Loss<R> {
-    let each = R::one() / R::of((3 * width * height) as f64);
+/// The loss by its definition, over the pixels that count.
+pub fn loss<R: Real>(
+    image: &[[R; 4]],
+    photo: &[[R; 3]],
+    counts: &[bool],
+    width: usize,
+    height: usize,
+    lambda: R,
+) -> Loss<R> {
+    let each = R::one() / R::of((3 * counts.iter().filter(|c| **c).count()) as f64);
     let mut out = Loss { total: R::zero(), l1: R::zero(), ssim: R::zero(), grad: vec![[R::zero(); 4]; image.len()] };
     for c in 0..3 {
         let x: Vec<R> = image.iter().map(|p| p[c]).collect();
         let y: Vec<R> = photo.iter().map(|p| p[c]).collect();
-        let one = channel(&x, &y, width, height);
+        let one = channel(&x, &y, counts, width, height);
         out.l1 += one.l1 * each;
         out.ssim += one.ssim * each;
         for (k, grad) in out.grad.iter_mut().enumerate() {
-            let d = x[k] - y[k];
+            let d = if counts[k] { x[k] - y[k] } else { R::zero() };
             let sign = if d == R::zero() { R::zero() } else { d.signum() };
             grad[c] = ((R::one() - lambda) * sign - lambda * one.grad_ssim[k]) * each;
         }
@@ -105,6 +120,11 @@ pub fn loss<R: Real>(image: &[[R; 4]], photo: &[[R; 3]], width: usize, height: u
 /// The photograph's channels from packed RGBA.
 pub fn unpack<R: Real>(target: &[u32]) -> Vec<[R; 3]> {
     target.iter().map(|&t| std::array::from_fn(|c| R::of(f64::from(t >> (8 * c) & 255)) / R::of(255.0))).collect()
+}
+
+/// Which pixels of a photograph count: those whose alpha is not 0.
+pub fn counting(target: &[u32]) -> Vec<bool> {
+    target.iter().map(|&t| !masked(t)).collect()
 }
 
 /// The window along a line of `n` values, `outside` where there are none.
@@ -138,14 +158,16 @@ fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
 }
 
-/// `loss_strips`, one channel: SSIM's derivatives weighted along columns, and SSIM of each pixel.
-pub fn strips<R: Real>(x: &[R], y: &[R], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
+/// `loss_strips`, one channel, x being y where `counts` is false: SSIM's derivatives weighted along columns, and SSIM of each
+/// pixel, both 0 where nothing counts.
+pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
     let moments = rows(x, y, width);
     let height = x.len() / width;
     let (mut out, mut values) = (vec![[R::zero(); 3]; x.len()], vec![R::zero(); x.len()]);
     for j in 0..width {
         let means = along(height, padding(), |i| moments[i * width + j]);
-        let points: Vec<(R, [R; 4])> = means.into_iter().map(point).collect();
+        let counted = |(i, mean)| if counts[i * width + j] { point(mean) } else { (R::zero(), [R::zero(); 4]) };
+        let points: Vec<(R, [R; 4])> = means.into_iter().enumerate().map(counted).collect();
         for (i, [a, b, c, _]) in along(height, [R::zero(); 4], |i| points[i].1).into_iter().enumerate() {
             out[i * width + j] = [a, b, c];
             values[i * width + j] = points[i].0;
@@ -168,9 +190,17 @@ fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
     (luminance * structure, [constant, -two * luminance / b, of_b, R::zero()])
 }
 
-/// `loss_grad`, one channel: dL/dx.
-pub fn grad<R: Real>(planes: &[[R; 3]], x: &[R], y: &[R], width: usize, lambda: R) -> Vec<R> {
-    let each = R::one() / R::of((3 * planes.len()) as f64);
+/// `loss_grad`, one channel, x being y where `counts` is false: dL/dx, the means being over `values`.
+pub fn grad<R: Real>(
+    planes: &[[R; 3]],
+    x: &[R],
+    y: &[R],
+    counts: &[bool],
+    width: usize,
+    lambda: R,
+    values: R,
+) -> Vec<R> {
+    let each = R::one() / values;
     let line = |row: &[[R; 3]]| along(row.len(), [R::zero(); 4], |i| [row[i][0], row[i][1], row[i][2], R::zero()]);
     let spread: Vec<[R; 4]> = planes.chunks(width).flat_map(line).collect();
     (0..planes.len())
@@ -178,15 +208,19 @@ pub fn grad<R: Real>(planes: &[[R; 3]], x: &[R], y: &[R], width: usize, lambda: 
             let (d, s) = (x[k] - y[k], spread[k]);
             let sign = if d == R::zero() { R::zero() } else { d.signum() };
             let ssim = s[0] + d * s[1] + (x[k] - R::of(PIVOT)) * s[2];
-            (R::one() - lambda) * each * sign - lambda * each * ssim
+            if counts[k] { (R::one() - lambda) * each * sign - lambda * each * ssim } else { R::zero() }
         })
         .collect()
 }
 
-fn channels(call: &TwinCall<'_>, push: &Push) -> [(Vec<f32>, Vec<f32>); 3] {
+/// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked; which count.
+fn channels(call: &TwinCall<'_>, push: &Push) -> ([(Vec<f32>, Vec<f32>); 3], Vec<bool>) {
     let pixels = (push.width * push.height) as usize;
-    let (image, photo) = (call.get::<[f32; 4]>(0), unpack::<f32>(&call.get::<u32>(1)[..pixels]));
-    std::array::from_fn(|c| (image[..pixels].iter().map(|p| p[c]).collect(), photo.iter().map(|p| p[c]).collect()))
+    let (image, target) = (call.get::<[f32; 4]>(0), call.get::<u32>(1));
+    let (photo, counts) = (unpack::<f32>(&target[..pixels]), counting(&target[..pixels]));
+    let shown = |k: usize, c: usize| if counts[k] { image[k][c] } else { photo[k][c] };
+    let one = |c| ((0..pixels).map(|k| shown(k, c)).collect(), photo.iter().map(|p| p[c]).collect());
+    ([one(0), one(1), one(2)], counts)
 }
 
 /// Adapter over raw buffers.
@@ -194,8 +228,9 @@ pub fn run_strips(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
     let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * width];
-    for (c, (x, y)) in channels(call, &push).into_iter().enumerate() {
-        let (planes, values) = strips(&x, &y, width);
+    let (channels, counts) = channels(call, &push);
+    for (c, (x, y)) in channels.into_iter().enumerate() {
+        let (planes, values) = strips(&x, &y, &counts, width);
         for (k, value) in values.into_iter().enumerate() {
             parts[k / width / segment * width + k % width] += value;
         }
@@ -210,9 +245,11 @@ pub fn run_grad(call: &mut TwinCall<'_>) {
     let (width, lanes) = (push.width as usize, call.constants[0] as usize);
     let mut parts = vec![0.0f32; push.height as usize * lanes];
     let mut out = vec![[0.0f32; 4]; width * push.height as usize];
-    for (c, (x, y)) in channels(call, &push).into_iter().enumerate() {
+    let (channels, counts) = channels(call, &push);
+    for (c, (x, y)) in channels.into_iter().enumerate() {
         let planes = call.get::<[f32; 3]>(2 + c);
-        for (k, g) in grad(&planes[..x.len()], &x, &y, width, push.lambda).into_iter().enumerate() {
+        let of_channel = grad(&planes[..x.len()], &x, &y, &counts, width, push.lambda, push.values);
+        for (k, g) in of_channel.into_iter().enumerate() {
             out[k][c] = g;
             parts[k / width * lanes + k % width % lanes] += (x[k] - y[k]).abs();
         }
@@ -224,7 +261,7 @@ pub fn run_grad(call: &mut TwinCall<'_>) {
 /// Adapter over raw buffers.
 pub fn run_sum(call: &mut TwinCall<'_>) {
     let push: SumPush = call.push();
-    let each = 1.0 / (3.0 * push.width as f32 * push.height as f32);
+    let each = 1.0 / push.values;
     let mean = |parts: Vec<f32>, count: u32| parts[..count as usize].iter().sum::<f32>() * each;
     let ssim = mean(call.get(0), push.ssim_count);
     let l1 = mean(call.get(1), push.l1_count);

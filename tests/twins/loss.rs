@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::loss::{self as passes, Layout, Push, SumPush};
-use psrgs_vk::twin::loss::{Loss, loss, unpack};
+use psrgs_vk::twin::loss::{Loss, counting, loss, unpack};
 use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
 
 use super::common::guards::Guards;
@@ -97,7 +97,9 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
     let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment)]).unwrap();
     let gradient = gpu.pipeline(&gradient.kernel, &[with.constant()]).unwrap();
     let sum = gpu.pipeline(&passes::SUM.kernel, &[]).unwrap();
-    let push = Push { width, height, lambda };
+    let masked = p.target.iter().filter(|t| passes::masked(**t)).count() as u32;
+    let values = passes::values(width, height, masked);
+    let push = Push { width, height, lambda, values };
     let [red, green, blue] = &planes;
     let mut rec = gpu.recorder("loss").unwrap();
     let groups = Groups::Items(layout.strip_threads());
@@ -105,7 +107,7 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
     let groups = Groups::Items(layout.grad_threads());
     rec.dispatch(&gradient, &[&image, &target, red, green, blue, &grad, &l1], &push, groups).unwrap();
     let (ssim_count, l1_count) = (layout.ssim_parts(), layout.l1_parts());
-    let push = SumPush { width, height, ssim_count, l1_count, slot: 1, lambda };
+    let push = SumPush { values, ssim_count, l1_count, slot: 1, lambda };
     rec.dispatch(&sum, &[&ssim, &l1, &ring], &push, Groups::Workgroups(1)).unwrap();
     rec.submit().unwrap();
     let slots: Vec<f32> = gpu.read(&ring).unwrap();
@@ -118,7 +120,7 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
 
 fn reference(p: &Pictures, lambda: f32) -> Loss<f64> {
     let image: Vec<[f64; 4]> = p.image.iter().map(|v| v.map(f64::from)).collect();
-    loss(&image, &unpack::<f64>(&p.target), p.width, p.height, f64::from(lambda))
+    loss(&image, &unpack::<f64>(&p.target), &counting(&p.target), p.width, p.height, f64::from(lambda))
 }
 
 fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
@@ -150,7 +152,7 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize
         }
     };
     let layout = Layout { segment: 7, ..Layout::new(width as u32, height as u32, with.lanes()) };
-    let push = Push { width: layout.width, height: layout.height, lambda: 0.2 };
+    let push = Push { width: layout.width, height: layout.height, lambda: 0.2, values: 2.5 * pixels as f32 };
     let groups = |threads: u64| threads.div_ceil(u64::from(with.local_size())) as u32;
     let [strips, grad] = with.passes();
     let empty = || garbage(3 * pixels);
@@ -174,7 +176,7 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize
 pub fn run(gpu: &Gpu) {
     let mut sum_random = Random(4);
     let parts: Vec<f32> = (0..1000).map(|_| sum_random.between(0.0, 60.0)).collect();
-    let push = SumPush { width: 100, height: 50, ssim_count: 300, l1_count: 1000, slot: 2, lambda: 0.3 };
+    let push = SumPush { values: 12_345.0, ssim_count: 300, l1_count: 1000, slot: 2, lambda: 0.3 };
     let outcome = harness::run(gpu, &passes::SUM, &[], &[bytes(&parts), bytes(&parts), garbage(16)], &push, 1);
     for (d, t) in outcome.device::<f32>(2).iter().zip(outcome.twin::<f32>(2)) {
         assert!(d.to_bits() == t.to_bits() || (d - t).abs() <= 2e-6 * t.abs(), "sum: {d} instead of {t}");
@@ -224,8 +226,37 @@ fn run_with(gpu: &Gpu, with: With) {
     let (values, grad) = on_device(gpu, with, &textured, 0.2);
     assert_eq!(values[2], 1.0);
     assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal textured pictures");
+    masked_pixels_have_no_part(gpu, with, &mut random);
     let (first, second) = (on_device(gpu, with, &bright, 0.2), on_device(gpu, with, &bright, 0.2));
     assert!(first == second, "two runs differ");
+}
+
+/// Against the definition, whatever the render shows there; and an alpha that is not 0 makes no difference at all.
+fn masked_pixels_have_no_part(gpu: &Gpu, with: With, random: &mut Random) {
+    for (width, height) in [(9, 5), (33, 20), (75, 37)] {
+        let mut noise = pictures("masked", width, height, |_, _| {
+            let w = random.word().to_le_bytes();
+            ([random.between(0.0, 1.0), random.between(0.0, 1.0), random.between(0.0, 1.0)], [w[0], w[1], w[2]])
+        });
+        let before = on_device(gpu, with, &noise, 0.2);
+        noise.target.iter_mut().enumerate().for_each(|(k, t)| *t = *t & 0xff_ffff | (1 + k as u32 % 255) << 24);
+        assert!(before == on_device(gpu, with, &noise, 0.2), "an alpha that is not 0 changed the loss");
+        // A border, a block and single pixels.
+        let outside = |x: usize, y: usize| x < 2 || y + 3 > height || (width / 2..width / 2 + 6).contains(&x) && y > 1;
+        for k in 0..width * height {
+            if outside(k % width, k / width) || k % 11 == 3 {
+                noise.target[k] &= 0xff_ffff;
+                noise.image[k] = [f32::NAN, 1e30, -7.0, 0.0];
+            }
+        }
+        let (_, grad) = on_device(gpu, with, &noise, 0.2);
+        for (k, t) in noise.target.iter().enumerate().filter(|(_, t)| passes::masked(**t)) {
+            assert_eq!(grad[4 * k..4 * k + 4], [0.0; 4], "gradient at masked pixel {k}, {t:x}");
+        }
+        for lambda in [0.0, 0.2, 1.0] {
+            chain(gpu, with, &noise, lambda, 2e-6);
+        }
+    }
 }
 
 /// The gradient of the definition against central differences.
@@ -236,8 +267,10 @@ fn loss_twin_gradient_is_its_derivative() {
     let mut draw = || f64::from(random.between(0.0, 1.0));
     let image: Vec<[f64; 4]> = (0..width * height).map(|_| [draw(), draw(), draw(), 0.0]).collect();
     let photo: Vec<[f64; 3]> = (0..width * height).map(|_| [draw(), draw(), draw()]).collect();
-    let value = |image: &[[f64; 4]]| loss(image, &photo, width, height, 0.4).total;
-    let grad = loss(&image, &photo, width, height, 0.4).grad;
+    // Every seventh pixel masked: it must have no part in value and gradient.
+    let counts: Vec<bool> = (0..width * height).map(|k| k % 7 != 3).collect();
+    let value = |image: &[[f64; 4]]| loss(image, &photo, &counts, width, height, 0.4).total;
+    let grad = loss(&image, &photo, &counts, width, height, 0.4).grad;
     let h = 1e-6;
     for k in 0..width * height {
         for c in 0..3 {
