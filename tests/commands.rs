@@ -8,6 +8,8 @@ mod bad_data;
 mod common;
 #[path = "commands/library.rs"]
 mod library;
+#[path = "commands/other_trainers.rs"]
+mod other_trainers;
 #[path = "commands/run.rs"]
 mod run;
 #[path = "../examples/train.rs"]

@@ -7,13 +7,16 @@ use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{self, ImageScore, Metrics, ReportData, ReportError, ViewPanel, mean};
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
-use psrgs_vk::train::{prepare, score};
+use psrgs_vk::train::{View, prepare, score};
 
+use super::colour::Colour;
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::model_file::ModelFile;
+use super::model_frame::{FrameArgs, ModelFrame};
 use super::pictures::Pictures;
 use super::run_folder::REPORT;
+use super::score_size::SizeArgs;
 use super::{device, outputs, progress};
 
 /// Score a model on the held-out photographs of a dataset
@@ -22,6 +25,7 @@ use super::{device, outputs, progress};
 Examples:
   psrgs-vk eval fox-model/point_cloud.ply fox
   psrgs-vk eval other-trainer.ply fox --max-side 640 --json scores.json
+  psrgs-vk eval splat.ply fox --frame dataparser_transforms.json --downscale 2 --rounding down
   psrgs-vk eval fox-model/point_cloud.ply fox --out scored      pictures and report.html")]
 pub(crate) struct Args {
     /// Model, a PLY file in the INRIA layout, of this or another trainer
@@ -34,14 +38,18 @@ pub(crate) struct Args {
     /// Write renders, photographs, depth and normals into this folder, and a report.html
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Colour behind the splats
-    #[arg(long, value_name = "COLOUR", value_parser = ["black", "white"], default_value = "black")]
-    pub(crate) background: String,
+    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
+    #[arg(long, value_name = "COLOUR", default_value = "black")]
+    pub(crate) background: Colour,
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
     #[command(flatten)]
+    pub(crate) frame: FrameArgs,
+    #[command(flatten)]
     pub(crate) photographs: Photographs,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
 }
@@ -52,7 +60,9 @@ struct Scores<'a> {
     model: &'a Path,
     scene: String,
     split: Split,
-    background: &'a str,
+    /// The coordinates that the model was taken to be in.
+    frame: String,
+    background: String,
     antialias: bool,
     test_images: usize,
     /// Size of the first held-out view.
@@ -68,13 +78,14 @@ struct Scores<'a> {
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, console)?;
-    let dataset = Dataset::load(&args.data, &prepare::load_options(&args.photographs))?;
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
+    let dataset = Dataset::load(&args.data, &args.size.apply(prepare::load_options(&args.photographs)))?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
     let views = prepare::views(&dataset, Role::HeldOut)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
+    tell(args, &dataset, &views, console);
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
     let pictures = match &args.out {
@@ -106,7 +117,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             model: &args.model,
             scene: scene.clone(),
             split: args.photographs.split,
-            background: &args.background,
+            frame: model.frame.to_string(),
+            background: args.background.to_string(),
             antialias: model.antialias,
             test_images: images.len(),
             width: size.0,
@@ -143,10 +155,29 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             images: Vec::new(),
         }
         .with_images(images);
-        report(args, &dataset, metrics, panels, &folder.join(REPORT))?;
+        report(args, &model.frame, &dataset, metrics, panels, &folder.join(REPORT))?;
         console.say(format_args!("pictures and report in {}", folder.display()));
     }
     Ok(())
+}
+
+/// Which photographs the model is compared with.
+fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
+    let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
+    let mut sizes: Vec<String> = views.iter().map(|v| format!("{}x{}", v.camera.width, v.camera.height)).collect();
+    sizes.sort();
+    sizes.dedup();
+    let sizes = if sizes.len() > 3 { format!("{} sizes", sizes.len()) } else { sizes.join(", ") };
+    console.say(format_args!(
+        "{} of {} photographs of {images} are scored (--split {}), at {sizes}, background {}",
+        views.len(),
+        dataset.views.len(),
+        args.photographs.split,
+        args.background
+    ));
+    for warning in &dataset.warnings {
+        console.warn(warning);
+    }
 }
 
 fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
@@ -170,6 +201,7 @@ fn table(images: &[ImageScore]) -> String {
 
 fn report(
     args: &Args,
+    frame: &ModelFrame,
     dataset: &Dataset,
     metrics: Metrics,
     views: Vec<ViewPanel>,
@@ -181,9 +213,10 @@ fn report(
         settings: vec![
             setting("model", args.model.display().to_string()),
             setting("data", args.data.display().to_string()),
-            setting("max-side", args.photographs.max_side.to_string()),
+            setting("size", format!("{}x{}", metrics.width, metrics.height)),
             setting("split", args.photographs.split.to_string()),
-            setting("background", args.background.clone()),
+            setting("background", args.background.to_string()),
+            setting("coordinates", frame.to_string()),
         ],
         curves: Vec::new(),
         files: Vec::new(),

@@ -136,7 +136,10 @@ fn of_device(error: &vk::Error) -> u8 {
 }
 
 fn of_dataset(error: &dataset::Error) -> u8 {
-    if matches!(error, dataset::Error::ZeroMaxSide) { USAGE } else { INPUT }
+    match error {
+        dataset::Error::ZeroMaxSide | dataset::Error::BadSize => USAGE,
+        _ => INPUT,
+    }
 }
 
 fn of_file(error: &format::Error) -> u8 {

@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand, and what they share.
 
 mod bench;
+mod colour;
 mod completions;
 mod console;
 mod demo;
@@ -10,12 +11,14 @@ mod exit;
 mod info;
 mod interrupt;
 mod model_file;
+mod model_frame;
 mod outputs;
 mod passes;
 mod pictures;
 mod progress;
 mod render;
 mod run_folder;
+mod score_size;
 mod train;
 mod train_run;
 

@@ -5,15 +5,19 @@ use std::path::Path;
 use psrgs_vk::format::{FrameFile, ply};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
-use psrgs_vk::scene::{Camera, Frame};
+use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::train::settings::DeviceChoice;
 use psrgs_vk::vk::{self, Gpu};
 
+use super::colour::Colour;
 use super::console::Console;
+use super::model_frame::{FrameArgs, ModelFrame};
 
 /// A model file that was read.
 pub(crate) struct ModelFile {
     model: ply::Model,
+    /// The coordinates that it is taken to be in.
+    pub(crate) frame: ModelFrame,
     /// Size of the file in bytes.
     pub(crate) bytes: u64,
     /// Whether it is drawn with the anti-aliasing factor.
@@ -21,24 +25,34 @@ pub(crate) struct ModelFile {
 }
 
 impl ModelFile {
-    /// Reads a model. Editors drop the comments of a file: then the shift of its coordinates is that of `frame.json` beside it.
-    /// `antialias` is what the user asked for; without it the file decides.
-    pub(crate) fn read(file: &Path, antialias: bool, console: &Console) -> anyhow::Result<Self> {
+    /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's. Editors drop
+    /// the comments of a file: then the shift of its coordinates is that of `frame.json` beside it. `antialias` is what the user
+    /// asked for; without it the file decides.
+    pub(crate) fn read(file: &Path, antialias: bool, frame: &FrameArgs, console: &Console) -> anyhow::Result<Self> {
         let mut model = ply::read(file)?;
-        if model.version.is_none()
+        let given = frame.read()?;
+        let mut known_from = if model.version.is_some() { "written by psrgs-vk" } else { "assumed; else give --frame" };
+        if given.is_none()
+            && model.version.is_none()
             && model.shift == [0.0; 3]
             && let Some(beside) = FrameFile::beside(file)?
-            && beside.shift != [0.0; 3]
         {
-            let [x, y, z] = beside.shift;
-            console
-                .say(format_args!("{}: taking positions as moved by {x} {y} {z}, as frame.json says", file.display()));
+            known_from = "frame.json beside it";
             model.shift = beside.shift;
         }
+        let frame = match given {
+            Some((to_dataset, file)) => ModelFrame::Other { to_dataset, file: file.to_owned() },
+            None => ModelFrame::Dataset { offset: model.shift, known_from },
+        };
         let bytes = std::fs::metadata(file).map(|m| m.len()).unwrap_or(0);
         let antialias = antialias || model.antialias.unwrap_or(false);
-        console.say(format_args!("{}: {} splats", file.display(), model.gaussians.len()));
-        Ok(Self { model, bytes, antialias })
+        console.say(format_args!(
+            "{}: {} splats, spherical harmonics of degree {}; coordinates: {frame}",
+            file.display(),
+            model.gaussians.len(),
+            model.sh_degree
+        ));
+        Ok(Self { model, frame, bytes, antialias })
     }
 
     /// Number of splats.
@@ -52,14 +66,21 @@ impl ModelFile {
         gpu: &Gpu,
         choice: &DeviceChoice,
         frame: &Frame,
-        background: &str,
+        background: &Colour,
     ) -> Result<Drawn, vk::Error> {
         let viewer = Viewer::with_variants(gpu, Variants::choose(gpu, false).with(choice.tile_shape, None));
-        let planes = viewer.upload(&self.model.in_scene(frame))?;
+        let planes = viewer.upload(&self.in_scene(frame))?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
-        let background = if background == "white" { [1.0; 3] } else { [0.0; 3] };
+        let background = background.rgb;
         Ok(Drawn { viewer, planes, splats: self.splats() as u32, projection, background, seen: false })
+    }
+
+    fn in_scene(&self, frame: &Frame) -> Gaussians {
+        match &self.frame {
+            ModelFrame::Dataset { .. } => self.model.in_scene(frame),
+            ModelFrame::Other { to_dataset, .. } => self.model.placed_in_scene(to_dataset, frame),
+        }
     }
 }
 
@@ -88,7 +109,7 @@ impl Drawn {
         if !self.seen {
             console.warn(format_args!(
                 "no camera of {} sees a splat of {}: the pictures are empty. Model and dataset must share one coordinate system: \
-                 was the model trained on this dataset, and neither of them moved since?",
+                 was the model trained on this dataset, neither of them moved since, and does --frame lead the right way?",
                 dataset.display(),
                 model.display()
             ));

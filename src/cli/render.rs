@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::scene::Camera;
 
+use super::colour::Colour;
 use super::console::Console;
 use super::exit::Failure;
 use super::model_file::ModelFile;
+use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
 use super::{device, progress};
 
@@ -35,12 +37,14 @@ pub(crate) struct Args {
     /// Also write depth (along the camera's axis) and normals as EXR
     #[arg(long)]
     pub(crate) depth: bool,
-    /// Colour behind the splats
-    #[arg(long, value_name = "COLOUR", value_parser = ["black", "white"], default_value = "black")]
-    pub(crate) background: String,
+    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
+    #[arg(long, value_name = "COLOUR", default_value = "black")]
+    pub(crate) background: Colour,
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
+    #[command(flatten)]
+    pub(crate) frame: FrameArgs,
     #[command(flatten)]
     pub(crate) device: psrgs_vk::train::settings::DeviceChoice,
 }
@@ -64,7 +68,7 @@ impl Views {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, console)?;
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
     let options = LoadOptions { max_side: Some(args.max_side), photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
     let wanted: Vec<(&str, Camera)> = dataset

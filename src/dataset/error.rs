@@ -132,6 +132,22 @@ pub enum Error {
     /// The options ask for images of no size.
     #[error("the longest side of an image (--max-side) must be at least 1 pixel")]
     ZeroMaxSide,
+    /// A size or a factor that no image can have.
+    #[error("a width and a height (--width, --height) must be at least 1 pixel, a factor (--downscale) at least 1")]
+    BadSize,
+    /// A photograph cannot be reduced to the size asked for.
+    #[error(
+        "{}: {}x{} cannot be made {}x{}: sizes are only reduced, and by the same factor along both sides up to a pixel",
+        file.display(), photograph.0, photograph.1, wanted.0, wanted.1
+    )]
+    SizeDoesNotFit {
+        /// The photograph.
+        file: PathBuf,
+        /// Width and height of the file.
+        photograph: (u32, u32),
+        /// Width and height asked for.
+        wanted: (u32, u32),
+    },
 }
 
 impl Error {

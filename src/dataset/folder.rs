@@ -23,7 +23,7 @@ pub(super) fn choose(
     dataset: &Path,
     asked: Option<&Path>,
     longest_side: u32,
-    max_side: Option<u32>,
+    wanted: u32,
     names: &[&str],
 ) -> Result<ImagesFolder, Error> {
     if let Some(folder) = asked {
@@ -45,7 +45,6 @@ pub(super) fn choose(
         .filter_map(|path| Some((reduction(path.file_name()?.to_str()?)?, path)))
         .collect();
     found.sort();
-    let wanted = max_side.map_or(longest_side, |side| side.min(longest_side));
     let large_enough = found
         .iter()
         .rev()

@@ -9,6 +9,7 @@ mod extent;
 mod folder;
 mod jpeg_end;
 mod photograph;
+mod sizing;
 mod split;
 mod warning;
 
@@ -20,6 +21,7 @@ pub use colmap::Point;
 pub use error::Error;
 pub use folder::ImagesFolder;
 pub use photograph::Photograph;
+pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
 pub use warning::Warning;
 
@@ -32,6 +34,10 @@ use colmap::{Model, Pose};
 pub struct LoadOptions {
     /// Images with a longer side are reduced to this many pixels; `None` keeps every size.
     pub max_side: Option<u32>,
+    /// Another rule for the size, in place of `max_side`.
+    pub sizing: Option<Sizing>,
+    /// How sides are rounded.
+    pub rounding: Rounding,
     /// The folder of photographs, relative to the dataset; `None` chooses among `images` and `images_N`.
     pub images_folder: Option<PathBuf>,
     /// Which photographs are held out.
@@ -42,7 +48,20 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_side: Some(1600), images_folder: None, split: Split::Test, photographs: true }
+        Self {
+            max_side: Some(1600),
+            sizing: None,
+            rounding: Rounding::Nearest,
+            images_folder: None,
+            split: Split::Test,
+            photographs: true,
+        }
+    }
+}
+
+impl LoadOptions {
+    fn sizing(&self) -> Sizing {
+        self.sizing.unwrap_or(Sizing::MaxSide(self.max_side.unwrap_or(u32::MAX)))
     }
 }
 
@@ -90,9 +109,8 @@ pub struct Dataset {
 impl Dataset {
     /// Loads the COLMAP model of a folder and finds its photographs.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
-        if options.max_side == Some(0) {
-            return Err(Error::ZeroMaxSide);
-        }
+        let sizing = options.sizing();
+        check_sizing(sizing)?;
         let mut model = Model::read(path)?;
         check_names(&mut model)?;
         let mut warnings = Vec::new();
@@ -121,7 +139,8 @@ impl Dataset {
                 };
                 let path = photograph.unwrap_or_default();
                 check_aspect(&path, pose.camera, &camera, size_on_disk)?;
-                let (width, height) = limited(size_on_disk, options.max_side);
+                let (width, height) = sizing.apply(size_on_disk, (camera.width, camera.height), options.rounding);
+                check_size(&path, &camera, sizing, size_on_disk, (width, height))?;
                 Ok(View { name: pose.name.clone(), path, camera: camera.resized(width, height), size_on_disk, role })
             })
             .collect::<Vec<Result<View, Error>>>();
@@ -201,7 +220,8 @@ fn find_photographs(
 ) -> Result<ImagesFolder, Error> {
     let names: Vec<&str> = model.poses.iter().map(|p| p.name.as_str()).collect();
     let longest = cameras.iter().map(|c| c.width.max(c.height)).max().unwrap_or(1);
-    let images = folder::choose(path, options.images_folder.as_deref(), longest, options.max_side, &names)?;
+    let wanted = options.sizing().longest(longest);
+    let images = folder::choose(path, options.images_folder.as_deref(), longest, wanted, &names)?;
     let missing: Vec<&&str> = names.iter().filter(|name| !images.path.join(name).is_file()).collect();
     if let Some(first) = missing.first() {
         return Err(Error::MissingPhotographs {
@@ -228,17 +248,19 @@ fn roles(split: Split, views: usize, warnings: &mut Vec<Warning>) -> Vec<Role> {
     vec![Role::Train; views]
 }
 
-/// The file may be a reduced copy: sides of such copies are rounded up or down.
+/// Whether a size has the shape of a camera's, up to a pixel: sides of reduced copies are rounded up or down.
+fn has_shape(camera: &Camera, (width, height): (u32, u32)) -> bool {
+    let (w, h) = (f64::from(width), f64::from(height));
+    let ratio = f64::from(camera.height) / f64::from(camera.width);
+    (h - w * ratio).abs() <= 1.0 + ratio
+}
+
+/// The file may be a reduced copy.
 fn check_aspect(file: &Path, number: u32, camera: &Camera, photograph: (u32, u32)) -> Result<(), Error> {
-    let fits = |(w, h): (u32, u32)| {
-        let (w, h) = (f64::from(w), f64::from(h));
-        let ratio = f64::from(camera.height) / f64::from(camera.width);
-        (h - w * ratio).abs() <= 1.0 + ratio
-    };
-    if fits(photograph) {
+    if has_shape(camera, photograph) {
         return Ok(());
     }
-    let turned = fits((photograph.1, photograph.0));
+    let turned = has_shape(camera, (photograph.1, photograph.0));
     Err(Error::AspectRatio {
         file: file.to_owned(),
         photograph,
@@ -248,17 +270,26 @@ fn check_aspect(file: &Path, number: u32, camera: &Camera, photograph: (u32, u32
     })
 }
 
-/// The size at which the longer side is at most `max_side`.
-fn limited((width, height): (u32, u32), max_side: Option<u32>) -> (u32, u32) {
-    let longest = width.max(height);
-    match max_side {
-        Some(side) if side < longest => {
-            let scaled = |v: u32| {
-                let rounded = (u64::from(v) * u64::from(side) * 2 + u64::from(longest)) / (2 * u64::from(longest));
-                (rounded as u32).max(1)
-            };
-            (scaled(width), scaled(height))
-        }
-        _ => (width, height),
+fn check_sizing(sizing: Sizing) -> Result<(), Error> {
+    match sizing {
+        Sizing::MaxSide(0) => Err(Error::ZeroMaxSide),
+        Sizing::Downscale(factor) if !(factor >= 1.0 && factor.is_finite()) => Err(Error::BadSize),
+        Sizing::Exact(0, _) | Sizing::Exact(_, 0) => Err(Error::BadSize),
+        _ => Ok(()),
     }
+}
+
+/// A size asked for must be one that the photograph can be reduced to without being stretched.
+fn check_size(
+    file: &Path,
+    camera: &Camera,
+    sizing: Sizing,
+    on_disk: (u32, u32),
+    wanted: (u32, u32),
+) -> Result<(), Error> {
+    let shaped = !matches!(sizing, Sizing::Exact(..)) || has_shape(camera, wanted);
+    if shaped && wanted.0 <= on_disk.0 && wanted.1 <= on_disk.1 {
+        return Ok(());
+    }
+    Err(Error::SizeDoesNotFit { file: file.to_owned(), photograph: on_disk, wanted })
 }

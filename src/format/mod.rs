@@ -7,6 +7,8 @@ mod frame_file;
 pub mod image_out;
 pub mod ply;
 pub(crate) mod source;
+mod transform_file;
 
 pub use error::{At, Error};
 pub use frame_file::{FRAME_FILE, FrameFile};
+pub use transform_file::read_transform;

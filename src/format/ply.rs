@@ -19,7 +19,7 @@ mod write;
 use std::path::Path;
 
 use super::Error;
-use crate::scene::{Frame, Gaussians};
+use crate::scene::{Frame, Gaussians, Similarity};
 
 pub use read::read;
 pub use write::write;
@@ -59,5 +59,12 @@ impl Model {
     /// The splats in the coordinates of a scene.
     pub fn in_scene(&self, frame: &Frame) -> Gaussians {
         frame.gaussians_to_scene(&self.gaussians, self.shift)
+    }
+
+    /// The splats in the coordinates of a scene, where the file's (with [`Model::shift`] added) are not the dataset's:
+    /// `from_model` takes them there.
+    pub fn placed_in_scene(&self, from_model: &Similarity, frame: &Frame) -> Gaussians {
+        // One map in f64, so that nothing is rounded in between.
+        from_model.after_shift(self.shift).then(&Similarity::to_scene(frame)).gaussians(&self.gaussians)
     }
 }

@@ -4,7 +4,10 @@ mod camera;
 mod frame;
 mod gaussians;
 pub mod init;
+mod sh_rotation;
+mod similarity;
 
 pub use camera::Camera;
 pub use frame::Frame;
 pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
+pub use similarity::{NoSimilarity, Similarity};

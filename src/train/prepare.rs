@@ -16,7 +16,7 @@ pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
         max_side: Some(photographs.max_side),
         images_folder: photographs.images.as_ref().map(Into::into),
         split: photographs.split,
-        photographs: true,
+        ..LoadOptions::default()
     }
 }
 

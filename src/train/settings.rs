@@ -90,7 +90,8 @@ group! {
         #[arg(value_name = "PX")]
         pub max_side: u32 = 1600,
         /// Photographs that are held out and scored, by position in the sorted names: `test` is 0, 8, 16 ...; `val` is 4, 12,
-        /// 20 ..., for choosing settings (the test photographs stay out of training too); `none` trains on all
+        /// 20 ..., for choosing settings (the test photographs stay out of training too); `none` trains on all; `every:N` and
+        /// `every:N:FIRST` hold out every Nth, as other trainers do
         #[arg(value_name = "SPLIT")]
         pub split: Split = Split::Test,
     }

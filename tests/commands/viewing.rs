@@ -9,11 +9,11 @@ use psrgs_vk::scene::Gaussians;
 
 use crate::run::{fails, psrgs, shared, stderr, text, works};
 
-fn rgb(file: &Path) -> Vec<u8> {
+pub fn rgb(file: &Path) -> Vec<u8> {
     image::open(file).unwrap_or_else(|e| panic!("{}: {e}", file.display())).to_rgb8().into_raw()
 }
 
-fn json(file: &Path) -> serde_json::Value {
+pub fn json(file: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON")
 }
 
@@ -21,7 +21,7 @@ fn json(file: &Path) -> serde_json::Value {
 /// the boundary between two 8-bit steps, that can move it by one step; more than a handful of such pixels would be an error.
 /// Gives how many are moved.
 #[track_caller]
-fn moved(a: &[u8], b: &[u8]) -> usize {
+pub fn moved(a: &[u8], b: &[u8]) -> usize {
     assert_eq!(a.len(), b.len());
     let differences: Vec<u8> = a.iter().zip(b).map(|(x, y)| x.abs_diff(*y)).collect();
     assert!(differences.iter().all(|d| *d <= 1), "a colour differs by {:?}", differences.iter().max());
@@ -32,7 +32,7 @@ fn moved(a: &[u8], b: &[u8]) -> usize {
 
 /// How far `moved` of `n` colours by one step can move a PSNR: each changes the sum of squared errors by 2 * 255 + 1 at most, and
 /// d(PSNR) = 10 / ln 10 * d(MSE) / MSE.
-fn psnr_bound(psnr: f64, moved: usize, n: usize) -> f64 {
+pub fn psnr_bound(psnr: f64, moved: usize, n: usize) -> f64 {
     let mse = 255.0 * 255.0 * 10f64.powf(-psnr / 10.0);
     1e-9 + 10.0 / std::f64::consts::LN_10 * (511 * moved) as f64 / (n as f64 * mse) * 1.01
 }

@@ -3,6 +3,7 @@
 mod checkpoints;
 mod models;
 mod pictures;
+mod similarities;
 
 use std::fs;
 

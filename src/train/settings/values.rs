@@ -58,25 +58,36 @@ as_word!(Method);
 
 impl fmt::Display for Split {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Test => "test",
-            Self::Val => "val",
-            Self::None => "none",
-        })
+        match self {
+            Self::Test => f.write_str("test"),
+            Self::Val => f.write_str("val"),
+            Self::None => f.write_str("none"),
+            Self::Every { every, first: 0 } => write!(f, "every:{every}"),
+            Self::Every { every, first } => write!(f, "every:{every}:{first}"),
+        }
     }
 }
 
 impl FromStr for Split {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
+        let every = |rest: &str| {
+            let (every, first) = rest.split_once(':').unwrap_or((rest, "0"));
+            let (every, first): (u32, u32) = (every.parse().ok()?, first.parse().ok()?);
+            (every >= 2 && first < every).then_some(Self::Every { every, first })
+        };
         match word {
             "test" => Ok(Self::Test),
             "val" => Ok(Self::Val),
             "none" => Ok(Self::None),
-            _ => Err(format!("no split `{word}`: it is test, val or none")),
+            _ => word.strip_prefix("every:").and_then(every).ok_or_else(|| {
+                format!("no split `{word}`: it is test, val, none, or every:N or every:N:FIRST (such as every:8:4)")
+            }),
         }
     }
 }
+
+as_word!(Split);
 
 /// What is behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,0 +1,102 @@
+//! The size at which photographs are used, by the rules of this and of other trainers.
+
+/// Which size photographs are brought to. Sizes only ever become smaller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sizing {
+    /// The longer side has at most so many pixels, counted from the file's size.
+    MaxSide(u32),
+    /// The sides are those of the calibration divided by a factor, as `images_N` folders are made.
+    Downscale(f64),
+    /// Width and height, for all photographs.
+    Exact(u32, u32),
+}
+
+/// How a side that is no whole number of pixels is rounded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rounding {
+    /// To the nearest whole number, halves up.
+    #[default]
+    Nearest,
+    /// Down, as integer division does.
+    Down,
+    /// Up.
+    Up,
+}
+
+impl Rounding {
+    fn side(self, exact: f64) -> u32 {
+        // A quotient that is whole but for its last bits is whole.
+        let near = (exact + 0.5).floor();
+        let rounded = match self {
+            _ if (exact - near).abs() < 1e-9 * near.abs() => near,
+            Self::Nearest => near,
+            Self::Down => exact.floor(),
+            Self::Up => exact.ceil(),
+        };
+        rounded.max(1.0) as u32
+    }
+}
+
+impl Sizing {
+    /// Width and height for a photograph of a size on disk whose camera was calibrated at another.
+    pub(super) fn apply(self, on_disk: (u32, u32), calibrated: (u32, u32), rounding: Rounding) -> (u32, u32) {
+        let longest = on_disk.0.max(on_disk.1);
+        let scaled = |(w, h): (u32, u32), multiply: f64, divide: f64| {
+            let side = |v: u32| rounding.side(f64::from(v) * multiply / divide);
+            (side(w), side(h))
+        };
+        match self {
+            Self::MaxSide(side) if side < longest => scaled(on_disk, f64::from(side), f64::from(longest)),
+            Self::MaxSide(_) => on_disk,
+            Self::Downscale(factor) => scaled(calibrated, 1.0, factor),
+            Self::Exact(width, height) => (width, height),
+        }
+    }
+
+    /// The longest side wanted of photographs whose calibration has this one.
+    pub(super) fn longest(self, calibrated: u32) -> u32 {
+        match self {
+            Self::MaxSide(side) => side.min(calibrated),
+            Self::Downscale(factor) => (f64::from(calibrated) / factor).floor().max(1.0) as u32,
+            Self::Exact(width, height) => width.max(height),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_are_rounded_as_asked() {
+        let size = |sizing: Sizing, rounding| sizing.apply((1079, 1919), (1079, 1919), rounding);
+        for (rounding, want) in
+            [(Rounding::Nearest, (360, 640)), (Rounding::Down, (359, 639)), (Rounding::Up, (360, 640))]
+        {
+            assert_eq!(size(Sizing::Downscale(3.0), rounding), want, "{rounding:?}");
+        }
+        assert_eq!(size(Sizing::MaxSide(640), Rounding::Nearest), (360, 640));
+        assert_eq!(size(Sizing::MaxSide(640), Rounding::Down), (359, 640));
+        assert_eq!(size(Sizing::MaxSide(5000), Rounding::Down), (1079, 1919));
+        assert_eq!(size(Sizing::Exact(7, 9), Rounding::Down), (7, 9));
+        // Of a reduced copy the factor still counts from the calibration.
+        assert_eq!(Sizing::Downscale(4.0).apply((250, 100), (1000, 400), Rounding::Down), (250, 100));
+        assert_eq!(Sizing::Downscale(1e9).apply((250, 100), (1000, 400), Rounding::Down), (1, 1));
+    }
+
+    /// As `limited` did in whole numbers.
+    #[test]
+    fn the_longer_side_is_met_and_the_other_is_nearest() {
+        for longest in [2_u64, 3, 7, 639, 1600, 4000] {
+            for other in 1..=longest {
+                for side in [1_u64, 2, 16, 333, 640, 1599] {
+                    let got =
+                        Sizing::MaxSide(side as u32).apply((other as u32, longest as u32), (1, 1), Rounding::Nearest);
+                    let want =
+                        if side < longest { ((other * side * 2 + longest) / (2 * longest)).max(1) } else { other };
+                    assert_eq!(got, (want as u32, side.min(longest) as u32), "{other}x{longest} to {side}");
+                }
+            }
+        }
+    }
+}
