@@ -131,7 +131,7 @@ fn images_agree_with_the_brute_force_renderer() {
         seen += case.image.blended.iter().sum::<u32>();
         let far = case.splats.iter().flat_map(|s| s.mean).fold(1.0f64, |m, v| m.max(v.abs()));
         for tile in SHAPES {
-            let variants = Variants { tile, gradients: GradientSum::Slots };
+            let variants = Variants::new(tile, GradientSum::Slots);
             let mut viewer = Viewer::with_variants(&gpu, variants);
             let planes = viewer.upload(&case.model).unwrap();
             let picture = viewer.render(&planes, case.model.len() as u32, &case.shot, true).unwrap();
@@ -160,7 +160,7 @@ fn pictures_are_whole_when_the_pairs_had_to_grow() {
     case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
     for tile in SHAPES {
         let tiles = (64 / tile.size()).pow(2);
-        let mut viewer = Viewer::with_variants(&gpu, Variants { tile, gradients: GradientSum::Slots });
+        let mut viewer = Viewer::with_variants(&gpu, Variants::new(tile, GradientSum::Slots));
         let planes = viewer.upload(&case.model).unwrap();
         let submits = gpu.stats().submits;
         let picture = viewer.render(&planes, 60, &case.shot, false).unwrap();
@@ -247,7 +247,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
         let gradients = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream);
         let want = planes_of(&gradients);
         assert!(want[..5].iter().all(|plane| plane.iter().filter(|v| **v != 0.0).count() > 40));
-        for variants in common::forms(&gpu) {
+        for variants in Variants::possible(&gpu) {
             let got = device_gradients(&gpu, variants, &case, &grad_image);
             for p in 0..8 {
                 let name = format!("{}, {variants:?}, {}", case.name, NAMES[p]);

@@ -187,7 +187,7 @@ fn a_buffer_past_the_largest_binding_is_named_with_the_limit() {
         println!("skipped: one binding of this device holds {limit} bytes");
         return;
     }
-    let variants = Variants { tile: Variants::choose(&gpu, true).tile, gradients: GradientSum::Slots };
+    let variants = Variants::new(Variants::choose(&gpu, true).tile, GradientSum::Slots);
     let pairs = most_pairs(&gpu, variants);
     let record = |pairs: u32| {
         let renderer = Renderer::new(&gpu, variants, size(1, pairs, 4)).unwrap();
@@ -292,7 +292,7 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
         reference::Settings { sh_degree: 3, near: NEAR, antialias: false, background: background.map(f64::from) };
     let splats = Splat::<f64>::all(&model);
     for tile in [TileShape::Column, TileShape::Pixel] {
-        let variants = Variants { tile, gradients: GradientSum::Slots };
+        let variants = Variants::new(tile, GradientSum::Slots);
         let mut viewer = Viewer::with_variants(&gpu, variants);
         let planes = viewer.upload(&model).unwrap();
         let picture = viewer.render(&planes, model.len() as u32, &shot, false).unwrap();

@@ -5,6 +5,7 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::dataset::Dataset;
+use psrgs_vk::raster::Variants;
 use psrgs_vk::train::{Engine, Event, Input, Kind, Message, Pacing, Restart, Schedule, Settings, Trainer, prepare};
 use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 
@@ -109,10 +110,11 @@ fn short() -> Settings {
 fn every_form_trains_without_a_message() {
     let Some(gpu) = common::gpu_with(watch) else { return };
     let input = plane_scene::input(3, 40, 30, 60);
-    for variants in common::forms(&gpu) {
+    for variants in Variants::possible(&gpu) {
         let mut settings = short();
         settings.device.tile_shape = Some(variants.tile);
         settings.device.gradient_sum = Some(variants.gradients);
+        settings.device.backward = Some(variants.backward);
         let mut seen = Seen::default();
         let end = train(&gpu, &input, &settings, None, None, &mut seen);
         assert_eq!((end.variants, end.step), (variants, 6));
@@ -129,7 +131,7 @@ fn checker_misses_every_barrier_of_every_event() {
     let settings = short();
     let input = plane_scene::input(3, 40, 30, 60);
     let schedule = Schedule::new(&settings, input.train.len());
-    for variants in common::forms(&gpu) {
+    for variants in Variants::possible(&gpu) {
         let pacing = Pacing::default();
         let mut engine = Engine::new(&gpu, &input, &settings, variants, pacing, None).unwrap();
         // Twice, so that the second time every event has barriers against the events before.

@@ -7,7 +7,7 @@ use common::plane_scene;
 use common::splats::{Random, camera, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{Backward, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{self, FloatAtomics, Gpu};
@@ -26,6 +26,7 @@ fn settings(variants: Variants) -> Settings {
     s.optimiser.lr_opacities = 0.1;
     s.device.tile_shape = Some(variants.tile);
     s.device.gradient_sum = Some(variants.gradients);
+    s.device.backward = Some(variants.backward);
     s
 }
 
@@ -72,7 +73,7 @@ fn every_form_learns_alike() {
     }
     let mut ran = 0;
     for (name, gpu) in &devices {
-        for variants in common::forms(gpu) {
+        for variants in Variants::possible(gpu) {
             check(&format!("{name}, {variants:?}"), &losses(gpu, &input, variants), &want);
             ran += 1;
         }
@@ -90,7 +91,7 @@ fn forms_that_the_device_cannot_run_are_refused() {
     };
     let start = |tile, gradients| {
         let input = plane_scene::input(2, 24, 16, 20);
-        Trainer::new(&gpu, input, &settings(Variants { tile, gradients }), Pacing::default(), None).err()
+        Trainer::new(&gpu, input, &settings(Variants::new(tile, gradients)), Pacing::default(), None).err()
     };
     assert!(matches!(start(TileShape::Pixel, GradientSum::Atomic), Some(train::Error::NoFloatAtomics)));
     assert!(matches!(
@@ -105,6 +106,60 @@ fn forms_that_the_device_cannot_run_are_refused() {
         assert!(Trainer::new(&gpu, plane_scene::input(2, 24, 16, 20), &s, Pacing::default(), None).is_ok());
         Renderer::new(&gpu, Variants::choose(&gpu, deterministic).without_slots(&gpu), size(10, 10, 10)).unwrap();
     }
+}
+
+#[test]
+fn what_is_possible_can_be_made_and_nothing_else() {
+    let Some(native) = common::gpu() else { return };
+    let emulated = common::gpu_with(|o| o.emulate_subgroup = Some(32)).unwrap();
+    for gpu in [&native, &emulated] {
+        let possible = Variants::possible(gpu);
+        for deterministic in [false, true] {
+            assert!(possible.contains(&Variants::choose(gpu, deterministic)));
+        }
+        for tile in SHAPES {
+            for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
+                for backward in [Backward::PerPixel, Backward::PerSplat] {
+                    let variants = Variants { tile, gradients, backward };
+                    let made = Renderer::new(gpu, variants, size(10, 10, 10));
+                    assert_eq!(made.is_ok(), possible.contains(&variants), "{variants:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn variants_written_without_a_backward_have_one_per_pixel() {
+    let old: Variants = serde_json::from_str(r#"{"tile":"pixel","gradients":"slots"}"#).unwrap();
+    assert_eq!(old, Variants::new(TileShape::Pixel, GradientSum::Slots));
+    let new = Variants { backward: Backward::PerSplat, ..old };
+    let text = serde_json::to_string(&new).unwrap();
+    assert!(text.contains(r#""backward":"per-splat""#), "{text}");
+    assert_eq!(serde_json::from_str::<Variants>(&text).unwrap(), new);
+}
+
+/// A backward per splat brings pixel tiles, and with slots equal bits of two trainings.
+#[test]
+fn a_deterministic_training_per_splat_repeats_itself() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut settings = settings(Variants::choose(&gpu, true));
+    settings.run.deterministic = true;
+    settings.device.backward = Some(Backward::PerSplat);
+    settings.device.tile_shape = Some(TileShape::Column);
+    let start =
+        |settings: &Settings| Trainer::new(&gpu, plane_scene::input(3, 48, 40, 150), settings, Pacing::default(), None);
+    assert!(matches!(start(&settings).err(), Some(train::Error::PerSplatInColumns)));
+    settings.device.tile_shape = None;
+    let trained = || {
+        let mut trainer = start(&settings).unwrap();
+        while trainer.next_message().unwrap().is_some() {}
+        let end = trainer.snapshot().unwrap();
+        let want = Variants { backward: Backward::PerSplat, ..Variants::new(TileShape::Pixel, GradientSum::Slots) };
+        assert_eq!(end.variants, want);
+        end.state.params.map(|plane| plane.into_iter().map(f32::to_bits).collect::<Vec<u32>>())
+    };
+    assert!(trained() == trained(), "two trainings differ");
 }
 
 fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
@@ -154,9 +209,9 @@ fn tile_lists_are_the_same_bits_in_every_form() {
     let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
     let emulated = [8, 16, 32, 64].map(|width| common::gpu_with(|o| o.emulate_subgroup = Some(width)).unwrap());
     for tile in SHAPES {
-        let want = lists(&native, Variants { tile, gradients: GradientSum::Slots }, &model, &shot);
+        let want = lists(&native, Variants::new(tile, GradientSum::Slots), &model, &shot);
         for gpu in std::iter::once(&native).chain(&emulated) {
-            for variants in common::forms(gpu).into_iter().filter(|v| v.tile == tile) {
+            for variants in Variants::possible(gpu).into_iter().filter(|v| v.tile == tile) {
                 let got = lists(gpu, variants, &model, &shot);
                 for (k, (g, w)) in got.iter().zip(&want).enumerate() {
                     assert!(g == w, "{variants:?}, {:?}: array {k} differs", gpu.caps().subgroup);

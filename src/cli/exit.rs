@@ -103,7 +103,7 @@ fn of_training(error: &train::Error) -> u8 {
         train::Error::Dataset(data) => of_dataset(data),
         train::Error::File(file) => of_file(file),
         train::Error::Settings(settings) => of_settings(settings),
-        train::Error::NotDeterministic | train::Error::NoFloatAtomics => USAGE,
+        train::Error::NotDeterministic | train::Error::NoFloatAtomics | train::Error::PerSplatInColumns => USAGE,
         train::Error::Init(_)
         | train::Error::NoViews
         | train::Error::PhotographSize { .. }
@@ -256,6 +256,7 @@ mod tests {
         assert_eq!(training(train::Error::Checkpoint { section: device(), found: 1, expected: 2 }), INPUT);
         assert_eq!(training(train::Error::NotDeterministic), USAGE);
         assert_eq!(training(train::Error::NoFloatAtomics), USAGE);
+        assert_eq!(training(train::Error::PerSplatInColumns), USAGE);
         let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
         assert_eq!(training(many), MEMORY);
         assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);

@@ -34,6 +34,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         let variants = chosen_variants(&gpu, &settings)?;
         settings.device.tile_shape = Some(variants.tile);
         settings.device.gradient_sum = Some(variants.gradients);
+        settings.device.backward = Some(variants.backward);
         folder.write_settings(&settings)?;
     }
     let settings = &settings;

@@ -1,4 +1,5 @@
-//! Gradients of the blended image with respect to the projected splats: two shapes, three ways of adding up.
+//! Gradients of the blended image with respect to the projected splats: two shapes of tiles, threads that own pixels or splats,
+//! three ways of adding up.
 
 use super::blend_forward::{AUX, COUNT, Push};
 use super::{Pass, module};
@@ -14,6 +15,7 @@ pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATE
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
 const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES];
+const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH];
 
 /// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
 const SLOT_BINDINGS: &[Binding] = &[
@@ -46,9 +48,17 @@ const SUM_BINDINGS: &[Binding] = &[
     read_write("pair_counts"),
 ];
 
+/// What threads and workgroups own.
+#[derive(Clone, Copy)]
+enum Owned {
+    Columns,
+    Pixels,
+    Splats,
+}
+
 const fn pass(
     name: &'static str,
-    column: bool,
+    owned: Owned,
     bindings: &'static [Binding],
     constants: &'static [Constant],
     run: fn(&mut TwinCall<'_>),
@@ -60,12 +70,16 @@ const fn pass(
             bindings,
             push_bytes: Push::BYTES,
             constants,
-            local_size: Some(if column { 8 } else { 256 }),
+            local_size: Some(if matches!(owned, Owned::Columns) { 8 } else { 256 }),
         },
-        doc: if column {
-            "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels."
-        } else {
-            "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels."
+        doc: match owned {
+            Owned::Columns => {
+                "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels."
+            }
+            Owned::Pixels => "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.",
+            Owned::Splats => {
+                "One thread owns a pixel, then a splat of the tile's list; a workgroup of 256 threads owns a tile of 16x16 pixels."
+            }
         },
         dispatch: "one workgroup per tile",
         push: Push::FIELDS,
@@ -75,33 +89,50 @@ const fn pass(
 
 /// COLUMN shape (subgroups exactly 8 wide), partial sums to slots: deterministic, and on lavapipe the fastest.
 pub const COLUMN_SLOTS: Pass =
-    pass("blend_backward_column_slots", true, SLOT_BINDINGS, CONSTANTS, twin::run_column_slots);
+    pass("blend_backward_column_slots", Owned::Columns, SLOT_BINDINGS, CONSTANTS, twin::run_column_slots);
 /// COLUMN shape, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const COLUMN_ATOMIC: Pass =
-    pass("blend_backward_column_atomic", true, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+    pass("blend_backward_column_atomic", Owned::Columns, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
 /// COLUMN shape, compare-and-swap.
-pub const COLUMN_CAS: Pass = pass("blend_backward_column_cas", true, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+pub const COLUMN_CAS: Pass =
+    pass("blend_backward_column_cas", Owned::Columns, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
 /// COLUMN shape with its shuffles through shared memory, slots.
 pub const COLUMN_EMULATED_SLOTS: Pass = pass(
     "blend_backward_column_emulated_slots",
-    true,
+    Owned::Columns,
     SLOT_BINDINGS,
     &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8],
     twin::run_column_slots,
 );
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
 pub const PIXEL_SLOTS: Pass =
-    pass("blend_backward_pixel_slots", false, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+    pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const PIXEL_ATOMIC: Pass =
-    pass("blend_backward_pixel_atomic", false, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
 /// PIXEL shape, subgroup sums and compare-and-swap.
-pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", false, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+pub const PIXEL_CAS: Pass =
+    pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
 /// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
-pub const PIXEL_EMULATED_CAS: Pass = pass(
-    "blend_backward_pixel_emulated_cas",
-    false,
-    SUM_BINDINGS,
-    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH],
-    twin::run_pixel_sums,
+pub const PIXEL_EMULATED_CAS: Pass =
+    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_pixel_sums);
+/// Threads own splats, one row per splat and tile to slots: deterministic, the same sums at any width of subgroups.
+pub const SPLAT_SLOTS: Pass =
+    pass("blend_backward_splat_slots", Owned::Splats, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+/// Threads own splats, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
+pub const SPLAT_ATOMIC: Pass =
+    pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+/// Threads own splats, compare-and-swap.
+pub const SPLAT_CAS: Pass =
+    pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+/// Threads own splats, emulated subgroups of any width, slots.
+pub const SPLAT_EMULATED_SLOTS: Pass = pass(
+    "blend_backward_splat_emulated_slots",
+    Owned::Splats,
+    SLOT_BINDINGS,
+    EMULATED_CONSTANTS,
+    twin::run_pixel_slots,
 );
+/// Threads own splats, emulated subgroups of any width and compare-and-swap: no optional feature at all.
+pub const SPLAT_EMULATED_CAS: Pass =
+    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_pixel_sums);

@@ -1,6 +1,6 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
-use super::variants::{COLUMN_WIDTH, GradientSum, TileShape, Variants};
+use super::variants::{Backward, COLUMN_WIDTH, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward};
 use crate::vk::{Error, Gpu, Result, Subgroup};
 
@@ -22,25 +22,30 @@ pub(super) fn blend_forward(gpu: &Gpu, tile: TileShape) -> Chosen {
 
 /// The backward pass; an error where the device has no way to run this form.
 pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
+    use Backward::{PerPixel, PerSplat};
     use GradientSum::{Atomic, CompareAndSwap, Slots};
     use TileShape::{Column, Pixel};
     let lacks = |feature: &'static str, what: &str| {
         Err(Error::MissingFeature { feature, needed_for: what.to_owned(), device: gpu.caps().device.clone() })
     };
-    match (variants.tile, variants.gradients) {
-        (Column, Slots) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_SLOTS, None)),
-        (Column, Slots) => Ok((&backward::COLUMN_EMULATED_SLOTS, None)),
-        (Column, Atomic) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_ATOMIC, None)),
-        (Column, CompareAndSwap) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_CAS, None)),
-        (Column, _) => lacks("subgroups of width 8", "gradients of column tiles summed other than in slots"),
-        (Pixel, Slots) => Ok((&backward::PIXEL_SLOTS, None)),
-        (Pixel, sum) => match (gpu.caps().subgroup, sum) {
-            (Subgroup::Hardware(_), Atomic) => Ok((&backward::PIXEL_ATOMIC, None)),
-            (Subgroup::Hardware(_), _) => Ok((&backward::PIXEL_CAS, None)),
-            (Subgroup::Emulated(width), CompareAndSwap) => {
-                Ok((&backward::PIXEL_EMULATED_CAS, Some(("EMULATED_WIDTH", width))))
-            }
-            (Subgroup::Emulated(_), _) => lacks("subgroup operations", "gradients summed by float atomics"),
-        },
+    let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
+    let emulated = |pass: &'static Pass| Ok((pass, Some(("EMULATED_WIDTH", gpu.caps().subgroup.width()))));
+    match (variants.tile, variants.backward, variants.gradients) {
+        (Column, PerSplat, _) => lacks("pixel tiles", "a backward per splat"),
+        (Column, PerPixel, Slots) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_SLOTS, None)),
+        (Column, PerPixel, Slots) => Ok((&backward::COLUMN_EMULATED_SLOTS, None)),
+        (Column, PerPixel, Atomic) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_ATOMIC, None)),
+        (Column, PerPixel, CompareAndSwap) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_CAS, None)),
+        (Column, PerPixel, _) => lacks("subgroups of width 8", "gradients of column tiles summed other than in slots"),
+        (Pixel, PerPixel, Slots) => Ok((&backward::PIXEL_SLOTS, None)),
+        (Pixel, PerPixel, Atomic) if hardware => Ok((&backward::PIXEL_ATOMIC, None)),
+        (Pixel, PerPixel, CompareAndSwap) if hardware => Ok((&backward::PIXEL_CAS, None)),
+        (Pixel, PerPixel, CompareAndSwap) => emulated(&backward::PIXEL_EMULATED_CAS),
+        (Pixel, PerSplat, Slots) if hardware => Ok((&backward::SPLAT_SLOTS, None)),
+        (Pixel, PerSplat, Slots) => emulated(&backward::SPLAT_EMULATED_SLOTS),
+        (Pixel, PerSplat, Atomic) if hardware => Ok((&backward::SPLAT_ATOMIC, None)),
+        (Pixel, PerSplat, CompareAndSwap) if hardware => Ok((&backward::SPLAT_CAS, None)),
+        (Pixel, PerSplat, CompareAndSwap) => emulated(&backward::SPLAT_EMULATED_CAS),
+        (Pixel, _, Atomic) => lacks("subgroup operations", "gradients summed by float atomics"),
     }
 }

@@ -13,5 +13,5 @@ mod viewer;
 pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, planes_of};
 pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
-pub use variants::{GradientSum, TileShape, Variants};
+pub use variants::{Backward, GradientSum, TileShape, Variants};
 pub use viewer::{Picture, Viewer};

@@ -39,6 +39,17 @@ pub enum GradientSum {
     Slots,
 }
 
+/// What the threads of the blend backward own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backward {
+    /// Pixels: what a splat gets from a tile is added up over threads.
+    #[default]
+    PerPixel,
+    /// Splats, in pixel tiles only: nothing is added up over threads, but every pixel's way is walked twice.
+    PerSplat,
+}
+
 /// The variant set of an engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Variants {
@@ -46,16 +57,54 @@ pub struct Variants {
     pub tile: TileShape,
     /// Gradient summation.
     pub gradients: GradientSum,
+    /// Who owns what in the blend backward.
+    #[serde(default)]
+    pub backward: Backward,
 }
 
 impl Variants {
+    /// A backward per pixel.
+    pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
+        Self { tile, gradients, backward: Backward::PerPixel }
+    }
+
+    /// Every form that the device can run, whichever is best.
+    pub fn possible(gpu: &Gpu) -> Vec<Self> {
+        let mut found = Vec::new();
+        for tile in [TileShape::Column, TileShape::Pixel] {
+            for backward in [Backward::PerPixel, Backward::PerSplat] {
+                for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
+                    found.push(Self { tile, gradients, backward });
+                }
+            }
+        }
+        found.retain(|variants| variants.runs_on(gpu));
+        found
+    }
+
+    /// Whether the device can run this form: slots always, other sums of column tiles with subgroups of 8 only, float atomics
+    /// where there are some and subgroup operations too, a backward per splat in pixel tiles.
+    pub fn runs_on(self, gpu: &Gpu) -> bool {
+        let caps = gpu.caps();
+        let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
+        let columns_sum = caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH);
+        match (self.tile, self.backward, self.gradients) {
+            (TileShape::Column, Backward::PerSplat, _) => false,
+            (_, _, GradientSum::Slots) => true,
+            (TileShape::Column, _, GradientSum::CompareAndSwap) => columns_sum,
+            (TileShape::Column, _, GradientSum::Atomic) => columns_sum && atomics,
+            (TileShape::Pixel, _, GradientSum::CompareAndSwap) => true,
+            (TileShape::Pixel, _, GradientSum::Atomic) => atomics,
+        }
+    }
+
     /// What suits the device; `deterministic` allows only bit-reproducible forms.
     pub fn choose(gpu: &Gpu, deterministic: bool) -> Self {
         let caps = gpu.caps();
         let cpu = caps.kind == DeviceKind::Cpu;
         let tile = if cpu { TileShape::Column } else { TileShape::Pixel };
         // On CPU devices slots are also the faster form: atomics there are compare-and-swap loops per lane.
-        let slots = Self { tile, gradients: GradientSum::Slots };
+        let slots = Self::new(tile, GradientSum::Slots);
         if deterministic || cpu { slots } else { slots.without_slots(gpu) }
     }
 
@@ -67,11 +116,13 @@ impl Variants {
             _ => GradientSum::CompareAndSwap,
         };
         let tile = if caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH) { self.tile } else { TileShape::Pixel };
-        Self { tile, gradients }
+        Self { tile, gradients, ..self }
     }
 
-    /// The same with some forms given.
-    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>) -> Self {
-        Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients) }
+    /// The same with some forms given. A backward per splat brings pixel tiles, unless another shape is given.
+    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>, backward: Option<Backward>) -> Self {
+        let backward = backward.unwrap_or(self.backward);
+        let kept = if backward == Backward::PerSplat { TileShape::Pixel } else { self.tile };
+        Self { tile: tile.unwrap_or(kept), gradients: gradients.unwrap_or(self.gradients), backward }
     }
 }

@@ -27,6 +27,9 @@ pub enum Error {
     /// Float atomics were asked for on a device (or with a switch) that has none.
     #[error("--gradient-sum atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
     NoFloatAtomics,
+    /// A backward per splat was asked for in column tiles.
+    #[error("--backward per-splat: only in tiles of 16x16; use --tile-shape pixel, or leave one of them out")]
+    PerSplatInColumns,
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,

@@ -212,6 +212,9 @@ group! {
         /// Where the blend backward leaves its gradients [default: what suits the device]; slots are bit-reproducible
         #[arg(value_name = "SUM", value_enum)]
         pub gradient_sum: crate::raster::GradientSum,
+        /// What the threads of the blend backward own [default: pixels]; per-splat brings pixel tiles
+        #[arg(value_name = "FORM", value_enum)]
+        pub backward: crate::raster::Backward,
     }
 }
 

@@ -17,7 +17,7 @@ use super::state::State;
 use super::{Error, evaluate};
 use crate::format::checkpoint;
 use crate::pass::counters;
-use crate::raster::{GradientSum, Picture, Variants};
+use crate::raster::{Backward, GradientSum, Picture, TileShape, Variants};
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{FloatAtomics, Gpu, Ticket};
 
@@ -358,7 +358,11 @@ impl Trainer {
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
     let device = &settings.device;
-    let variants = Variants::choose(gpu, run.deterministic).with(device.tile_shape, device.gradient_sum);
+    let variants =
+        Variants::choose(gpu, run.deterministic).with(device.tile_shape, device.gradient_sum, device.backward);
+    if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
+        return Err(Error::PerSplatInColumns);
+    }
     if run.deterministic && variants.gradients != GradientSum::Slots {
         return Err(Error::NotDeterministic);
     }

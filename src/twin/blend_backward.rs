@@ -1,4 +1,4 @@
-//! Twin of `glsl/blend_backward.comp`.
+//! Twin of `glsl/blend_backward.comp` and `glsl/blend_backward_splat.comp`.
 
 use super::blend_forward::{Blend, Evaluation, evaluate, inputs};
 use super::{Real, TwinCall};

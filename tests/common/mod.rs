@@ -7,8 +7,7 @@ pub mod splats;
 
 use std::path::PathBuf;
 
-use psrgs_vk::raster::{GradientSum, TileShape, Variants};
-use psrgs_vk::vk::{Error, FloatAtomics, Gpu, OpenOptions, Subgroup};
+use psrgs_vk::vk::{Error, Gpu, OpenOptions};
 
 /// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a printed
 /// reason, only where there is no Vulkan driver at all.
@@ -47,20 +46,4 @@ pub fn data(name: &str) -> Option<PathBuf> {
     }
     println!("skipped: {} is not there", path.display());
     None
-}
-
-/// Every form of the passes that the device can run: slots always, other sums of column tiles with subgroups of 8 only, float
-/// atomics where there are some and subgroup operations too.
-pub fn forms(gpu: &Gpu) -> Vec<Variants> {
-    use GradientSum::{Atomic, CompareAndSwap, Slots};
-    let caps = gpu.caps();
-    let runs = |tile: TileShape, gradients: GradientSum| match gradients {
-        Slots => true,
-        _ if tile == TileShape::Column && caps.subgroup != Subgroup::Hardware(8) => false,
-        Atomic => caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_)),
-        CompareAndSwap => true,
-    };
-    let shapes = [TileShape::Column, TileShape::Pixel];
-    let all = shapes.into_iter().flat_map(|tile| [Slots, CompareAndSwap, Atomic].map(|gradients| (tile, gradients)));
-    all.filter(|&(tile, sum)| runs(tile, sum)).map(|(tile, gradients)| Variants { tile, gradients }).collect()
 }

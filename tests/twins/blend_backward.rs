@@ -25,14 +25,20 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
         (&passes::PIXEL_CAS, 16, Rows::Sums, None),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(32)),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(64)),
+        (&passes::SPLAT_EMULATED_SLOTS, 16, Rows::Slots, Some(16)),
+        (&passes::SPLAT_EMULATED_SLOTS, 16, Rows::Slots, Some(64)),
+        (&passes::SPLAT_EMULATED_CAS, 16, Rows::Sums, Some(32)),
     ];
     let eight = matches!(gpu.caps().subgroup, Subgroup::Hardware(8));
     let atomics = gpu.caps().buffer_floats == FloatAtomics::Native;
     if eight {
         all.extend([(&passes::COLUMN_SLOTS, 8, Rows::Slots, None), (&passes::COLUMN_CAS, 8, Rows::Sums, None)]);
     }
+    if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
+        all.extend([(&passes::SPLAT_SLOTS, 16, Rows::Slots, None), (&passes::SPLAT_CAS, 16, Rows::Sums, None)]);
+    }
     if atomics {
-        all.push((&passes::PIXEL_ATOMIC, 16, Rows::Sums, None));
+        all.extend([&passes::PIXEL_ATOMIC, &passes::SPLAT_ATOMIC].map(|pass| (pass, 16, Rows::Sums, None)));
     }
     if eight && atomics {
         all.push((&passes::COLUMN_ATOMIC, 8, Rows::Sums, None));
@@ -227,7 +233,7 @@ fn cases(side: usize) -> Vec<Case> {
 
 fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u32>) {
     // lavapipe ends an invocation's loops after 65,535 rounds in all; those that emulate 15 sums of 64 lanes are most.
-    if width == Some(64) && case.longest > 65 {
+    if width == Some(64) && case.longest > 65 && pass.kernel.name == passes::PIXEL_EMULATED_CAS.kernel.name {
         return;
     }
     let blend = &case.blend;
@@ -288,14 +294,39 @@ fn contributors(gpu: &Gpu) {
     }
 }
 
+/// Threads that own splats leave the same bits whatever the width of their subgroups: states are handed on by shuffles from a
+/// width of 32 on, in shared memory below.
+fn same_bits_at_any_width(gpu: &Gpu, cases: &[Case]) {
+    for case in cases.iter().filter(|case| case.longest > 30 && case.longest < 1000) {
+        let buffers = buffers(&case.blend, &case.up, Rows::Slots);
+        let run = |pass: &Pass, width: Option<u32>| {
+            let mut given = case.constants.clone();
+            given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
+            let groups = case.blend.ranges.len() as u32;
+            harness::run(gpu, pass, &given, &buffers, &push(&case.blend), groups).device
+        };
+        let want = run(&passes::SPLAT_EMULATED_SLOTS, Some(8));
+        for width in [16, 32, 64] {
+            assert!(run(&passes::SPLAT_EMULATED_SLOTS, Some(width)) == want, "{}: width {width}", case.name);
+        }
+        if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
+            assert!(run(&passes::SPLAT_SLOTS, None) == want, "{}: the hardware's width", case.name);
+        }
+    }
+}
+
 pub fn run(gpu: &Gpu) {
     for side in [8, 16] {
-        for case in cases(side) {
+        let cases = cases(side);
+        for case in &cases {
             for (pass, tile, rows, width) in variants(gpu) {
                 if tile == side {
-                    against_twin(gpu, pass, &case, rows, width);
+                    against_twin(gpu, pass, case, rows, width);
                 }
             }
+        }
+        if side == 16 {
+            same_bits_at_any_width(gpu, &cases);
         }
     }
     contributors(gpu);

@@ -211,7 +211,26 @@ pub fn hard_scenes() -> Vec<Scene> {
         .map(|i| splat([20.0, 2.0 * f64::from(i)], [30.0, 0.05], f64::from(i) * 0.16, 0.9, 1.0, color()))
         .collect();
     let faint = (0..40).map(|i| splat([f64::from(i), 10.0], [4.0, 4.0], 0.0, 1.3 / 255.0, 1.0, color())).collect();
+    // Pixels stop after 30 to some hundred splats, each elsewhere: inside buckets and batches, and on their borders.
+    let stops = (0..300)
+        .map(|i| {
+            let mean = [f64::from(i * 7 % 22), f64::from(i * 5 % 18)];
+            splat(mean, [7.0, 5.0], f64::from(i), 0.25, 2.0 + f64::from(i), color())
+        })
+        .collect();
+    // Lists as long as a bucket, a batch, and one more, in tiles of 16.
+    let lengths = [31, 32, 33, 255, 256, 257]
+        .into_iter()
+        .enumerate()
+        .flat_map(|(tile, length)| (0..length).map(move |i| (tile, i)))
+        .map(|(tile, i)| {
+            let mean = [16.0 * tile as f64 + 6.0 + f64::from(i % 5), 6.0 + f64::from(i % 3)];
+            splat(mean, [1.0, 0.8], f64::from(i), 0.06, 1.0 + f64::from(i), color())
+        })
+        .collect();
     vec![
+        stack("stops in every place", [22, 18], [0.4, 0.2, 0.1], true, stops),
+        stack("lists of 31 to 257 splats", [96, 12], [0.4, 0.2, 0.1], false, lengths),
         stack("50 stacked opaque splats", [13, 11], [0.1, 0.2, 0.3], false, opaque),
         stack("fog of 2,000 layers", [9, 9], [1.0, 0.0, 0.5], true, fog),
         stack("saturated tiles", [30, 20], [1.0, 1.0, 1.0], true, saturated),
