@@ -1,6 +1,7 @@
 #version 460
 // plan: turns a count into workgroup numbers for indirect dispatches, or into zeros when the count exceeds its capacity.
 // One thread of one workgroup owns everything. When `status` was set before, nothing but zeros is written: counts mean nothing then.
+// In both cases the event is void from here on, so the first `void_entries` of `args` become zero too: what was planned before.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "count.glsl"
@@ -15,6 +16,7 @@ layout(push_constant) uniform Push {
     uint want;         // counter that keeps the largest count seen, or NO_COUNTER
     uint first;        // first entry of `args` to write
     uint entries;      // how many, at most 8
+    uint void_entries; // entries from the first of `args` on that are zeroed when the event is void
     uint divide[8];    // the entry's elements: table_size(count, divide, multiply)
     uint multiply[8];
     uint items[8];     // elements per workgroup; 0: `multiply` workgroups whatever the count
@@ -35,6 +37,8 @@ void main() {
             go = false;
         }
     }
+    const uint voided = go ? 0u : push.void_entries;
+    for (uint i = 0u; i < voided; ++i) args[i] = uvec4(0u);
     for (uint i = 0u; i < min(push.entries, 8u); ++i) {
         const uint items = push.items[i];
         uint groups = push.multiply[i];

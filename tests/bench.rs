@@ -20,8 +20,12 @@ fn settings() -> Settings {
     settings
 }
 
+fn options(warm_up: u32, steps: u32) -> Options {
+    Options { warm_up, steps, side: None, copy_bytes: 4 << 20 }
+}
+
 fn measure(gpu: &Gpu, input: Input) -> Result<Report, Error> {
-    bench::measure(gpu, input, &settings(), &Options { warm_up: 5, steps: 7 })
+    bench::measure(gpu, input, &settings(), &options(5, 7))
 }
 
 /// What must hold of every report.
@@ -51,6 +55,25 @@ fn assert_live(report: &Report) {
         assert_eq!(row.bytes.is_none(), small.contains(&row.pass.as_str()), "bytes of {}", row.pass);
         assert_eq!(row.stage == "bookkeeping", ["plan", "finish", "copy", "clear"].contains(&row.pass.as_str()));
     }
+    let rates = &report.rates;
+    let rates = [rates.copy_kernel_gb_per_s, rates.copy_buffer_gb_per_s, rates.gops_per_s, rates.gexp2_per_s];
+    assert!(rates.iter().all(|rate| *rate > 0.0 && rate.is_finite()), "{rates:?}");
+    for row in &report.passes {
+        let (name, floors) = (&row.pass, &row.floors);
+        assert_eq!(floors.bytes_ms.is_some(), row.bytes.is_some(), "{name}");
+        if let (Some(floor), Some(bytes)) = (floors.bytes_ms, row.bytes) {
+            assert!(close(floor * report.rates.bandwidth(), 1e3 * bytes), "{name}");
+        }
+        let counted = ["blend", "loss_strips", "loss_grad", "project", "adam", "slot_sum"];
+        assert!(floors.arithmetic_ms.is_none() || counted.iter().any(|of| name.starts_with(of)), "{name}");
+        assert_eq!(row.over_floor, floors.larger().map(|floor| row.ms.median / floor), "{name}");
+    }
+    let blend = |name: &str| report.passes.iter().find(|p| p.pass.starts_with(name)).expect("a blending pass");
+    // 8 operations and an exponential for every evaluation, 13 operations more where it is blended.
+    let floor = w.pixels * (8.0 * p.forward_evaluated + 13.0 * p.forward_blended) / report.rates.gops_per_s
+        + w.pixels * p.forward_evaluated / report.rates.gexp2_per_s;
+    assert!(close(blend("blend_forward").floors.arithmetic_ms.expect("a floor"), 1e-6 * floor));
+    assert!(blend("blend_backward").floors.arithmetic_ms > blend("blend_forward").floors.arithmetic_ms);
     let host = &report.per_step;
     let dispatches: f64 = report.passes.iter().map(|p| p.calls).sum::<f64>() - transfers;
     assert_eq!((host.dispatches, host.transfers), (dispatches, transfers), "what is timed is what is submitted");
@@ -99,7 +122,7 @@ fn buffers_that_are_too_small_grow_and_the_steps_before_do_not_count() {
 fn what_is_not_live_is_refused() {
     let Some(gpu) = common::gpu() else { return };
     let refused = |what: &str, input: Input, settings: &Settings, word: &str| {
-        let error = bench::measure(&gpu, input, settings, &Options { warm_up: 2, steps: 4 }).expect_err(what);
+        let error = bench::measure(&gpu, input, settings, &options(2, 4)).expect_err(what);
         assert!(matches!(&error, Error::NotLive(why) if why.contains(word)), "{what}: {error}");
     };
     let mut behind = plane_scene::splats(50);
@@ -140,7 +163,7 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
     let output = psrgs(&data, &["--splats", "1500", "--validate", "--json", json]);
     let (out, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{said}");
-    for word in ["1,500 splats", "0 host waits", "adam", "blend backward", "wall"] {
+    for word in ["1,500 splats", "0 host waits", "adam", "blend backward", "wall", "x floor", "exponentials"] {
         assert!(out.contains(word), "no `{word}` in:\n{out}");
     }
     let text = std::fs::read_to_string(&file).expect("the JSON");
@@ -152,6 +175,7 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
         "debug_assertions",
         "device",
         "variants",
+        "rates",
         "warm_up",
         "steps",
         "workload",
@@ -167,6 +191,7 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
     }
     assert_eq!(made["validated"], true);
     assert_eq!(made["workload"]["splats"], 1500);
+    assert!(made["passes"][0]["floors"].get("bytes_ms").is_some() && made["passes"][0].get("over_floor").is_some());
     assert_eq!(made["per_step"]["host_waits"], 0.0);
     assert!(made["command"].as_str().is_some_and(|c| c.starts_with("psrgs-vk bench") && c.contains("--validate")));
 }
@@ -188,4 +213,50 @@ fn the_command_refuses_a_dead_scene_with_code_7() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(7), "{said}");
     assert!(said.contains("not live") && output.stdout.is_empty() && !json.exists(), "{said}");
+}
+
+#[test]
+fn pictures_larger_than_the_photographs_are_made() {
+    let Some(gpu) = common::gpu() else { return };
+    let options = Options { side: Some(128), ..options(5, 7) };
+    let report = bench::measure(&gpu, plane_scene::input(3, 64, 48, 300), &settings(), &options).expect("live");
+    assert_eq!((report.workload.size, report.workload.pixels), ([128, 96], 128.0 * 96.0));
+    assert_live(&report);
+}
+
+#[test]
+fn commands_of_a_step_say_what_they_wait_for() {
+    let Some(gpu) = common::gpu() else { return };
+    let listed =
+        bench::commands(&gpu, plane_scene::input(3, 64, 48, 300), &settings(), &options(2, 4)).expect("a step");
+    assert_eq!(listed.last().expect("commands").command, "read by the host");
+    let mut barriers = 0;
+    for (i, command) in listed.iter().enumerate() {
+        barriers += usize::from(command.barrier);
+        for wait in &command.waits {
+            let mine = |names: &[String]| names.contains(&wait.buffer);
+            assert!(mine(&command.reads) || mine(&command.writes), "{i}: {command:?}");
+            let Some(after) = wait.after else { continue };
+            let other = &listed[after];
+            assert!(after < i && (other.writes.contains(&wait.buffer) || mine(&command.writes)), "{i}: {command:?}");
+            // Somewhere between the two there is a barrier.
+            assert!(listed[after + 1..=i].iter().any(|between| between.barrier), "{i}: {command:?}");
+        }
+    }
+    let waiting = listed.iter().filter(|command| !command.waits.is_empty()).count();
+    assert!(barriers > 10 && barriers <= waiting, "{barriers} barriers for {waiting} commands that wait");
+    // Each pass of the tile lists is there.
+    for pass in ["project", "compact", "emit", "tile_ranges", "finish"] {
+        assert!(listed.iter().any(|command| command.command == pass), "no {pass}");
+    }
+}
+
+#[test]
+fn keys_are_sorted_and_counted() {
+    let Some(gpu) = common::gpu() else { return };
+    for (keys, bits) in [(1, 32), (20_000, 32), (5000, 13)] {
+        let report = bench::sort(&gpu, keys, bits, 2).expect("sorted");
+        assert_eq!((report.keys, report.bits), (keys, bits));
+        assert!(report.gkeys_per_s > 0.0 && report.dispatches >= 3);
+    }
 }

@@ -8,7 +8,7 @@ use psrgs_vk::pass::counters;
 use psrgs_vk::pass::plan::{self, Entry};
 use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
 use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
-use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, TileLists};
+use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use psrgs_vk::twin::tile::{TileGrid, list};
 use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
 
@@ -202,10 +202,14 @@ fn frame(gpu: &Gpu, scene: &Scene) -> Frame {
     }
 }
 
-fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &Frame, grid: &TileGrid) -> Lists<'a> {
+fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &'a Frame, grid: &TileGrid) -> Lists<'a> {
     let Frame { splat2d, tile_counts, counts, args } = frame;
     let mut rec = gpu.recorder("lists").unwrap();
-    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry: 32 - ENTRIES };
+    let first_entry = 32 - ENTRIES;
+    let pipeline = gpu.pipeline(&plan::PASS.kernel, &[]).unwrap();
+    let push = plan::Push::unlimited(counters::SPLATS as u32, first_entry, &SPLAT_ENTRIES).voiding(32);
+    rec.dispatch(&pipeline, &[counts, args], &push, Groups::Workgroups(1)).unwrap();
+    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries: 32 };
     let result = lists.record(&mut rec, inputs, grid).unwrap();
     rec.submit().unwrap();
     result
@@ -305,7 +309,7 @@ fn too_many_pairs_set_the_status_and_emit_nothing() {
     record(&gpu, &small, &frame, &grid);
     assert_eq!(gpu.read::<u32>(&frame.counts).unwrap(), counts);
     let args: Vec<[u32; 4]> = gpu.read(&frame.args).unwrap();
-    assert!(args[32 - ENTRIES as usize..].iter().all(|entry| *entry == [0; 4]));
+    assert!(args.iter().all(|entry| *entry == [0; 4]));
     // Cleared and with room, the same frame comes out whole.
     let large = TileLists::new(&gpu, Capacities { splats: 2000, pairs, tiles: 1000 }).unwrap();
     gpu.write(&frame.counts, &[0u32]).unwrap();

@@ -3,15 +3,18 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+use super::enlarge::enlarge;
+use super::rates::Rates;
 use super::report::{DeviceName, Loss, PerPixel, PerStep, Report, Workload};
 use super::rows::rows;
 use super::traffic::Work;
 use super::{Error, Quartiles};
 use crate::pass::counters;
+use crate::raster::scan;
 use crate::raster::sort::Shape;
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
 use crate::train::{self, Engine, Event, Input, Outcome, Pacing, Schedule, Settings, StepPlan};
-use crate::vk::{Gpu, PassTime, Stats, Ticket};
+use crate::vk::{Described, Gpu, PassTime, Recorder, Stats, Ticket};
 
 /// Views that are looked at in turn, at most: few, so that each comes up several times and its loss has to fall.
 const MOST_VIEWS: usize = 8;
@@ -23,7 +26,14 @@ pub struct Options {
     pub warm_up: u32,
     /// Steps that are timed as a whole, and as many after them with timestamps.
     pub steps: u32,
+    /// Longer side of the pictures in pixels, where that is more than the photographs have: they are enlarged.
+    pub side: Option<u32>,
+    /// Bytes of each of two buffers, of which one is copied to the other to measure the bandwidth.
+    pub copy_bytes: u64,
 }
+
+/// Bytes to copy that are more than caches hold.
+pub const COPY_BYTES: u64 = 256 << 20;
 
 /// Times training steps of `settings` without density control, every band of the spherical harmonics in use from the first
 /// step. Up to 8 of the training views, spread over all of them, are looked at in turn.
@@ -38,40 +48,23 @@ pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Optio
     if caps.limits.timestamp_ns <= 0.0 {
         return Err(Error::NoTimestamps { device: caps.device.clone() });
     }
-    let all = input.train.len();
-    let views = all.min(MOST_VIEWS).min((options.total() / 2).max(1) as usize);
-    if views == 0 {
-        return Err(train::Error::NoViews.into());
-    }
-    let mut number = 0;
-    input.train.retain(|_| {
-        number += 1;
-        (number - 1) * views / all != number * views / all
-    });
-    let mut settings = settings.clone();
-    settings.run.no_densify = true;
-    // The end of a run has no optimiser step.
-    settings.run.iterations = settings.run.iterations.max(2 * options.total() + 100);
-    let variants = train::chosen_variants(gpu, &settings)?;
-    // No growth of the set of splats is to come.
-    let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };
-    let mut run = Run {
-        gpu,
-        engine: Engine::new(gpu, &input, &settings, variants, pacing, None)?,
-        schedule: Schedule::new(&settings, views),
-        sh_degree: settings.model.sh_degree,
-        views,
-        depth: pacing.events_in_flight,
-        options,
-        begin: 1,
-        next: 1,
-        in_flight: VecDeque::new(),
-        looked: Instant::now(),
-        samples: Vec::new(),
-        stats: [Stats::default(); 2],
-    };
+    let rates = Rates::measure(gpu, train::chosen_variants(gpu, settings)?, options.copy_bytes)?;
+    // What the rates were measured with is no part of what a step needs.
+    gpu.forget_peak_memory();
+    let mut run = Run::new(gpu, &mut input, settings, options)?;
     run.follow()?;
-    run.report(&input)
+    run.report(&input, rates)
+}
+
+/// The commands of a step in the middle of such a run.
+pub fn commands(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Options) -> Result<Vec<Described>, Error> {
+    let mut run = Run::new(gpu, &mut input, settings, options)?;
+    while run.next - run.begin < 2 * run.views.max(4) as u32 {
+        let ticket = run.submit(false)?;
+        let outcome = run.engine.outcome(ticket)?;
+        run.grown(&outcome)?;
+    }
+    Ok(gpu.describe(&run.recorded(false)?))
 }
 
 impl Options {
@@ -111,16 +104,60 @@ struct Run<'a> {
     stats: [Stats; 2],
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// Thins out the views of `input` and enlarges them where that is asked for.
+    fn new(gpu: &'a Gpu, input: &mut Input, settings: &Settings, options: &'a Options) -> Result<Self, Error> {
+        let all = input.train.len();
+        let views = all.min(MOST_VIEWS).min((options.total() / 2).max(1) as usize);
+        if views == 0 {
+            return Err(train::Error::NoViews.into());
+        }
+        let mut number = 0;
+        input.train.retain(|_| {
+            number += 1;
+            (number - 1) * views / all != number * views / all
+        });
+        if let Some(side) = options.side {
+            input.train.iter_mut().for_each(|view| enlarge(view, side));
+        }
+        let mut settings = settings.clone();
+        settings.run.no_densify = true;
+        // The end of a run has no optimiser step.
+        settings.run.iterations = settings.run.iterations.max(2 * options.total() + 100);
+        let variants = train::chosen_variants(gpu, &settings)?;
+        // No growth of the set of splats is to come.
+        let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };
+        Ok(Run {
+            gpu,
+            engine: Engine::new(gpu, input, &settings, variants, pacing, None)?,
+            schedule: Schedule::new(&settings, views),
+            sh_degree: settings.model.sh_degree,
+            views,
+            depth: pacing.events_in_flight,
+            options,
+            begin: 1,
+            next: 1,
+            in_flight: VecDeque::new(),
+            looked: Instant::now(),
+            samples: Vec::new(),
+            stats: [Stats::default(); 2],
+        })
+    }
+
     fn plan(&self, step: u32) -> StepPlan {
         StepPlan { sh_degree: self.sh_degree, ..self.schedule.step(step) }
     }
 
-    fn submit(&mut self, profile: bool) -> Result<Ticket, Error> {
+    fn recorded(&self, profile: bool) -> Result<Recorder, Error> {
         let mut recorder = self.gpu.recorder("step")?;
         recorder.profile(profile);
         let view = (self.next - 1) as usize % self.views;
         self.engine.record(&mut recorder, Event::of_step(self.next), &self.plan(self.next), view)?;
+        Ok(recorder)
+    }
+
+    fn submit(&mut self, profile: bool) -> Result<Ticket, Error> {
+        let recorder = self.recorded(profile)?;
         self.next += 1;
         Ok(self.engine.submit_recorded(recorder)?)
     }
@@ -179,7 +216,7 @@ impl Run<'_> {
         Ok(true)
     }
 
-    fn report(mut self, input: &Input) -> Result<Report, Error> {
+    fn report(mut self, input: &Input, rates: Rates) -> Result<Report, Error> {
         let samples = std::mem::take(&mut self.samples);
         let (warm_up, steps) = (self.options.warm_up as usize, self.options.steps as usize);
         let loss = self.live(&samples)?;
@@ -187,9 +224,9 @@ impl Run<'_> {
         let (plain, timed) = samples[warm_up..].split_at(steps);
         let work = self.work(input, timed);
         let times: Vec<&[PassTime]> = timed.iter().map(|s| s.passes.as_slice()).collect();
-        let (passes, stages, device_ms) = rows(&times, &work)?;
         let splats = timed.first().map_or(0, |s| s.counter(counters::SPLATS));
         let splats_per_pixel = self.count(work.pixels)?;
+        let (passes, stages, device_ms) = rows(&times, &work, splats_per_pixel.as_ref(), &rates)?;
         let caps = self.gpu.caps();
         Ok(Report {
             device: DeviceName {
@@ -199,6 +236,7 @@ impl Run<'_> {
                 api: format!("{}.{}.{}", caps.api.0, caps.api.1, caps.api.2),
             },
             variants: work.variants,
+            rates,
             warm_up: self.options.warm_up,
             steps: self.options.steps,
             workload: Workload {
@@ -265,6 +303,8 @@ impl Run<'_> {
             pixels: over_views(&|w, h| f64::from(w) * f64::from(h)),
             tiles: over_views(&tiles),
             splat_capacity: f64::from(self.engine.renderer().splat_capacity()),
+            pair_capacity: f64::from(self.engine.renderer().pair_capacity()),
+            most_at_once: scan::most_at_once(self.gpu.caps().kind),
             tile_capacity,
             sh_degree: self.sh_degree,
             variants,

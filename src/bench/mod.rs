@@ -1,16 +1,24 @@
 //! Where the time of a training step goes: timestamps around every pass of warm steps, and what those passes worked on.
 
+mod enlarge;
 mod error;
+mod floors;
 mod measure;
 mod model;
+pub mod plot;
 mod quartiles;
+mod rates;
 mod report;
 mod rows;
+mod sort;
 mod traffic;
 
 pub use error::Error;
-pub use measure::{Options, measure};
+pub use floors::{Arithmetic, Floors, arithmetic};
+pub use measure::{COPY_BYTES, Options, commands, measure};
 pub use model::resized;
 pub use quartiles::Quartiles;
+pub use rates::Rates;
 pub use report::{DeviceName, Loss, PassRow, PerPixel, PerStep, Report, StageRow, Workload};
+pub use sort::{SortReport, sort};
 pub use traffic::{Work, bytes};

@@ -3,6 +3,8 @@
 use serde::Serialize;
 
 use super::Quartiles;
+use super::floors::Floors;
+use super::rates::Rates;
 use crate::raster::Variants;
 
 /// A benchmark. Times in milliseconds.
@@ -12,6 +14,8 @@ pub struct Report {
     pub device: DeviceName,
     /// Forms of the passes.
     pub variants: Variants,
+    /// How fast the device moves bytes and calculates.
+    pub rates: Rates,
     /// Steps before timing began.
     pub warm_up: u32,
     /// Steps timed as a whole, and as many pass by pass.
@@ -128,6 +132,10 @@ pub struct PassRow {
     pub bytes: Option<f64>,
     /// These over the median time, 10^9 bytes per second.
     pub gb_per_s: Option<f64>,
+    /// What the pass takes at least.
+    pub floors: Floors,
+    /// The median time over the larger floor.
+    pub over_floor: Option<f64>,
 }
 
 /// All passes of one purpose in a step.

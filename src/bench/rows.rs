@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::report::{PassRow, StageRow};
+use super::floors::Floors;
+use super::rates::Rates;
+use super::report::{PassRow, PerPixel, StageRow};
 use super::traffic::{self, Work};
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
@@ -44,7 +46,12 @@ fn sums<'a, K: Ord>(steps: &'a [&'a [PassTime]], key: impl Fn(&'a str) -> K) -> 
 }
 
 /// The rows of passes and stages, the longest first, and the whole step. `steps` holds the times of each step.
-pub(super) fn rows(steps: &[&[PassTime]], work: &Work) -> Result<(Vec<PassRow>, Vec<StageRow>, Quartiles), Error> {
+pub(super) fn rows(
+    steps: &[&[PassTime]],
+    work: &Work,
+    per_pixel: Option<&PerPixel>,
+    rates: &Rates,
+) -> Result<(Vec<PassRow>, Vec<StageRow>, Quartiles), Error> {
     let whole: Vec<f64> = steps.iter().map(|step| step.iter().map(|t| t.ns * 1e-6).sum()).collect();
     let total: f64 = whole.iter().sum();
     if total <= 0.0 {
@@ -55,6 +62,7 @@ pub(super) fn rows(steps: &[&[PassTime]], work: &Work) -> Result<(Vec<PassRow>, 
         .into_iter()
         .map(|(pass, (ms, calls))| {
             let bytes = traffic::bytes(pass, work);
+            let floors = Floors::of(pass, work, per_pixel, rates);
             let (share, ms) = (share(&ms), Quartiles::of(ms));
             PassRow {
                 pass: pass.to_owned(),
@@ -63,6 +71,8 @@ pub(super) fn rows(steps: &[&[PassTime]], work: &Work) -> Result<(Vec<PassRow>, 
                 ms,
                 share,
                 bytes,
+                over_floor: floors.larger().filter(|floor| *floor > 0.0).map(|floor| ms.median / floor),
+                floors,
                 gb_per_s: bytes.filter(|_| ms.median > 0.0).map(|b| b / ms.median * 1e-6),
             }
         })

@@ -1,6 +1,7 @@
 //! Bytes that each pass moves by design.
 
 use crate::raster::sort::{Digits, Shape};
+use crate::raster::tiles::{DEPTH_BITS, tile_bits};
 use crate::raster::{GradientSum, PLANES, Variants};
 
 /// Means over the timed steps of what the passes work on.
@@ -18,6 +19,10 @@ pub struct Work {
     pub tiles: f64,
     /// Splats that the buffers hold.
     pub splat_capacity: f64,
+    /// Pairs that the buffers hold.
+    pub pair_capacity: f64,
+    /// Most words that are summed in one pass.
+    pub most_at_once: u64,
     /// Tiles that the buffers hold.
     pub tile_capacity: f64,
     /// Degree of the spherical harmonics in use.
@@ -38,6 +43,11 @@ const ROW_2D: f64 = 48.0;
 const SH: f64 = 48.0;
 /// Bytes of mean, quaternion, scales and opacity.
 const GEOMETRY: f64 = 44.0;
+
+/// Parameters of a splat.
+pub(super) fn parameters() -> f64 {
+    f64::from(PLANES.iter().map(|(_, row)| row).sum::<u32>())
+}
 
 impl Work {
     /// Groups of spherical harmonics that are looked at.
@@ -60,9 +70,20 @@ impl Work {
         (a.0 + b.0, a.1 + b.1)
     }
 
-    /// Words that go through prefix sums: splats, visible splats, tables.
-    fn summed(&self) -> f64 {
-        self.splats + self.visible + self.sorted().1
+    /// Words that go through prefix sums in one pass, and in three: splats, visible splats, tables.
+    fn summed(&self) -> [f64; 2] {
+        let table = |keys: f64, digits: Digits| {
+            f64::from(digits.passes) * (keys / f64::from(self.shape.block())).ceil() * f64::from(digits.rows())
+        };
+        let most = |capacity: f64, bits: u32| self.shape.table_words(capacity as u64, bits);
+        let sums = [
+            (self.splats + self.visible, self.splat_capacity as u64),
+            (table(self.visible, self.depth), most(self.splat_capacity, DEPTH_BITS)),
+            (table(self.pairs, self.tile), most(self.pair_capacity, tile_bits(self.tile_capacity as u64))),
+        ];
+        let mut words = [0.0; 2];
+        sums.iter().for_each(|&(n, most)| words[usize::from(most > self.most_at_once)] += n);
+        words
     }
 }
 
@@ -76,7 +97,7 @@ impl Work {
 /// | `compact` | N (4 count + 4 place) + V (4 depth + 8 key and value) |
 /// | `radix_count` | per digit: 4 per key, 4 per table word |
 /// | `radix_scatter` | per digit: 16 per key, 4 per table word |
-/// | `scan_reduce`, `scan_add`, `scan_spine` | 4, 8, 8 / 1024 per word of N, V and the tables |
+/// | `scan_reduce`, `scan_add`, `scan_spine`, `scan_once` | 4, 8, 8 / 1024, 8 per word of the sums (over N, V, tables) that take it |
 /// | `gather_counts` | 12 V |
 /// | `emit` | V (12 + 24 of the projected splat) + 12 P |
 /// | `tile_ranges` | 16 P + 8 per tile |
@@ -94,18 +115,20 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let sh = SH * work.sh_groups();
     let lists = (4.0 + ROW_2D) * p + 8.0 * tiles;
     let (keys, tables) = work.sorted();
-    let parameters = f64::from(PLANES.iter().map(|(_, row)| row).sum::<u32>());
+    let parameters = parameters();
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     // `project_backward` before `project`, whose name it begins with.
-    let families: [(&str, f64); 19] = [
+    let [at_once, in_blocks] = work.summed();
+    let families: [(&str, f64); 20] = [
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
         ("compact", 8.0 * n + 12.0 * v),
         ("radix_count", 4.0 * keys + 4.0 * tables),
         ("radix_scatter", 16.0 * keys + 4.0 * tables),
-        ("scan_reduce", 4.0 * work.summed()),
-        ("scan_add", 8.0 * work.summed()),
-        ("scan_spine", 8.0 * work.summed() / f64::from(crate::raster::scan::BLOCK)),
+        ("scan_once", 8.0 * at_once),
+        ("scan_reduce", 4.0 * in_blocks),
+        ("scan_add", 8.0 * in_blocks),
+        ("scan_spine", 8.0 * in_blocks / f64::from(crate::raster::scan::BLOCK)),
         ("gather_counts", 12.0 * v),
         ("emit", 36.0 * v + 12.0 * p),
         ("tile_ranges", 16.0 * p + 8.0 * tiles),

@@ -1,10 +1,13 @@
 //! `psrgs-vk bench`: where the time of a step goes.
 
+mod grown;
+mod listing;
+mod sorted;
 mod table;
 
 use std::path::{Path, PathBuf};
 
-use psrgs_vk::bench::{self, Options, Report};
+use psrgs_vk::bench::{self, Options};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::Frame;
@@ -24,13 +27,17 @@ Examples:
   psrgs-vk bench fox --max-side 640 --splats 100000 --json bench.json
   psrgs-vk bench fox --max-side 640 --init fox-model/point_cloud.ply
   psrgs-vk bench fox --max-side 160 --steps 5 --validate
+  psrgs-vk bench fox --list-commands
+  psrgs-vk bench --sort 16777216
+  psrgs-vk bench --plot growth.svg bench-10k.json bench-100k.json bench-1m.json
 
 The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn.
 Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look at these views
 to the last.")]
 pub(crate) struct Args {
     /// Dataset
-    pub(crate) data: PathBuf,
+    #[arg(required_unless_present_any = ["sort", "plot"])]
+    pub(crate) data: Option<PathBuf>,
     /// Start from the splats of this PLY file instead of the dataset's points
     #[arg(long, value_name = "FILE.ply")]
     pub(crate) init: Option<PathBuf>,
@@ -49,6 +56,21 @@ pub(crate) struct Args {
     /// Use the passes of deterministic training
     #[arg(long)]
     pub(crate) deterministic: bool,
+    /// Longer side of the pictures in pixels: photographs that are smaller are enlarged, for times at sizes they do not have
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16_384))]
+    pub(crate) side: Option<u32>,
+    /// List the commands of a step with their buffers and barriers instead of timing it
+    #[arg(long)]
+    pub(crate) list_commands: bool,
+    /// Sort N random keys with values instead, --steps times, and tell how many that are per second
+    #[arg(long, value_name = "N", conflicts_with_all = ["data", "list_commands"], value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) sort: Option<u32>,
+    /// Bits that --sort sorts by
+    #[arg(long, value_name = "B", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=32))]
+    pub(crate) bits: u32,
+    /// Draw time and memory of results of --json against splats or pixels, whichever differ more, and tell how they grow
+    #[arg(long, num_args = 2.., value_names = ["FILE.svg", "FILE.json"], conflicts_with_all = ["data", "sort", "list_commands"])]
+    pub(crate) plot: Option<Vec<PathBuf>>,
     /// Seed of the copies that --splats makes
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
@@ -66,7 +88,7 @@ pub(crate) struct Args {
 
 /// What the JSON holds: how it was made, and the results.
 #[derive(serde::Serialize)]
-struct Made<'a> {
+struct Made<'a, R> {
     command: String,
     version: &'static str,
     /// The commit that was built, where the build was told.
@@ -76,7 +98,7 @@ struct Made<'a> {
     /// Whether the validation layer watched: times say nothing then.
     validated: bool,
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a R,
 }
 
 impl Args {
@@ -91,8 +113,8 @@ impl Args {
     }
 
     /// What the steps are taken on.
-    fn input(&self, settings: &Settings) -> anyhow::Result<Input> {
-        let dataset = Dataset::load(&self.data, &prepare::load_options(&settings.photographs))?;
+    fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
+        let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
         let mut initial = prepare::initial(&dataset, self.init.as_deref())?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
@@ -111,10 +133,26 @@ impl Args {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    if let Some([picture, results @ ..]) = args.plot.as_deref() {
+        return grown::run(picture, results);
+    }
+    match (args.sort, &args.data) {
+        (Some(keys), _) => sorted::run(args, keys, console),
+        (None, Some(data)) => steps(args, data, console),
+        (None, None) => Ok(()),
+    }
+}
+
+fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     let settings = args.settings();
     settings.check()?;
     let gpu = args.open(console)?;
-    let input = args.input(&settings)?;
+    let input = args.input(data, &settings)?;
+    let options = Options { warm_up: args.warm_up, steps: args.steps, side: args.side, copy_bytes: bench::COPY_BYTES };
+    if args.list_commands {
+        let commands = bench::commands(&gpu, input, &settings, &options).map_err(failure)?;
+        return Ok(console::print(&listing::text(&commands))?);
+    }
     console.say(format_args!(
         "{} splats, {} training photographs; {} steps to warm up, {} timed",
         input.initial.len(),
@@ -122,7 +160,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         args.warm_up,
         args.steps
     ));
-    let measured = bench::measure(&gpu, input, &settings, &Options { warm_up: args.warm_up, steps: args.steps });
+    let measured = bench::measure(&gpu, input, &settings, &options);
     // First, because it may be why nothing could be measured.
     if args.validate {
         clean(&gpu)?;
@@ -132,7 +170,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         console.say("validation: not one message; the times below are those under the layer");
     }
     if let Some(file) = &args.json {
-        write(file, &report, args)?;
+        write(file, &report, args.validate)?;
     }
     Ok(console::print(&table::text(&report))?)
 }
@@ -156,13 +194,13 @@ fn failure(error: bench::Error) -> anyhow::Error {
     }
 }
 
-fn write(file: &Path, report: &Report, args: &Args) -> anyhow::Result<()> {
+fn write<R: serde::Serialize>(file: &Path, report: &R, validated: bool) -> anyhow::Result<()> {
     let made = Made {
         command: std::iter::once("psrgs-vk".into()).chain(std::env::args().skip(1)).collect::<Vec<_>>().join(" "),
         version: env!("CARGO_PKG_VERSION"),
         commit: option_env!("PSRGS_COMMIT"),
         debug_assertions: cfg!(debug_assertions),
-        validated: args.validate,
+        validated,
         report,
     };
     let text = serde_json::to_string_pretty(&made)? + "\n";

@@ -1,7 +1,7 @@
-//! The last pass of an event: records its number unless `status` is set.
+//! The last pass of an event: records its number unless `status` is set, and reports counters and losses to the host.
 
 use super::{Pass, module};
-use crate::vk::{Kernel, read_write};
+use crate::vk::{Kernel, read, read_write, write};
 
 crate::push_constants! {
     /// Push constants of [`PASS`].
@@ -11,12 +11,15 @@ crate::push_constants! {
     }
 }
 
-/// The pass.
+/// Words of the report: the counters, then total loss, L1 and SSIM.
+pub const REPORT_WORDS: usize = super::counters::COUNT + 3;
+
+/// The pass. `ring` is a slot of [`REPORT_WORDS`] words.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "finish",
         spirv: module("finish"),
-        bindings: &[read_write("counters")],
+        bindings: &[read_write("counters"), read("loss"), write("ring")],
         push_bytes: Push::BYTES,
         constants: &[],
         local_size: Some(1),

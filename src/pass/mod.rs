@@ -22,6 +22,7 @@ pub mod gather_counts;
 pub mod loss;
 pub mod opacity_reset;
 pub mod plan;
+pub mod probe;
 pub mod project;
 pub mod project_backward;
 pub mod radix;
@@ -100,6 +101,9 @@ pub const ALL: &[&Pass] = &[
     &loss::SUM,
     &opacity_reset::PASS,
     &plan::PASS,
+    &probe::COPY,
+    &probe::EXP2,
+    &probe::MULTIPLY_ADD,
     &project::PASS,
     &project_backward::PASS,
     &radix::COUNT_GROUPS,
@@ -110,6 +114,8 @@ pub const ALL: &[&Pass] = &[
     &radix::SCATTER_RUNS,
     &scan::ADD,
     &scan::ADD_EMULATED,
+    &scan::ONCE,
+    &scan::ONCE_EMULATED,
     &scan::REDUCE,
     &scan::REDUCE_EMULATED,
     &scan::SPINE,

@@ -27,6 +27,8 @@ crate::push_constants! {
         pub first: u32,
         /// Entries to write, at most [`MOST_ENTRIES`].
         pub entries: u32,
+        /// Entries from the first of `args` on that are zeroed when the event is void.
+        pub void_entries: u32,
         /// An entry's elements are `ceil(count / divide) * multiply`.
         pub divide: [u32; 8],
         /// See `divide`.
@@ -85,13 +87,19 @@ impl Push {
         push
     }
 
+    /// The same, zeroing what was planned before in the first `entries` entries of `args` when the event is void.
+    pub fn voiding(self, entries: u32) -> Push {
+        Push { void_entries: entries, ..self }
+    }
+
     /// The same with a capacity, the status bit that tells of more, and the counter that keeps the largest count.
     pub fn limited(self, capacity: u32, status_bit: u32, want: u32) -> Push {
         Push { capacity, status_bit, want, ..self }
     }
 }
 
-/// Turns a count into workgroup numbers, or into zeros when it does not fit or `status` was set before.
+/// Turns a count into workgroup numbers, or into zeros when it does not fit or `status` was set before; then also what was
+/// planned before can be zeroed, see [`Push::voiding`].
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "plan",

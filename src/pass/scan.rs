@@ -1,4 +1,5 @@
-//! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks.
+//! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks. Few words are
+//! summed by one workgroup in one pass.
 //!
 //! No workgroup waits for another. Each pass exists with hardware subgroup operations and with emulated ones.
 
@@ -12,7 +13,7 @@ pub const LOCAL_SIZE: u32 = 64;
 pub const ITEMS: u32 = 16;
 
 crate::push_constants! {
-    /// Push constants of the three passes.
+    /// Push constants of the passes.
     pub struct Push {
         /// Counter that holds the count, or [`super::plan::NO_COUNTER`].
         pub source: u32,
@@ -59,6 +60,7 @@ const fn pass(
 const REDUCE_BINDINGS: &[Binding] = &[read("source"), read("counters"), write("sums")];
 const SPINE_BINDINGS: &[Binding] = &[read_write("counters"), read_write("sums")];
 const ADD_BINDINGS: &[Binding] = &[read("source"), read("counters"), read("sums"), write("target")];
+const ONCE_BINDINGS: &[Binding] = &[read("source"), read_write("counters"), write("target")];
 const PER_BLOCK: &str = "one workgroup per 64 * ITEMS words";
 
 /// Sum of each block.
@@ -76,3 +78,8 @@ pub const SPINE_EMULATED: Pass =
     pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::spine);
 /// [`ADD`] with emulated subgroups.
 pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::add);
+/// The whole of it by one workgroup.
+pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+/// [`ONCE`] with emulated subgroups.
+pub const ONCE_EMULATED: Pass =
+    pass("scan_once_emulated", ONCE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::once);

@@ -3,7 +3,7 @@
 use super::kernels;
 use super::planes::Planes;
 use super::target::Target;
-use super::tiles::{Capacities, Inputs, Lists, TileLists};
+use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection};
 use crate::pass::plan::{self, Entry};
@@ -12,7 +12,8 @@ use crate::scene::Camera;
 use crate::twin::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
-/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow.
+/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because their
+/// first ones are planned with them.
 mod entry {
     /// One thread per splat, 64 in a workgroup.
     pub(super) const SPLATS: u32 = 0;
@@ -24,17 +25,15 @@ mod entry {
     pub(super) const ROWS_12: u32 = 3;
     /// One workgroup of a pass that does something once per event.
     pub(super) const ONCE: u32 = 4;
-    /// One workgroup of `slot_sum` per 16 visible splats.
-    pub(super) const SLOT_SUM: u32 = 5;
     /// First entry of the tile lists.
-    pub(super) const TILES: u32 = 8;
+    pub(super) const TILES: u32 = 5;
 }
 
 /// First entry of `args` that belongs to density control.
 pub const DENSITY_ENTRY: u32 = 32;
 
 /// Entries in the `args` buffer.
-const ENTRIES: u64 = 64;
+const ENTRIES: u32 = 64;
 
 /// A view to render.
 #[derive(Clone, Copy, Debug)]
@@ -122,7 +121,7 @@ impl Renderer {
             })
         };
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
-        let args = gpu.buffer("args", 16 * ENTRIES, Memory::Device)?;
+        let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
         let lists = TileLists::new(gpu, Capacities { splats, pairs, tiles })?;
         let backward = if size.train { Some(Backward::new(gpu, variants, &size)?) } else { None };
@@ -188,14 +187,13 @@ impl Renderer {
     }
 
     /// Plans the dispatches that depend on the number of splats alone.
-    pub fn record_plan(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+    fn record_plan(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         let rows = |floats: u32| Entry { divide: 1, multiply: floats, items: 64 };
-        let entries = [Entry::items(64), rows(3), rows(4), rows(12), Entry::fixed(1)];
-        let push = plan::Push::unlimited(counters::SPLATS as u32, entry::SPLATS, &entries).limited(
-            self.splat_capacity,
-            counters::SPLATS_BIT,
-            plan::NO_COUNTER,
-        );
+        let [scan, items, once] = SPLAT_ENTRIES;
+        let entries = [Entry::items(64), rows(3), rows(4), rows(12), Entry::fixed(1), scan, items, once];
+        let push = plan::Push::unlimited(counters::SPLATS as u32, entry::SPLATS, &entries)
+            .limited(self.splat_capacity, counters::SPLATS_BIT, plan::NO_COUNTER)
+            .voiding(ENTRIES);
         recorder.dispatch(&self.plan, &[&self.counters, &self.args], &push, Groups::Workgroups(1))
     }
 
@@ -210,7 +208,6 @@ impl Renderer {
     ) -> Result<Lists<'_>, vk::Error> {
         let channels = if aux && self.with_aux { &self.all } else { &self.color };
         let (width, height) = (shot.camera.width, shot.camera.height);
-        recorder.fill(self.counters.slice(4 * counters::BAD_SPLATS as u64..4 * counters::BAD_SPLATS as u64 + 4), 0)?;
         self.record_plan(recorder)?;
         let push = CameraPush::new(&shot.camera, &shot.projection);
         let mut buffers = vec![&self.counters];
@@ -225,10 +222,9 @@ impl Renderer {
             counters: &self.counters,
             args: &self.args,
             first_entry: entry::TILES,
+            entries: ENTRIES,
         };
         let lists = self.lists.record(recorder, inputs, &TileGrid { image: [width, height], tile: [side, side] })?;
-        // Planned once more: when the pairs did not fit, nothing that follows may run.
-        self.record_plan(recorder)?;
 
         let push = shot.blend_push();
         let buffers = [
@@ -278,9 +274,6 @@ impl Renderer {
         if let Some(slot_sum) = &backward.slot_sum {
             buffers.extend([lists.sorted_slots, &backward.slot_grads, unused, &self.pair_counts]);
             recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
-            let items = [Entry::items(slot_sum::SPLATS_PER_WORKGROUP)];
-            let push = plan::Push::unlimited(counters::VISIBLE as u32, entry::SLOT_SUM, &items);
-            recorder.dispatch(&self.plan, &[&self.counters, &self.args], &push, Groups::Workgroups(1))?;
             let buffers = [
                 &self.counters,
                 lists.order,
@@ -291,8 +284,7 @@ impl Renderer {
                 &backward.grad2d,
                 unused,
             ];
-            let groups = Groups::Indirect(&self.args, Entry::offset(entry::SLOT_SUM));
-            recorder.dispatch(slot_sum, &buffers, &(), groups)?;
+            recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)?;
         } else {
             recorder.fill(&backward.grad2d, 0)?;
             buffers.extend([&backward.grad2d, unused, &self.pair_counts]);

@@ -2,7 +2,7 @@
 
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::scan::{self as pass, Push};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+use crate::vk::{Buffer, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
 
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
@@ -59,27 +59,42 @@ pub enum Summand {
     NonZero,
 }
 
-/// The three passes and the sums between them.
+/// Most words that one workgroup sums by itself: about as many as are faster so than by three dispatches, each of which a processor
+/// pays with the time of some thousand words.
+pub(crate) const fn most_at_once(kind: DeviceKind) -> u64 {
+    if matches!(kind, DeviceKind::Cpu) { 1 << 16 } else { 1 << 14 }
+}
+
+/// The passes of a prefix sum.
 pub struct Scan {
-    reduce: Pipeline,
-    spine: Pipeline,
-    add: Pipeline,
-    sums: Buffer,
+    form: Form,
+}
+
+enum Form {
+    /// One workgroup.
+    Once(Pipeline),
+    /// Three passes, and the sums between them.
+    Blocks { reduce: Pipeline, spine: Pipeline, add: Pipeline, sums: Buffer },
 }
 
 impl Scan {
     /// For up to `most` words at a time. `name` is the owner's, for the buffer.
     pub fn new(gpu: &Gpu, name: &str, most: u64) -> Result<Scan> {
-        let (kernels, width) = match gpu.caps().subgroup {
-            Subgroup::Hardware(_) => ([&pass::REDUCE, &pass::SPINE, &pass::ADD], None),
-            Subgroup::Emulated(width) => {
-                ([&pass::REDUCE_EMULATED, &pass::SPINE_EMULATED, &pass::ADD_EMULATED], Some(("EMULATED_WIDTH", width)))
-            }
+        let (kernels, once, width) = match gpu.caps().subgroup {
+            Subgroup::Hardware(_) => ([&pass::REDUCE, &pass::SPINE, &pass::ADD], &pass::ONCE, None),
+            Subgroup::Emulated(width) => (
+                [&pass::REDUCE_EMULATED, &pass::SPINE_EMULATED, &pass::ADD_EMULATED],
+                &pass::ONCE_EMULATED,
+                Some(("EMULATED_WIDTH", width)),
+            ),
         };
+        if most <= most_at_once(gpu.caps().kind) {
+            return Ok(Scan { form: Form::Once(gpu.pipeline(&once.kernel, width.as_slice())?) });
+        }
         let [reduce, spine, add] = kernels.map(|pass| gpu.pipeline(&pass.kernel, width.as_slice()));
         let bytes = 4 * most.div_ceil(u64::from(BLOCK)).max(1);
         let sums = gpu.buffer(&format!("{name}.sums"), bytes, Memory::Device)?;
-        Ok(Scan { reduce: reduce?, spine: spine?, add: add?, sums })
+        Ok(Scan { form: Form::Blocks { reduce: reduce?, spine: spine?, add: add?, sums } })
     }
 
     /// Writes to word i of the second buffer the sum of words 0..i of the first, and the sum of all to counter `total`
@@ -101,8 +116,13 @@ impl Scan {
             predicate: u32::from(summand == Summand::NonZero),
             total,
         };
-        rec.dispatch(&self.reduce, &[source, counters, &self.sums], &push, extent.blocks)?;
-        rec.dispatch(&self.spine, &[counters, &self.sums], &push, extent.once)?;
-        rec.dispatch(&self.add, &[source, counters, &self.sums, target], &push, extent.blocks)
+        match &self.form {
+            Form::Once(once) => rec.dispatch(once, &[source, counters, target], &push, extent.once),
+            Form::Blocks { reduce, spine, add, sums } => {
+                rec.dispatch(reduce, &[source, counters, sums], &push, extent.blocks)?;
+                rec.dispatch(spine, &[counters, sums], &push, extent.once)?;
+                rec.dispatch(add, &[source, counters, sums, target], &push, extent.blocks)
+            }
+        }
     }
 }

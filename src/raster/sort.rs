@@ -48,6 +48,13 @@ impl Shape {
         Digits { bits, passes, width: bits.div_ceil(passes.max(1)) }
     }
 
+    /// Words of the table that sorts of up to `most` keys by up to `bits` bits need.
+    pub(crate) fn table_words(self, most: u64, bits: u32) -> u64 {
+        // Fewer bits may mean wider digits: 17 are three of 6, 16 are two of 8.
+        let rows = (0..=bits).map(|bits| self.digits(bits).rows()).max().unwrap_or(1);
+        most.div_ceil(u64::from(self.block())).max(1) * u64::from(rows)
+    }
+
     /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes, the prefix sum of the table.
     pub fn entries(self, bits: u32) -> [Entry; 2] {
         let table = Entry { divide: self.block(), multiply: self.digits(bits).rows(), items: SCAN_BLOCK };
@@ -120,9 +127,7 @@ impl RadixSort {
                 (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
             }
         };
-        // Fewer bits may mean wider digits: 17 are three of 6, 16 are two of 8.
-        let rows = (0..=bits).map(|bits| shape.digits(bits).rows()).max().unwrap_or(1);
-        let words = most.div_ceil(u64::from(shape.block())).max(1) * u64::from(rows);
+        let words = shape.table_words(most, bits);
         Ok(RadixSort {
             shape,
             count: gpu.pipeline(&count.kernel, width.as_slice())?,

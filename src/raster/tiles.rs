@@ -3,7 +3,7 @@
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{compact, counters, emit, gather_counts, tile_ranges};
+use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::twin::tile::TileGrid;
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result};
 
@@ -12,8 +12,11 @@ pub(crate) const DEPTH_BITS: u32 = 31;
 /// Splats of a workgroup of `compact`, `gather_counts` and `emit`, pairs of one of `tile_ranges`.
 const LOCAL_SIZE: u32 = 64;
 
-/// Entries of `args` that [`TileLists`] writes, from the first one given on.
-pub const ENTRIES: u32 = 12;
+/// Entries of `args` that [`TileLists`] uses, from the first one given on.
+pub const ENTRIES: u32 = 13;
+
+/// The first of these entries: they depend on the number of splats and are planned by the caller, whose own entries may too.
+pub const SPLAT_ENTRIES: [Entry; 3] = [scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1)];
 
 // Offsets into those entries.
 const SPLAT_SCAN: u32 = 0;
@@ -23,9 +26,10 @@ const VISIBLE_SORT: u32 = 3;
 const VISIBLE_SCAN: u32 = 5;
 const VISIBLE_ITEMS: u32 = 6;
 const VISIBLE_ONCE: u32 = 7;
-const PAIR_SORT: u32 = 8;
-const PAIR_ITEMS: u32 = 10;
-const PAIR_ONCE: u32 = 11;
+const VISIBLE_SLOTS: u32 = 8;
+const PAIR_SORT: u32 = 9;
+const PAIR_ITEMS: u32 = 11;
+const PAIR_ONCE: u32 = 12;
 
 /// Sizes that the buffers hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +76,10 @@ pub struct Inputs<'a> {
     pub counters: &'a Buffer,
     /// The frame's workgroup numbers.
     pub args: &'a Buffer,
-    /// First of the [`ENTRIES`] entries to use.
+    /// First of the [`ENTRIES`] entries to use; the first of them are planned: [`SPLAT_ENTRIES`].
     pub first_entry: u32,
+    /// Entries in `args`: all become zero when the pairs do not fit.
+    pub entries: u32,
 }
 
 /// The lists of one recorded frame.
@@ -91,6 +97,8 @@ pub struct Lists<'a> {
     pub sorted_splats: &'a Buffer,
     /// [begin, end) of each tile's pairs.
     pub tile_ranges: &'a Buffer,
+    /// Workgroups of `slot_sum` for the visible splats; none when the pairs do not fit.
+    pub slot_sums: Groups<'a>,
 }
 
 impl TileLists {
@@ -134,8 +142,8 @@ impl TileLists {
     /// Records the passes for an image of `grid`, with at most as many tiles as were allocated for.
     /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit, `status`
     /// gets its bit and nothing is emitted.
-    pub fn record(&self, rec: &mut Recorder, inputs: Inputs<'_>, grid: &TileGrid) -> Result<Lists<'_>> {
-        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry } = inputs;
+    pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
+        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries } = inputs;
         let [columns, rows] = grid.counts();
         let tiles = columns * rows;
         let at = |entry: u32| first_entry + entry;
@@ -148,7 +156,6 @@ impl TileLists {
         let items = Entry::items(LOCAL_SIZE);
 
         // Visible splats in the order of their index; pair_offsets serves as scratch for their places.
-        plan(rec, plan::Push::unlimited(splats, at(SPLAT_SCAN), &[scan::entry(), items, once]))?;
         let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
         let places = &self.pair_offsets;
         self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
@@ -157,7 +164,9 @@ impl TileLists {
 
         // In the order of their depth, with the first slot of each.
         let [sort, table] = self.shape.entries(DEPTH_BITS);
-        plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &[sort, table, scan::entry(), items, once]))?;
+        let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
+        let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
+        plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &of_visible))?;
         let extent = Keys::Counted { counter: visible, args, first: at(VISIBLE_SORT), once: at(VISIBLE_ONCE) };
         let side = self.depth_sort.record(rec, both(&self.keys), both(&self.vals), counts, extent, DEPTH_BITS)?;
         let order = &self.vals[side];
@@ -167,18 +176,13 @@ impl TileLists {
         let sides = [&self.visible_counts, &self.pair_offsets];
         self.splat_scan.record(rec, sides, counts, extent, Summand::Words, pairs)?;
 
-        // Pairs, if they fit; `emit` is dispatched through the visible splats' entry, planned anew because it must not run when
-        // they do not.
+        // Pairs, if they fit. If not, everything planned so far is void too: what follows must not run on them.
         let bits = tile_bits(u64::from(tiles));
         let [sort, table] = self.shape.entries(bits);
         let capacity = u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX);
-        let push = plan::Push::unlimited(pairs, at(PAIR_SORT), &[sort, table, items, once]).limited(
-            capacity,
-            counters::PAIRS_BIT,
-            counters::WANT_PAIRS as u32,
-        );
-        plan(rec, push)?;
-        plan(rec, plan::Push::unlimited(visible, at(VISIBLE_ITEMS), &[items]))?;
+        let push = plan::Push::unlimited(pairs, at(PAIR_SORT), &[sort, table, items, once]);
+        let push = push.limited(capacity, counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
+        plan(rec, push.voiding(entries))?;
         let push = emit::Push {
             width: grid.image[0],
             height: grid.image[1],
@@ -212,6 +216,7 @@ impl TileLists {
             sorted_slots: vals[side],
             sorted_splats: &self.sorted_splats,
             tile_ranges: &self.tile_ranges,
+            slot_sums: indirect(VISIBLE_SLOTS),
         })
     }
 }

@@ -21,14 +21,12 @@ use crate::raster::{
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 
-/// Words of a slot of the read-back ring: the counters, then total loss, L1 and SSIM.
-const RING_WORDS: u64 = 32;
+/// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
+const RING_SLOT: u64 = 256;
 /// Slots; more than events ever in flight.
 const RING_SLOTS: u64 = 64;
 /// Most events in flight.
 pub(super) const MOST_IN_FLIGHT: usize = 32;
-/// Byte offset of the losses in a slot.
-const RING_LOSS: u64 = 64;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
@@ -121,7 +119,7 @@ impl Engine {
             density: DensityControl::new(gpu, splats, DENSITY_ENTRY)?,
             accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
-            ring: gpu.buffer("ring", 4 * RING_WORDS * RING_SLOTS, Memory::Readback)?,
+            ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,
             slots: VecDeque::new(),
             cameras,
@@ -227,12 +225,11 @@ impl Engine {
             Kind::Density => self.record_density(recorder, event, plan)?,
             Kind::Reset => self.density.record_reset(recorder, &self.density_model(), RESET_OPACITY)?,
         }
-        let counters = &self.renderer.counters;
         let push = finish::Push { event: event.number() };
-        recorder.dispatch(&self.finish, &[counters], &push, Groups::Workgroups(1))?;
-        let at = 4 * RING_WORDS * self.next_slot;
-        recorder.copy(counters, 0, &self.ring, at, 4 * counters::COUNT as u64)?;
-        recorder.copy(self.losses.result(), 0, &self.ring, at + RING_LOSS, 12)?;
+        let at = RING_SLOT * self.next_slot;
+        let slot = self.ring.slice(at..at + RING_SLOT);
+        let buffers = [(&self.renderer.counters).into(), self.losses.result().into(), slot];
+        recorder.dispatch(&self.finish, &buffers, &push, Groups::Workgroups(1))?;
         Ok(())
     }
 
@@ -303,8 +300,8 @@ impl Engine {
         self.gpu.wait(ticket)?;
         let slot = self.slots.iter().find(|(t, _)| *t == ticket).map_or(0, |(_, slot)| *slot);
         let words: Vec<u32> =
-            self.gpu.read_ready(&self.ring, 4 * RING_WORDS * slot, RING_WORDS as usize, ticket)?.unwrap_or_default();
-        let loss = words.get(RING_LOSS as usize / 4).map_or(f32::NAN, |bits| f32::from_bits(*bits));
+            self.gpu.read_ready(&self.ring, RING_SLOT * slot, finish::REPORT_WORDS, ticket)?.unwrap_or_default();
+        let loss = words.get(counters::COUNT).map_or(f32::NAN, |bits| f32::from_bits(*bits));
         let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
         Ok(Outcome { counters, loss })
     }

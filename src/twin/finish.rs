@@ -11,5 +11,8 @@ pub fn run(call: &mut TwinCall<'_>) {
     if counts[counters::STATUS] == 0 {
         counts[counters::DONE] = push.event;
     }
+    let loss = call.get::<u32>(1);
+    call.set(2, &[&counts[..counters::COUNT], &loss[..3]].concat());
+    counts[counters::BAD_SPLATS] = 0;
     call.set(0, &counts);
 }

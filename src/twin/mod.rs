@@ -21,6 +21,7 @@ pub mod gather_counts;
 pub mod loss;
 pub mod opacity_reset;
 pub mod plan;
+pub mod probe;
 pub mod project;
 pub mod project_backward;
 pub mod projection;

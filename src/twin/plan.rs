@@ -37,6 +37,9 @@ pub fn plan(push: &Push, counts: &mut [u32], args: &mut [[u32; 4]]) {
             go = false;
         }
     }
+    if !go {
+        args[..push.void_entries as usize].fill([0; 4]);
+    }
     for i in 0..(push.entries as usize).min(MOST_ENTRIES) {
         let groups = match push.items[i] {
             _ if !go => 0,

@@ -1,4 +1,4 @@
-//! Twins of `glsl/scan_reduce.comp`, `scan_spine.comp` and `scan_add.comp`.
+//! Twins of `glsl/scan_reduce.comp`, `scan_spine.comp`, `scan_add.comp` and `scan_once.comp`.
 
 use super::TwinCall;
 use super::plan::{given_count, table_size};
@@ -69,4 +69,17 @@ pub fn add(call: &mut TwinCall<'_>) {
         })
         .collect();
     call.set(3, &target);
+}
+
+/// Adapter of the pass that does it all.
+pub fn once(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let (source, mut counters) = (call.get::<u32>(0), call.get::<u32>(1));
+    let n = table_size(given_count(&counters, push.source, push.count), push.divide, push.multiply) as usize;
+    let (prefix, total) = exclusive(source[..n].iter().map(|&w| value(&push, w)));
+    if push.total != NO_COUNTER {
+        counters[push.total as usize] = total;
+    }
+    call.set(1, &counters);
+    call.set(2, &prefix);
 }

@@ -8,6 +8,8 @@ use std::ops::Range;
 
 use ash::vk::{AccessFlags2 as A, PipelineStageFlags2 as S};
 
+use super::kernel::Access;
+
 /// How a command uses a byte range of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Use {
@@ -49,6 +51,15 @@ impl Use {
         }
     }
 
+    /// The same as a binding's access.
+    pub(super) fn as_access(self) -> Access {
+        match self {
+            Use::ShaderReadWrite => Access::ReadWrite,
+            _ if self.writes() => Access::Write,
+            _ => Access::Read,
+        }
+    }
+
     /// True when the command may change the bytes.
     pub(super) fn writes(self) -> bool {
         matches!(self, Use::ShaderWrite | Use::ShaderReadWrite | Use::CopyWrite)
@@ -81,6 +92,8 @@ pub(super) struct Barrier {
     pub(super) dst_stage: S,
     /// Accesses that see the writes.
     pub(super) dst_access: A,
+    /// Number of the last command that it waits for, counted over the life of the tracker: it may stand anywhere behind that one.
+    pub(super) after: u64,
 }
 
 /// What happened last to a range. An access flag belongs to one stage only here, so flags stand for (stage, access) pairs.
@@ -94,17 +107,20 @@ struct Segment {
     visible: A,
     /// Stages that read since the last write.
     readers: S,
+    /// Numbers of the commands that wrote last and that read last.
+    written: u64,
+    read: u64,
 }
 
 impl Segment {
-    /// What has to be waited for before `kind`: stages and writes.
-    fn pending(&self, kind: Use) -> Option<(S, A)> {
+    /// What has to be waited for before `kind`: stages, writes, and the last command of them.
+    fn pending(&self, kind: Use) -> Option<(S, A, u64)> {
         if kind.writes() {
             let stages = self.write_stage | self.readers;
-            (!stages.is_empty()).then_some((stages, self.write_access))
+            (!stages.is_empty()).then_some((stages, self.write_access, self.written.max(self.read)))
         } else {
             let unseen = !self.write_stage.is_empty() && !self.visible.contains(kind.access());
-            unseen.then_some((self.write_stage, self.write_access))
+            unseen.then_some((self.write_stage, self.write_access, self.written))
         }
     }
 }
@@ -113,32 +129,40 @@ impl Segment {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tracker {
     buffers: HashMap<u64, Vec<Segment>>,
+    commands: u64,
 }
 
 impl Tracker {
     /// The barriers needed in front of a command that uses `uses`, and the state after it.
     pub(super) fn step(&mut self, uses: &[BufferUse]) -> Vec<Barrier> {
+        self.commands += 1;
+        let number = self.commands;
         let mut barriers: Vec<Barrier> = Vec::new();
         for used in uses {
-            let mut src = (S::empty(), A::empty());
+            // Only on the bytes that need one: a barrier brought to another must not do the work of that one again.
+            let mut runs: Vec<Barrier> = Vec::new();
             for segment in self.split(used) {
-                if let Some((stages, access)) = segment.pending(used.kind) {
-                    src = (src.0 | stages, src.1 | access);
+                let Some((stages, access, after)) = segment.pending(used.kind) else { continue };
+                match runs.last_mut().filter(|run| run.range.end == segment.start) {
+                    Some(run) => {
+                        run.range.end = segment.end;
+                        run.src_stage |= stages;
+                        run.src_access |= access;
+                        run.after = run.after.max(after);
+                    }
+                    None => runs.push(Barrier {
+                        buffer: used.buffer,
+                        range: segment.start..segment.end,
+                        src_stage: stages,
+                        src_access: access,
+                        dst_stage: used.kind.stage(),
+                        dst_access: used.kind.access(),
+                        after,
+                    }),
                 }
             }
-            if !src.0.is_empty() {
-                let barrier = Barrier {
-                    buffer: used.buffer,
-                    range: used.range.clone(),
-                    src_stage: src.0,
-                    src_access: src.1,
-                    dst_stage: used.kind.stage(),
-                    dst_access: used.kind.access(),
-                };
-                if !barriers.contains(&barrier) {
-                    barriers.push(barrier);
-                }
-            }
+            runs.retain(|run| !barriers.contains(run));
+            barriers.append(&mut runs);
         }
         // Three passes, so that a command that uses one buffer in several ways is left with all of its uses recorded.
         for barrier in &barriers {
@@ -151,15 +175,24 @@ impl Tracker {
                 segment.write_access = used.kind.access();
                 segment.visible = A::empty();
                 segment.readers = S::empty();
+                (segment.written, segment.read) = (number, 0);
             }
         }
         for used in uses.iter().filter(|used| !used.kind.writes()) {
-            self.split(used).for_each(|segment| segment.readers |= used.kind.stage());
+            self.split(used).for_each(|segment| {
+                segment.readers |= used.kind.stage();
+                segment.read = number;
+            });
         }
         for used in uses {
             self.merge(used.buffer);
         }
         barriers
+    }
+
+    /// Number of the last command.
+    pub(super) fn commands(&self) -> u64 {
+        self.commands
     }
 
     /// Forgets a buffer that no longer exists.
@@ -183,6 +216,8 @@ impl Tracker {
                 write_access: A::empty(),
                 visible: A::empty(),
                 readers: S::empty(),
+                written: 0,
+                read: 0,
             }]
         });
         for cut in [start, end] {
@@ -199,12 +234,44 @@ impl Tracker {
     fn merge(&mut self, buffer: u64) {
         if let Some(segments) = self.buffers.get_mut(&buffer) {
             segments.dedup_by(|next, kept| {
-                let same = Segment { start: kept.start, end: kept.end, ..next.clone() } == *kept;
+                let (written, read) = (kept.written.max(next.written), kept.read.max(next.read));
+                let same = Segment { start: kept.start, end: kept.end, written, read, ..next.clone() }
+                    == Segment { written, read, ..kept.clone() };
                 if same {
-                    kept.end = next.end;
+                    *kept = Segment { end: next.end, written, read, ..kept.clone() };
                 }
                 same
             });
+        }
+    }
+}
+
+impl Barrier {
+    /// Whether `self` does all that `other` does.
+    fn covers(&self, other: &Barrier) -> bool {
+        self.buffer == other.buffer
+            && self.range.start <= other.range.start
+            && other.range.end <= self.range.end
+            && self.src_stage.contains(other.src_stage)
+            && self.src_access.contains(other.src_access)
+            && self.dst_stage.contains(other.dst_stage)
+            && self.dst_access.contains(other.dst_access)
+    }
+}
+
+/// Brings barriers together: where every barrier in front of a command may as well stand in front of an earlier command that has
+/// barriers already, it does, and the command needs none of its own; one that it covers there goes. `first` is the number of the first command, and barriers stand
+/// in front of the command of their index.
+pub(super) fn gather(barriers: &mut [Vec<Barrier>], first: u64) {
+    for i in 1..barriers.len() {
+        let home = |barrier: &Barrier| {
+            let earliest = (barrier.after + 1).saturating_sub(first) as usize;
+            (earliest..i).rev().find(|&j| !barriers[j].is_empty())
+        };
+        let Some(homes) = barriers[i].iter().map(home).collect::<Option<Vec<usize>>>() else { continue };
+        for (j, barrier) in homes.into_iter().zip(std::mem::take(&mut barriers[i])) {
+            barriers[j].retain(|other| !barrier.covers(other));
+            barriers[j].push(barrier);
         }
     }
 }

@@ -240,6 +240,17 @@ impl Gpu {
         Buffer::new(&self.inner.device, "staging", bytes.max(STAGING), Memory::Upload)
     }
 
+    pub(super) fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        lock(&self.inner.state)
+    }
+
+    /// From now on [`Self::memory_use`] tells the most bytes since this moment.
+    pub fn forget_peak_memory(&self) {
+        if let Some(pool) = lock(&self.inner.device.memory).as_mut() {
+            pool.forget_peak();
+        }
+    }
+
     pub(super) fn raw_timeline(&self) -> vk::Semaphore {
         self.inner.timeline
     }

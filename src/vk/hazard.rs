@@ -33,6 +33,8 @@ struct Past {
     available: bool,
     /// Accesses that see the write.
     visible: A,
+    /// `ordered` and `available` before the barriers in front of the command that is looked at: barriers of one call make no chain.
+    before: (S, bool),
 }
 
 /// Every access that a later one could still conflict with.
@@ -44,6 +46,10 @@ pub(super) struct HazardChecker {
 impl HazardChecker {
     /// Checks the next command of the queue, with the barriers recorded in front of it.
     pub(super) fn command(&mut self, name: &str, barriers: &[Barrier], uses: &[BufferUse]) -> Result<(), Hazard> {
+        for barrier in barriers {
+            let pasts = self.buffers.get_mut(&barrier.buffer);
+            pasts.into_iter().flatten().for_each(|past| past.before = (past.ordered, past.available));
+        }
         for barrier in barriers {
             self.apply(barrier);
         }
@@ -75,6 +81,7 @@ impl HazardChecker {
                 ordered: S::empty(),
                 available: false,
                 visible: A::empty(),
+                before: (S::empty(), false),
             });
         }
         Ok(())
@@ -94,7 +101,8 @@ impl HazardChecker {
         let Some(pasts) = self.buffers.get_mut(&barrier.buffer) else { return };
         let mut rest = Vec::new();
         for past in pasts.iter_mut() {
-            let reached = past.kind.stage().intersects(barrier.src_stage) || past.ordered.intersects(barrier.src_stage);
+            let reached =
+                past.kind.stage().intersects(barrier.src_stage) || past.before.0.intersects(barrier.src_stage);
             let inside = past.range.start.max(barrier.range.start)..past.range.end.min(barrier.range.end);
             if !reached || inside.is_empty() {
                 continue;
@@ -107,8 +115,9 @@ impl HazardChecker {
             past.range = inside;
             if past.kind.writes() {
                 let write = past.kind.access() & (A::SHADER_STORAGE_WRITE | A::TRANSFER_WRITE);
-                past.available |= barrier.src_stage.contains(past.kind.stage()) && barrier.src_access.contains(write);
-                if past.available {
+                let flushed = barrier.src_stage.contains(past.kind.stage()) && barrier.src_access.contains(write);
+                past.available |= flushed;
+                if flushed || past.before.1 {
                     past.visible |= barrier.dst_access;
                 }
             }
@@ -133,7 +142,7 @@ fn unordered(past: &Past, used: &BufferUse) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vk::barrier::Tracker;
+    use crate::vk::barrier::{Tracker, gather};
 
     /// Commands over three buffers with every kind of use, from a counter-based generator.
     fn sequence(seed: u64, length: u64) -> Vec<Vec<BufferUse>> {
@@ -170,7 +179,27 @@ mod tests {
 
     fn infer(commands: &[Vec<BufferUse>]) -> Vec<Vec<Barrier>> {
         let mut tracker = Tracker::default();
-        commands.iter().map(|uses| tracker.step(uses)).collect()
+        let mut barriers: Vec<Vec<Barrier>> = commands.iter().map(|uses| tracker.step(uses)).collect();
+        let calls = |barriers: &[Vec<Barrier>]| barriers.iter().filter(|b| !b.is_empty()).count();
+        let before = (calls(&barriers), barriers.concat().len());
+        gather(&mut barriers, 1);
+        assert!(calls(&barriers) <= before.0 && barriers.concat().len() <= before.1);
+        barriers
+    }
+
+    #[test]
+    fn gathered_barriers_are_fewer_calls() {
+        let one = |buffer: u64, kind: Use| vec![BufferUse { buffer, range: 0..64, kind }];
+        let writes = [one(0, Use::ShaderWrite), one(1, Use::ShaderWrite), one(2, Use::ShaderWrite)];
+        let reads = [one(0, Use::ShaderRead), one(1, Use::ShaderRead), one(2, Use::ShaderRead)];
+        let commands = [&writes[..], &reads[..]].concat();
+        let barriers = infer(&commands);
+        assert_eq!(barriers.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 0, 3, 0, 0]);
+        assert_eq!(check(&commands, &barriers), Ok(()));
+        // What is written behind the first barrier cannot be waited for there.
+        let late =
+            [one(0, Use::ShaderWrite), one(0, Use::ShaderRead), one(1, Use::ShaderWrite), one(1, Use::ShaderRead)];
+        assert_eq!(infer(&late).iter().map(Vec::len).collect::<Vec<_>>(), [0, 1, 0, 1]);
     }
 
     fn check(commands: &[Vec<BufferUse>], barriers: &[Vec<Barrier>]) -> Result<(), Hazard> {

@@ -60,6 +60,10 @@ impl MemoryPool {
         self.tally
     }
 
+    pub(super) fn forget_peak(&mut self) {
+        self.tally.peak = self.tally.current;
+    }
+
     pub(super) fn allocate(
         &mut self,
         name: &str,

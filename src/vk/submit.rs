@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::barrier::{Barrier, BufferUse, Tracker, Use};
+use super::barrier::{Barrier, BufferUse, Tracker, Use, gather};
 use super::buffer::Buffer;
 use super::device::Device;
 use super::encode::{External, encode, enqueue};
@@ -169,30 +169,31 @@ impl State {
 
     /// Infers the barriers of a recording and has the checker look at them.
     fn plan(&mut self, recorder: &Recorder) -> Result<Plan> {
-        let mut number = 0;
-        let mut plan = Plan { commands: Vec::with_capacity(recorder.commands.len()), end: Vec::new() };
-        for (name, uses) in steps(recorder) {
-            let mut barriers = self.tracker.step(&uses);
-            if let Some(omitted) = recorder.omit_barrier {
+        let steps = steps(recorder);
+        let mut commands = infer(&mut self.tracker, &steps);
+        if let Some(omitted) = recorder.omit_barrier {
+            let mut number = 0;
+            commands.iter_mut().for_each(|barriers| {
                 barriers.retain(|_| {
                     number += 1;
                     number - 1 != omitted
                 });
-            }
-            if let Some(checker) = &mut self.checker {
-                checker.command(&name, &barriers, &uses).map_err(|hazard| hazard_error(recorder, &hazard))?;
-            }
-            plan.commands.push(barriers);
+            });
         }
-        plan.end = plan.commands.pop().unwrap_or_default();
-        Ok(plan)
+        if let Some(checker) = &mut self.checker {
+            for ((name, uses), barriers) in steps.iter().zip(&commands) {
+                checker.command(name, barriers, uses).map_err(|hazard| hazard_error(recorder, &hazard))?;
+            }
+        }
+        let end = commands.pop().unwrap_or_default();
+        Ok(Plan { commands, end })
     }
 
     /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not missed.
     pub(super) fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
         let mut tracker = self.tracker.clone();
         let steps = steps(recorder);
-        let barriers: Vec<Vec<Barrier>> = steps.iter().map(|(_, uses)| tracker.step(uses)).collect();
+        let barriers = infer(&mut tracker, &steps);
         let (mut total, mut unmissed) = (0, Vec::new());
         for i in 0..steps.len() {
             for j in 0..barriers[i].len() {
@@ -213,8 +214,16 @@ impl State {
     }
 }
 
+/// The barriers in front of each of `steps`.
+pub(super) fn infer(tracker: &mut Tracker, steps: &[(String, Vec<BufferUse>)]) -> Vec<Vec<Barrier>> {
+    let first = tracker.commands() + 1;
+    let mut barriers: Vec<Vec<Barrier>> = steps.iter().map(|(_, uses)| tracker.step(uses)).collect();
+    gather(&mut barriers, first);
+    barriers
+}
+
 /// Name and uses of every command, and last what the host reads.
-fn steps(recorder: &Recorder) -> Vec<(String, Vec<BufferUse>)> {
+pub(super) fn steps(recorder: &Recorder) -> Vec<(String, Vec<BufferUse>)> {
     let mut steps: Vec<(String, Vec<BufferUse>)> =
         recorder.commands.iter().map(|command| (command.name().to_owned(), command.uses())).collect();
     let mut read: Vec<BufferUse> = Vec::new();

@@ -26,6 +26,7 @@ mod emit;
 mod fill;
 mod loss;
 mod plan;
+mod probe;
 mod project;
 mod project_backward;
 mod projection_scene;
@@ -66,12 +67,13 @@ cases! {
     fill: "fill";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
     plan: "plan" "finish";
+    probe: "probe_copy" "probe_rate_exp2" "probe_rate_multiply_add";
     project: "project";
     project_backward: "project_backward";
     radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
-        "scan_add_emulated";
+        "scan_add_emulated" "scan_once_subgroup" "scan_once_emulated";
     slot_sum: "slot_sum";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
     tile_ranges: "tile_ranges";

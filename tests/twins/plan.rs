@@ -17,6 +17,18 @@ fn case(gpu: &Gpu, status: u32, count: u32, push: &Push) -> Outcome {
     outcome
 }
 
+/// What was planned before goes when the event is void, and only then.
+fn voids(gpu: &Gpu, status: u32, count: u32, push: &Push) {
+    let outcome = case(gpu, status, count, push);
+    let (before, after) = (outcome.device::<[u32; 4]>(1), case(gpu, status, count, &push.voiding(0)).device(1));
+    let void = outcome.device::<u32>(0)[counters::STATUS] != 0;
+    for (i, (entry, kept)) in before.into_iter().zip(after).enumerate() {
+        let own = (push.first..push.first + push.entries).contains(&(i as u32));
+        let expected = if void && (own || i < 20) { [0; 4] } else { kept };
+        assert_eq!(entry, expected, "entry {i} for {count} with status {status}");
+    }
+}
+
 pub fn run(gpu: &Gpu) {
     let entries = [
         Entry::items(1),
@@ -36,6 +48,7 @@ pub fn run(gpu: &Gpu) {
     {
         for status in [0, counters::PAIRS_BIT, counters::SPLATS_BIT] {
             let push = Push::unlimited(source, 3, &entries).limited(capacity, counters::PAIRS_BIT, want);
+            voids(gpu, status, count, &push.voiding(20));
             let outcome = case(gpu, status, count, &push);
             let counts = outcome.device::<u32>(0);
             let args = outcome.device::<[u32; 4]>(1);
@@ -63,8 +76,12 @@ pub fn run(gpu: &Gpu) {
     for status in [0, counters::SPLATS_BIT] {
         let mut counts = [7u32; counters::COUNT];
         counts[counters::STATUS] = status;
-        let outcome = harness::run(gpu, &finish::PASS, &[], &[bytes(&counts)], &finish::Push { event: 99 }, 1);
+        let buffers = [bytes(&counts), bytes(&[0.75f32, 0.5, 0.25, -1.0]), garbage(finish::REPORT_WORDS + 5)];
+        let outcome = harness::run(gpu, &finish::PASS, &[], &buffers, &finish::Push { event: 99 }, 1);
         outcome.assert_same_bits("finish");
-        assert_eq!(outcome.device::<u32>(0)[counters::DONE], if status == 0 { 99 } else { 7 });
+        let (after, report) = (outcome.device::<u32>(0), outcome.device::<u32>(2));
+        assert_eq!(after[counters::DONE], if status == 0 { 99 } else { 7 });
+        assert_eq!((report[counters::BAD_SPLATS], after[counters::BAD_SPLATS]), (7, 0), "reported once");
+        assert_eq!(report[counters::COUNT..finish::REPORT_WORDS], [0.75f32, 0.5, 0.25].map(f32::to_bits));
     }
 }

@@ -1,7 +1,9 @@
-//! The three passes of the prefix sum: each against its twin, and together against a plain sum.
+//! The passes of the prefix sum: each against its twin; the three together, and the one that does it all, against a plain sum.
 
 use psrgs_vk::pass::plan::NO_COUNTER;
-use psrgs_vk::pass::scan::{ADD, ADD_EMULATED, LOCAL_SIZE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED};
+use psrgs_vk::pass::scan::{
+    ADD, ADD_EMULATED, LOCAL_SIZE, ONCE, ONCE_EMULATED, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
+};
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::vk::Gpu;
 
@@ -9,7 +11,7 @@ use super::harness::{self, Random, bytes, garbage};
 
 type Constants<'a> = &'a [(&'a str, u32)];
 
-fn chain(gpu: &Gpu, passes: [&Pass; 3], given: Constants<'_>, words: &[u32], push: &Push) {
+fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], push: &Push) {
     let items = given.iter().find(|(name, _)| *name == "ITEMS").map_or(16, |&(_, items)| items);
     let n = words.len();
     let blocks = n.div_ceil((LOCAL_SIZE * items) as usize);
@@ -28,9 +30,19 @@ fn chain(gpu: &Gpu, passes: [&Pass; 3], given: Constants<'_>, words: &[u32], pus
     reduce.assert_same_bits(&what);
     let spine = harness::run(gpu, passes[1], given, &[counts.clone(), reduce.device[2].clone()], push, 1);
     spine.assert_same_bits(&what);
-    let add =
-        harness::run(gpu, passes[2], given, &[source, counts, spine.device[1].clone(), garbage(n + 8)], push, groups);
+    let add = harness::run(
+        gpu,
+        passes[2],
+        given,
+        &[source.clone(), counts.clone(), spine.device[1].clone(), garbage(n + 8)],
+        push,
+        groups,
+    );
     add.assert_same_bits(&what);
+    let once = harness::run(gpu, passes[3], given, &[source, counts, garbage(n + 8)], push, 2);
+    once.assert_same_bits(&what);
+    assert_eq!(once.device[2], add.device[3], "{what}: in one pass");
+    assert_eq!(once.device[1], spine.device[0], "{what}: the total in one pass");
     let value = |word: u32| if push.predicate != 0 { u32::from(word != 0) } else { word };
     let mut sum = 0u32;
     for (i, (&word, prefix)) in words.iter().zip(add.device::<u32>(3)).enumerate() {
@@ -41,8 +53,8 @@ fn chain(gpu: &Gpu, passes: [&Pass; 3], given: Constants<'_>, words: &[u32], pus
 }
 
 pub fn run(gpu: &Gpu) {
-    let hardware = [&REDUCE, &SPINE, &ADD];
-    let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED];
+    let hardware = [&REDUCE, &SPINE, &ADD, &ONCE];
+    let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
     let mut random = Random(11);
     let total = counters::SCAN_TOTAL as u32;
     let host = |n: usize| Push { source: NO_COUNTER, count: n as u32, divide: 1, multiply: 1, predicate: 0, total };

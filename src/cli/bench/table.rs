@@ -48,13 +48,22 @@ pub(super) fn text(report: &Report) -> String {
     );
     text += &format!("mean loss over the views: {:.5} at first, {:.5} at last\n", loss.first_pass, loss.last_pass);
     text += &format!(
-        "{} steps after {} to warm up; at most {} of device memory\n\n",
+        "{} steps after {} to warm up; at most {} of device memory\n",
         report.steps,
         report.warm_up,
         HumanBytes(report.peak_device_bytes),
     );
 
-    let mut rows = vec![["pass", "calls", "ms", "q1", "q3", "share", "MB", "GB/s"].map(str::to_owned).to_vec()];
+    let rates = &report.rates;
+    text += &format!(
+        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 exponentials/s\n\n",
+        number(rates.copy_kernel_gb_per_s),
+        number(rates.copy_buffer_gb_per_s),
+        number(rates.gops_per_s),
+        number(rates.gexp2_per_s),
+    );
+    let heads = ["pass", "calls", "ms", "q1", "q3", "share", "MB", "GB/s", "bytes floor", "sums floor", "x floor"];
+    let mut rows = vec![heads.map(str::to_owned).to_vec()];
     let row = |name: &str, calls: String, ms: Quartiles, share: String| {
         vec![name.to_owned(), calls, number(ms.median), number(ms.q1), number(ms.q3), share]
     };
@@ -62,7 +71,8 @@ pub(super) fn text(report: &Report) -> String {
         let mut cells = row(&pass.pass, format!("{}", pass.calls), pass.ms, percent(pass.share));
         // Empty cells would make a column of numbers a column of words.
         cells.push(pass.bytes.map_or("-".into(), |bytes| number(bytes * 1e-6)));
-        cells.push(pass.gb_per_s.map_or("-".into(), number));
+        let floors = [pass.gb_per_s, pass.floors.bytes_ms, pass.floors.arithmetic_ms, pass.over_floor];
+        cells.extend(floors.map(|value| value.map_or("-".into(), number)));
         rows.push(cells);
     }
     rows.push(row("device", "-".into(), report.device_ms, percent(1.0)));

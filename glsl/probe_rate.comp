@@ -1,0 +1,40 @@
+#version 460
+//! variant multiply_add
+//! variant exp2 EXP2
+// probe_rate: arithmetic on registers alone, to measure how fast the device calculates. No memory but for one sum per thread.
+// One thread owns eight chains of operations that do not wait for each other, as a thread of the blending passes owns eight pixels;
+// a workgroup is what those passes use on the device. multiply_add: x <- x a + b; exp2: x <- 2^-x.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "common.glsl"
+layout(local_size_x = 8, local_size_x_id = 0) in;
+layout(set = 0, binding = 0) writeonly buffer Sums { float sums[]; };
+layout(push_constant) uniform Push {
+    uint turns;    // of UNROLL operations in every chain, at most 65,535
+    uint threads;  // that write a sum
+    float a;
+    float b;
+} push;
+
+const uint CHAINS = 8u;
+const uint UNROLL = 8u;
+
+void main() {
+    const uint thread = global_index();
+    float x[CHAINS];
+    [[unroll]] for (uint j = 0u; j < CHAINS; ++j) x[j] = float((thread + j) % 16u) * 0.0625;
+    for (uint turn = 0u; turn < push.turns; ++turn) {
+        [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
+            [[unroll]] for (uint j = 0u; j < CHAINS; ++j) {
+#ifdef EXP2
+                x[j] = exp2(-x[j]);
+#else
+                x[j] = x[j] * push.a + push.b;
+#endif
+            }
+        }
+    }
+    float sum = 0.0;
+    [[unroll]] for (uint j = 0u; j < CHAINS; ++j) sum += x[j];
+    if (thread < push.threads) sums[thread] = sum;
+}

@@ -1,0 +1,50 @@
+#version 460
+//! variant subgroup
+//! variant emulated SUBGROUP_EMULATED
+// scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three.
+// The workgroup walks over the words; in each turn a thread owns ITEMS consecutive ones.
+#extension GL_GOOGLE_include_directive : require
+#define LOCAL_SIZE 64
+#include "subgroup.glsl"
+#include "workgroup_sum.glsl"
+#include "common.glsl"
+#include "count.glsl"
+layout(local_size_x = LOCAL_SIZE) in;
+layout(constant_id = 0) const uint ITEMS = 16u;
+layout(set = 0, binding = 0) readonly buffer Source { uint source[]; };
+layout(set = 0, binding = 1) buffer Counters { uint counters[]; };
+layout(set = 0, binding = 2) writeonly buffer Target { uint target[]; };
+layout(push_constant) uniform Push {
+    uint source;     // counter that holds the count, or NO_COUNTER
+    uint count;      // the count when there is no counter
+    uint divide;     // elements: table_size(count, divide, multiply)
+    uint multiply;
+    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint total;      // counter that gets the sum, or NO_COUNTER
+} push;
+void main() {
+    // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
+    const bool owner = group_index() == 0u;
+    const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
+    const uint n = owner ? table_size(given, push.divide, push.multiply) : 0u;
+    const uint turns = table_size(n, LOCAL_SIZE * ITEMS, 1u);
+    uint carry = 0u;
+    for (uint turn = 0u; turn < turns; ++turn) {
+        const uint first = (turn * LOCAL_SIZE + workgroup_rank()) * ITEMS;
+        const uint end = min(first + ITEMS, n);
+        uint sum = 0u;
+        for (uint i = first; i < end; ++i) {
+            const uint word = source[i];
+            sum += push.predicate != 0u ? uint(word != 0u) : word;
+        }
+        uint total;
+        uint running = carry + workgroup_exclusive_add(sum, total);
+        for (uint i = first; i < end; ++i) {
+            const uint word = source[i];
+            target[i] = running;
+            running += push.predicate != 0u ? uint(word != 0u) : word;
+        }
+        carry += total;
+    }
+    if (owner && local_index() == 0u && push.total != NO_COUNTER) counters[push.total] = carry;
+}

@@ -1,0 +1,45 @@
+//! Larger pictures than there are photographs of.
+
+use image::RgbaImage;
+use image::imageops::{FilterType, resize};
+
+use crate::train::View;
+
+/// Enlarges a view whose longer side is shorter than `side` pixels, linearly between its pixels: nothing new is to be seen in it, but
+/// every pass has as much to do as with a photograph of that size.
+pub(super) fn enlarge(view: &mut View, side: u32) {
+    let (width, height) = (view.camera.width, view.camera.height);
+    let longer = width.max(height);
+    if longer == 0 || side <= longer {
+        return;
+    }
+    let scaled = |x: u32| ((u64::from(x) * u64::from(side) + u64::from(longer) / 2) / u64::from(longer)).max(1) as u32;
+    let Some(photograph) = RgbaImage::from_raw(width, height, std::mem::take(&mut view.rgba)) else { return };
+    view.camera = view.camera.resized(scaled(width), scaled(height));
+    view.rgba = resize(&photograph, view.camera.width, view.camera.height, FilterType::Triangle).into_raw();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::enlarge;
+    use crate::scene::Camera;
+    use crate::train::View;
+
+    #[test]
+    fn pixels_and_camera_grow_together() {
+        let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let camera =
+            Camera { rotation, translation: [0.0; 3], fx: 30.0, fy: 32.0, cx: 4.0, cy: 2.0, width: 8, height: 4 };
+        let rgba: Vec<u8> = (0..4 * 8 * 4).map(|i| if i % 4 == 3 { 255 } else { 90 }).collect();
+        let view = View { name: "a".into(), camera, rgba: rgba.clone() };
+        let mut same = view.clone();
+        enlarge(&mut same, 8);
+        assert_eq!((same.camera, same.rgba), (camera, rgba));
+        let mut large = view;
+        enlarge(&mut large, 20);
+        let c = large.camera;
+        assert_eq!((c.width, c.height, c.fx, c.fy, c.cx, c.cy), (20, 10, 75.0, 80.0, 10.0, 5.0));
+        assert_eq!(large.rgba.len(), 4 * 20 * 10);
+        assert!(large.rgba.chunks(4).all(|p| p == [90, 90, 90, 255]));
+    }
+}

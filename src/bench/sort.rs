@@ -1,0 +1,119 @@
+//! How many keys per second the radix sort takes.
+
+use serde::Serialize;
+
+use super::{Error, Quartiles};
+use crate::pass::counters;
+use crate::raster::sort::{Keys, RadixSort, Shape};
+use crate::vk::{Gpu, Memory};
+
+/// A benchmark of the sort.
+#[derive(Clone, Debug, Serialize)]
+pub struct SortReport {
+    /// Keys, each with a value: both words of 32 bits.
+    pub keys: u32,
+    /// Bits sorted by.
+    pub bits: u32,
+    /// Form of the passes.
+    pub shape: String,
+    /// Dispatches of a sort.
+    pub dispatches: usize,
+    /// All of them on the device, milliseconds.
+    pub ms: Quartiles,
+    /// Keys over the median time, 10^9 per second.
+    pub gkeys_per_s: f64,
+    /// Device memory in use at most, bytes.
+    pub peak_device_bytes: u64,
+}
+
+/// Sorts `keys` random keys with their places as values by their lowest `bits` bits, `rounds` times from the same start, and checks
+/// the last result on the host: it ascends, equal keys have ascending values, and every value names its key.
+pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
+    let shape = Shape::of(gpu.caps());
+    let bits = bits.clamp(1, 32);
+    let n = u64::from(keys);
+    let words = |name: &str| gpu.buffer(name, 4 * n.max(1), Memory::Device);
+    let start = words("sort_start")?;
+    let (key_sides, val_sides) =
+        ([words("sort_keys0")?, words("sort_keys1")?], [words("sort_vals0")?, words("sort_vals1")?]);
+    let counts = gpu.buffer("sort_counters", 4 * counters::COUNT as u64, Memory::Device)?;
+    let sorter = RadixSort::new(gpu, "sort", shape, n, bits)?;
+    let given: Vec<u32> = (0..keys).map(hash).collect();
+    let places: Vec<u32> = (0..keys).collect();
+    gpu.write(&start, &given)?;
+    gpu.write(&counts, &[0u32; counters::COUNT])?;
+
+    let (mut ms, mut dispatches, mut side) = (Vec::new(), 0, 0);
+    // The first round is to warm up.
+    for round in 0..=rounds.max(1) {
+        gpu.write(&val_sides[0], &places)?;
+        let mut recorder = gpu.recorder("sort")?;
+        recorder.profile(true);
+        recorder.copy(&start, 0, &key_sides[0], 0, 4 * n)?;
+        let before = recorder.len();
+        let (k, v) = ([&key_sides[0], &key_sides[1]], [&val_sides[0], &val_sides[1]]);
+        side = sorter.record(&mut recorder, k, v, &counts, Keys::Host(keys), bits)?;
+        dispatches = recorder.len() - before;
+        let ticket = recorder.submit()?;
+        gpu.wait(ticket)?;
+        let times = gpu.timings(ticket)?.unwrap_or_default();
+        if round > 0 {
+            ms.push(1e-6 * times.iter().skip(before).map(|t| t.ns).sum::<f64>());
+        }
+    }
+    let ms = Quartiles::of(ms);
+    check(
+        &given,
+        &gpu.read_at(&key_sides[side], 0, keys as usize)?,
+        &gpu.read_at(&val_sides[side], 0, keys as usize)?,
+        bits,
+    )?;
+    if ms.median <= 0.0 {
+        return Err(Error::NotLive("the sort took no time at all".into()));
+    }
+    Ok(SortReport {
+        keys,
+        bits,
+        shape: format!("{shape:?}").to_lowercase(),
+        dispatches,
+        ms,
+        gkeys_per_s: 1e-6 * f64::from(keys) / ms.median,
+        peak_device_bytes: gpu.memory_use().peak,
+    })
+}
+
+/// A permutation of the words (finaliser of MurmurHash3), so that keys are spread evenly and few are equal.
+fn hash(mut x: u32) -> u32 {
+    x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
+/// That `keys` and `vals` are `given` sorted.
+fn check(given: &[u32], keys: &[u32], vals: &[u32], bits: u32) -> Result<(), Error> {
+    let mask = ((1u64 << bits) - 1) as u32;
+    let sorted = |i: usize| {
+        let own = given.get(vals[i] as usize) == Some(&keys[i]);
+        own && (i == 0 || (keys[i - 1] & mask, vals[i - 1]) < (keys[i] & mask, vals[i]))
+    };
+    match (0..given.len()).find(|&i| !sorted(i)) {
+        Some(i) => Err(Error::NotLive(format!("the keys are not sorted at place {i}"))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::check;
+
+    #[test]
+    fn the_check_knows_what_is_sorted() {
+        let given = [5, 1, 5, 0];
+        assert!(check(&given, &[0, 1, 5, 5], &[3, 1, 0, 2], 32).is_ok());
+        assert!(check(&given, &[0, 1, 5, 5], &[3, 1, 2, 0], 32).is_err(), "equal keys out of order");
+        assert!(check(&given, &[0, 1, 5, 5], &[3, 1, 0, 0], 32).is_err(), "a value twice");
+        assert!(check(&given, &[1, 0, 5, 5], &[1, 3, 0, 2], 32).is_err(), "descending");
+        assert!(check(&given, &[0, 1, 5, 6], &[3, 1, 0, 2], 32).is_err(), "a key that was not there");
+        assert!(check(&given, &[0, 5, 1, 5], &[3, 0, 1, 2], 2).is_ok(), "by the lowest bits alone");
+    }
+}

@@ -1,0 +1,60 @@
+//! `psrgs-vk bench --plot`: how time and memory grow from result to result.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use psrgs_vk::bench::plot::{self, Series};
+use psrgs_vk::format::atomic;
+use serde_json::Value;
+
+use crate::cli::console;
+
+/// What is read of a result.
+struct Read {
+    splats: f64,
+    pixels: f64,
+    step_ms: f64,
+    mib: f64,
+}
+
+fn read(file: &Path) -> anyhow::Result<Read> {
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let value: Value = serde_json::from_str(&text).with_context(|| format!("{} is no JSON", file.display()))?;
+    let number = |pointer: &str| {
+        let number = value.pointer(pointer).and_then(Value::as_f64);
+        number.with_context(|| format!("{} has no {pointer}: is it a result of `bench --json`?", file.display()))
+    };
+    Ok(Read {
+        splats: number("/workload/splats")?,
+        pixels: number("/workload/pixels")?,
+        step_ms: number("/wall_ms/median")?,
+        mib: number("/peak_device_bytes")? / f64::from(1 << 20),
+    })
+}
+
+pub(super) fn run(picture: &Path, results: &[PathBuf]) -> anyhow::Result<()> {
+    let mut read = results.iter().map(|file| read(file)).collect::<anyhow::Result<Vec<Read>>>()?;
+    let spread = |of: fn(&Read) -> f64| {
+        let (low, high) = read.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(l, h), x| (l.min(x), h.max(x)));
+        high / low
+    };
+    let by_splats = spread(|r| r.splats) >= spread(|r| r.pixels);
+    let size: fn(&Read) -> f64 = if by_splats { |r| r.splats } else { |r| r.pixels };
+    let what = if by_splats { "splats" } else { "pixels of a view" };
+    read.sort_by(|a, b| size(a).total_cmp(&size(b)));
+    let series = |name: &str, of: fn(&Read) -> f64| Series {
+        name: name.to_owned(),
+        points: read.iter().map(|r| (size(r), of(r))).collect(),
+    };
+    let all = [series("ms per step", |r| r.step_ms), series("device memory, MiB", |r| r.mib)];
+    atomic::write(picture, |out| out.write_all(plot::svg(what, &all).as_bytes()))?;
+    let mut text = format!("{what:>16} {:>14} {:>19}\n", "ms per step", "device memory, MiB");
+    for r in &read {
+        text += &format!("{:>16} {:>14.1} {:>19.1}\n", size(r), r.step_ms, r.mib);
+    }
+    for one in &all {
+        let slope = plot::slope(&one.points).map_or("unknown".to_owned(), |slope| format!("{slope:.3}"));
+        text += &format!("{}: slope {slope} over the last tenfold (1 is linear)\n", one.name);
+    }
+    Ok(console::print(&text)?)
+}
