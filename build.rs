@@ -1,4 +1,5 @@
-//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`.
+//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in two forms:
+//! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`).
 //!
 //! A shader may be compiled several times: a line `//! variant NAME DEFINE DEFINE ...` in it adds a module called
 //! `file_NAME` with those preprocessor symbols set; without such lines there is one module named after the file.
@@ -10,8 +11,19 @@ use std::{env, fs};
 // Linked for the static archives it names.
 use shaderc_link as _;
 
+#[path = "build/by_address.rs"]
+mod by_address;
+
+/// How a module reaches its buffers.
+#[derive(Clone, Copy, PartialEq)]
+enum Form {
+    Descriptors,
+    Addresses,
+}
+
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=build");
     println!("cargo:rerun-if-changed=glsl");
     if let Err(message) = build() {
         eprintln!("{message}");
@@ -30,15 +42,22 @@ fn build() -> Result<(), String> {
     sources.sort();
 
     let mut list =
-        String::from("/// Every compiled shader module, by name.\npub(crate) const MODULES: &[(&str, &[u8])] = &[\n");
+        String::from("/// Every compiled shader module, by name.\npub(crate) const MODULES: &[(&str, Spirv)] = &[\n");
     for path in sources {
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader file name is not UTF-8")?.to_owned();
         for (name, defines) in variants(&stem, &text) {
-            let spirv = compile(&compiler, &path, &text, &defines)?;
-            let file = out.join(format!("{name}.spv"));
-            fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
-            let _ = writeln!(list, "    (\"{name}\", include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),");
+            for (form, suffix) in [(Form::Descriptors, "spv"), (Form::Addresses, "address.spv")] {
+                let spirv = compile(&compiler, &path, &text, &defines, form)?;
+                let file = out.join(format!("{name}.{suffix}"));
+                fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
+            }
+            let bytes = |suffix| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.{suffix}\"))");
+            let (descriptors, addresses) = (bytes("spv"), bytes("address.spv"));
+            let _ = writeln!(
+                list,
+                "    (\"{name}\", Spirv {{ descriptors: {descriptors}, addresses: Some({addresses}) }}),"
+            );
         }
     }
     list.push_str("];\n");
@@ -58,24 +77,42 @@ fn variants(stem: &str, text: &str) -> Vec<(String, Vec<String>)> {
     if found.is_empty() { vec![(stem.to_owned(), Vec::new())] } else { found }
 }
 
-fn compile(compiler: &shaderc::Compiler, path: &Path, text: &str, defines: &[String]) -> Result<Vec<u8>, String> {
+fn compile(
+    compiler: &shaderc::Compiler,
+    path: &Path,
+    text: &str,
+    defines: &[String],
+    form: Form,
+) -> Result<Vec<u8>, String> {
+    let in_form = move |file: &Path, text: String| match form {
+        Form::Descriptors => Ok(text),
+        Form::Addresses => by_address::rewrite(&file.display().to_string(), &text),
+    };
+    let text = in_form(path, text.to_owned())?;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shader compiler: {e}"))?;
     // Vulkan 1.2 rather than 1.3: for 1.3 glslang emits LocalSizeId, which needs maintenance4 on the device.
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
     options.set_generate_debug_info();
     options.set_warnings_as_errors();
-    options.set_include_callback(|wanted, _, _, _| {
+    options.set_include_callback(move |wanted, _, _, _| {
         let file = Path::new("glsl/include").join(wanted);
         let content = fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content })
+        Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content: in_form(&file, content)? })
     });
     for define in defines {
         let (name, value) = define.split_once('=').map_or((define.as_str(), None), |(n, v)| (n, Some(v)));
         options.add_macro_definition(name, value);
     }
     compiler
-        .compile_into_spirv(text, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
+        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
         .map(|artifact| artifact.as_binary_u8().to_vec())
-        .map_err(|e| e.to_string())
+        .map_err(|e| match form {
+            Form::Descriptors => e.to_string(),
+            Form::Addresses => {
+                format!(
+                    "by address, where a buffer's member is a macro (nothing else may have its name after it):\n{e}"
+                )
+            }
+        })
 }

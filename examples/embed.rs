@@ -59,7 +59,8 @@ impl Host {
             let priorities = [1.0];
             let queues =
                 [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-            let mut f12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+            let mut f12 =
+                vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).buffer_device_address(true);
             let mut f13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
             let info =
                 vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut f12).push_next(&mut f13);
@@ -69,6 +70,7 @@ impl Host {
                 synchronization2: true,
                 timeline_semaphore: true,
                 maintenance4: true,
+                buffer_device_address: true,
                 ..Features::default()
             };
             Ok(Some(Host { entry, instance, physical_device, device, queue, family, features }))

@@ -17,8 +17,8 @@ layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };
 layout(set = 0, binding = 3) readonly buffer TileRanges { uvec2 tile_ranges[]; };
 layout(set = 0, binding = 4) writeonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 5) writeonly buffer Aux { vec4 aux[]; };
-layout(set = 0, binding = 6) writeonly buffer Last { uint last[]; };
+layout(set = 0, binding = 5) writeonly buffer Aux { vec4 aux_image[]; };
+layout(set = 0, binding = 6) writeonly buffer Last { uint last_places[]; };
 layout(set = 0, binding = 7) buffer PairCounts { uint pair_counts[]; };
 
 Splat load_splat(uint i) {
@@ -60,8 +60,8 @@ void store(Pixel pixel, uvec2 at) {
     const uint k = at.y * push.width + at.x;
     const float transmittance = abs(pixel.transmittance);
     image[k] = vec4(pixel.color + transmittance * vec3(push.red, push.green, push.blue), transmittance);
-    if (AUX != 0u) aux[k] = pixel.aux;
-    last[k] = pixel.last;
+    if (AUX != 0u) aux_image[k] = pixel.aux;
+    last_places[k] = pixel.last;
 }
 
 Pixel fresh(uvec2 at) {

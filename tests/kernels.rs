@@ -1,9 +1,10 @@
 //! The passes' tables against their SPIR-V: bindings with access, push constants, specialization constants, workgroup size.
-//! And every shader file is used by a registered pass.
+//! In both forms of a module; in the one by address, for every entry of the table. And every shader file is used by a
+//! registered pass.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use psrgs_vk::pass;
+use psrgs_vk::pass::{self, Pass};
 use psrgs_vk::vk::Access;
 use rspirv::binary::parse_bytes;
 use rspirv::dr::{Instruction, Loader, Module, Operand};
@@ -115,12 +116,20 @@ impl Reflection {
     }
 }
 
+/// Every pass with each form of its module.
+fn forms() -> impl Iterator<Item = (&'static Pass, Reflection)> {
+    pass::ALL.iter().flat_map(|&pass| {
+        let addresses = pass.kernel.spirv.addresses.expect("build.rs makes both forms");
+        [pass.kernel.spirv.descriptors, addresses].map(|spirv| (pass, Reflection::new(spirv)))
+    })
+}
+
 #[test]
 fn bindings_and_their_access_are_as_declared() {
     let mut wrong = Vec::new();
     for pass in pass::ALL {
         let kernel = &pass.kernel;
-        let spirv = Reflection::new(kernel.spirv);
+        let spirv = Reflection::new(kernel.spirv.descriptors);
         let mut found = BTreeMap::new();
         for (variable, block) in spirv.variables(StorageClass::StorageBuffer) {
             let set = word(&spirv.decoration(variable, Decoration::DescriptorSet).unwrap()[0]);
@@ -146,12 +155,88 @@ fn bindings_and_their_access_are_as_declared() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+impl Reflection {
+    fn instructions(&self) -> impl Iterator<Item = &Instruction> {
+        self.module.functions.iter().flat_map(|f| &f.blocks).flat_map(|block| &block.instructions)
+    }
+
+    fn constant(&self, wanted: u32) -> u32 {
+        word(&self.global(wanted).operands[0])
+    }
+
+    /// What stands at the entries of the table: entry, struct of the reference that is made of it.
+    fn entries(&self, table: u32) -> Vec<(u32, u32)> {
+        let mut places = BTreeMap::new();
+        let mut words = BTreeMap::new();
+        let mut found = Vec::new();
+        for i in self.instructions() {
+            match (i.class.opcode, i.operands.as_slice()) {
+                (Op::AccessChain | Op::InBoundsAccessChain, [base, member, entry]) if id(base) == table => {
+                    assert_eq!(self.constant(id(member)), 0);
+                    places.insert(i.result_id.unwrap(), self.constant(id(entry)));
+                }
+                (Op::Load, [from, ..]) => {
+                    places.get(&id(from)).map(|entry| words.insert(i.result_id.unwrap(), *entry));
+                }
+                (Op::Bitcast, [from]) => {
+                    if let Some(entry) = words.get(&id(from)) {
+                        let pointer = self.global(i.result_type.unwrap());
+                        assert_eq!(pointer.operands[0], Operand::StorageClass(StorageClass::PhysicalStorageBuffer));
+                        found.push((*entry, id(&pointer.operands[1])));
+                    }
+                }
+                _ => {}
+            }
+        }
+        assert_eq!(found.len(), places.len(), "an entry is read that becomes no reference");
+        found
+    }
+}
+
 #[test]
-fn push_constants_are_as_declared() {
+fn modules_by_address_have_the_table_and_reach_what_is_declared() {
     let mut wrong = Vec::new();
     for pass in pass::ALL {
         let kernel = &pass.kernel;
-        let spirv = Reflection::new(kernel.spirv);
+        let spirv = Reflection::new(kernel.spirv.addresses.expect("build.rs makes both forms"));
+        for class in [StorageClass::Uniform, StorageClass::UniformConstant] {
+            assert!(spirv.variables(class).is_empty(), "{}: {class:?}", kernel.name);
+        }
+        let tables = spirv.variables(StorageClass::StorageBuffer);
+        let [(table, block)] = tables[..] else { panic!("{}: descriptors {tables:?}", kernel.name) };
+        for decoration in [Decoration::DescriptorSet, Decoration::Binding] {
+            assert_eq!(word(&spirv.decoration(table, decoration).unwrap()[0]), 0, "{}", kernel.name);
+        }
+        assert_eq!(spirv.access(table, block), Access::Read, "{}: the table", kernel.name);
+        let element = id(&spirv.global(id(&spirv.global(block).operands[0])).operands[0]);
+        assert_eq!(spirv.bytes(element), 8, "{}: an address has 64 bits", kernel.name);
+
+        let mut reached = BTreeSet::new();
+        for (entry, block) in spirv.entries(table) {
+            reached.insert(entry);
+            let access = spirv.access(0, block);
+            match kernel.bindings.get(entry as usize) {
+                Some(binding) if binding.access == access => {}
+                Some(binding) => wrong.push(format!(
+                    "{}: entry {entry} ({}) is {:?} in the table of the pass and {access:?} in the shader",
+                    kernel.name, binding.name, binding.access
+                )),
+                None => wrong.push(format!("{}: entry {entry} is not in the table of the pass", kernel.name)),
+            }
+        }
+        let unreached: Vec<_> = (0..kernel.bindings.len() as u32).filter(|i| !reached.contains(i)).collect();
+        if !unreached.is_empty() {
+            wrong.push(format!("{}: entries {unreached:?} are not used", kernel.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn push_constants_are_as_declared() {
+    let mut wrong = Vec::new();
+    for (pass, spirv) in forms() {
+        let kernel = &pass.kernel;
         let blocks = spirv.variables(StorageClass::PushConstant);
         let mut shader = Vec::new();
         if let Some(&(_, block)) = blocks.first() {
@@ -178,9 +263,8 @@ fn push_constants_are_as_declared() {
 #[test]
 fn constants_are_as_declared() {
     let mut wrong = Vec::new();
-    for pass in pass::ALL {
+    for (pass, spirv) in forms() {
         let kernel = &pass.kernel;
-        let spirv = Reflection::new(kernel.spirv);
         let mut shader = BTreeMap::new();
         for value in &spirv.module.types_global_values {
             let Some(result) = value.result_id else { continue };
@@ -209,9 +293,8 @@ fn constants_are_as_declared() {
 #[test]
 fn workgroup_sizes_are_as_declared() {
     let mut wrong = Vec::new();
-    for pass in pass::ALL {
+    for (pass, spirv) in forms() {
         let kernel = &pass.kernel;
-        let spirv = Reflection::new(kernel.spirv);
         let size = spirv.module.execution_modes.iter().find_map(|mode| match mode.operands.as_slice() {
             [_, Operand::ExecutionMode(ExecutionMode::LocalSize), x, y, z] => Some((word(x), word(y), word(z))),
             _ => None,
@@ -255,7 +338,7 @@ fn names_are_unique_and_every_shader_is_used() {
         for name in if variants.is_empty() { vec![stem] } else { variants } {
             modules += 1;
             let spirv = pass::module(&name);
-            if !pass::ALL.iter().any(|pass| pass.kernel.spirv == spirv) {
+            if !pass::ALL.iter().any(|pass| pass.kernel.spirv.descriptors == spirv.descriptors) {
                 unused.push(name);
             }
         }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use psrgs_vk::pass;
+use psrgs_vk::pass::{self, Pass};
 use rspirv::spirv::Capability;
 
 /// Every shader and include with its text, comments left out.
@@ -124,16 +124,26 @@ fn modules_are_made_for_vulkan_1_2_and_ask_for_known_capabilities() {
         Capability::GroupNonUniformShuffleRelative,
         Capability::AtomicFloat32AddEXT,
     ];
-    for pass in pass::ALL {
-        let (name, spirv) = (pass.kernel.name, pass.kernel.spirv);
+    let forms = |pass: &'static Pass| {
+        let spirv = pass.kernel.spirv;
+        [(false, spirv.descriptors), (true, spirv.addresses.expect("build.rs makes both forms"))]
+            .map(|(by_address, spirv)| (pass.kernel.name, by_address, spirv))
+    };
+    for (name, by_address, spirv) in pass::ALL.iter().copied().flat_map(forms) {
         let version = u32::from_le_bytes(spirv[4..8].try_into().unwrap());
         assert!(version <= 0x0001_0500, "{name}: SPIR-V {version:#x} is newer than Vulkan 1.2");
         let module = rspirv::dr::load_bytes(spirv).unwrap();
+        let mut addresses = false;
         for capability in &module.capabilities {
             let rspirv::dr::Operand::Capability(capability) = capability.operands[0] else { panic!("{name}") };
+            if capability == Capability::PhysicalStorageBufferAddresses {
+                addresses = true;
+                continue;
+            }
             assert!(KNOWN.contains(&capability), "{name} needs {capability:?}");
             let hardware = capability != Capability::Shader;
             assert!(!(hardware && name.contains("emulated")), "{name} is emulated and needs {capability:?}");
         }
+        assert_eq!(addresses, by_address, "{name}");
     }
 }

@@ -10,7 +10,7 @@ use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
 use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
 use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use psrgs_vk::twin::tile::{TileGrid, list};
-use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
+use psrgs_vk::vk::{Addresses, Buffer, Gpu, Groups, Memory};
 
 fn words(state: u64, count: usize) -> Vec<u32> {
     let mut state = state;
@@ -113,10 +113,59 @@ fn radix_sort_of_a_million_and_more() {
     common::assert_no_messages(&gpu);
 }
 
+/// More keys than 2^25, so that no array of them fits one descriptor of 128 MiB; with more workgroups than `plan` puts on one
+/// axis in the groups shape. The keys are tile numbers of a 4K image.
+fn sort_beyond_2_to_the_25(shape: Shape, n: usize, bits: u32, counted: bool) {
+    let Some(gpu) = common::gpu() else { return };
+    let caps = gpu.caps();
+    if caps.largest_buffer() < 4 * n as u64 + 4 {
+        println!("skipped: {n} keys are more than a kernel can reach on this device");
+        return;
+    }
+    let keys: Vec<u32> = words(26, n).iter().map(|w| if bits == 17 { w % 129_601 } else { *w }).collect();
+    let started = std::time::Instant::now();
+    sort(&gpu, shape, &keys, bits, counted);
+    let beyond = 4 * n as u64 > caps.limits.storage_range;
+    assert_eq!(gpu.stats().by_address > 0, beyond || caps.addresses == Addresses::Always);
+    let megabytes = gpu.memory_use().peak >> 20;
+    println!(
+        "{shape:?}: {n} pairs by {bits} bits in {:.1} s with checks, {megabytes} MiB",
+        started.elapsed().as_secs_f64()
+    );
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn radix_sort_of_40_million_pairs() {
+    sort_beyond_2_to_the_25(Shape::Runs, 40_000_003, 17, true);
+}
+
+/// `cargo test --release --test sorting -- --ignored --nocapture`: some minutes and 2.5 GB on a CPU.
+#[test]
+#[ignore = "takes minutes on a CPU"]
+fn radix_sort_of_2_to_the_26_pairs() {
+    for shape in [Shape::Runs, Shape::Groups] {
+        // One more, so that the groups shape has 65,537 workgroups.
+        for (bits, counted) in [(17, true), (32, false)] {
+            sort_beyond_2_to_the_25(shape, (1 << 26) + 1, bits, counted);
+        }
+    }
+}
+
+#[test]
+#[ignore = "takes minutes on a CPU"]
+fn prefix_sum_of_2_to_the_26_words() {
+    prefix_sum((1 << 26) + 77);
+}
+
 #[test]
 fn prefix_sum_of_millions() {
+    prefix_sum((1 << 22) + 77);
+}
+
+fn prefix_sum(n: usize) {
     let Some(gpu) = common::gpu() else { return };
-    let n = (1usize << 22) + 77;
     let source = words(8, n);
     let input = upload(&gpu, "source", &source);
     let output = upload(&gpu, "target", &words(4, n));

@@ -15,7 +15,7 @@ use psrgs_vk::format::image_out;
 use psrgs_vk::pass::fill;
 use psrgs_vk::raster::{Picture, Viewer};
 use psrgs_vk::vk::ash::vk;
-use psrgs_vk::vk::{Error, Features, Gpu, Groups, Memory, OpenOptions};
+use psrgs_vk::vk::{Addresses, Error, Features, Gpu, Groups, Memory, OpenOptions};
 
 fn host() -> Option<embed::Host> {
     let host = embed::Host::new().unwrap();
@@ -98,6 +98,26 @@ fn features_that_the_host_does_not_state_are_not_used() {
     let caps = gpu.caps();
     assert_eq!(caps.buffer_floats, psrgs_vk::vk::FloatAtomics::CompareAndSwap);
     assert!(!caps.features.int64 && !caps.features.storage_16bit);
+}
+
+#[test]
+fn buffers_go_by_address_only_where_the_host_enabled_it() {
+    let Some(host) = host() else { return };
+    let options = OpenOptions { addresses: Some(true), ..OpenOptions::default() };
+    for (stated, picked) in [(true, Addresses::Always), (false, Addresses::Never)] {
+        let mut description = host.describe(None);
+        description.features.buffer_device_address = stated;
+        // SAFETY: the handles are those of a live host that outlives `gpu`.
+        let gpu = unsafe { Gpu::adopt(description, &options) }.unwrap();
+        assert_eq!(gpu.caps().addresses, picked);
+        let target = gpu.buffer("target", 4 * 1000, Memory::Device).unwrap();
+        let pipeline = gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();
+        let mut rec = gpu.recorder("fill").unwrap();
+        rec.dispatch(&pipeline, &[&target], &fill::Push { count: 1000, value: 6 }, Groups::Items(1000)).unwrap();
+        rec.submit().unwrap();
+        assert_eq!(gpu.read::<u32>(&target).unwrap(), [6; 1000]);
+        assert_eq!(gpu.stats().by_address, u64::from(stated));
+    }
 }
 
 #[test]

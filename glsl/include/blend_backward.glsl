@@ -13,9 +13,9 @@ layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };
 layout(set = 0, binding = 3) readonly buffer TileRanges { uvec2 tile_ranges[]; };
 layout(set = 0, binding = 4) readonly buffer Image { vec4 image[]; };
-layout(set = 0, binding = 5) readonly buffer Last { uint last[]; };
+layout(set = 0, binding = 5) readonly buffer Last { uint last_places[]; };
 layout(set = 0, binding = 6) readonly buffer GradImage { vec4 grad_image[]; };
-layout(set = 0, binding = 7) readonly buffer GradAux { vec4 grad_aux[]; };
+layout(set = 0, binding = 7) readonly buffer GradAux { vec4 grad_aux_image[]; };
 #ifdef SLOTS
 layout(set = 0, binding = 8) readonly buffer SortedSlots { uint sorted_slots[]; };
 layout(set = 0, binding = 9) writeonly buffer SlotGrads { float slot_grads[]; };
@@ -101,8 +101,8 @@ Pixel load_pixel(uvec2 at, bool inside) {
         pixel.transmittance = image[k].w;
         pixel.grad = grad.rgb;
         pixel.behind = dot(grad.rgb, vec3(push.red, push.green, push.blue)) + grad.w;
-        if (AUX != 0u) pixel.grad_aux = grad_aux[k];
-        pixel.last = last[k];
+        if (AUX != 0u) pixel.grad_aux = grad_aux_image[k];
+        pixel.last = last_places[k];
     }
     return pixel;
 }

@@ -127,7 +127,9 @@ fn of_device(error: &vk::Error) -> u8 {
         | vk::Error::NoDevice { .. }
         | vk::Error::MissingFeature { .. }
         | vk::Error::MissingLayer { .. } => DEVICE,
-        vk::Error::OutOfDeviceMemory { .. } | vk::Error::BindingTooLarge { .. } => MEMORY,
+        vk::Error::OutOfDeviceMemory { .. } | vk::Error::BindingTooLarge { .. } | vk::Error::BufferTooLarge { .. } => {
+            MEMORY
+        }
         vk::Error::Vulkan { result: vk::ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => MEMORY,
         vk::Error::DeviceLost { .. } => LOST,
         vk::Error::File { .. } => OUTPUT,
@@ -232,6 +234,8 @@ mod tests {
         assert_eq!(codes(full), [MEMORY; 3]);
         assert_eq!(codes(refused), [MEMORY; 3]);
         assert_eq!(codes(wide), [MEMORY; 3]);
+        let vast = || vk::Error::BufferTooLarge { buffer: device(), bytes: 9, limit: 2 };
+        assert_eq!(codes(vast), [MEMORY; 3]);
         assert_eq!(codes(lost), [LOST; 3]);
         assert_eq!(codes(|| vk::Error::Hazard(device())), [FAILURE; 3]);
 

@@ -60,7 +60,7 @@ fn describe(pass: &Pass) -> Value {
         "doc": pass.doc,
         "dispatch": pass.dispatch,
         "local_size": kernel.local_size,
-        "spirv_bytes": kernel.spirv.len(),
+        "spirv_bytes": kernel.spirv.descriptors.len(),
         "bindings": kernel.bindings.iter().enumerate()
             .map(|(i, b)| json!({"binding": i, "name": b.name, "access": access(b.access)})).collect::<Vec<_>>(),
         "push_bytes": kernel.push_bytes,

@@ -1,10 +1,12 @@
 //! The SPIR-V modules that `build.rs` compiled into the binary.
 
+use crate::vk::Spirv;
+
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
 /// SPIR-V of the shader called `name` (file stem, or stem_variant). Evaluated at compile time in the passes' constants,
 /// so a wrong name fails the build.
-pub const fn module(name: &str) -> &'static [u8] {
+pub const fn module(name: &str) -> Spirv {
     let mut i = 0;
     while i < MODULES.len() {
         if same(MODULES[i].0.as_bytes(), name.as_bytes()) {

@@ -310,20 +310,22 @@ impl Renderer {
     }
 }
 
-/// Most splats that fit the bindings of the device, each plane being bound whole.
+/// Most splats that fit the buffers of the device, each plane being used whole.
 pub fn most_splats(gpu: &Gpu) -> u32 {
     most(gpu, LARGEST_ROW)
 }
 
-/// Most pairs that fit the bindings of the device: slots are rows of 12 floats per pair, all else is no more than a word.
+/// Most pairs that fit the buffers of the device: slots are rows of 12 floats per pair, all else is no more than a word.
 pub fn most_pairs(gpu: &Gpu, variants: Variants) -> u32 {
     let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
     most(gpu, row)
 }
 
-/// Rows of `bytes` bytes in the largest binding of the device, as far as their words can be indexed with 32 bits.
+/// Rows of `bytes` bytes in the largest buffer that a kernel can use. Words are indexed with 32 bits, of which SPIR-V lets a
+/// driver take the highest as a sign.
 fn most(gpu: &Gpu, bytes: u64) -> u32 {
-    u32::try_from(gpu.caps().limits.storage_range / bytes).map_or(u32::MAX / 12, |rows| rows.min(u32::MAX / 12))
+    let words = (gpu.caps().largest_buffer() / 4).min(i32::MAX as u64);
+    (words / (bytes / 4)) as u32
 }
 
 /// Bytes of the largest row of a plane or of the gradients.

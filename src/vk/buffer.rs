@@ -8,10 +8,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 
+use super::caps::Addresses;
 use super::device::{Device, lock};
 use super::error::{Error, Named, Result};
 use super::memory::Memory;
 
+/// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
+pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
 /// Bytes of the guard behind a buffer.
 pub(super) const GUARD: u64 = 256;
 
@@ -33,6 +36,8 @@ pub(super) struct BufferInner {
     pub(super) capacity: u64,
     /// Bytes of the guard, 0 for none.
     pub(super) guard: u64,
+    /// Where it begins for kernels that reach it by address; 0 where none does.
+    pub(super) address: u64,
     /// The guard holds its pattern.
     pub(super) armed: AtomicBool,
     pub(super) memory: Memory,
@@ -58,15 +63,19 @@ impl Buffer {
     pub(super) fn new(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
         let limit = device.caps.limits.allocation;
         let capacity = size.max(16).checked_next_multiple_of(4).unwrap_or(u64::MAX);
-        let guard = if device.canaries && memory == Memory::Device { GUARD } else { 0 };
         if capacity > limit {
-            let in_use = lock(&device.memory).as_ref().map_or(0, |m| m.tally().current);
-            return Err(Error::OutOfDeviceMemory { requested: size, name: name.to_owned(), in_use, limit });
+            return Err(Error::BufferTooLarge { buffer: name.to_owned(), bytes: size, limit });
         }
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+        let guarded = device.canaries && memory == Memory::Device && capacity <= limit - GUARD.min(limit);
+        let guard = if guarded { GUARD } else { 0 };
+        let addressed = device.caps.addresses != Addresses::Never;
+        let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
+        if addressed {
+            usage |= vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+        }
         let info = vk::BufferCreateInfo::default()
             .size(capacity + guard)
             .usage(usage)
@@ -74,7 +83,8 @@ impl Buffer {
         // SAFETY: the device is alive and the description valid.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.named("vkCreateBuffer")?;
         // SAFETY: `raw` was just created.
-        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        let mut requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        requirements.alignment = requirements.alignment.max(REFERENCE_ALIGNMENT);
         let allocated = match lock(&device.memory).as_mut() {
             Some(pool) => pool.allocate(name, memory, requirements),
             None => Err(Error::NoVulkan("the device is closed".into())),
@@ -87,7 +97,7 @@ impl Buffer {
                 return Err(error);
             }
         };
-        let inner = BufferInner {
+        let mut inner = BufferInner {
             device: device.clone(),
             raw,
             id: device.next_id(),
@@ -95,6 +105,7 @@ impl Buffer {
             size,
             capacity,
             guard,
+            address: 0,
             armed: AtomicBool::new(guard == 0),
             memory,
             last_use: AtomicU64::new(0),
@@ -105,6 +116,11 @@ impl Buffer {
             // SAFETY: the allocation was made for this buffer's requirements and is bound to nothing else.
             unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
                 .named("vkBindBufferMemory")?;
+        }
+        if addressed {
+            let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
+            // SAFETY: the buffer is bound to memory and was made for this use, which its memory allows as well.
+            inner.address = unsafe { device.raw.get_buffer_device_address(&info) };
         }
         device.name(raw, name);
         let buffer = Buffer { inner: Arc::new(inner) };

@@ -74,7 +74,7 @@ pub const REQUIRED: &[(&str, &str)] = &[
 /// Limits that the engine works within.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Bytes of one storage-buffer binding.
+    /// Bytes of one storage-buffer descriptor.
     pub storage_range: u64,
     /// Alignment of the offset of a binding.
     pub storage_alignment: u64,
@@ -110,6 +110,17 @@ impl Subgroup {
             Subgroup::Hardware(width) | Subgroup::Emulated(width) => width,
         }
     }
+}
+
+/// When kernels reach their buffers by address rather than through descriptors. Both give the same bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Addresses {
+    /// Never: no kernel can use a buffer that is larger than one descriptor's range.
+    Never,
+    /// In dispatches that bind more in one piece than a descriptor's range.
+    BeyondRange,
+    /// In every dispatch of a kernel that has the form.
+    Always,
 }
 
 /// One capability as picked, for `psrgs-vk info`.
@@ -151,6 +162,8 @@ pub struct Caps {
     pub buffer_floats: FloatAtomics,
     /// Float atomics on shared memory.
     pub shared_floats: FloatAtomics,
+    /// When kernels reach their buffers by address.
+    pub addresses: Addresses,
     /// Subgroup operations.
     pub subgroup: Subgroup,
     /// Smallest and largest width that a pipeline can require; equal where it cannot choose.
@@ -168,4 +181,14 @@ pub struct Caps {
     /// A pipeline has to ask for its subgroup width, because the driver could choose another.
     pub(super) pin_subgroup: bool,
     pub(super) max_subgroups: u32,
+}
+
+impl Caps {
+    /// Bytes of the largest buffer that a kernel can use whole.
+    pub fn largest_buffer(&self) -> u64 {
+        match self.addresses {
+            Addresses::Never => self.limits.storage_range.min(self.limits.allocation),
+            Addresses::BeyondRange | Addresses::Always => self.limits.allocation,
+        }
+    }
 }

@@ -9,7 +9,8 @@ use super::barrier::Barrier;
 use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
-use super::error::{Named, Result};
+use super::error::{Error, Named, Result};
+use super::form::Reach;
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
 use super::submit::Plan;
@@ -129,13 +130,19 @@ unsafe fn one(device: &Device, slot: &mut Slot, command: &Command) -> Result<()>
     let raw = &device.raw;
     let commands = slot.commands;
     match command {
-        Command::Dispatch { pipeline, buffers, push, counts } => {
-            let pipeline = &pipeline.inner;
-            let set = slot.set(device, pipeline.set_layout)?;
-            let infos: Vec<vk::DescriptorBufferInfo> = buffers
-                .iter()
-                .map(|b| vk::DescriptorBufferInfo { buffer: b.buffer.inner.raw, offset: b.offset, range: b.bytes })
-                .collect();
+        Command::Dispatch { pipeline, buffers, table, push, counts } => {
+            let reach = if table.is_some() { Reach::Addresses } else { Reach::Descriptors };
+            let form = pipeline.inner.form(reach).ok_or_else(|| Error::Interface {
+                kernel: pipeline.name(),
+                what: format!("its form by {reach:?} was not made"),
+            })?;
+            let set = slot.set(device, form.set_layout)?;
+            let info =
+                |buffer: &Buffer, offset, range| vk::DescriptorBufferInfo { buffer: buffer.inner.raw, offset, range };
+            let infos: Vec<vk::DescriptorBufferInfo> = match table {
+                Some(table) => vec![info(&table.buffer, table.offset, table.bytes)],
+                None => buffers.iter().map(|b| info(&b.buffer, b.offset, b.bytes)).collect(),
+            };
             let writes: Vec<vk::WriteDescriptorSet<'_>> = infos
                 .iter()
                 .enumerate()
@@ -150,11 +157,11 @@ unsafe fn one(device: &Device, slot: &mut Slot, command: &Command) -> Result<()>
             // SAFETY: ranges were checked against buffers and limits when the command was recorded.
             unsafe {
                 raw.update_descriptor_sets(&writes, &[]);
-                raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
+                raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, form.raw);
                 let point = vk::PipelineBindPoint::COMPUTE;
-                raw.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[]);
+                raw.cmd_bind_descriptor_sets(commands, point, form.layout, 0, &[set], &[]);
                 if !push.is_empty() {
-                    raw.cmd_push_constants(commands, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                    raw.cmd_push_constants(commands, form.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
                 }
                 match counts {
                     Counts::Fixed(x, y) => raw.cmd_dispatch(commands, *x, *y, 1),

@@ -48,7 +48,17 @@ pub enum Error {
         /// The limit that applies.
         limit: u64,
     },
-    /// More bytes bound in one binding than the device can address there.
+    /// A buffer is larger than any allocation of the device.
+    #[error("buffer {buffer}: {bytes} bytes, the device's largest allocation is {limit}")]
+    BufferTooLarge {
+        /// Name of the buffer.
+        buffer: String,
+        /// Bytes asked for.
+        bytes: u64,
+        /// The limit: `maxMemoryAllocationSize` or `maxBufferSize`.
+        limit: u64,
+    },
+    /// More bytes bound in one binding than a descriptor covers, and the kernel or the device cannot do by address.
     #[error("buffer {buffer}: {bytes} bytes in one binding, the device's maxStorageBufferRange is {limit}")]
     BindingTooLarge {
         /// Name of the buffer.

@@ -13,6 +13,7 @@ use super::caps::Caps;
 use super::device::{Device, lock};
 use super::encode::External;
 use super::error::{Error, Named, Result};
+use super::form::Reach;
 use super::hazard::HazardChecker;
 use super::kernel::Kernel;
 use super::memory::{Memory, MemoryUse};
@@ -96,7 +97,7 @@ impl Gpu {
     pub fn pipeline(&self, kernel: &Kernel, given: &[(&str, u32)]) -> Result<Pipeline> {
         let values = constants(kernel, given)?;
         let mut pipelines = lock(&self.inner.pipelines);
-        let key = (kernel.name, kernel.spirv.as_ptr() as usize, values);
+        let key = (kernel.name, kernel.spirv.descriptors.as_ptr() as usize, values);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
@@ -104,6 +105,14 @@ impl Gpu {
         self.inner.cache_grown.store(true, Ordering::Release);
         pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
+    }
+
+    /// Makes a form of a pipeline unless it is there.
+    pub(super) fn make_form(&self, pipeline: &Pipeline, reach: Reach) -> Result<()> {
+        if pipeline.make(&self.inner.device, self.inner.cache, reach)? {
+            self.inner.cache_grown.store(true, Ordering::Release);
+        }
+        Ok(())
     }
 
     /// An empty recorder. `label` names its command buffer in captures and messages.
@@ -116,6 +125,7 @@ impl Gpu {
             staging: Vec::new(),
             profile: false,
             omit_barrier: None,
+            addresses: None,
         })
     }
 

@@ -31,13 +31,23 @@ pub struct Constant {
     pub default: u32,
 }
 
+/// A compute shader's module: SPIR-V words as bytes (a multiple of four), in one or both of two forms that compute the same.
+#[derive(Clone, Copy, Debug)]
+pub struct Spirv {
+    /// A descriptor per storage buffer.
+    pub descriptors: &'static [u8],
+    /// Storage buffers reached by address: the only descriptor is binding 0, a table with the address of each in binding order
+    /// (64 bits, low word first).
+    pub addresses: Option<&'static [u8]>,
+}
+
 /// A compute shader and its interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
     /// Unique name, shown in captures, validation messages and timings.
     pub name: &'static str,
-    /// SPIR-V words as bytes (length a multiple of four).
-    pub spirv: &'static [u8],
+    /// The module.
+    pub spirv: Spirv,
     /// Storage buffers in binding order.
     pub bindings: &'static [Binding],
     /// Size of the push-constant block in bytes, at most 128; 0 for none.

@@ -4,7 +4,7 @@ use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
 
-use super::caps::DeviceKind;
+use super::caps::{Addresses, DeviceKind};
 use super::device::Device;
 use super::error::{Error, Result};
 
@@ -45,7 +45,7 @@ impl MemoryPool {
             device: device.raw.clone(),
             physical_device: device.physical,
             debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address: device.caps.addresses != Addresses::Never,
             allocation_sizes: AllocationSizes::new(32 * mib, 16 * mib),
         })?;
         let unified = matches!(device.caps.kind, DeviceKind::Cpu | DeviceKind::Integrated);

@@ -41,6 +41,11 @@ pub struct OpenOptions {
     pub emulate_subgroup: Option<u32>,
     /// Refuse allocations past this many bytes rather than past what the device reports.
     pub max_device_memory: Option<u64>,
+    /// Treat a storage-buffer descriptor as if it covered no more than this many bytes.
+    pub storage_range: Option<u64>,
+    /// Reach buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a descriptor's range.
+    /// Never, too, on a device without the feature.
+    pub addresses: Option<bool>,
     /// Folder of the pipeline cache; `None` keeps it in memory only.
     pub pipeline_cache: Option<PathBuf>,
 }
@@ -56,6 +61,8 @@ impl Default for OpenOptions {
             float_atomics: None,
             emulate_subgroup: None,
             max_device_memory: None,
+            storage_range: None,
+            addresses: None,
             pipeline_cache: None,
         }
     }
@@ -64,8 +71,8 @@ impl Default for OpenOptions {
 impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
     /// `PSRGS_VALIDATION=1`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
-    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`,
-    /// `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
+    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
+    /// `PSRGS_ADDRESSES=always|never`, `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
     pub fn from_env() -> Self {
         let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
         let flag = |name: &str, default: bool| get(name).map_or(default, |value| value != "0");
@@ -84,6 +91,12 @@ impl OpenOptions {
                 .and_then(|value| value.parse().ok())
                 .filter(|width| [8, 16, 32, 64].contains(width)),
             max_device_memory: get("PSRGS_MAX_DEVICE_MEMORY").and_then(|value| value.parse().ok()),
+            storage_range: get("PSRGS_STORAGE_RANGE").and_then(|value| value.parse().ok()),
+            addresses: get("PSRGS_ADDRESSES").and_then(|value| match value.as_str() {
+                "always" => Some(true),
+                "never" => Some(false),
+                _ => None,
+            }),
             pipeline_cache: get("PSRGS_CACHE").map(PathBuf::from).or_else(cache_folder),
             ..base
         }

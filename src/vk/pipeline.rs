@@ -1,24 +1,22 @@
 //! Compute pipelines: a kernel with its specialization constants given.
 
-use std::ffi::CString;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use ash::vk;
 
-use super::caps::Features;
+use super::caps::Addresses;
 use super::device::Device;
-use super::error::{Error, Named, Result};
-use super::kernel::{Binding, Kernel};
+use super::error::{Error, Result};
+use super::form::{Form, Reach};
+use super::kernel::Kernel;
 
 pub(super) struct PipelineInner {
-    device: Arc<Device>,
-    pub(super) raw: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) set_layout: vk::DescriptorSetLayout,
-    pub(super) name: &'static str,
-    pub(super) bindings: &'static [Binding],
-    pub(super) push_bytes: u32,
-    pub(super) workgroup_size: u32,
+    pub(super) kernel: Kernel,
+    values: Vec<u32>,
+    workgroup_size: u32,
+    /// Each made when it is first needed.
+    descriptors: OnceLock<Form>,
+    addresses: OnceLock<Form>,
 }
 
 /// A compute pipeline. Cheap to clone.
@@ -29,7 +27,7 @@ pub struct Pipeline {
 
 impl std::fmt::Debug for Pipeline {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Pipeline({})", self.inner.name)
+        write!(f, "Pipeline({})", self.inner.kernel.name)
     }
 }
 
@@ -50,6 +48,25 @@ pub(super) fn constants(kernel: &Kernel, given: &[(&str, u32)]) -> Result<Vec<u3
     Ok(values)
 }
 
+impl PipelineInner {
+    fn slot(&self, reach: Reach) -> &OnceLock<Form> {
+        match reach {
+            Reach::Descriptors => &self.descriptors,
+            Reach::Addresses => &self.addresses,
+        }
+    }
+
+    /// A form that [`Pipeline::make`] has made.
+    pub(super) fn form(&self, reach: Reach) -> Option<&Form> {
+        self.slot(reach).get()
+    }
+
+    /// Whether the kernel can reach its buffers by address at all.
+    pub(super) fn by_address(&self) -> bool {
+        self.kernel.spirv.addresses.is_some() && !self.kernel.bindings.is_empty()
+    }
+}
+
 impl Pipeline {
     /// Threads of a workgroup.
     pub fn workgroup_size(&self) -> u32 {
@@ -58,9 +75,10 @@ impl Pipeline {
 
     /// Name of the kernel.
     pub fn name(&self) -> &'static str {
-        self.inner.name
+        self.inner.kernel.name
     }
 
+    /// Makes the form that the device uses unless a buffer asks for another.
     pub(super) fn new(
         device: &Arc<Device>,
         cache: vk::PipelineCache,
@@ -87,184 +105,28 @@ impl Pipeline {
         if kernel.push_bytes > limits.push_bytes.min(128) || !kernel.push_bytes.is_multiple_of(4) {
             return Err(bad(format!("{} bytes of push constants", kernel.push_bytes)));
         }
-        if kernel.bindings.len() > limits.storage_buffers as usize {
-            return Err(bad(format!(
-                "{} storage buffers, the device takes {}",
-                kernel.bindings.len(),
-                limits.storage_buffers
-            )));
-        }
-        let words: Vec<u32> =
-            kernel.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        let capabilities = capabilities(&words);
-        for &capability in &capabilities {
-            if let Some((feature, there)) = needed_feature(capability, &device.caps.features)
-                && !there
-            {
-                return Err(Error::MissingFeature {
-                    feature,
-                    needed_for: format!("kernel {}", kernel.name),
-                    device: device.caps.device.clone(),
-                });
-            }
-        }
-        let subgroups = capabilities.iter().any(|c| (61..=68).contains(c));
-        let width = device.caps.subgroup.width();
-        let hardware = subgroups && matches!(device.caps.subgroup, super::Subgroup::Hardware(_));
-        let pin = hardware && device.caps.pin_subgroup;
-        if pin && workgroup_size > width.saturating_mul(device.caps.max_subgroups) {
-            return Err(bad(format!(
-                "{workgroup_size} threads are more than {} subgroups of {width}",
-                device.caps.max_subgroups
-            )));
-        }
-
-        let mut made = Partial { device, set_layout: None, layout: None, module: None };
-        let slots: Vec<vk::DescriptorSetLayoutBinding<'_>> = (0..kernel.bindings.len() as u32)
-            .map(|binding| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
-        // SAFETY: valid description, live device; so for the calls below.
-        let set_layout =
-            unsafe { device.raw.create_descriptor_set_layout(&info, None) }.named("vkCreateDescriptorSetLayout")?;
-        made.set_layout = Some(set_layout);
-        let ranges =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(kernel.push_bytes)];
-        let set_layouts = [set_layout];
-        let info = vk::PipelineLayoutCreateInfo::default()
-            .set_layouts(&set_layouts)
-            .push_constant_ranges(if kernel.push_bytes == 0 { &[] } else { &ranges });
-        // SAFETY: the set layout was made above.
-        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")?;
-        made.layout = Some(layout);
-        let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the words are SPIR-V that glslang compiled at build time.
-        let module = unsafe { device.raw.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
-        made.module = Some(module);
-
-        let entries: Vec<vk::SpecializationMapEntry> = kernel
-            .constants
-            .iter()
-            .enumerate()
-            .map(|(i, c)| vk::SpecializationMapEntry { constant_id: c.id, offset: 4 * i as u32, size: 4 })
-            .collect();
-        let special =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice::<u32, u8>(values));
-        let mut required =
-            vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default().required_subgroup_size(width);
-        let mut stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&special);
-        if pin {
-            stage = stage.push_next(&mut required);
-        }
-        if hardware && device.caps.features.subgroup_size_control && workgroup_size.is_multiple_of(width) {
-            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
-        }
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
-        // SAFETY: module and layout were made above; constants and features were checked against the device.
-        let created = unsafe { device.raw.create_compute_pipelines(cache, &[info], None) };
-        let raw = created
-            .map_err(|(_, result)| result)
-            .named("vkCreateComputePipelines")?
-            .into_iter()
-            .next()
-            .unwrap_or_default();
-        (made.set_layout, made.layout) = (None, None);
-        drop(made);
-        let shown: Vec<String> = kernel.constants.iter().zip(values).map(|(c, v)| format!("{}={v}", c.name)).collect();
-        device.name(raw, &format!("{} {}", kernel.name, shown.join(" ")));
-        if let Ok(name) = CString::new(kernel.name) {
-            device.name(set_layout, &name.to_string_lossy());
-            device.name(layout, &name.to_string_lossy());
-        }
         let inner = PipelineInner {
-            device: device.clone(),
-            raw,
-            layout,
-            set_layout,
-            name: kernel.name,
-            bindings: kernel.bindings,
-            push_bytes: kernel.push_bytes,
+            kernel: *kernel,
+            values: values.to_vec(),
             workgroup_size,
+            descriptors: OnceLock::new(),
+            addresses: OnceLock::new(),
         };
-        Ok(Pipeline { inner: Arc::new(inner) })
+        let always = device.caps.addresses == Addresses::Always && inner.by_address();
+        let pipeline = Pipeline { inner: Arc::new(inner) };
+        pipeline.make(device, cache, if always { Reach::Addresses } else { Reach::Descriptors })?;
+        Ok(pipeline)
     }
-}
 
-impl Drop for PipelineInner {
-    fn drop(&mut self) {
-        // SAFETY: submits in flight hold a handle, so none uses the pipeline any more.
-        unsafe {
-            self.device.raw.destroy_pipeline(self.raw, None);
-            self.device.raw.destroy_pipeline_layout(self.layout, None);
-            self.device.raw.destroy_descriptor_set_layout(self.set_layout, None);
+    /// Makes a form unless it is there. True when it was made.
+    pub(super) fn make(&self, device: &Arc<Device>, cache: vk::PipelineCache, reach: Reach) -> Result<bool> {
+        let PipelineInner { kernel, values, workgroup_size, .. } = &*self.inner;
+        let slot = self.inner.slot(reach);
+        if slot.get().is_some() {
+            return Ok(false);
         }
+        // Should another thread have made it meanwhile, this one is dropped.
+        let form = Form::new(device, cache, kernel, values, *workgroup_size, reach)?;
+        Ok(slot.set(form).is_ok())
     }
-}
-
-/// Objects to destroy when building a pipeline stops half-way, and the module in any case.
-struct Partial<'a> {
-    device: &'a Device,
-    set_layout: Option<vk::DescriptorSetLayout>,
-    layout: Option<vk::PipelineLayout>,
-    module: Option<vk::ShaderModule>,
-}
-
-impl Drop for Partial<'_> {
-    fn drop(&mut self) {
-        let raw = &self.device.raw;
-        // SAFETY: whatever is still here was created from this device and is used by nothing.
-        unsafe {
-            self.module.into_iter().for_each(|module| raw.destroy_shader_module(module, None));
-            self.layout.into_iter().for_each(|layout| raw.destroy_pipeline_layout(layout, None));
-            self.set_layout.into_iter().for_each(|layout| raw.destroy_descriptor_set_layout(layout, None));
-        }
-    }
-}
-
-/// Operands of every `OpCapability` of a module.
-fn capabilities(words: &[u32]) -> Vec<u32> {
-    const OP_CAPABILITY: u32 = 17;
-    let mut found = Vec::new();
-    let mut rest = words.get(5..).unwrap_or(&[]);
-    // Capabilities come before everything else.
-    while let [first, operand, ..] = rest {
-        if first & 0xffff != OP_CAPABILITY {
-            break;
-        }
-        found.push(*operand);
-        rest = &rest[2..];
-    }
-    found
-}
-
-/// The device feature behind a SPIR-V capability and whether it is enabled; `None` for those that every device has.
-fn needed_feature(capability: u32, f: &Features) -> Option<(&'static str, bool)> {
-    // Numbers from the SPIR-V specification, section 3.2.31.
-    Some(match capability {
-        9 => ("shaderFloat16", f.float16),
-        11 => ("shaderInt64", f.int64),
-        12 => ("shaderBufferInt64Atomics", f.buffer_int64_atomics),
-        22 => ("shaderInt16", f.int16),
-        39 => ("shaderInt8", f.int8),
-        4433 => ("storageBuffer16BitAccess", f.storage_16bit),
-        4448 => ("storageBuffer8BitAccess", f.storage_8bit),
-        5345 | 5346 => ("vulkanMemoryModel", f.memory_model),
-        5347 => ("bufferDeviceAddress", f.buffer_device_address),
-        6033 => (
-            "shaderBufferFloat32AtomicAdd or shaderSharedFloat32AtomicAdd",
-            f.buffer_float_atomic_add || f.shared_float_atomic_add,
-        ),
-        10 => ("shaderFloat64", false),
-        _ => return None,
-    })
 }

@@ -5,6 +5,8 @@
 pub struct Stats {
     /// Dispatches.
     pub dispatches: u64,
+    /// Those of them that reach their buffers by address.
+    pub by_address: u64,
     /// Fills, copies and uploads.
     pub transfers: u64,
     /// Pipeline barriers.

@@ -3,7 +3,9 @@
 
 use super::barrier::{BufferUse, Use};
 use super::buffer::{Buffer, BufferSlice};
+use super::caps::Addresses;
 use super::error::{Error, Result};
+use super::form::Reach;
 use super::gpu::Gpu;
 use super::kernel::Access;
 use super::pipeline::Pipeline;
@@ -41,8 +43,15 @@ pub(super) struct Bound {
     pub(super) bytes: u64,
 }
 
+/// Addresses of a dispatch's buffers, in staging memory that the recording keeps.
+pub(super) struct Table {
+    pub(super) buffer: Buffer,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
 pub(super) enum Command {
-    Dispatch { pipeline: Pipeline, buffers: Vec<Bound>, push: Vec<u8>, counts: Counts },
+    Dispatch { pipeline: Pipeline, buffers: Vec<Bound>, table: Option<Table>, push: Vec<u8>, counts: Counts },
     Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
     Copy { from: Buffer, from_offset: u64, to: Buffer, to_offset: u64, bytes: u64, staged: bool },
 }
@@ -66,7 +75,7 @@ impl Command {
         match self {
             Command::Dispatch { pipeline, buffers, counts, .. } => {
                 let mut uses: Vec<BufferUse> = Vec::with_capacity(buffers.len() + 1);
-                for (bound, binding) in buffers.iter().zip(pipeline.inner.bindings) {
+                for (bound, binding) in buffers.iter().zip(pipeline.inner.kernel.bindings) {
                     let kind = match binding.access {
                         Access::Read => Use::ShaderRead,
                         Access::Write => Use::ShaderWrite,
@@ -118,6 +127,7 @@ pub struct Recorder {
     pub(super) staging: Vec<(Buffer, u64)>,
     pub(super) profile: bool,
     pub(super) omit_barrier: Option<usize>,
+    pub(super) addresses: Option<bool>,
 }
 
 impl Recorder {
@@ -156,18 +166,32 @@ impl Recorder {
         if bytes.is_empty() {
             return Ok(());
         }
-        let fits = self.staging.last().is_some_and(|(chunk, used)| chunk.size() - used >= len);
-        if !fits {
-            let chunk = self.gpu.staging(len)?;
-            self.staging.push((chunk, 0));
-        }
-        if let Some((chunk, used)) = self.staging.last_mut() {
-            chunk.store(*used, bytes)?;
-            let (from, from_offset, to) = (chunk.clone(), *used, to.clone());
-            *used += len.next_multiple_of(16).min(chunk.size() - *used);
-            self.commands.push(Command::Copy { from, from_offset, to, to_offset, bytes: len, staged: true });
-        }
+        let (from, from_offset) = self.stage(bytes, 16)?;
+        self.commands.push(Command::Copy { from, from_offset, to: to.clone(), to_offset, bytes: len, staged: true });
         Ok(())
+    }
+
+    /// Copies host bytes into staging memory, at a multiple of `alignment`. It stays theirs until the ticket has passed; what
+    /// the host writes before a submit the device sees without a barrier.
+    fn stage(&mut self, bytes: &[u8], alignment: u64) -> Result<(Buffer, u64)> {
+        let len = bytes.len() as u64;
+        let free = self.staging.last().and_then(|(chunk, used)| {
+            let at = used.next_multiple_of(alignment);
+            (at + len <= chunk.size()).then(|| (chunk.clone(), at))
+        });
+        let (chunk, at) = match free {
+            Some(free) => free,
+            None => {
+                let chunk = self.gpu.staging(len)?;
+                self.staging.push((chunk.clone(), 0));
+                (chunk, 0)
+            }
+        };
+        chunk.store(at, bytes)?;
+        if let Some((_, used)) = self.staging.last_mut() {
+            *used = at + len;
+        }
+        Ok((chunk, at))
     }
 
     /// Runs a kernel with `buffers` in binding order. A dispatch of nothing is left out.
@@ -180,18 +204,20 @@ impl Recorder {
     ) -> Result<()> {
         let kernel = pipeline.name();
         let bad = |what: String| Error::Interface { kernel, what };
-        let bindings = pipeline.inner.bindings;
+        let bindings = pipeline.inner.kernel.bindings;
         if buffers.len() != bindings.len() {
             return Err(bad(format!("{} buffers for {} bindings", buffers.len(), bindings.len())));
         }
         let push = bytemuck::bytes_of(push);
-        if push.len() != pipeline.inner.push_bytes as usize {
-            return Err(bad(format!("{} bytes of push constants for {}", push.len(), pipeline.inner.push_bytes)));
+        let push_bytes = pipeline.inner.kernel.push_bytes;
+        if push.len() != push_bytes as usize {
+            return Err(bad(format!("{} bytes of push constants for {push_bytes}", push.len())));
         }
-        let limits = &self.gpu.caps().limits;
+        let slices: Vec<BufferSlice<'a>> = buffers.iter().map(|&b| b.into()).collect();
+        let reach = self.reach(pipeline, &slices)?;
+        let limits = self.gpu.caps().limits;
         let mut bound = Vec::with_capacity(buffers.len());
-        for slice in buffers.iter().map(|&b| -> BufferSlice<'a> { b.into() }) {
-            let BufferSlice { buffer, offset, bytes } = slice;
+        for BufferSlice { buffer, offset, bytes } in slices {
             self.inside(buffer, offset, bytes)?;
             if offset % limits.storage_alignment != 0 || bytes == 0 {
                 return Err(buffer.bad_range(
@@ -200,12 +226,9 @@ impl Recorder {
                     "a binding is not empty and starts at a multiple of the device's storage alignment",
                 ));
             }
-            if bytes > limits.storage_range {
-                let (buffer, limit) = (buffer.name().to_owned(), limits.storage_range);
-                return Err(Error::BindingTooLarge { buffer, bytes, limit });
-            }
             // The guard is bound too, so that a write past the end lands in it rather than being dropped by the driver.
-            let last = offset + bytes == buffer.inner.capacity && bytes + buffer.inner.guard <= limits.storage_range;
+            let fits = reach == Reach::Addresses || bytes + buffer.inner.guard <= limits.storage_range;
+            let last = offset + bytes == buffer.inner.capacity && fits;
             let bytes = if last { bytes + buffer.inner.guard } else { bytes };
             bound.push(Bound { buffer: buffer.clone(), offset, bytes });
         }
@@ -223,9 +246,42 @@ impl Recorder {
             }
         };
         let counts = counts.ok_or_else(|| bad(format!("{groups:?} is more than a dispatch holds")))?;
+        self.gpu.make_form(pipeline, reach)?;
+        let table = if reach == Reach::Addresses { Some(self.table(&bound)?) } else { None };
         let (pipeline, push) = (pipeline.clone(), push.to_vec());
-        self.commands.push(Command::Dispatch { pipeline, buffers: bound, push, counts });
+        self.commands.push(Command::Dispatch { pipeline, buffers: bound, table, push, counts });
         Ok(())
+    }
+
+    /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where that was
+    /// asked for.
+    fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<Reach> {
+        let caps = self.gpu.caps();
+        let limit = caps.limits.storage_range;
+        let possible = caps.addresses != Addresses::Never && pipeline.inner.by_address();
+        let beyond = slices.iter().find(|slice| slice.bytes > limit);
+        let wanted = self.addresses.unwrap_or(caps.addresses == Addresses::Always);
+        match beyond {
+            _ if possible && (wanted || beyond.is_some()) => Ok(Reach::Addresses),
+            None => Ok(Reach::Descriptors),
+            Some(BufferSlice { buffer, bytes, .. }) => {
+                Err(Error::BindingTooLarge { buffer: buffer.name().to_owned(), bytes: *bytes, limit })
+            }
+        }
+    }
+
+    fn table(&mut self, bound: &[Bound]) -> Result<Table> {
+        let addresses: Vec<u64> = bound.iter().map(|b| b.buffer.inner.address + b.offset).collect();
+        let bytes = bytemuck::cast_slice(&addresses);
+        let (buffer, offset) = self.stage(bytes, self.gpu.caps().limits.storage_alignment)?;
+        Ok(Table { buffer, offset, bytes: bytes.len() as u64 })
+    }
+
+    /// Reaches buffers by address in the dispatches to come (`Some(true)`), or through descriptors as far as they go
+    /// (`Some(false)`), whatever the device was opened for: for tests that compare the two.
+    #[doc(hidden)]
+    pub fn force_addresses(&mut self, addresses: Option<bool>) {
+        self.addresses = addresses;
     }
 
     /// Takes timestamps around every command; [`Gpu::timings`] has them after the ticket has passed.

@@ -4,7 +4,8 @@ use std::ffi::CStr;
 
 use ash::vk;
 
-use super::caps::{Caps, Choice, DeviceKind, Features, Heap, Limits, REQUIRED, Subgroup};
+use super::buffer::REFERENCE_ALIGNMENT;
+use super::caps::{Addresses, Caps, Choice, DeviceKind, Features, Heap, Limits, REQUIRED, Subgroup};
 use super::error::{Error, Result};
 use super::options::{FloatAtomics, OpenOptions};
 
@@ -123,7 +124,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
         extensions,
         limits: Limits {
             storage_range: u64::from(l.max_storage_buffer_range),
-            storage_alignment: l.min_storage_buffer_offset_alignment.max(4),
+            storage_alignment: l.min_storage_buffer_offset_alignment.max(REFERENCE_ALIGNMENT),
             storage_buffers: l.max_per_stage_descriptor_storage_buffers,
             push_bytes: l.max_push_constants_size,
             shared_bytes: l.max_compute_shared_memory_size,
@@ -210,6 +211,24 @@ impl Reported {
         };
         note("subgroups", shown, why);
 
+        let mut limits = self.limits;
+        if let Some(range) = options.storage_range.filter(|range| *range < limits.storage_range) {
+            limits.storage_range = range;
+            note("storage buffer range", format!("{range} bytes"), "forced".to_owned());
+        }
+        let (addresses, why) = match (options.addresses, f.buffer_device_address) {
+            (Some(false), _) => (Addresses::Never, "forced"),
+            (_, false) => (Addresses::Never, "bufferDeviceAddress is missing"),
+            (Some(true), true) => (Addresses::Always, "forced"),
+            (None, true) => (Addresses::BeyondRange, "bufferDeviceAddress is there"),
+        };
+        let shown = match addresses {
+            Addresses::Never => format!("never: none is larger than {} bytes", limits.storage_range),
+            Addresses::BeyondRange => format!("where one is larger than {} bytes", limits.storage_range),
+            Addresses::Always => "always".to_owned(),
+        };
+        note("buffers by address", shown, why.to_owned());
+
         let (memory_limit, why) = self.memory_limit(options);
         note("device memory limit", format!("{} MiB", memory_limit >> 20), why);
         let operations = [
@@ -228,9 +247,10 @@ impl Reported {
             kind: self.kind,
             api: (vk::api_version_major(self.api), vk::api_version_minor(self.api), vk::api_version_patch(self.api)),
             features: f,
-            limits: self.limits,
+            limits,
             buffer_floats,
             shared_floats,
+            addresses,
             subgroup,
             subgroup_range: self.subgroup_range,
             subgroup_operations: operations

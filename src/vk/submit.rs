@@ -145,6 +145,7 @@ impl State {
         self.stats.submits += 1;
         for (command, barriers) in recorder.commands.iter().zip(&plan.commands) {
             self.stats.dispatches += u64::from(matches!(command, Command::Dispatch { .. }));
+            self.stats.by_address += u64::from(matches!(command, Command::Dispatch { table: Some(_), .. }));
             self.stats.transfers += u64::from(!matches!(command, Command::Dispatch { .. }));
             self.stats.barriers += u64::from(!barriers.is_empty());
             self.stats.buffer_barriers += barriers.len() as u64;

@@ -1,13 +1,15 @@
-//! Runs a pass on the device and its twin on the CPU, on the same buffers.
+//! Runs a pass on the device, in both of its forms, and its twin on the CPU, on the same buffers.
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::twin::TwinCall;
-use psrgs_vk::vk::{Gpu, Groups, Memory};
+use psrgs_vk::vk::{Addresses, Gpu, Groups, Memory};
 
 /// What a dispatch left in its buffers, in binding order.
 pub struct Outcome {
-    /// By the device.
+    /// By the device, through descriptors.
     pub device: Vec<Vec<u8>>,
+    /// By the device, by address. The same bits, but for passes that add floats in the order in which threads arrive.
+    pub by_address: Vec<Vec<u8>>,
     /// By the twin.
     pub twin: Vec<Vec<u8>>,
 }
@@ -43,15 +45,16 @@ pub fn bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     bytemuck::cast_slice(values).to_vec()
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`.
-pub fn run<P: bytemuck::NoUninit>(
+/// What the device leaves in copies of `buffers` that it reaches by address, or through descriptors.
+fn dispatch<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,
     given: &[(&str, u32)],
     buffers: &[Vec<u8>],
     push: &P,
     groups: u32,
-) -> Outcome {
+    by_address: bool,
+) -> Vec<Vec<u8>> {
     let pipeline = gpu.pipeline(&pass.kernel, given).unwrap();
     let mut recorder = gpu.recorder(pass.kernel.name).unwrap();
     let mut bound = Vec::new();
@@ -61,16 +64,45 @@ pub fn run<P: bytemuck::NoUninit>(
         bound.push(buffer);
     }
     let all: Vec<_> = bound.iter().collect();
+    recorder.force_addresses(Some(by_address));
     recorder.dispatch(&pipeline, &all, push, Groups::Workgroups(u64::from(groups))).unwrap();
+    let before = gpu.stats().by_address;
     recorder.submit().unwrap();
-    let device = bound.iter().map(|buffer| gpu.read(buffer).unwrap()).collect();
+    if gpu.caps().addresses != Addresses::Never {
+        assert_eq!(gpu.stats().by_address - before, u64::from(by_address && groups > 0), "{}", pass.kernel.name);
+    }
+    bound.iter().map(|buffer| gpu.read(buffer).unwrap()).collect()
+}
+
+/// Whether a pass leaves the same bits every time: not where floats are added in the order in which threads arrive.
+fn repeats(pass: &Pass) -> bool {
+    !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
+}
+
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Fails unless both forms of the pass leave the
+/// same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
+pub fn run<P: bytemuck::NoUninit>(
+    gpu: &Gpu,
+    pass: &Pass,
+    given: &[(&str, u32)],
+    buffers: &[Vec<u8>],
+    push: &P,
+    groups: u32,
+) -> Outcome {
+    let [device, by_address] =
+        [false, true].map(|by_address| dispatch(gpu, pass, given, buffers, push, groups, by_address));
+    if repeats(pass) {
+        for (i, (device, by_address)) in device.iter().zip(&by_address).enumerate() {
+            assert!(device == by_address, "{}: by address, buffer {i} has other bits", pass.kernel.name);
+        }
+    }
 
     let constant = |name: &str, default| given.iter().find(|(n, _)| *n == name).map_or(default, |&(_, value)| value);
     let constants: Vec<u32> = pass.kernel.constants.iter().map(|c| constant(c.name, c.default)).collect();
     let mut twin = buffers.to_vec();
     let push = bytemuck::bytes_of(push);
     (pass.twin)(&mut TwinCall { buffers: &mut twin, push, constants: &constants, groups });
-    Outcome { device, twin }
+    Outcome { device, by_address, twin }
 }
 
 /// A small counter-based generator (splitmix64).

@@ -1,0 +1,82 @@
+//! How `build.rs` makes the form of a shader in which buffers are reached by address.
+
+// Nothing of a test binary is reachable from outside.
+#![allow(unreachable_pub)]
+
+#[path = "../build/by_address.rs"]
+mod by_address;
+
+use by_address::rewrite;
+
+const SHADER: &str = "\
+#version 460
+// A comment about a buffer.
+#extension GL_GOOGLE_include_directive : require
+#define ADD(buffer, index) \\
+    buffer[index] += 1u;
+layout(set = 0, binding = 3) readonly buffer Keys { uint keys[]; };  // why
+layout ( set=0,binding=12 )  buffer Sums{WORD sums [ ] ;} ;
+layout(push_constant) uniform Push { uint count; } push;
+void main() { ADD(sums, keys[0]) }
+";
+
+#[test]
+fn declarations_become_references_and_the_rest_stays() {
+    let found = rewrite("a.comp", SHADER).unwrap();
+    let keys =
+        "layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Keys { uint keys_array[]; };
+Keys keys_reference = Keys(address_table[3]);
+#define keys keys_reference.keys_array
+#line 7
+";
+    let sums = "layout(buffer_reference, std430, buffer_reference_align = 16) buffer Sums { WORD sums_array[]; };
+Sums sums_reference = Sums(address_table[12]);
+#define sums sums_reference.sums_array
+#line 8
+";
+    assert!(found.contains(keys) && found.contains(sums), "{found}");
+    assert!(!found.contains("binding = 3") && !found.contains("binding=12"), "{found}");
+    assert!(found.starts_with(
+        "#version 460\n#extension GL_EXT_buffer_reference : require\n#extension GL_EXT_buffer_reference_uvec2 : require\n#line 2\n"
+    ));
+    let declared = |line: &str| line.trim_start().starts_with("layout") && line.contains("buffer");
+    let mut lines = found.lines();
+    for line in SHADER.lines().filter(|line| !declared(line)) {
+        assert!(lines.any(|l| l == line), "{line} is missing or out of order:\n{found}");
+    }
+    // The table is declared before its first use, once for the preprocessor.
+    let table = found.find("{ uvec2 address_table[]; }").unwrap();
+    assert!(table < found.find("address_table[3]").unwrap());
+}
+
+#[test]
+fn a_file_without_buffers_stays_as_it_is() {
+    let include = "#ifndef A\n#define A\nuint twice(uint x) { return 2u * x; }\n#endif\n";
+    assert_eq!(rewrite("include/a.glsl", include).unwrap(), include);
+}
+
+#[test]
+fn what_is_not_understood_is_refused_with_file_and_line() {
+    let bad = [
+        "layout(set = 0, binding = 0) buffer Keys {",
+        "layout(set = 1, binding = 0) buffer Keys { uint keys[]; };",
+        "layout(binding = 0) buffer Keys { uint keys[]; };",
+        "layout(set = 0, binding = FIRST) buffer Keys { uint keys[]; };",
+        "layout(set = 0, binding = 0) buffer Keys { uint keys[4]; };",
+        "layout(set = 0, binding = 0) buffer Keys { uint keys[]; } named;",
+        "layout(set = 0, binding = 0) buffer Keys { uint keys[]; }; uint other;",
+        "layout(set = 0, binding = 0) buffer Keys { uint first; uint keys[]; };",
+        "layout(set = 0, binding = 0) buffer Keys { highp uint keys[]; };",
+        "layout(set = 0, binding = 0) shared buffer Keys { uint keys[]; };",
+        "layout(set = 0, binding = 0, std140) buffer Keys { uint keys[]; };",
+        "layout(set = 0, binding = 0) uniform Keys { uint keys; };",
+        "layout(binding = 0) uniform sampler2D keys;",
+        "buffer Keys { uint keys[]; };",
+        "uint buffer;",
+    ];
+    for line in bad {
+        let error = rewrite("glsl/bad.comp", &format!("#version 460\n\n{line}\n")).unwrap_err();
+        assert!(error.starts_with("glsl/bad.comp:3: "), "{line}: {error}");
+        assert!(error.contains(line), "{error}");
+    }
+}
