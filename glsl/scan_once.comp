@@ -11,7 +11,7 @@
 #include "count.glsl"
 layout(local_size_x = LOCAL_SIZE) in;
 layout(constant_id = 0) const uint ITEMS = 16u;
-layout(set = 0, binding = 0) readonly buffer Source { uint source[]; };
+layout(set = 0, binding = 0) readonly buffer Source { uint words[]; };
 layout(set = 0, binding = 1) buffer Counters { uint counters[]; };
 layout(set = 0, binding = 2) writeonly buffer Target { uint target[]; };
 layout(push_constant) uniform Push {
@@ -34,13 +34,13 @@ void main() {
         const uint end = min(first + ITEMS, n);
         uint sum = 0u;
         for (uint i = first; i < end; ++i) {
-            const uint word = source[i];
+            const uint word = words[i];
             sum += push.predicate != 0u ? uint(word != 0u) : word;
         }
         uint total;
         uint running = carry + workgroup_exclusive_add(sum, total);
         for (uint i = first; i < end; ++i) {
-            const uint word = source[i];
+            const uint word = words[i];
             target[i] = running;
             running += push.predicate != 0u ? uint(word != 0u) : word;
         }
