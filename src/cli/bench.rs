@@ -12,7 +12,7 @@ use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::Frame;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs};
-use psrgs_vk::train::{Input, Settings, prepare};
+use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::{self, Console};
@@ -160,6 +160,9 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
         args.warm_up,
         args.steps
     ));
+    let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };
+    let variants = chosen_variants(&gpu, &settings)?;
+    console.say(MemoryPlan::new(&gpu, &input, &settings, variants, pacing, pacing.splat_capacity)?);
     let measured = bench::measure(&gpu, input, &settings, &options);
     // First, because it may be why nothing could be measured.
     if args.validate {

@@ -109,7 +109,7 @@ fn of_training(error: &train::Error) -> u8 {
         | train::Error::PhotographSize { .. }
         | train::Error::Checkpoint { .. }
         | train::Error::CheckpointText(_) => INPUT,
-        train::Error::TooMany { .. } => MEMORY,
+        train::Error::TooMany { .. } | train::Error::MemoryLimit { .. } => MEMORY,
         _ => FAILURE,
     }
 }
@@ -263,6 +263,9 @@ mod tests {
         assert_eq!(training(train::Error::PerSplatInColumns), USAGE);
         let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
         assert_eq!(training(many), MEMORY);
+        let (what, wanted, needed) = ("pairs", 9, 5);
+        let full = train::Error::MemoryLimit { what, wanted, needed, room: 4, in_use: 3, limit: 5, saved: None };
+        assert_eq!(training(full), MEMORY);
         assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);
         assert_eq!(code(&bench::Error::NotLive(device()).into()), CHECK);
         assert_eq!(code(&bench::Error::NoTimestamps { device: device() }.into()), DEVICE);

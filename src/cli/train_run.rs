@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::checkpoint;
-use psrgs_vk::train::{Checkpointed, Message, Pacing, Trainer, chosen_variants, prepare};
+use psrgs_vk::train::{Checkpointed, MemoryPlan, Message, Pacing, Trainer, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
@@ -50,6 +50,12 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
     ));
     let restart = before.map(|b| b.restart);
+    let variants = match &restart {
+        Some(restart) => restart.variants,
+        None => chosen_variants(&gpu, settings)?,
+    };
+    let splats = restart.as_ref().map_or(input.initial.len() as u32, |r| r.state.splats());
+    console.say(MemoryPlan::new(&gpu, &input, settings, variants, Pacing::default(), splats)?);
     let done = restart.as_ref().map_or(0, |r| r.step);
     let mut trainer = Trainer::new(&gpu, input, settings, Pacing::default(), restart)?;
     trainer.keep_checkpoints(&folder.checkpoints());

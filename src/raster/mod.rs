@@ -10,7 +10,8 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
-pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, planes_of};
+pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, grown, planes_of};
+pub(crate) use renderer::LARGEST_ROW;
 pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
 pub use variants::{Backward, GradientSum, TileShape, Variants};

@@ -28,7 +28,6 @@ pub const SH0: usize = 4;
 
 /// Eight buffers with the rows of [`PLANES`].
 pub struct Planes {
-    prefix: String,
     capacity: u32,
     buffers: [Buffer; 8],
 }
@@ -42,7 +41,7 @@ impl Planes {
             gpu.buffer(&format!("{prefix}{name}"), u64::from(row) * 4 * u64::from(capacity), Memory::Device)
         };
         let buffers = [plane(0)?, plane(1)?, plane(2)?, plane(3)?, plane(4)?, plane(5)?, plane(6)?, plane(7)?];
-        Ok(Self { prefix: prefix.to_owned(), capacity, buffers })
+        Ok(Self { capacity, buffers })
     }
 
     /// Splats that fit.
@@ -55,13 +54,15 @@ impl Planes {
         &self.buffers
     }
 
-    /// Larger planes with the same contents. The copy is recorded; the old buffers live until it is done.
-    pub fn grown(&self, gpu: &Gpu, recorder: &mut Recorder, capacity: u32) -> Result<Self, vk::Error> {
-        let larger = Self::new(gpu, &self.prefix, capacity.max(self.capacity))?;
-        for (from, to) in self.buffers.iter().zip(&larger.buffers) {
-            recorder.copy(from, 0, to, 0, from.size())?;
+    /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held twice. Waits.
+    /// After an error every plane holds what it held, some with more room.
+    pub fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
+        let capacity = capacity.max(self.capacity);
+        for (buffer, (_, row)) in self.buffers.iter_mut().zip(PLANES) {
+            *buffer = grown(gpu, buffer, 4 * u64::from(row) * u64::from(capacity))?;
         }
-        Ok(larger)
+        self.capacity = capacity;
+        Ok(())
     }
 
     /// Sets every float to zero.
@@ -92,6 +93,15 @@ impl Planes {
         }
         Ok(out)
     }
+}
+
+/// A buffer of `bytes` bytes, not fewer than another has, that begins with that one's contents. Waits.
+pub fn grown(gpu: &Gpu, buffer: &Buffer, bytes: u64) -> Result<Buffer, vk::Error> {
+    let larger = gpu.buffer(buffer.name(), bytes, Memory::Device)?;
+    let mut recorder = gpu.recorder("grow")?;
+    recorder.copy(buffer, 0, &larger, 0, buffer.size())?;
+    gpu.wait(recorder.submit()?)?;
+    Ok(larger)
 }
 
 /// The planes of a model on the host, in the order of [`PLANES`].

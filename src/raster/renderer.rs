@@ -329,7 +329,7 @@ fn most(gpu: &Gpu, bytes: u64) -> u32 {
 }
 
 /// Bytes of the largest row of a plane or of the gradients.
-const LARGEST_ROW: u64 = 48;
+pub(crate) const LARGEST_ROW: u64 = 48;
 
 /// How large a renderer is.
 #[derive(Clone, Copy, Debug)]

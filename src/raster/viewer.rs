@@ -89,6 +89,20 @@ impl Viewer {
         }
     }
 
+    /// Makes room for pictures of a size of so many splats; their pairs are guessed.
+    pub fn reserve(&mut self, splats: u32, width: u32, height: u32) -> Result<(), vk::Error> {
+        let side = self.variants.tile.size();
+        let tiles = width.div_ceil(side) * height.div_ceil(side);
+        if self.size.splats < splats || self.size.tiles < tiles {
+            self.size.splats = self.size.splats.max(splats);
+            self.size.tiles = self.size.tiles.max(tiles);
+            let guess = tiles.saturating_mul(24).max(splats.saturating_mul(4));
+            self.size.pairs = self.size.pairs.max(guess.min(most_pairs(&self.gpu, self.variants)));
+            self.renderer = None;
+        }
+        self.ready(width * height).map(|_| ())
+    }
+
     /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more, or between
     /// semaphores of its own. Once submitted, [`Self::collect`] gives the picture.
     pub fn record(
@@ -100,16 +114,7 @@ impl Viewer {
         aux: bool,
     ) -> Result<(), vk::Error> {
         let (width, height) = (shot.camera.width, shot.camera.height);
-        let side = self.variants.tile.size();
-        let tiles = width.div_ceil(side) * height.div_ceil(side);
-        let fit = |size: &Size| size.splats >= splats && size.tiles >= tiles;
-        if !fit(&self.size) {
-            self.size.splats = self.size.splats.max(splats);
-            self.size.tiles = self.size.tiles.max(tiles);
-            let guess = tiles.saturating_mul(24).max(splats.saturating_mul(4));
-            self.size.pairs = self.size.pairs.max(guess.min(most_pairs(&self.gpu, self.variants)));
-            self.renderer = None;
-        }
+        self.reserve(splats, width, height)?;
         let (renderer, target) = self.ready(width * height)?;
         let mut words = [0u32; counters::COUNT];
         words[counters::SPLATS] = splats;

@@ -7,6 +7,7 @@ use super::density::{self, DensityControl, DensityRules};
 use super::event::{Event, Kind};
 use super::input::{Input, View};
 use super::losses::Losses;
+use super::memory::Needs;
 use super::optimiser::Optimiser;
 use super::schedule::StepPlan;
 use super::settings::Settings;
@@ -15,11 +16,11 @@ use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish, loss};
 use crate::raster::{
-    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
+    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of, grown,
     most_pairs, most_splats,
 };
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
 const RING_SLOT: u64 = 256;
@@ -66,6 +67,8 @@ pub struct Engine {
     settings: Settings,
     extent: f64,
     initial_splats: u32,
+    most_splats: Option<u32>,
+    needs: Needs,
     last: Option<Ticket>,
     viewer: Viewer,
 }
@@ -80,62 +83,87 @@ impl Engine {
         pacing: Pacing,
         state: Option<State>,
     ) -> Result<Self, Error> {
-        let cameras: Vec<Camera> = input.train.iter().map(|v| v.camera).collect();
-        let photographs = input.train.iter().map(|view| upload(gpu, view)).collect::<Result<Vec<_>, Error>>()?;
-        let side = variants.tile.size();
-        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
-        let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
-        let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
-
         let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
         let most_splats = most_splats(gpu);
         if initial_splats > most_splats {
             let (what, wanted, limit) = ("splats", u64::from(initial_splats), u64::from(most_splats));
             return Err(Error::TooMany { what, wanted, limit, remedy: "a smaller initial model" });
         }
-        let splats = match pacing.splat_capacity {
-            0 => initial_splats.saturating_add(initial_splats / 2).max(1 << 14),
-            given => given.max(initial_splats),
-        };
-        let splats = splats.min(most_splats);
-        let pairs = match pacing.pair_capacity {
-            0 => tiles.saturating_mul(24).max(splats.saturating_mul(8)),
-            given => given,
-        };
-        let pairs = pairs.min(most_pairs(gpu, variants));
+        let needs = Needs::new(gpu, input, settings);
+        let capacities = needs.at_start(variants, initial_splats, pacing)?;
+        let photographs = needs.photographs(gpu)?;
+        let cameras: Vec<Camera> = input.train.iter().map(|v| v.camera).collect();
+        let mut engine = Self::allocate(gpu, &cameras, photographs, &needs, variants, capacities)?;
+        engine.initial_splats = initial_splats;
+        // The same for a resumed training: of the first model, not of the restored one.
+        let first = input.initial.len() as u32;
+        engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
+        for (view, photograph) in input.train.iter().zip(&mut engine.photographs) {
+            photograph.values = upload(gpu, view, &photograph.pixels)?;
+        }
+        match state {
+            Some(state) => engine.restore(&state)?,
+            None => engine.begin(&input.initial)?,
+        }
+        Ok(engine)
+    }
+
+    /// Everything that a training holds, with room for (splats, pairs); contents undefined.
+    pub(super) fn allocate(
+        gpu: &Gpu,
+        cameras: &[Camera],
+        photographs: Vec<Buffer>,
+        needs: &Needs,
+        variants: Variants,
+        (splats, pairs): (u32, u32),
+    ) -> Result<Self, Error> {
+        let side = variants.tile.size();
+        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
+        let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
+        let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
         let size = Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true };
-        let extent = f64::from(input.extent);
-        let mut engine = Self {
+        Ok(Self {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::new(gpu, "", splats)?,
             grads: Planes::new(gpu, "g_", splats)?,
-            optimiser: Optimiser::new(gpu, splats, extent)?,
+            optimiser: Optimiser::new(gpu, splats, needs.extent)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
             target: Target::new(gpu, "", pixels, false)?,
-            losses: Losses::new(gpu, &sizes, settings.optimiser.lambda_dssim)?,
+            losses: Losses::new(gpu, &sizes, needs.settings.optimiser.lambda_dssim)?,
             density: DensityControl::new(gpu, splats, DENSITY_ENTRY)?,
             accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,
             slots: VecDeque::new(),
-            cameras,
-            photographs,
-            antialias: settings.model.antialias,
-            settings: settings.clone(),
-            extent,
-            initial_splats,
+            cameras: cameras.to_vec(),
+            photographs: photographs.into_iter().map(|pixels| Photograph { pixels, values: 0.0 }).collect(),
+            antialias: needs.settings.model.antialias,
+            settings: needs.settings.clone(),
+            extent: needs.extent,
+            initial_splats: 0,
+            most_splats: None,
+            needs: needs.clone(),
             last: None,
             viewer: Viewer::new(gpu),
-        };
-        match state {
-            Some(state) => engine.restore(&state)?,
-            None => engine.begin(&input.initial)?,
+        })
+    }
+
+    /// Makes room for pictures of the largest view with so many splats.
+    pub(super) fn reserve_pictures(&mut self, splats: u32) -> Result<(), Error> {
+        let largest = self.cameras.iter().max_by_key(|c| u64::from(c.width) * u64::from(c.height)).copied();
+        match largest {
+            Some(camera) => Ok(self.viewer.reserve(splats, camera.width, camera.height)?),
+            None => Ok(()),
         }
-        Ok(engine)
+    }
+
+    /// Most splats that the device memory has room for, where that is what limits them.
+    pub fn most_splats(&self) -> Option<u32> {
+        self.most_splats
     }
 
     /// Splats at the start of this run.
@@ -276,7 +304,7 @@ impl Engine {
             split_scale: density.percent_dense * self.extent,
             prune_opacity: density.prune_opacity,
             prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
-            max_splats: density.max_splats,
+            max_splats: density.max_splats.into_iter().chain(self.most_splats).min(),
             seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,
         };
         self.density.record(recorder, &self.density_model(), &rules, event.number())?;
@@ -307,7 +335,8 @@ impl Engine {
     }
 
     /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
-    /// event done, and what grew to which capacity.
+    /// event done, and what grew to which capacity: nothing where splats would have to grow past what fits, which
+    /// [`Self::most_splats`] then says. On an error the training can still be saved, after [`Self::give_up_growing`].
     pub fn grow(&mut self) -> Result<(u32, Growth), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let status = words[counters::STATUS];
@@ -320,26 +349,54 @@ impl Engine {
                 variants = variants.without_slots(&self.gpu);
             }
             let limit = most_pairs(&self.gpu, variants);
-            size.pairs = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
+            let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
+            size.pairs = self.needs.pairs(variants, size.splats, wanted, planned)?;
             grown.push(("pairs", u64::from(size.pairs)));
         }
         if status & counters::SPLATS_BIT != 0 {
             let limit = most_splats(&self.gpu);
-            size.splats = larger(words[counters::WANT_SPLATS], size.splats, limit, "splats", "--max-splats")?;
-            grown.push(("splats", u64::from(size.splats)));
-            self.grow_planes(size.splats)?;
+            let wanted = words[counters::WANT_SPLATS];
+            let planned = larger(wanted, size.splats, limit, "splats", "--max-splats")?;
+            let planned = planned.min(self.most_splats.unwrap_or(u32::MAX));
+            match self.needs.splats(variants, size.pairs, wanted, planned) {
+                Some(splats) => {
+                    size.splats = splats;
+                    grown.push(("splats", u64::from(splats)));
+                }
+                // Pairs have taken more than was set aside for them.
+                None => self.most_splats = Some(size.splats),
+            }
         }
         words[counters::STATUS] = 0;
+        let splats = size.splats;
+        if splats > self.size.splats {
+            // What nothing outlives a step in goes before larger planes come.
+            self.density = DensityControl::new(&self.gpu, 1, DENSITY_ENTRY)?;
+            self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, &words)?;
+            self.grow_planes(splats)?;
+            self.density = DensityControl::new(&self.gpu, splats, DENSITY_ENTRY)?;
+        }
         self.rebuild(variants, size, &words)?;
         Ok((words[counters::DONE], grown))
     }
 
+    /// After a failed [`Self::grow`]: clears the status, so that the state can be saved. Gives the number of the last event done.
+    pub fn give_up_growing(&mut self) -> Result<u32, Error> {
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        words[counters::STATUS] = 0;
+        self.gpu.write(&self.renderer.counters, &words)?;
+        Ok(words[counters::DONE])
+    }
+
     fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
-        // The old buffers go before the new ones come: nothing in them outlives a step.
+        // The old buffers go before the new ones come: nothing in them outlives a step. The counters do, and are never lost.
         self.renderer = Renderer::new(&self.gpu, variants, Size { splats: 1, pairs: 1, tiles: 1, ..size })?;
-        self.renderer = Renderer::new(&self.gpu, variants, size)?;
+        self.gpu.write(&self.renderer.counters, counters)?;
+        let renderer = Renderer::new(&self.gpu, variants, size)?;
+        self.gpu.write(&renderer.counters, counters)?;
+        self.renderer = renderer;
         self.size = size;
-        Ok(self.gpu.write(&self.renderer.counters, counters)?)
+        Ok(())
     }
 
     /// From now on steps also count evaluated and blended pixel-splats into [`Renderer::pair_counts`], which is slower. Waits.
@@ -348,23 +405,15 @@ impl Engine {
         self.rebuild(self.variants(), Size { count: true, ..self.size }, &words)
     }
 
+    /// Plane by plane, so that only one of them is held twice.
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
         self.grads = Planes::new(&self.gpu, "g_", 1)?;
-        let mut recorder = self.gpu.recorder("grow")?;
-        let grow = |recorder: &mut Recorder, buffer: &Buffer, row: u64| -> Result<Buffer, vk::Error> {
-            let larger = self.gpu.buffer(buffer.name(), row * u64::from(splats), Memory::Device)?;
-            recorder.copy(buffer, 0, &larger, 0, buffer.size())?;
-            Ok(larger)
-        };
-        let ids = grow(&mut recorder, &self.ids, 4)?;
-        let stats = grow(&mut recorder, &self.stats, 16)?;
-        self.model = self.model.grown(&self.gpu, &mut recorder, splats)?;
-        self.optimiser.m = self.optimiser.m.grown(&self.gpu, &mut recorder, splats)?;
-        self.optimiser.v = self.optimiser.v.grown(&self.gpu, &mut recorder, splats)?;
-        (self.ids, self.stats) = (ids, stats);
-        self.gpu.wait(recorder.submit()?)?;
+        self.ids = grown(&self.gpu, &self.ids, 4 * u64::from(splats))?;
+        self.stats = grown(&self.gpu, &self.stats, 16 * u64::from(splats))?;
+        self.model.grow(&self.gpu, splats)?;
+        self.optimiser.m.grow(&self.gpu, splats)?;
+        self.optimiser.v.grow(&self.gpu, splats)?;
         self.grads = Planes::new(&self.gpu, "g_", splats)?;
-        self.density = DensityControl::new(&self.gpu, splats, DENSITY_ENTRY)?;
         Ok(())
     }
 
@@ -437,13 +486,13 @@ struct Photograph {
     values: f32,
 }
 
-fn upload(gpu: &Gpu, view: &View) -> Result<Photograph, Error> {
+/// Fills the buffer of a photograph and gives what the means of the loss are taken over. Waits, so that only one is held twice.
+fn upload(gpu: &Gpu, view: &View, buffer: &Buffer) -> Result<f32, Error> {
     let expected = 4 * view.camera.width as usize * view.camera.height as usize;
     if view.rgba.len() != expected || expected == 0 {
         return Err(Error::PhotographSize { name: view.name.clone(), found: view.rgba.len(), expected });
     }
-    let pixels = gpu.buffer(&format!("photograph {}", view.name), expected as u64, Memory::Device)?;
-    gpu.write(&pixels, &view.rgba)?;
-    let values = loss::values(view.camera.width, view.camera.height, view.masked());
-    Ok(Photograph { pixels, values })
+    gpu.write(buffer, &view.rgba)?;
+    gpu.wait(gpu.last_ticket())?;
+    Ok(loss::values(view.camera.width, view.camera.height, view.masked()))
 }

@@ -1,5 +1,8 @@
 //! What can go wrong in training.
 
+use std::path::{Path, PathBuf};
+
+use super::memory::readable;
 use crate::{dataset, format, scene, vk};
 
 /// An error of training.
@@ -63,6 +66,28 @@ pub enum Error {
         /// The option that helps.
         remedy: &'static str,
     },
+    /// What training needs does not fit the device memory that may be used.
+    #[error(
+        "no room for {wanted} {what}: with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
+         Give more with --max-device-memory, or need less with a smaller --max-side or --max-splats{}",
+        readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
+    )]
+    MemoryLimit {
+        /// What there is no room for.
+        what: &'static str,
+        /// How many.
+        wanted: u64,
+        /// Bytes of the training with them.
+        needed: u64,
+        /// Bytes that the training may use.
+        room: u64,
+        /// Bytes allocated when this was found.
+        in_use: u64,
+        /// The limit that applies.
+        limit: u64,
+        /// Where the training so far was saved.
+        saved: Option<PathBuf>,
+    },
     /// A section of a checkpoint has the wrong size.
     #[error("checkpoint, section '{section}': {found} values where {expected} are expected")]
     Checkpoint {
@@ -76,4 +101,10 @@ pub enum Error {
     /// A text section of a checkpoint cannot be read.
     #[error("checkpoint: {0}")]
     CheckpointText(#[from] serde_json::Error),
+}
+
+fn where_saved(file: Option<&Path>) -> String {
+    file.map_or(String::new(), |f| {
+        format!(". The training so far is saved in {}: --resume goes on from there", f.display())
+    })
 }

@@ -203,7 +203,8 @@ group! {
         /// Vulkan device: its index in `psrgs-vk info`, or a part of its name [default: discrete, integrated, then CPU]
         #[arg(value_name = "D", env = "PSRGS_DEVICE", hide_env_values = true)]
         pub device: String,
-        /// Device memory that may be used, such as 6GiB or 800M [default: what the device reports]
+        /// Device memory that may be used, such as 6GiB or 800M; growth of splats stops where no more fit [default: what the
+        /// device reports, or PSRGS_MAX_DEVICE_MEMORY]
         #[arg(value_name = "BYTES")]
         pub max_device_memory: ByteSize,
         /// How the blending passes share a tile among threads [default: what suits the device]

@@ -128,6 +128,30 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// A stand-in without memory and without bytes, so that no command can touch it. Its size is checked as that of a real one.
+    pub(super) fn unallocated(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
+        let limit = device.caps.limits.allocation;
+        if size > limit {
+            let in_use = lock(&device.memory).as_ref().map_or(0, |m| m.tally().current);
+            return Err(Error::OutOfDeviceMemory { requested: size, name: name.to_owned(), in_use, limit });
+        }
+        let inner = BufferInner {
+            device: device.clone(),
+            raw: vk::Buffer::null(),
+            id: device.next_id(),
+            name: name.to_owned(),
+            size: 0,
+            capacity: 0,
+            guard: 0,
+            armed: AtomicBool::new(true),
+            memory,
+            last_use: AtomicU64::new(0),
+            mapped: None,
+            allocation: Mutex::new(None),
+        };
+        Ok(Buffer { inner: Arc::new(inner) })
+    }
+
     /// Bytes.
     pub fn size(&self) -> u64 {
         self.inner.size

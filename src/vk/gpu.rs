@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 
 use ash::vk;
@@ -43,6 +43,8 @@ struct GpuInner {
 #[derive(Clone)]
 pub struct Gpu {
     inner: Arc<GpuInner>,
+    /// Buffers are counted here rather than allocated.
+    pub(super) planned: Option<Arc<AtomicU64>>,
 }
 
 impl Gpu {
@@ -79,7 +81,7 @@ impl Gpu {
             let crumbs = Buffer::new(&inner.device, "breadcrumbs", 4, Memory::Readback)?;
             lock(&inner.state).crumbs = Some(crumbs);
         }
-        Ok(Gpu { inner: Arc::new(inner) })
+        Ok(Gpu { inner: Arc::new(inner), planned: None })
     }
 
     /// What the device can do and what was picked.
@@ -89,8 +91,15 @@ impl Gpu {
 
     /// A buffer of `bytes` bytes whose content is undefined. Sizes below 16 bytes, also 0, have room for 16.
     pub fn buffer(&self, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        if let Some(total) = &self.planned {
+            return self.plan_buffer(total, name, bytes, memory);
+        }
         self.retire()?;
         Buffer::new(&self.inner.device, name, bytes, memory)
+    }
+
+    pub(super) fn device(&self) -> &Arc<Device> {
+        &self.inner.device
     }
 
     /// The pipeline of a kernel with these specialization constants, made at first use.

@@ -103,7 +103,8 @@ impl MemoryPool {
         Ok(allocation)
     }
 
-    fn counts(&self, memory: Memory) -> bool {
+    /// Whether allocations of this memory count towards the limit.
+    pub(super) fn counts(&self, memory: Memory) -> bool {
         self.unified || memory == Memory::Device
     }
 

@@ -19,6 +19,7 @@ mod kernel;
 mod memory;
 mod options;
 mod pipeline;
+mod planning;
 mod profile;
 mod recorder;
 mod report;

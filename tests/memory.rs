@@ -1,0 +1,187 @@
+//! Device memory: the plan of a training is what it then takes, and a limit is kept.
+
+mod common;
+
+use common::plane_scene;
+use psrgs_vk::format::checkpoint;
+use psrgs_vk::train::{Checkpointed, Error, Input, MemoryPlan, Message, Pacing, Settings, Trainer, chosen_variants};
+use psrgs_vk::vk::{self, Gpu, Memory};
+
+fn settings(steps: u32) -> Settings {
+    let mut s = Settings::default();
+    s.run.iterations = steps;
+    s.run.deterministic = true;
+    s.run.eval_every = 0;
+    s.density.densify_from = 1;
+    s.density.densify_interval = 2;
+    s.density.densify_until = steps;
+    s.density.grad_threshold = 1e-9;
+    s.density.opacity_reset_interval = 0;
+    s
+}
+
+fn plan(gpu: &Gpu, input: &Input, settings: &Settings, pacing: Pacing) -> MemoryPlan {
+    let variants = chosen_variants(gpu, settings).expect("variants");
+    MemoryPlan::new(gpu, input, settings, variants, pacing, input.initial.len() as u32).expect("a plan")
+}
+
+#[test]
+fn buffers_of_a_planning_handle_are_counted_and_useless() {
+    let Some(gpu) = common::gpu() else { return };
+    let (before, counting) = (gpu.memory_use().current, gpu.planning());
+    let buffer = counting.buffer("planned", 1 << 30, Memory::Device).expect("counted");
+    counting.buffer("small", 1, Memory::Device).expect("counted");
+    let planned = counting.planned_bytes();
+    assert!((1 << 30..(1 << 30) + 2048).contains(&planned), "{planned}");
+    assert_eq!((gpu.memory_use().current, gpu.planned_bytes()), (before, 0));
+    let real = gpu.buffer("real", 64, Memory::Device).expect("a buffer");
+    let mut recorder = gpu.recorder("misuse").expect("a recorder");
+    for refused in [
+        recorder.copy(&buffer, 0, &real, 0, 4),
+        recorder.copy(&real, 0, &buffer, 0, 4),
+        recorder.upload(&buffer, 0, &[0; 4]),
+        recorder.fill(buffer.slice(0..4), 0),
+    ] {
+        assert!(matches!(refused, Err(vk::Error::BadRange { .. })), "{refused:?}");
+    }
+    let error = counting.buffer("huge", u64::MAX, Memory::Device).expect_err("larger than any allocation");
+    assert!(matches!(error, vk::Error::OutOfDeviceMemory { .. }), "{error}");
+}
+
+#[test]
+fn a_training_takes_what_was_planned() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 96, 80, 300);
+    for pacing in [Pacing::default(), Pacing { splat_capacity: 70_000, pair_capacity: 300_000, ..Pacing::default() }] {
+        let settings = settings(2);
+        let plan = plan(&gpu, &input, &settings, pacing);
+        let before = gpu.memory_use().current;
+        let mut trainer = Trainer::new(&gpu, input.clone(), &settings, pacing, None).expect("a training");
+        while trainer.next_message().expect("training goes on").is_some() {}
+        trainer.evaluate().expect("pictures");
+        // Staging for uploads stays with the device.
+        let taken = gpu.memory_use().current - before;
+        println!("{plan}; taken {taken}");
+        assert!(taken <= plan.at_start + (4 << 20), "{taken} bytes, planned {}", plan.at_start);
+        assert!(taken as f64 >= 0.7 * plan.at_start as f64, "{taken} bytes, planned {}", plan.at_start);
+    }
+    assert_eq!(plan(&gpu, &input, &settings(2), Pacing::default()).photographs, (3, 3 * 4 * 96 * 80 + canaries(&gpu)));
+}
+
+/// Bytes of the guards behind three buffers, which are there when the handle counts more than was asked for.
+fn canaries(gpu: &Gpu) -> u64 {
+    let counting = gpu.planning();
+    counting.buffer("b", 4 * 96 * 80, Memory::Device).expect("counted");
+    3 * (counting.planned_bytes() - 4 * 96 * 80)
+}
+
+/// Terms of the plan against the rows that buffers are known to have: whoever changes one notices here.
+#[test]
+fn terms_of_the_plan_are_those_of_the_known_rows() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 96, 80, 300);
+    let plan = plan(&gpu, &input, &settings(2), Pacing::default());
+    println!("{plan}");
+    // Model and moments are 59 floats each; keys, values, slots and gradients of a pair are 24 + 48 bytes.
+    assert!(plan.per_splat >= 3.0 * 236.0 && plan.per_splat < 3000.0, "{} B per splat", plan.per_splat);
+    assert!(plan.per_pair >= 24.0 && plan.per_pair < 120.0, "{} B per pair", plan.per_pair);
+    assert!(plan.per_pixel >= 36.0 && plan.per_pixel < 160.0, "{} B per pixel", plan.per_pixel);
+}
+
+/// A device with so many bytes less than what the plan of a default training on it says, and the limit.
+fn limited(bytes: u64) -> Option<Gpu> {
+    common::gpu_with(|options| options.max_device_memory = Some(bytes))
+}
+
+#[test]
+fn growth_stops_where_memory_ends_and_training_goes_on() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 64, 48, 400);
+    let settings = settings(30);
+    // Room for 1500 splats with their pairs, beside what other users of the device are taken to need.
+    let pacing = Pacing { splat_capacity: 1500, pair_capacity: 8 * 1500, ..Pacing::default() };
+    let limit = plan(&gpu, &input, &settings, pacing).at_start + (1 << 20);
+    let train = || {
+        let gpu = limited(limit)?;
+        let start = Pacing { splat_capacity: 450, ..Pacing::default() };
+        let mut trainer = Trainer::new(&gpu, input.clone(), &settings, start, None).expect("a training");
+        let (mut warnings, mut losses, mut most) = (Vec::new(), Vec::new(), 0);
+        while let Some(message) = trainer.next_message().expect("training goes on") {
+            match message {
+                Message::Warning(text) => warnings.push(text),
+                Message::Density { splats, .. } => most = splats.max(most),
+                Message::Step { loss, .. } => losses.push(loss.to_bits()),
+                _ => {}
+            }
+        }
+        assert!(gpu.memory_use().peak <= limit, "{} of {limit} bytes", gpu.memory_use().peak);
+        gpu.check_canaries().expect("guards are whole");
+        Some((warnings, losses, most))
+    };
+    let Some((warnings, losses, most)) = train() else { return };
+    println!("limit {limit}, {most} splats, {warnings:?}");
+    assert_eq!(losses.len(), 30);
+    assert!((1000..4000).contains(&most), "{most} splats");
+    let told: Vec<&String> = warnings.iter().filter(|w| w.contains("growth stops")).collect();
+    assert_eq!(told.len(), 1, "{warnings:?}");
+    assert!(told[0].contains(&format!("{most} splats")) && told[0].contains("--max-device-memory"), "{}", told[0]);
+    let again = train().expect("a device");
+    assert_eq!((again.1, again.2), (losses, most), "the same bits under the same limit");
+}
+
+#[test]
+fn what_does_not_fit_at_all_is_refused_with_numbers() {
+    let Some(gpu) = limited(1 << 20) else { return };
+    let input = plane_scene::input(3, 64, 48, 400);
+    let error = Trainer::new(&gpu, input, &settings(3), Pacing::default(), None).err().expect("no room");
+    let text = error.to_string();
+    assert!(matches!(error, Error::MemoryLimit { saved: None, .. }), "{text}");
+    for word in ["400 splats to begin with", "MiB", "the limit is 1.0 MiB", "--max-device-memory", "--max-side"] {
+        assert!(text.contains(word), "{text}");
+    }
+}
+
+/// Splats that swell until their pairs no longer fit: the training ends with an error, and what was trained is there to go on with.
+#[test]
+fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut input = plane_scene::input(3, 256, 192, 2000);
+    let mut settings = settings(60);
+    settings.run.no_densify = true;
+    settings.optimiser.lr_scales = 1.0;
+    // The loss pushes them wherever it likes at that rate; larger ones cover more tiles.
+    input.initial.scales.iter_mut().for_each(|s| *s -= 3.0);
+    let tight = Pacing { splat_capacity: 2000, pair_capacity: 9000, ..Pacing::default() };
+    let limit = plan(&gpu, &input, &settings, tight).at_start.next_multiple_of(1 << 20) + (1 << 19);
+    let Some(gpu) = limited(limit) else { return };
+    let pacing = Pacing { splat_capacity: 2000, pair_capacity: 4000, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, input.clone(), &settings, pacing, None).expect("a training");
+    trainer.keep_checkpoints(folder.path());
+    let mut last = 0;
+    let error = loop {
+        match trainer.next_message() {
+            Ok(Some(Message::Step { step, .. })) => last = step,
+            Ok(Some(_)) => {}
+            Ok(None) => panic!("everything fitted"),
+            Err(error) => break error,
+        }
+    };
+    println!("{error}");
+    let Error::MemoryLimit { what, wanted, needed, room, saved: Some(file), .. } = &error else {
+        panic!("{error}");
+    };
+    assert!(*what == "(splat, tile) pairs" && *wanted > 9000 && needed > room, "{error}");
+    assert!(error.to_string().contains("--resume"), "{error}");
+    let latest = checkpoint::latest(folder.path()).expect("readable").expect("saved");
+    assert_eq!(&latest.file, file);
+    let restart = Checkpointed::from_checkpoint(&latest.checkpoint).expect("whole").restart;
+    assert_eq!(restart.step, last, "nothing that was told is lost");
+    // With more memory it goes on from there.
+    let gpu = common::gpu().expect("a device");
+    let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), Some(restart)).expect("a training");
+    let steps = std::iter::from_fn(|| trainer.next_message().expect("training goes on"));
+    let steps: Vec<u32> =
+        steps.filter_map(|m| if let Message::Step { step, .. } = m { Some(step) } else { None }).collect();
+    assert_eq!((steps.first(), steps.last()), (Some(&(last + 1)), Some(&60)));
+}
