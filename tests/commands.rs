@@ -16,5 +16,7 @@ mod run;
 mod train_example;
 #[path = "commands/training.rs"]
 mod training;
+#[path = "commands/tuning.rs"]
+mod tuning;
 #[path = "commands/viewing.rs"]
 mod viewing;

@@ -20,6 +20,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         height: 120,
         seed: 7,
         device: "llvmpipe (LLVM 15.0.6, 256 bits)".into(),
+        forms: None,
         psnr: None,
         ssim: None,
         splats: 48_213,

@@ -19,7 +19,6 @@ pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> OpenOptions {
     if validate {
         options.validation = Validation::CoreAndSync;
     }
-    options.pipeline_cache = cache_folder();
     options
 }
 
@@ -39,9 +38,7 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
     Ok(gpu)
 }
 
-/// Where compiled pipelines are kept between runs.
-fn cache_folder() -> Option<PathBuf> {
-    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let base = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
-    Some(base.join("psrgs-vk"))
+/// Where compiled pipelines and chosen forms are kept between runs.
+pub(crate) fn cache_folder() -> Option<PathBuf> {
+    OpenOptions::from_env().pipeline_cache
 }

@@ -144,6 +144,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             height: size.1,
             seed: 0,
             device: gpu.caps().device.clone(),
+            forms: None,
             psnr: None,
             ssim: None,
             splats: model.splats(),

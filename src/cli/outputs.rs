@@ -62,6 +62,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         height: sized.map_or(0, |c| c.height),
         seed: settings.run.seed,
         device: run.gpu.caps().device.clone(),
+        forms: Some(trainer.variants().to_string()),
         psnr: None,
         ssim: None,
         splats: model.len(),

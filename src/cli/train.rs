@@ -12,7 +12,8 @@ use super::exit::Failure;
 use super::run_folder;
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
-const FREE_ON_RESUME: [&str; 5] = ["iterations", "checkpoint-every", "eval-every", "device", "max-device-memory"];
+const FREE_ON_RESUME: [&str; 6] =
+    ["iterations", "checkpoint-every", "eval-every", "tune", "device", "max-device-memory"];
 
 /// Train a model on posed photographs
 #[derive(clap::Args)]

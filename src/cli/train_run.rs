@@ -6,7 +6,9 @@ use anyhow::Context as _;
 use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::checkpoint;
-use psrgs_vk::train::{Checkpointed, MemoryPlan, Message, Pacing, Trainer, chosen_variants, prepare};
+use psrgs_vk::train::{
+    Checkpointed, Input, MemoryPlan, Message, Pacing, Settings, Trainer, chosen_variants, prepare, tune,
+};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
@@ -29,16 +31,11 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let before = if plan.resume { resumed(&folder, console)? } else { None };
     let gpu = device::open(&settings.device, false, console)?;
     let mut settings = settings.clone();
-    if settings.run.deterministic {
-        // The forms of the passes belong to what a repetition needs.
-        let variants = chosen_variants(&gpu, &settings)?;
-        settings.device.tile_shape = Some(variants.tile);
-        settings.device.gradient_sum = Some(variants.gradients);
-        settings.device.backward = Some(variants.backward);
-        folder.write_settings(&settings)?;
+    let input = prepare::input(&dataset, &settings)?;
+    if before.is_none() {
+        choose_forms(&gpu, &input, &mut settings, &folder, console)?;
     }
     let settings = &settings;
-    let input = prepare::input(&dataset, settings)?;
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
         prepare::left_out(&dataset, role, views).iter().for_each(|warning| console.warn(warning));
     }
@@ -62,6 +59,34 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
     let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
     outputs::write(&finished, &mut trainer, console)
+}
+
+/// Chooses the forms of the passes and keeps them with the settings where a repetition needs them: where they belong to equal
+/// bits, and where they were chosen by timing.
+fn choose_forms(
+    gpu: &Gpu,
+    input: &Input,
+    settings: &mut Settings,
+    folder: &RunFolder,
+    console: &Console,
+) -> anyhow::Result<()> {
+    let tuned = tune::tuned(gpu, input, settings, device::cache_folder().as_deref())?;
+    if let Some(warning) = &tuned.warning {
+        console.warn(warning);
+    }
+    let by_capability = matches!(tuned.why, tune::Why::Capability(_));
+    if by_capability {
+        console.detail(&tuned)
+    } else {
+        console.say(&tuned)
+    }
+    if settings.run.deterministic || !by_capability {
+        settings.device.tile_shape = Some(tuned.variants.tile);
+        settings.device.gradient_sum = Some(tuned.variants.gradients);
+        settings.device.backward = Some(tuned.variants.backward);
+        folder.write_settings(settings)?;
+    }
+    Ok(())
 }
 
 /// What the dataset holds, and its warnings.

@@ -37,6 +37,9 @@ pub struct Metrics {
     pub seed: u64,
     /// Name of the device.
     pub device: String,
+    /// Forms of the GPU passes that trained it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forms: Option<String>,
     /// Mean of the views' PSNR; `null` without held-out views (or when a render equals its photograph).
     pub psnr: Option<f64>,
     /// Mean of the views' SSIM; `null` without held-out views.

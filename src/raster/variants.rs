@@ -62,6 +62,25 @@ pub struct Variants {
     pub backward: Backward,
 }
 
+impl std::fmt::Display for Variants {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let tile = match self.tile {
+            TileShape::Column => "column",
+            TileShape::Pixel => "pixel",
+        };
+        let gradients = match self.gradients {
+            GradientSum::Atomic => "atomic",
+            GradientSum::CompareAndSwap => "compare-and-swap",
+            GradientSum::Slots => "slots",
+        };
+        let backward = match self.backward {
+            Backward::PerPixel => "per pixel",
+            Backward::PerSplat => "per splat",
+        };
+        write!(f, "{tile} tiles, backward {backward}, {gradients}")
+    }
+}
+
 impl Variants {
     /// A backward per pixel.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {

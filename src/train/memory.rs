@@ -215,6 +215,14 @@ impl MemoryPlan {
     }
 }
 
+/// Whether an error says that there is not enough memory.
+pub(super) fn is_lack_of_memory(error: &Error) -> bool {
+    matches!(
+        error,
+        Error::MemoryLimit { .. } | Error::TooMany { .. } | Error::Device(vk::Error::OutOfDeviceMemory { .. })
+    )
+}
+
 /// Bytes as people read them.
 pub(super) fn readable(bytes: u64) -> String {
     let mib = bytes as f64 / f64::from(1 << 20);

@@ -17,6 +17,7 @@ pub mod schedule;
 pub mod settings;
 mod state;
 mod trainer;
+pub mod tune;
 
 pub use checkpoint::Checkpointed;
 pub use engine::{Engine, Outcome};

@@ -5,7 +5,7 @@ mod file;
 mod values;
 
 pub use file::SettingsError;
-pub use values::{Background, ByteSize, Method, Split};
+pub use values::{Background, ByteSize, Method, Split, Tune};
 
 use std::path::PathBuf;
 
@@ -67,6 +67,10 @@ group! {
         /// Score the held-out photographs every N steps (0: only at the end)
         #[arg(value_name = "N")]
         pub eval_every: u32 = 500,
+        /// Choose the forms of the GPU passes by timing them at the start: auto (from 1000 steps on; kept between runs), off (by
+        /// the device's capabilities) or again; never with --deterministic
+        #[arg(value_name = "WHEN")]
+        pub tune: Tune = Tune::Auto,
     }
     flags {
         /// Fit the 30,000-step schedule of the method to --iterations

@@ -387,6 +387,11 @@ impl Trainer {
         self.last_splats
     }
 
+    /// The forms of the passes in use.
+    pub fn variants(&self) -> Variants {
+        self.engine.variants()
+    }
+
     /// The schedule in force.
     pub fn schedule(&self) -> &Schedule {
         &self.schedule

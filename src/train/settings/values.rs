@@ -89,6 +89,42 @@ impl FromStr for Split {
 
 as_word!(Split);
 
+/// Whether the forms of the passes are chosen by timing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tune {
+    /// By an earlier timing on this device for this size, or by one now.
+    #[default]
+    Auto,
+    /// By the device's capabilities.
+    Off,
+    /// By a timing now, whatever an earlier one said.
+    Again,
+}
+
+impl fmt::Display for Tune {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Off => "off",
+            Self::Again => "again",
+        })
+    }
+}
+
+impl FromStr for Tune {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            "again" => Ok(Self::Again),
+            _ => Err(format!("no way of tuning `{word}`: it is auto, off or again")),
+        }
+    }
+}
+
+as_word!(Tune);
+
 /// What is behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {

@@ -1,0 +1,231 @@
+//! Which form of the passes is the fastest on this device for this scene, by timing at the start of a training.
+//!
+//! The steps that are timed are those of an engine of their own, which is dropped before the training's is made: they leave
+//! nothing behind but the choice. A choice by timing is not reproducible; deterministic training never makes one.
+
+mod cache;
+
+pub use cache::SizeClass;
+
+use std::fmt;
+use std::path::Path;
+
+use super::engine::Engine;
+use super::event::Event;
+use super::input::Input;
+use super::schedule::{Adam, Schedule, StepPlan};
+use super::settings::{Settings, Tune};
+use super::trainer::{Pacing, chosen_variants};
+use super::{Error, memory};
+use crate::pass::counters;
+use crate::raster::Variants;
+use crate::vk::Gpu;
+
+/// Views that are timed, spread over the training views.
+const VIEWS: usize = 2;
+/// Timed steps of each view, after one that is not counted.
+const ROUNDS: usize = 3;
+/// Another form than the capability's choice has to take at most this share of its time.
+const WORTH_IT: f64 = 0.9;
+/// A form whose first step takes so many times the best median so far is not timed further.
+const HOPELESS: f64 = 1.5;
+/// Shorter trainings would not win back the time of timing.
+const FEWEST_STEPS: u32 = 1000;
+
+/// How the forms came to be chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Why {
+    /// By the device's capabilities, for the reason given.
+    Capability(&'static str),
+    /// By an earlier timing, kept on disk.
+    Kept,
+    /// By timing; each form with the seconds of its forward and backward steps.
+    Timed(Vec<(Variants, f64)>),
+}
+
+/// The forms of the passes, and why these.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuned {
+    /// The forms.
+    pub variants: Variants,
+    /// Why.
+    pub why: Why,
+    /// What the user should know of the file of earlier timings.
+    pub warning: Option<String>,
+}
+
+/// The forms for a training: those that the settings name, else those of an earlier timing in the folder `kept`, else the fastest
+/// now. A form other than the capability's has to be a tenth faster.
+pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>) -> Result<Tuned, Error> {
+    let default = chosen_variants(gpu, settings)?;
+    let by_capability = |why| Ok(Tuned { variants: default, why: Why::Capability(why), warning: None });
+    if settings.run.deterministic {
+        return by_capability("--deterministic");
+    }
+    if settings.run.tune == Tune::Off {
+        return by_capability("--tune off");
+    }
+    let candidates = candidates(gpu, settings, default)?;
+    if candidates.len() < 2 {
+        return by_capability("no other form is possible");
+    }
+    if gpu.caps().limits.timestamp_ns <= 0.0 {
+        return by_capability("the device takes no timestamps");
+    }
+    let class = SizeClass::of(input);
+    let mut warning = None;
+    if let (Tune::Auto, Some(folder)) = (settings.run.tune, kept) {
+        match cache::find(folder, gpu.caps(), class) {
+            Ok(Some(variants)) if candidates.contains(&variants) => {
+                return Ok(Tuned { variants, why: Why::Kept, warning: None });
+            }
+            Ok(_) => {}
+            Err(problem) => warning = Some(format!("{problem}; it is ignored and made anew")),
+        }
+    }
+    if settings.run.tune == Tune::Auto && settings.run.iterations < FEWEST_STEPS {
+        return Ok(Tuned { warning, ..by_capability("too short a training to time forms; --tune again does")? });
+    }
+    let times = measure(gpu, input, settings, &candidates)?;
+    let variants = faster(default, &times);
+    // With forms named on the command line it is no choice among all.
+    let device = &settings.device;
+    let free = device.tile_shape.is_none() && device.gradient_sum.is_none() && device.backward.is_none();
+    if let (Some(folder), true) = (kept, free)
+        && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
+    {
+        warning = Some(format!("the chosen forms could not be kept: {problem}"));
+    }
+    Ok(Tuned { variants, why: Why::Timed(times), warning })
+}
+
+/// The forms to time: all that the device can run and the settings allow, the default first.
+fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Result<Vec<Variants>, Error> {
+    let mut all = vec![default];
+    for possible in Variants::possible(gpu) {
+        let mut asked = settings.clone();
+        asked.device.tile_shape = asked.device.tile_shape.or(Some(possible.tile));
+        asked.device.gradient_sum = asked.device.gradient_sum.or(Some(possible.gradients));
+        asked.device.backward = asked.device.backward.or(Some(possible.backward));
+        if chosen_variants(gpu, &asked).ok() == Some(possible) && !all.contains(&possible) {
+            all.push(possible);
+        }
+    }
+    Ok(all)
+}
+
+/// Seconds of a forward and backward of each view, medians summed over the views. A form that a first step shows to be far
+/// slower than another has the time of that step; one that does not fit the memory is left out.
+pub fn measure(
+    gpu: &Gpu,
+    input: &Input,
+    settings: &Settings,
+    candidates: &[Variants],
+) -> Result<Vec<(Variants, f64)>, Error> {
+    let all = input.train.len();
+    let views = all.min(VIEWS);
+    let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
+    let input = Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent };
+    let mut times: Vec<(Variants, f64)> = Vec::new();
+    for &variants in candidates {
+        let best = times.iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
+        match of_form(gpu, &input, settings, variants, best) {
+            Ok(seconds) => times.push((variants, seconds)),
+            Err(error) if memory::is_lack_of_memory(&error) && !times.is_empty() => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(times)
+}
+
+fn of_form(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, best: f64) -> Result<f64, Error> {
+    let mut engine = Engine::new(gpu, input, settings, variants, Pacing::default(), None)?;
+    let views = input.train.len();
+    // Every band in use, as in most steps; nothing of the model changes, so that all forms work on the same.
+    let schedule = Schedule::new(settings, views);
+    let plan = StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, ..schedule.step(1) };
+    let mut samples = vec![Vec::new(); views];
+    for round in 0..=ROUNDS {
+        for (view, samples) in samples.iter_mut().enumerate() {
+            let seconds = step(gpu, &mut engine, &plan, view)?;
+            if round > 0 {
+                samples.push(seconds);
+            }
+        }
+        let first: f64 = samples.iter().filter_map(|s| s.first()).sum();
+        if round == 1 && first > HOPELESS * best {
+            break;
+        }
+    }
+    Ok(samples.into_iter().map(median).sum())
+}
+
+/// Seconds that the device worked on a step.
+fn step(gpu: &Gpu, engine: &mut Engine, plan: &StepPlan, view: usize) -> Result<f64, Error> {
+    loop {
+        let mut recorder = gpu.recorder("tune")?;
+        recorder.profile(true);
+        engine.record(&mut recorder, Event::of_step(1), plan, view)?;
+        let ticket = engine.submit_recorded(recorder)?;
+        let outcome = engine.outcome(ticket)?;
+        if outcome.counters[counters::STATUS] != 0 {
+            engine.grow()?;
+            continue;
+        }
+        let passes = gpu.timings(ticket)?.unwrap_or_default();
+        return Ok(passes.iter().map(|p| p.ns).sum::<f64>() * 1e-9);
+    }
+}
+
+fn median(mut samples: Vec<f64>) -> f64 {
+    samples.sort_by(f64::total_cmp);
+    samples.get(samples.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// The default, unless another form is a tenth faster.
+fn faster(default: Variants, times: &[(Variants, f64)]) -> Variants {
+    let of_default = times.iter().find(|t| t.0 == default).map_or(f64::INFINITY, |t| t.1);
+    match times.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some(&(best, seconds)) if seconds <= WORTH_IT * of_default => best,
+        _ => default,
+    }
+}
+
+impl fmt::Display for Tuned {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "forms of the passes: {}", self.variants)?;
+        match &self.why {
+            Why::Capability(why) => write!(f, " (by the device's capabilities: {why})"),
+            Why::Kept => {
+                write!(f, " (the fastest of an earlier timing; --tune again times anew, --tune off takes none)")
+            }
+            Why::Timed(times) => {
+                let each = times.iter().map(|(v, s)| format!("{v} {:.2} ms", 1e3 * s));
+                write!(f, " (timed: {})", each.collect::<Vec<_>>().join("; "))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::{GradientSum, TileShape};
+
+    #[test]
+    fn another_form_has_to_be_a_tenth_faster() {
+        let of = |tile, gradients| {
+            let text = format!(r#"{{"tile":"{tile}","gradients":"{gradients}"}}"#);
+            serde_json::from_str::<Variants>(&text).unwrap()
+        };
+        let [a, b, c] = [of("column", "slots"), of("pixel", "slots"), of("column", "atomic")];
+        assert_eq!((a.tile, b.gradients), (TileShape::Column, GradientSum::Slots));
+        assert_eq!(faster(a, &[(a, 1.0), (b, 0.95), (c, 0.91)]), a);
+        assert_eq!(faster(a, &[(a, 1.0), (b, 0.89), (c, 0.91)]), b);
+        assert_eq!(faster(a, &[(a, 1.0), (b, 0.89), (c, 0.5)]), c);
+        assert_eq!(faster(a, &[(a, 1.0)]), a);
+        assert_eq!(faster(a, &[]), a);
+        assert_eq!(faster(a, &[(b, 2.0)]), b, "the default does not fit the memory");
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
+    }
+}

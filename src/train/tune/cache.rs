@@ -1,0 +1,89 @@
+//! Choices of earlier timings: a JSON file beside the pipeline cache.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::format::{Error, atomic};
+use crate::raster::Variants;
+use crate::train::Input;
+use crate::vk::Caps;
+
+const FILE: &str = "forms.json";
+/// More are not kept: the oldest go.
+const MOST: usize = 200;
+
+/// How large a training is, in powers of four: within one the same form is taken to be the best.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SizeClass {
+    /// Half the binary logarithm of the number of splats.
+    pub splats: u32,
+    /// Half the binary logarithm of the pixels of the first view.
+    pub pixels: u32,
+}
+
+impl SizeClass {
+    /// Of a training's input.
+    pub fn of(input: &Input) -> Self {
+        let pixels = input.train.first().map_or(1, |v| u64::from(v.camera.width) * u64::from(v.camera.height));
+        let half = |n: u64| n.max(1).ilog2() / 2;
+        Self { splats: half(input.initial.len() as u64), pixels: half(pixels) }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    device: String,
+    driver: String,
+    /// Of this program.
+    version: String,
+    size: SizeClass,
+    variants: Variants,
+}
+
+impl Entry {
+    fn new(caps: &Caps, size: SizeClass, variants: Variants) -> Self {
+        let (device, driver, version) =
+            (caps.device.clone(), caps.driver.clone(), env!("CARGO_PKG_VERSION").to_owned());
+        Self { device, driver, version, size, variants }
+    }
+
+    fn is_for(&self, other: &Self) -> bool {
+        (&self.device, &self.driver, &self.version, self.size)
+            == (&other.device, &other.driver, &other.version, other.size)
+    }
+}
+
+fn file(folder: &Path) -> PathBuf {
+    folder.join(FILE)
+}
+
+fn read(folder: &Path) -> Result<Vec<Entry>, String> {
+    let path = file(folder);
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(e) => return Err(format!("{}: cannot read: {e}", path.display())),
+    };
+    serde_json::from_str(&text).map_err(|e| format!("{}: forms of earlier timings cannot be read: {e}", path.display()))
+}
+
+/// The forms kept for a device and size; an error in words where the file is damaged.
+pub(super) fn find(folder: &Path, caps: &Caps, size: SizeClass) -> Result<Option<Variants>, String> {
+    let entries = read(folder)?;
+    let found = entries.iter().find(|entry| entry.is_for(&Entry::new(caps, size, entry.variants)));
+    Ok(found.map(|entry| entry.variants))
+}
+
+/// Keeps a choice in place of an earlier one; a damaged file is replaced.
+pub(super) fn keep(folder: &Path, caps: &Caps, size: SizeClass, variants: Variants) -> Result<(), Error> {
+    let new = Entry::new(caps, size, variants);
+    let mut entries = read(folder).unwrap_or_default();
+    entries.retain(|entry| !entry.is_for(&new));
+    entries.push(new);
+    let first = entries.len().saturating_sub(MOST);
+    std::fs::create_dir_all(folder).map_err(Error::io(folder, "create"))?;
+    let path = file(folder);
+    let text = serde_json::to_string_pretty(&entries[first..]).map_err(|e| Error::io(&path, "write")(e.into()))?;
+    atomic::write(&path, |out| writeln!(out, "{text}"))
+}

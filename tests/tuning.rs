@@ -1,0 +1,137 @@
+//! The forms of the passes by timing: what is chosen when, what is kept on disk, and that training does not notice.
+
+mod common;
+
+use std::fs;
+
+use common::plane_scene;
+use psrgs_vk::raster::{GradientSum, TileShape, Variants};
+use psrgs_vk::train::settings::Tune;
+use psrgs_vk::train::tune::{self, SizeClass, Tuned, Why};
+use psrgs_vk::train::{Input, Pacing, Settings, State, Trainer, chosen_variants};
+use psrgs_vk::vk::Gpu;
+
+fn settings(tune: Tune) -> Settings {
+    let mut s = Settings::default();
+    s.run.tune = tune;
+    s.run.eval_every = 0;
+    s
+}
+
+fn input() -> Input {
+    plane_scene::input(3, 48, 40, 200)
+}
+
+/// A short training by slots, to the bit.
+fn trained(gpu: &Gpu) -> State {
+    let mut s = settings(Tune::Off);
+    s.run.iterations = 12;
+    s.run.deterministic = true;
+    s.density.densify_from = 2;
+    s.density.densify_interval = 3;
+    let mut trainer = Trainer::new(gpu, input(), &s, Pacing::default(), None).expect("a training");
+    while trainer.next_message().expect("training goes on").is_some() {}
+    trainer.snapshot().expect("a state").state
+}
+
+fn bits(state: &State) -> Vec<u32> {
+    let floats = state.params.iter().chain(&state.m).chain(&state.v).flatten().chain(&state.stats);
+    floats.map(|v| v.to_bits()).chain(state.ids.iter().copied()).collect()
+}
+
+#[test]
+fn timing_leaves_no_trace_in_the_training() {
+    let Some(gpu) = common::gpu() else { return };
+    let before = trained(&gpu);
+    let memory = gpu.memory_use().current;
+    let all = Variants::possible(&gpu);
+    let times = tune::measure(&gpu, &input(), &settings(Tune::Again), &all).expect("timings");
+    assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), all);
+    assert!(times.iter().all(|t| t.1 > 0.0 && t.1.is_finite()), "{times:?}");
+    assert!(gpu.memory_use().current <= memory + (8 << 20), "buffers of the timing are left");
+    let after = trained(&gpu);
+    assert!(bits(&before) == bits(&after) && before.counters == after.counters);
+    gpu.check_canaries().expect("guards are whole");
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn a_choice_is_kept_and_found_again_and_a_damaged_file_is_made_anew() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let cache = folder.path().join("not/there/yet");
+    let tuned = |settings: &Settings| tune::tuned(&gpu, &input(), settings, Some(&cache)).expect("a choice");
+    let timed = |t: &Tuned| matches!(&t.why, Why::Timed(times) if times.len() == Variants::possible(&gpu).len());
+    let auto = settings(Tune::Auto);
+
+    let first = tuned(&auto);
+    assert!(timed(&first) && first.warning.is_none(), "{first}");
+    assert!(first.to_string().contains(" ms") && first.to_string().contains("timed"), "{first}");
+    let again = tuned(&auto);
+    assert_eq!((&again.why, again.variants), (&Why::Kept, first.variants));
+    assert!(again.to_string().contains("--tune again"), "{again}");
+    assert!(timed(&tuned(&settings(Tune::Again))), "asked to time again");
+
+    // Another size is another entry; what is kept of this one stays.
+    let large = plane_scene::input(2, 48, 40, 4000);
+    assert_ne!(SizeClass::of(&large), SizeClass::of(&input()));
+    let other = tune::tuned(&gpu, &large, &auto, Some(&cache)).expect("a choice");
+    assert!(timed(&other));
+    assert_eq!(tuned(&auto).why, Why::Kept);
+
+    let file = cache.join("forms.json");
+    let good = fs::read_to_string(&file).expect("a file");
+    for damaged in [&good[..good.len() / 2], "", "[{}]", "\u{0}\u{1}"] {
+        fs::write(&file, damaged).expect("written");
+        let got = tuned(&auto);
+        assert!(timed(&got), "{damaged:?}: {got}");
+        let warning = got.warning.expect("a warning");
+        assert!(warning.contains("forms.json") && warning.contains("made anew"), "{warning}");
+        assert_eq!(tuned(&auto).why, Why::Kept);
+    }
+    // Of another driver, or a form that this device cannot run: as if it were not there.
+    for (from, to) in [("\"driver\": \"", "\"driver\": \"other "), ("\"tile\": \"", "\"tile\": \"hexagonal ")] {
+        fs::write(&file, fs::read_to_string(&file).expect("a file").replace(from, to)).expect("written");
+        assert!(timed(&tuned(&auto)), "{to}");
+    }
+    // A folder that cannot be written costs the keeping, not the training.
+    let file = folder.path().join("file");
+    fs::write(&file, "").expect("written");
+    let got = tune::tuned(&gpu, &input(), &auto, Some(&file.join("below"))).expect("a choice");
+    assert!(timed(&got) && got.warning.expect("a warning").contains("forms"));
+}
+
+#[test]
+fn what_is_fixed_is_not_timed() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let why = |settings: &Settings| {
+        let tuned = tune::tuned(&gpu, &input(), settings, Some(folder.path())).expect("a choice");
+        assert_eq!(tuned.variants, chosen_variants(&gpu, settings).expect("forms"));
+        match tuned.why {
+            Why::Capability(why) => why,
+            other => panic!("{other:?}"),
+        }
+    };
+    let mut s = settings(Tune::Again);
+    s.run.deterministic = true;
+    assert_eq!(why(&s), "--deterministic");
+    assert_eq!(why(&settings(Tune::Off)), "--tune off");
+    let mut s = settings(Tune::Auto);
+    s.run.iterations = 999;
+    assert!(why(&s).contains("too short"));
+    let named = Variants::choose(&gpu, false);
+    let mut s = settings(Tune::Again);
+    s.device.tile_shape = Some(named.tile);
+    s.device.gradient_sum = Some(GradientSum::Slots);
+    assert_eq!(why(&s), "no other form is possible");
+    assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0, "nothing was timed, so nothing is kept");
+
+    // A part is named: the rest is timed, and not kept for those who name nothing.
+    s.device.tile_shape = Some(TileShape::Pixel);
+    s.device.gradient_sum = None;
+    let tuned = tune::tuned(&gpu, &input(), &s, Some(folder.path())).expect("a choice");
+    let Why::Timed(times) = &tuned.why else { panic!("{tuned}") };
+    assert!(times.len() > 1 && times.iter().all(|t| t.0.tile == TileShape::Pixel), "{tuned}");
+    assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
+}
