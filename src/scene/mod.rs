@@ -4,6 +4,7 @@ mod camera;
 mod frame;
 mod gaussians;
 pub mod init;
+mod morton;
 mod sh_rotation;
 mod similarity;
 

@@ -1,0 +1,93 @@
+//! The order of splats along Morton's curve: neighbours in space become neighbours in memory.
+
+use super::{Gaussians, SH_GROUP_FLOATS};
+
+/// Bits of a code per axis.
+const BITS: u32 = 21;
+
+impl Gaussians {
+    /// The same splats in the order of the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties
+    /// and means that are not finite (which come last) keep their order. Identities are given anew, ascending.
+    pub fn in_morton_order(&self) -> Self {
+        let mut order: Vec<(u64, u32)> = codes(&self.means).into_iter().zip(0..).collect();
+        order.sort_unstable();
+        let rows = |plane: &[f32], row: usize| -> Vec<f32> {
+            order.iter().flat_map(|&(_, i)| &plane[row * i as usize..row * (i as usize + 1)]).copied().collect()
+        };
+        Self {
+            means: rows(&self.means, 3),
+            quats: rows(&self.quats, 4),
+            scales: rows(&self.scales, 3),
+            opacities: rows(&self.opacities, 1),
+            sh: std::array::from_fn(|g| rows(&self.sh[g], SH_GROUP_FLOATS)),
+            ids: (0..order.len() as u32).collect(),
+        }
+    }
+}
+
+fn codes(means: &[f32]) -> Vec<u64> {
+    let finite = |p: &&[f32]| p.iter().all(|v| v.is_finite());
+    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
+    for p in means.chunks_exact(3).filter(finite) {
+        for k in 0..3 {
+            (low[k], high[k]) = (low[k].min(p[k]), high[k].max(p[k]));
+        }
+    }
+    let steps = f64::from((1_u32 << BITS) - 1);
+    let code = |p: &[f32]| {
+        if !finite(&p) {
+            return u64::MAX;
+        }
+        (0..3).fold(0, |code, k| {
+            let extent = f64::from(high[k]) - f64::from(low[k]);
+            let share = if extent > 0.0 { (f64::from(p[k]) - f64::from(low[k])) / extent } else { 0.0 };
+            code | spread((share * steps) as u64) << k
+        })
+    };
+    means.chunks_exact(3).map(code).collect()
+}
+
+/// Moves bit i to bit 3 i.
+fn spread(value: u64) -> u64 {
+    (0..BITS).fold(0, |out, bit| out | (value >> bit & 1) << (3 * bit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn splats_are_reordered_whole_along_the_curve() {
+        let mut g = Gaussians::zeros(8);
+        // Corners of a box, numbered against the curve: x is the lowest bit.
+        for i in 0..8 {
+            let corner = 7 - i;
+            for k in 0..3 {
+                g.means[3 * i + k] = if corner >> k & 1 == 1 { 4.0 } else { -1.0 };
+            }
+            g.opacities[i] = i as f32;
+            g.quats[4 * i + 3] = i as f32;
+            g.scales[3 * i + 2] = i as f32;
+            g.sh[2][12 * i + 11] = i as f32;
+        }
+        let out = g.in_morton_order();
+        let want = [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0];
+        assert_eq!(out.opacities, want);
+        for i in 0..8 {
+            assert_eq!([out.quats[4 * i + 3], out.scales[3 * i + 2], out.sh[2][12 * i + 11]], [want[i]; 3]);
+        }
+        assert_eq!(out.ids, g.ids);
+        assert_eq!(out.in_morton_order(), out, "what is in order stays");
+    }
+
+    #[test]
+    fn odd_models_are_reordered_too() {
+        assert!(Gaussians::default().in_morton_order().is_empty());
+        let mut g = Gaussians::zeros(3);
+        g.opacities = vec![0.0, 1.0, 2.0];
+        assert_eq!(g.in_morton_order(), g, "all at one place");
+        g.means[0] = f32::NAN;
+        g.means[3] = 5.0;
+        assert_eq!(g.in_morton_order().opacities, [2.0, 1.0, 0.0], "what is nowhere comes last");
+    }
+}
