@@ -245,8 +245,11 @@ fn memory_that_runs_out_is_an_error_and_the_device_goes_on() {
         gpu.memory_use().current
     };
     for _ in 0..3 {
-        // Too large from the start.
-        check(start(Pacing { splat_capacity: 100_000, ..small }).err().unwrap());
+        // Too large from the start; room that is only asked for is made smaller instead.
+        let large = Input { initial: plane_scene::splats(60_000), ..input.clone() };
+        let error = Trainer::new(&gpu, large, &settings(8), small, None).err().unwrap();
+        assert!(matches!(error, train::Error::MemoryLimit { wanted: 60_000, .. }), "{error}");
+        assert_eq!(finish(start(Pacing { splat_capacity: 100_000, ..small }).unwrap()).unwrap(), 8);
         // Too large when it has grown: next to nothing is left when the first view needs more pairs than there is room for.
         let trainer = start(Pacing { pair_capacity: 64, ..small }).unwrap();
         let held = gpu.buffer("held", limit - in_use() - (256 << 10), Memory::Device).unwrap();

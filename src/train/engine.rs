@@ -152,15 +152,6 @@ impl Engine {
         })
     }
 
-    /// Makes room for pictures of the largest view with so many splats.
-    pub(super) fn reserve_pictures(&mut self, splats: u32) -> Result<(), Error> {
-        let largest = self.cameras.iter().max_by_key(|c| u64::from(c.width) * u64::from(c.height)).copied();
-        match largest {
-            Some(camera) => Ok(self.viewer.reserve(splats, camera.width, camera.height)?),
-            None => Ok(()),
-        }
-    }
-
     /// Most splats that the device memory has room for, where that is what limits them.
     pub fn most_splats(&self) -> Option<u32> {
         self.most_splats

@@ -8,7 +8,7 @@ use super::engine::Engine;
 use super::input::Input;
 use super::settings::Settings;
 use super::trainer::Pacing;
-use crate::raster::{Variants, most_pairs, most_splats};
+use crate::raster::{Variants, Viewer, most_pairs, most_splats};
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Memory};
 
@@ -22,7 +22,7 @@ const GRAIN: u64 = 16 << 20;
 const STAGING: u64 = 4 << 20;
 
 /// What the memory of a training depends on, apart from the numbers of splats and pairs.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(super) struct Needs {
     pub(super) gpu: Gpu,
     pub(super) cameras: Vec<Camera>,
@@ -47,17 +47,25 @@ impl Needs {
         }
     }
 
-    /// Bytes of a training with room for so many splats and pairs, pictures and what is read back for a checkpoint included.
-    pub(super) fn bytes(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+    /// Bytes of the buffers of a training with room for so many splats and pairs.
+    fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         let counting = self.gpu.planning();
         let photographs = self.photographs(&counting)?;
-        let mut engine = Engine::allocate(&counting, &self.cameras, photographs, self, variants, (splats, pairs))?;
-        if self.pictures {
-            engine.reserve_pictures(splats)?;
+        Engine::allocate(&counting, &self.cameras, photographs, self, variants, (splats, pairs))?;
+        Ok(counting.planned_bytes())
+    }
+
+    /// The same with what comes and goes on the way: pictures of held-out views, what is read back for a checkpoint, staging.
+    pub(super) fn bytes(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+        let counting = self.gpu.planning();
+        if self.pictures
+            && let Some(largest) = self.cameras.iter().max_by_key(|c| u64::from(c.width) * u64::from(c.height))
+        {
+            Viewer::new(&counting).reserve(splats, largest.width, largest.height)?;
         }
         counting.buffer("staging", STAGING, Memory::Upload)?;
         counting.buffer("read-back", crate::raster::LARGEST_ROW * u64::from(splats), Memory::Readback)?;
-        Ok(counting.planned_bytes())
+        Ok(self.training(variants, splats, pairs)? + counting.planned_bytes())
     }
 
     /// Buffers of the photographs, RGBA8.
@@ -195,12 +203,12 @@ impl MemoryPlan {
         let photographs = (needs.cameras.len(), counting.planned_bytes());
         // Differences of large numbers: tables of the sorts grow in steps.
         let (n, more) = (1 << 19, 1 << 20);
-        let bytes = |splats, pairs| needs.bytes(variants, splats, pairs).map(|b| b as f64);
+        let bytes = |splats, pairs| needs.training(variants, splats, pairs).map(|b| b as f64);
         let base = bytes(n, n)?;
         let per = |with: f64| (with - base) / f64::from(more - n);
         let fewest = Needs { cameras: needs.cameras.iter().map(|c| c.resized(8, 8)).collect(), ..needs.clone() };
         let pixels = needs.cameras.iter().map(|c| f64::from(c.width) * f64::from(c.height)).fold(1.0, f64::max);
-        let of_pixels = base - fewest.bytes(variants, n, n)? as f64 - photographs.1 as f64;
+        let of_pixels = base - fewest.training(variants, n, n)? as f64 - photographs.1 as f64;
         let most = needs.most_splats(variants);
         Ok(Self {
             limit: gpu.memory_use().limit,

@@ -58,19 +58,21 @@ pub struct Tuned {
 /// now. A form other than the capability's has to be a tenth faster.
 pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>) -> Result<Tuned, Error> {
     let default = chosen_variants(gpu, settings)?;
-    let by_capability = |why| Ok(Tuned { variants: default, why: Why::Capability(why), warning: None });
+    let by_capability = |why: &'static str| -> Result<Tuned, Error> {
+        Ok(Tuned { variants: default, why: Why::Capability(why), warning: None })
+    };
     if settings.run.deterministic {
         return by_capability("--deterministic");
     }
     if settings.run.tune == Tune::Off {
         return by_capability("--tune off");
     }
-    let candidates = candidates(gpu, settings, default)?;
+    let candidates = candidates(gpu, settings, default);
     if candidates.len() < 2 {
         return by_capability("no other form is possible");
     }
-    if gpu.caps().limits.timestamp_ns <= 0.0 {
-        return by_capability("the device takes no timestamps");
+    if input.train.is_empty() || gpu.caps().limits.timestamp_ns <= 0.0 {
+        return by_capability("nothing can be timed");
     }
     let class = SizeClass::of(input);
     let mut warning = None;
@@ -100,7 +102,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
 }
 
 /// The forms to time: all that the device can run and the settings allow, the default first.
-fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Result<Vec<Variants>, Error> {
+fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants> {
     let mut all = vec![default];
     for possible in Variants::possible(gpu) {
         let mut asked = settings.clone();
@@ -111,7 +113,7 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Result<Vec<V
             all.push(possible);
         }
     }
-    Ok(all)
+    all
 }
 
 /// Seconds of a forward and backward of each view, medians summed over the views. A form that a first step shows to be far
