@@ -68,7 +68,7 @@ pub enum Error {
     },
     /// What training needs does not fit the device memory that may be used.
     #[error(
-        "no room for {wanted} {what}: with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
+        "out of device memory: no room for {wanted} {what}; with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
          Give more with --max-device-memory, or need less with a smaller --max-side or --max-splats{}",
         readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
     )]

@@ -16,7 +16,9 @@ impl Gpu {
     /// A handle of the same device on which buffers are counted and not allocated. Nothing can be recorded with them: they have
     /// no bytes. Pipelines are real.
     pub fn planning(&self) -> Gpu {
-        Gpu { planned: Some(Arc::new(AtomicU64::new(0))), ..self.clone() }
+        let mut counting = self.clone();
+        counting.planned = Some(Arc::new(AtomicU64::new(0)));
+        counting
     }
 
     /// Bytes of all buffers asked for through this handle that count towards [`super::MemoryUse::limit`]; 0 for a handle that

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use crate::run::{OPTIONS, STEPS, Shared, command, psrgs, shared, stderr, text, works};
 
-const KEYS: &str = "method iterations scene train_images test_images width height seed device psnr ssim splats bytes seconds \
+const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr ssim splats bytes seconds \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images";
 
 #[test]
