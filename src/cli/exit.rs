@@ -264,8 +264,8 @@ mod tests {
         let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
         assert_eq!(training(many), MEMORY);
         let (what, wanted, needed) = ("pairs", 9, 5);
-        let full = train::Error::MemoryLimit { what, wanted, needed, room: 4, in_use: 3, limit: 5, saved: None };
-        assert_eq!(training(full), MEMORY);
+        let no_room = train::Error::MemoryLimit { what, wanted, needed, room: 4, in_use: 3, limit: 5, saved: None };
+        assert_eq!(training(no_room), MEMORY);
         assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);
         assert_eq!(code(&bench::Error::NotLive(device()).into()), CHECK);
         assert_eq!(code(&bench::Error::NoTimestamps { device: device() }.into()), DEVICE);
