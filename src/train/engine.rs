@@ -288,6 +288,8 @@ impl Engine {
 
     fn record_density(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan) -> Result<(), Error> {
         let density = &self.settings.density;
+        // A change at most doubles the splats: a limit beyond that costs a pass and changes nothing.
+        let near = self.most_splats.filter(|most| self.size.splats.saturating_mul(2) > *most);
         let rules = DensityRules {
             clone_threshold: density.grad_threshold as f32,
             split_threshold: density.grad_threshold as f32,
@@ -295,7 +297,7 @@ impl Engine {
             split_scale: density.percent_dense * self.extent,
             prune_opacity: density.prune_opacity,
             prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
-            max_splats: density.max_splats.into_iter().chain(self.most_splats).min(),
+            max_splats: density.max_splats.into_iter().chain(near).min(),
             seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,
         };
         self.density.record(recorder, &self.density_model(), &rules, event.number())?;

@@ -227,7 +227,9 @@ impl MemoryPlan {
 pub(super) fn is_lack_of_memory(error: &Error) -> bool {
     matches!(
         error,
-        Error::MemoryLimit { .. } | Error::TooMany { .. } | Error::Device(vk::Error::OutOfDeviceMemory { .. })
+        Error::MemoryLimit { .. }
+            | Error::TooMany { .. }
+            | Error::Device(vk::Error::OutOfDeviceMemory { .. } | vk::Error::BufferTooLarge { .. })
     )
 }
 

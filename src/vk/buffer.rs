@@ -132,8 +132,7 @@ impl Buffer {
     pub(super) fn unallocated(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
         let limit = device.caps.limits.allocation;
         if size > limit {
-            let in_use = lock(&device.memory).as_ref().map_or(0, |m| m.tally().current);
-            return Err(Error::OutOfDeviceMemory { requested: size, name: name.to_owned(), in_use, limit });
+            return Err(Error::BufferTooLarge { buffer: name.to_owned(), bytes: size, limit });
         }
         let inner = BufferInner {
             device: device.clone(),
@@ -143,6 +142,7 @@ impl Buffer {
             size: 0,
             capacity: 0,
             guard: 0,
+            address: 0,
             armed: AtomicBool::new(true),
             memory,
             last_use: AtomicU64::new(0),
