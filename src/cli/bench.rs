@@ -118,7 +118,7 @@ impl Args {
     /// What the steps are taken on.
     fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
         let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
-        let mut initial = prepare::initial(&dataset, self.init.as_deref())?;
+        let mut initial = prepare::initial(&dataset, self.init.as_deref(), self.seed)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
         }

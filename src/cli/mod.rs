@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand, and what they share.
 
 mod bench;
+mod check;
 mod colour;
 mod completions;
 mod console;
@@ -60,6 +61,7 @@ enum Command {
     Eval(eval::Args),
     Demo(demo::Args),
     Bench(bench::Args),
+    Check(check::Args),
     Info(info::Args),
     Passes(passes::Args),
     Completions(completions::Args),
@@ -97,6 +99,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Eval(args) => eval::run(args, console, started),
         Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
+        Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),

@@ -95,14 +95,18 @@ fn tell(dataset: &Dataset, console: &Console) {
     let size = dataset.views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
     let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
     console.say(format_args!(
-        "{}: {} photographs to train on, {} held out, {}x{} from {images}, {} points",
+        "{}: {} dataset, {} photographs to train on, {} held out, {}x{} from {images}, {} points",
         dataset.path.display(),
+        dataset.format,
         count(Role::Train),
         count(Role::HeldOut),
         size.0,
         size.1,
         HumanCount(dataset.points.len() as u64),
     ));
+    if let Some(masks) = &dataset.masks {
+        console.say(format_args!("masks: {} of {} (from {})", masks.matched, masks.of, masks.place.display()));
+    }
     for warning in &dataset.warnings {
         console.warn(warning);
     }

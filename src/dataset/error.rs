@@ -11,16 +11,16 @@ pub enum Error {
     #[error(transparent)]
     File(#[from] format::Error),
     /// No model was found.
-    #[error("{}: no COLMAP model here; looked for {looked_for}", folder.display())]
+    #[error("{}: no dataset here; looked for {looked_for}", folder.display())]
     NoModel {
         /// The folder that was given.
         folder: PathBuf,
         /// The files that would have been read.
         looked_for: String,
     },
-    /// A camera model with distortion.
+    /// A camera model that is not known.
     #[error(
-        "{}: camera {camera} has the model {model}; only PINHOLE and SIMPLE_PINHOLE are supported. \
+        "{}: camera {camera} has the model {model}, which is not supported. \
          Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display()
     )]
     UnsupportedCamera {
@@ -86,12 +86,25 @@ pub enum Error {
         file: PathBuf,
         /// Its width and height.
         photograph: (u32, u32),
-        /// The camera's number in the cameras file.
-        camera: u32,
+        /// What the model calls the camera.
+        camera: String,
         /// The camera's width and height.
         expected: (u32, u32),
         /// A likely reason.
         hint: &'static str,
+    },
+    /// A mask has not the shape of its photograph.
+    #[error(
+        "{}: the mask is {}x{}, its photograph {}x{}, which is another aspect ratio",
+        file.display(), mask.0, mask.1, photograph.0, photograph.1
+    )]
+    MaskSize {
+        /// The mask.
+        file: PathBuf,
+        /// Its width and height.
+        mask: (u32, u32),
+        /// The photograph's.
+        photograph: (u32, u32),
     },
     /// The photograph cannot be decoded.
     #[error("{}: {field} at byte {at}: {problem}", file.display())]

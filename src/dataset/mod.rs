@@ -1,4 +1,4 @@
-//! Posed photographs: COLMAP models, images, the split into training and held-out views, the scene's frame.
+//! Posed photographs: models of several formats, lenses, masks, the split into training and held-out views, the scene's frame.
 //!
 //! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or by
 //! [`Role`], so that held-out photographs stay unread during training.
@@ -8,9 +8,20 @@ mod error;
 mod extent;
 mod folder;
 mod jpeg_end;
+mod json;
+pub mod lens;
+mod masks;
+mod model;
+mod nerfstudio;
+mod opensfm;
 mod photograph;
+mod points_ply;
+mod random_points;
+mod rotation;
 mod sizing;
 mod split;
+mod survey;
+mod undistort;
 mod warning;
 
 use std::path::{Path, PathBuf};
@@ -20,14 +31,18 @@ use rayon::prelude::*;
 pub use colmap::Point;
 pub use error::Error;
 pub use folder::ImagesFolder;
+pub use masks::{MaskIgnores, Masks};
+pub use model::{Format, Reference};
 pub use photograph::Photograph;
 pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
+pub use survey::Sight;
 pub use warning::Warning;
 
 use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Frame, Gaussians};
-use colmap::{Model, Pose};
+use lens::Lens;
+use model::{Model, Shot};
 
 /// What to load and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +57,10 @@ pub struct LoadOptions {
     pub images_folder: Option<PathBuf>,
     /// Which photographs are held out.
     pub split: Split,
+    /// The format to read; `None` takes the first whose files are there.
+    pub format: Option<Format>,
+    /// Which colour of masks leaves pixels out.
+    pub mask_ignores: MaskIgnores,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
 }
@@ -54,6 +73,8 @@ impl Default for LoadOptions {
             rounding: Rounding::Nearest,
             images_folder: None,
             split: Split::Test,
+            format: None,
+            mask_ignores: MaskIgnores::Black,
             photographs: true,
         }
     }
@@ -74,6 +95,14 @@ pub struct View {
     pub path: PathBuf,
     /// The camera in dataset coordinates, at the size trained and evaluated at.
     pub camera: Camera,
+    /// The lens of a photograph that has to be undistorted, at its size on disk.
+    pub lens: Option<Lens>,
+    /// The dataset's name for the kind of lens.
+    pub model: String,
+    /// The mask, which leaves pixels of the photograph out.
+    pub mask: Option<PathBuf>,
+    /// Which colour of the mask does.
+    pub mask_ignores: MaskIgnores,
     /// Width and height of the file.
     pub size_on_disk: (u32, u32),
     /// What the view is used for.
@@ -83,7 +112,7 @@ pub struct View {
 impl View {
     /// Decodes the photograph at the camera's size.
     pub fn photograph(&self) -> Result<Photograph, Error> {
-        photograph::decode(&self.path, self.size_on_disk, self.camera.width, self.camera.height)
+        photograph::decode(self)
     }
 }
 
@@ -92,8 +121,14 @@ impl View {
 pub struct Dataset {
     /// The folder it was loaded from.
     pub path: PathBuf,
+    /// Its format.
+    pub format: Format,
     /// Where the photographs are; `None` when loaded without.
     pub images: Option<ImagesFolder>,
+    /// The masks, where there are any.
+    pub masks: Option<Masks>,
+    /// The geodetic origin of the dataset's coordinates, where the dataset has one.
+    pub reference: Option<Reference>,
     /// All views, sorted bytewise by name.
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
@@ -107,51 +142,64 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Loads the COLMAP model of a folder and finds its photographs.
+    /// Loads the model of a folder and finds its photographs and masks.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let sizing = options.sizing();
         check_sizing(sizing)?;
-        let mut model = Model::read(path)?;
+        let mut model = Model::read(path, options.format)?;
         check_names(&mut model)?;
-        let mut warnings = Vec::new();
+        let mut warnings = std::mem::take(&mut model.warnings);
         if model.points.is_empty() {
-            warnings.push(Warning::NoPoints { file: model.files.points.clone() });
+            warnings.push(Warning::NoPoints { file: model.points_file.clone() });
         }
-        let cameras =
-            model.poses.iter().map(|pose| full_size_camera(&model, pose)).collect::<Result<Vec<Camera>, Error>>()?;
-        let images = if options.photographs {
-            Some(find_photographs(path, options, &model, &cameras, &mut warnings)?)
-        } else {
-            None
-        };
+        let images =
+            if options.photographs { Some(find_photographs(path, options, &model, &mut warnings)?) } else { None };
 
-        let roles = roles(options.split, cameras.len(), &mut warnings);
+        let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
+        let roles = roles(options.split, model.shots.len(), &mut warnings);
         let views = model
-            .poses
+            .shots
             .par_iter()
-            .zip(cameras)
             .zip(roles)
-            .map(|((pose, camera), role)| {
-                let photograph = images.as_ref().map(|folder| folder.path.join(&pose.name));
+            .map(|(shot, role)| {
+                let photograph = images.as_ref().map(|folder| folder.path.join(&shot.name));
                 let size_on_disk = match &photograph {
                     Some(file) => photograph::size_on_disk(file)?,
-                    None => (camera.width, camera.height),
+                    None => (shot.lens.size[0], shot.lens.size[1]),
                 };
                 let path = photograph.unwrap_or_default();
-                check_aspect(&path, pose.camera, &camera, size_on_disk)?;
-                let (width, height) = sizing.apply(size_on_disk, (camera.width, camera.height), options.rounding);
-                check_size(&path, &camera, sizing, size_on_disk, (width, height))?;
-                Ok(View { name: pose.name.clone(), path, camera: camera.resized(width, height), size_on_disk, role })
+                check_aspect(&path, shot, size_on_disk)?;
+                let (lens, camera) = at_size(&path, shot, size_on_disk, sizing, options.rounding)?;
+                let beside = || masks_folder.as_deref().and_then(|folder| masks::beside(folder, &shot.name));
+                let mask = images.as_ref().and_then(|_| shot.mask.clone().or_else(beside));
+                if let Some(mask) = &mask {
+                    masks::check_size(mask, size_on_disk)?;
+                }
+                let (name, model, mask_ignores) = (shot.name.clone(), shot.model.clone(), options.mask_ignores);
+                Ok(View { name, path, camera, lens, model, mask, mask_ignores, size_on_disk, role })
             })
             .collect::<Vec<Result<View, Error>>>();
         // In the order of the names, so that of several problems always the same one is told.
         let views = views.into_iter().collect::<Result<Vec<View>, Error>>()?;
 
+        let masks = count_masks(&model, masks_folder, &views, &mut warnings);
+
         let centers: Vec<[f64; 3]> =
             views.iter().filter(|v| v.role == Role::Train).map(|v| v.camera.center()).collect();
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         warnings.extend(degenerate);
-        Ok(Self { path: path.to_owned(), images, views, points: model.points, frame, extent, warnings })
+        Ok(Self {
+            path: path.to_owned(),
+            format: model.format,
+            images,
+            masks,
+            reference: model.reference,
+            views,
+            points: model.points,
+            frame,
+            extent,
+            warnings,
+        })
     }
 
     /// The views of a role with their positions in [`Dataset::views`].
@@ -170,6 +218,13 @@ impl Dataset {
         init::from_points(&points, &self.frame)
     }
 
+    /// Random points in the common view of the training cameras, with grey for a colour, in dataset coordinates: what there is to
+    /// begin with where there are no points. None with fewer than two cameras, or when all are at one place.
+    pub fn random_points(&self, seed: u64) -> Vec<([f64; 3], [u8; 3])> {
+        let cameras: Vec<Camera> = self.views_of(Role::Train).map(|(_, view)| view.camera).collect();
+        random_points::in_common_view(&cameras, seed).into_iter().map(|position| (position, [128; 3])).collect()
+    }
+
     /// Decodes the photographs of one role in parallel, in the order of [`Dataset::views_of`]. No other is read.
     pub fn photographs(&self, role: Role) -> Result<Vec<Photograph>, Error> {
         let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
@@ -180,48 +235,57 @@ impl Dataset {
 
 /// Sorts the poses by name and refuses names that cannot be.
 fn check_names(model: &mut Model) -> Result<(), Error> {
-    let file = &model.files.images;
-    if model.poses.is_empty() {
+    let file = &model.file;
+    if model.shots.is_empty() {
         return Err(Error::NoImages { file: file.clone() });
     }
-    model.poses.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = model.poses.windows(2).find(|pair| pair[0].name == pair[1].name) {
+    model.shots.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = model.shots.windows(2).find(|pair| pair[0].name == pair[1].name) {
         return Err(Error::DuplicateName { file: file.clone(), name: pair[0].name.clone() });
     }
-    match model.poses.iter().find(|pose| !folder::stays_inside(&pose.name)) {
-        Some(pose) => Err(Error::NameOutside { file: file.clone(), name: pose.name.clone() }),
+    match model.shots.iter().find(|shot| !folder::stays_inside(&shot.name)) {
+        Some(shot) => Err(Error::NameOutside { file: file.clone(), name: shot.name.clone() }),
         None => Ok(()),
     }
 }
 
-/// The camera of a pose at the size of its calibration.
-fn full_size_camera(model: &Model, pose: &Pose) -> Result<Camera, Error> {
-    let files = &model.files;
-    let intrinsics = model.cameras.get(&pose.camera).ok_or_else(|| {
-        let problem = format!("there is no camera {} in {}", pose.camera, files.cameras.display());
-        crate::format::Error::malformed(
-            &files.images,
-            format_args!("camera of image '{}'", pose.name),
-            pose.at,
-            problem,
-        )
-    })?;
-    let [fx, fy, cx, cy] = intrinsics.pinhole(&files.cameras, pose.camera)?;
-    let (width, height) = (intrinsics.width, intrinsics.height);
-    Ok(Camera { rotation: pose.rotation, translation: pose.translation, fx, fy, cx, cy, width, height })
+/// The camera to train with for a photograph of a size, and its lens where that has to be undone.
+fn at_size(
+    file: &Path,
+    shot: &Shot,
+    on_disk: (u32, u32),
+    sizing: Sizing,
+    rounding: Rounding,
+) -> Result<(Option<Lens>, Camera), Error> {
+    let (calibrated, straight) = (shot.lens, shot.lens.distortion.is_none());
+    let lens = calibrated.resized(on_disk.0, on_disk.1);
+    let ([fx, fy], [cx, cy], [width, height]) = (calibrated.focal, calibrated.center, calibrated.size);
+    let (rotation, translation) = (shot.rotation, shot.translation);
+    let plain = Camera { rotation, translation, fx, fy, cx, cy, width, height };
+    // The picture at its full size, and at that of the calibration.
+    let (full, of) =
+        if straight { (plain.resized(on_disk.0, on_disk.1), plain) } else { (lens.pinhole(), calibrated.pinhole()) };
+    let at_most = (full.width, full.height);
+    let (width, height) = sizing.apply(at_most, (of.width, of.height), rounding);
+    check_size(file, &of, sizing, at_most, (width, height))?;
+    // From the calibration at once: a second rounding would move the last bits.
+    let camera = if straight { plain.resized(width, height) } else { full.resized(width, height) };
+    Ok(((!straight).then_some(lens), Camera { rotation, translation, ..camera }))
 }
 
 fn find_photographs(
     path: &Path,
     options: &LoadOptions,
     model: &Model,
-    cameras: &[Camera],
     warnings: &mut Vec<Warning>,
 ) -> Result<ImagesFolder, Error> {
-    let names: Vec<&str> = model.poses.iter().map(|p| p.name.as_str()).collect();
-    let longest = cameras.iter().map(|c| c.width.max(c.height)).max().unwrap_or(1);
+    let names: Vec<&str> = model.shots.iter().map(|s| s.name.as_str()).collect();
+    let longest = model.shots.iter().map(|s| s.lens.size[0].max(s.lens.size[1])).max().unwrap_or(1);
     let wanted = options.sizing().longest(longest);
-    let images = folder::choose(path, options.images_folder.as_deref(), longest, wanted, &names)?;
+    let images = match (&model.images, &options.images_folder) {
+        (Some(folder), None) => ImagesFolder { path: folder.clone(), reduction: 1, automatic: true },
+        (_, asked) => folder::choose(path, asked.as_deref(), longest, wanted, &names)?,
+    };
     let missing: Vec<&&str> = names.iter().filter(|name| !images.path.join(name).is_file()).collect();
     if let Some(first) = missing.first() {
         return Err(Error::MissingPhotographs {
@@ -231,11 +295,28 @@ fn find_photographs(
             first: (**first).to_owned(),
         });
     }
-    let unposed = folder::count_photographs(&images.path).saturating_sub(names.len());
+    // A dataset's own folder holds masks and depth too: what is in it says nothing.
+    let unposed = match &model.images {
+        Some(_) => 0,
+        None => folder::count_photographs(&images.path).saturating_sub(names.len()),
+    };
     if unposed > 0 {
         warnings.push(Warning::PhotographsWithoutPose { photographs: unposed });
     }
     Ok(images)
+}
+
+/// How many photographs have masks; a word when there is a folder of masks for nothing.
+fn count_masks(model: &Model, folder: Option<PathBuf>, views: &[View], warnings: &mut Vec<Warning>) -> Option<Masks> {
+    let (matched, of) = (views.iter().filter(|view| view.mask.is_some()).count(), views.len());
+    match folder {
+        Some(folder) if matched == 0 => {
+            warnings.push(Warning::NoMaskMatches { folder });
+            None
+        }
+        Some(place) => Some(Masks { place, matched, of }),
+        None => (matched > 0).then(|| Masks { place: model.file.clone(), matched, of }),
+    }
 }
 
 /// The role of every view. With so few views that none would be left to train on, nothing is held out.
@@ -248,24 +329,18 @@ fn roles(split: Split, views: usize, warnings: &mut Vec<Warning>) -> Vec<Role> {
     vec![Role::Train; views]
 }
 
-/// Whether a size has the shape of a camera's, up to a pixel: sides of reduced copies are rounded up or down.
-fn has_shape(camera: &Camera, (width, height): (u32, u32)) -> bool {
-    let (w, h) = (f64::from(width), f64::from(height));
-    let ratio = f64::from(camera.height) / f64::from(camera.width);
-    (h - w * ratio).abs() <= 1.0 + ratio
-}
-
-/// The file may be a reduced copy.
-fn check_aspect(file: &Path, number: u32, camera: &Camera, photograph: (u32, u32)) -> Result<(), Error> {
-    if has_shape(camera, photograph) {
+/// The file may be a reduced copy: sides of such copies are rounded up or down.
+fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), Error> {
+    let camera = (shot.lens.size[0], shot.lens.size[1]);
+    if photograph::same_shape(photograph, camera) {
         return Ok(());
     }
-    let turned = has_shape(camera, (photograph.1, photograph.0));
+    let turned = photograph::same_shape((photograph.1, photograph.0), camera);
     Err(Error::AspectRatio {
         file: file.to_owned(),
         photograph,
-        camera: number,
-        expected: (camera.width, camera.height),
+        camera: shot.camera.clone(),
+        expected: camera,
         hint: if turned { "; turned by 90 degrees it would fit: orientation tags of EXIF are not applied" } else { "" },
     })
 }
@@ -287,7 +362,8 @@ fn check_size(
     on_disk: (u32, u32),
     wanted: (u32, u32),
 ) -> Result<(), Error> {
-    let shaped = !matches!(sizing, Sizing::Exact(..)) || has_shape(camera, wanted);
+    let shape = (camera.width, camera.height);
+    let shaped = !matches!(sizing, Sizing::Exact(..)) || photograph::same_shape(wanted, shape);
     if shaped && wanted.0 <= on_disk.0 && wanted.1 <= on_disk.1 {
         return Ok(());
     }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use super::Format;
+
 /// A peculiarity of a dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
@@ -18,12 +20,33 @@ pub enum Warning {
         /// The view.
         name: String,
     },
+    /// The folder has files of several formats.
+    SeveralFormats {
+        /// The one that was read.
+        used: Format,
+        /// The others.
+        others: Vec<Format>,
+    },
+    /// The reconstruction fell into parts without a common frame, of which the largest is used.
+    OtherParts {
+        /// Photographs of the part that is used.
+        used: usize,
+        /// Other parts.
+        parts: usize,
+        /// Photographs in them.
+        shots: usize,
+    },
+    /// There is a folder of masks, and none belongs to a photograph.
+    NoMaskMatches {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// There are too few photographs to hold any out.
     NothingHeldOut {
         /// Number of photographs.
         views: usize,
     },
-    /// The model has no points: training needs them, or a model to begin with.
+    /// The model has no points: training begins with random ones, or with a model that is given.
     NoPoints {
         /// The points file, if there is one.
         file: Option<PathBuf>,
@@ -49,8 +72,30 @@ impl fmt::Display for Warning {
                     "{views} photographs are too few to hold any out: all are trained on, and no quality is measured"
                 )
             }
-            Self::NoPoints { file: None } => write!(f, "the model has no points3D file"),
-            Self::NoPoints { file: Some(file) } => write!(f, "{}: the model has no points", file.display()),
+            Self::SeveralFormats { used, others } => {
+                let others: Vec<String> = others.iter().map(ToString::to_string).collect();
+                write!(f, "read as {used}; the folder could be read as {} too: --format chooses", others.join(", "))
+            }
+            Self::OtherParts { used, parts, shots } => write!(
+                f,
+                "the reconstruction is in {} parts without a common frame: only the largest, of {used} photographs, is \
+                 used; {shots} photographs are not",
+                parts + 1
+            ),
+            Self::NoMaskMatches { folder } => {
+                write!(f, "{}: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)", folder.display())
+            }
+            Self::NoPoints { file } => {
+                match file {
+                    Some(file) => write!(f, "{}: the model has no points. ", file.display())?,
+                    None => write!(f, "the model has no points file. ")?,
+                }
+                write!(
+                    f,
+                    "Without --init, training starts from random points in the cameras' common view: expect a lower \
+                     quality, more splats and more of them in mid-air than from triangulated points"
+                )
+            }
             Self::PhotographsWithoutPose { photographs } => {
                 write!(f, "{photographs} photographs have no pose in the model and are not used")
             }

@@ -16,6 +16,8 @@ pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
         max_side: Some(photographs.max_side),
         images_folder: photographs.images.as_ref().map(Into::into),
         split: photographs.split,
+        format: photographs.format,
+        mask_ignores: photographs.mask_ignores,
         ..LoadOptions::default()
     }
 }
@@ -43,12 +45,15 @@ pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     gone.map(|(_, view)| Warning::AllMasked { name: view.name.clone() }).collect()
 }
 
-/// The first model: from `--init`, or from the reconstructed points.
-pub fn initial(dataset: &Dataset, init_file: Option<&Path>) -> Result<Gaussians, Error> {
+/// The first model: from `--init`, or from the reconstructed points, or where there are none from random ones.
+pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result<Gaussians, Error> {
     match init_file {
         Some(file) => Ok(ply::read(file)?.in_scene(&dataset.frame)),
         None => {
-            let points: Vec<_> = dataset.points.iter().map(|p| (p.position, p.color)).collect();
+            let points: Vec<_> = match dataset.points.as_slice() {
+                [] => dataset.random_points(seed),
+                points => points.iter().map(|p| (p.position, p.color)).collect(),
+            };
             Ok(init::from_points(&points, &dataset.frame)?)
         }
     }
@@ -59,7 +64,7 @@ pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
     Ok(Input {
         train: views(dataset, Role::Train)?,
         held_out: views(dataset, Role::HeldOut)?,
-        initial: initial(dataset, settings.run.init.as_deref())?,
+        initial: initial(dataset, settings.run.init.as_deref(), settings.run.seed)?,
         extent: Frame::EXTENT as f32,
     })
 }

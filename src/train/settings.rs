@@ -5,7 +5,7 @@ mod file;
 mod values;
 
 pub use file::SettingsError;
-pub use values::{Background, ByteSize, Method, Split, Tune};
+pub use values::{Background, ByteSize, Format, MaskIgnores, Method, Split, Tune};
 
 use std::path::PathBuf;
 
@@ -98,9 +98,15 @@ group! {
         /// `every:N:FIRST` hold out every Nth, as other trainers do
         #[arg(value_name = "SPLIT")]
         pub split: Split = Split::Test,
+        /// Which colour of the masks in DATA/masks means that a pixel is left out
+        #[arg(value_name = "COLOUR")]
+        pub mask_ignores: MaskIgnores = MaskIgnores::Black,
     }
     flags {}
     optional {
+        /// Format of the dataset: colmap, nerfstudio or opensfm [default: the first of them whose files are there]
+        #[arg(value_name = "FORMAT")]
+        pub format: Format,
         /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
         #[arg(value_name = "FOLDER")]
         pub images: String,
@@ -227,7 +233,7 @@ group! {
 #[derive(Clone, Debug, Default, PartialEq, clap::Args, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Settings {
-    /// Dataset folder (COLMAP: `images/` and `sparse/0/`)
+    /// Dataset folder: photographs with a model of COLMAP, nerfstudio, OpenSfM or OpenDroneMap
     #[arg(value_name = "DATA")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,

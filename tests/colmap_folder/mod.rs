@@ -43,7 +43,7 @@ pub(crate) struct Folder {
 
 pub(crate) const PINHOLE: (&str, i32) = ("PINHOLE", 1);
 pub(crate) const SIMPLE_PINHOLE: (&str, i32) = ("SIMPLE_PINHOLE", 0);
-pub(crate) const OPENCV: (&str, i32) = ("OPENCV", 4);
+pub(crate) const THIN_PRISM_FISHEYE: (&str, i32) = ("THIN_PRISM_FISHEYE", 10);
 
 impl Folder {
     /// Cameras on a ring of radius 2 about `offset`, 10 above it and looking down at points around `offset`.

@@ -33,15 +33,16 @@ fn damaged_datasets_are_told_apart() {
             &["view_0001.jpg"],
         ),
         (
-            "a camera with distortion",
+            "a camera of a model that is not known",
             |data| {
-                // Number of cameras (8 bytes), the first camera's id (4), its model (4): 2 is SIMPLE_RADIAL, of 4 parameters too.
+                // Number of cameras (8 bytes), the camera's id (4), its model (4): 7 is FOV, which has a parameter more.
                 let file = data.join("sparse/0/cameras.bin");
                 let mut bytes = fs::read(&file).expect("cameras");
-                bytes[12] = 2;
+                bytes[12] = 7;
+                bytes.extend(1.0_f64.to_le_bytes());
                 fs::write(&file, bytes).expect("written");
             },
-            &["cameras.bin", "SIMPLE_RADIAL", "image_undistorter"],
+            &["cameras.bin", "FOV", "image_undistorter"],
         ),
         (
             "truncated poses",
@@ -55,7 +56,7 @@ fn damaged_datasets_are_told_apart() {
         (
             "no model",
             |data| fs::remove_dir_all(data.join("sparse")).expect("removed"),
-            &["no COLMAP model here", "sparse/0"],
+            &["no dataset here", "sparse/0"],
         ),
     ];
     for (what, damage, words) in cases {
@@ -130,4 +131,73 @@ fn too_little_device_memory_has_its_code() {
     let output = psrgs(&args);
     assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
     assert!(stderr(&output).contains("out of device memory") && stderr(&output).contains("--max-side"));
+}
+
+#[test]
+fn masks_are_counted_and_a_photograph_masked_all_over_is_left_out() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let masks = data.path().join("masks");
+    fs::create_dir_all(&masks).expect("a folder");
+    image::GrayImage::new(64, 48).save(masks.join("view_0001.jpg.png")).expect("a mask");
+    let half = image::GrayImage::from_fn(64, 48, |x, _| image::Luma([if x < 32 { 255 } else { 0 }]));
+    half.save(masks.join("view_0002.png")).expect("a mask");
+    let out = data.path().join("run");
+    let said = works(&[&train(data.path(), &out)[..6], &["--overwrite"]].concat());
+    assert!(said.contains("masks: 2 of 9"), "{said}");
+    assert!(said.contains("'view_0001.jpg': every pixel is masked"), "{said}");
+    let said = works(&[&train(data.path(), &out)[..6], &["--overwrite", "--mask-ignores", "white"]].concat());
+    assert!(said.contains("masks: 2 of 9") && !said.contains("every pixel"), "{said}");
+    image::GrayImage::new(48, 48).save(masks.join("view_0002.png")).expect("a mask");
+    fails(&train(data.path(), &out), 3, &["view_0002.png", "the mask is 48x48"]);
+}
+
+#[test]
+fn without_points_training_starts_from_random_ones_and_says_so() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    fs::remove_file(data.path().join("sparse/0/points3D.bin")).expect("removed");
+    let said = works(&train(data.path(), &data.path().join("run"))[..6]);
+    assert!(said.contains("random points") && said.contains("lower quality"), "{said}");
+}
+
+#[test]
+fn a_dataset_is_checked_before_it_is_trained() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let checked = |code: i32| {
+        let output = psrgs(&["check", text(data.path()), "--json"]);
+        assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).expect("JSON")
+    };
+    let found = checked(0);
+    assert_eq!((&found["format"], &found["photographs"], &found["held_out"]), (&"colmap".into(), &9.into(), &2.into()));
+    assert_eq!(found["cameras"][0]["size"], serde_json::json!([64, 48]));
+    let overlap = found["overlap"].as_f64().expect("a number");
+    assert!((0.3..=1.0).contains(&overlap) && found["extent"].as_f64().expect("a number") > 0.0, "{found}");
+    assert_eq!(found["photograph_bytes"], 7 * 4 * 64 * 48);
+    // A photograph without a pose, then a pose that looks away, then a pose without a photograph.
+    fs::copy(data.path().join("images/view_0001.jpg"), data.path().join("images/extra.jpg")).expect("copied");
+    let problems = checked(7)["problems"].clone();
+    assert!(problems[0].as_str().expect("text").contains("1 photographs have no pose"), "{problems}");
+    fs::remove_file(data.path().join("images/extra.jpg")).expect("removed");
+    let file = data.path().join("sparse/0/images.bin");
+    let whole = fs::read(&file).expect("images");
+    let mut bytes = whole.clone();
+    // Number of images (8 bytes), the first image's number (4), then its quaternion: half a turn about the camera's x axis.
+    let q: Vec<f64> =
+        (0..4).map(|k| f64::from_le_bytes(bytes[12 + 8 * k..20 + 8 * k].try_into().expect("8"))).collect();
+    for (k, v) in [-q[1], q[0], -q[3], q[2]].iter().enumerate() {
+        bytes[12 + 8 * k..20 + 8 * k].copy_from_slice(&v.to_le_bytes());
+    }
+    // And its translation's y and z, so that the camera stays where it is.
+    for at in [52, 60] {
+        bytes[at + 7] ^= 0x80;
+    }
+    fs::write(&file, &bytes).expect("written");
+    let problems = checked(7)["problems"].clone();
+    assert!(problems[0].as_str().expect("text").contains("1 views without any point in view"), "{problems}");
+    fs::write(&file, &whole).expect("written");
+    fs::remove_file(data.path().join("images/view_0003.jpg")).expect("removed");
+    fails(&["check", text(data.path())], 3, &["1 of 9 photographs are missing", "view_0003.jpg"]);
 }

@@ -4,12 +4,15 @@
 mod colmap_folder;
 #[path = "../common/mod.rs"]
 mod common;
+mod formats;
 mod frame;
+mod lenses;
+mod masks;
 
 use std::fs;
 use std::path::Path;
 
-use colmap_folder::{CameraRow, Folder, OPENCV, SIMPLE_PINHOLE, write_photograph};
+use colmap_folder::{CameraRow, Folder, SIMPLE_PINHOLE, THIN_PRISM_FISHEYE, write_photograph};
 use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
 
 const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
@@ -152,9 +155,9 @@ fn sizes_may_differ_between_cameras_and_between_camera_and_photograph() {
 }
 
 #[test]
-fn cameras_with_distortion_are_refused_with_the_remedy() {
+fn cameras_of_other_models_are_refused_with_the_remedy() {
     let mut folder = Folder::ring(&NAMES, [0.0; 3]);
-    folder.cameras.push(CameraRow { id: 5, model: OPENCV, size: [24, 16], params: vec![20.0; 8] });
+    folder.cameras.push(CameraRow { id: 5, model: THIN_PRISM_FISHEYE, size: [24, 16], params: vec![20.0; 12] });
     for text in [false, true] {
         // A camera that no image uses does no harm.
         load(folder.dataset(text).path()).expect("loads");
@@ -162,8 +165,8 @@ fn cameras_with_distortion_are_refused_with_the_remedy() {
     folder.images[1].camera = 5;
     for text in [false, true] {
         let root = folder.dataset(text);
-        let error = load(root.path()).expect_err("distorted");
-        assert!(matches!(error, Error::UnsupportedCamera { camera: 5, model: "OPENCV", .. }));
+        let error = load(root.path()).expect_err("not known");
+        assert!(matches!(error, Error::UnsupportedCamera { camera: 5, model: "THIN_PRISM_FISHEYE", .. }));
         let message = error.to_string();
         assert!(message.contains("cameras.") && message.contains("image_undistorter"), "{message}");
     }

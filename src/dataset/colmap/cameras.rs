@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{binary_records, text_records, wrong};
 use crate::dataset::Error;
+use crate::dataset::lens::{Distortion, Lens};
 use crate::format::{At, Error as FileError};
 
 /// COLMAP's camera models in the order of their numbers, with their numbers of parameters.
@@ -34,13 +35,28 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// (fx, fy, cx, cy) in pixels.
-    pub(crate) fn pinhole(&self, file: &Path, camera: u32) -> Result<[f64; 4], Error> {
-        match (self.model, self.params.as_slice()) {
-            ("PINHOLE", &[fx, fy, cx, cy]) => Ok([fx, fy, cx, cy]),
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => Ok([f, f, cx, cy]),
-            _ => Err(Error::UnsupportedCamera { file: file.to_owned(), camera, model: self.model }),
-        }
+    /// The lens, for the models whose parameters COLMAP's documentation ("Camera models") describes in full.
+    pub(crate) fn lens(&self, file: &Path, camera: u32) -> Result<Lens, Error> {
+        let none = Distortion::brown([0.0; 3], [0.0; 2]);
+        let fisheye = |k1, k2, k3, k4| Distortion::Fisheye { k: [k1, k2, k3, k4] };
+        let (focal, center, distortion) = match (self.model, self.params.as_slice()) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], none),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], none),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], Distortion::brown([k, 0.0, 0.0], [0.0; 2])),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], Distortion::brown([k1, k2, 0.0], [0.0; 2])),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
+                ([fx, fy], [cx, cy], Distortion::brown([k1, k2, 0.0], [p1, p2]))
+            }
+            ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                let (numerator, denominator) = ([k1, k2, k3, 0.0], [k4, k5, k6]);
+                ([fx, fy], [cx, cy], Distortion::Brown { numerator, denominator, tangential: [p1, p2] })
+            }
+            ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => ([f, f], [cx, cy], fisheye(k, 0.0, 0.0, 0.0)),
+            ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], fisheye(k1, k2, 0.0, 0.0)),
+            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => ([fx, fy], [cx, cy], fisheye(k1, k2, k3, k4)),
+            _ => return Err(Error::UnsupportedCamera { file: file.to_owned(), camera, model: self.model }),
+        };
+        Ok(Lens::new(focal, center, [self.width, self.height], distortion))
     }
 }
 
@@ -118,7 +134,8 @@ fn checked(
             format_args!("is {}x{}", size[0], size[1]),
         ));
     };
-    let focal_lengths = if model == "PINHOLE" { 2 } else { 1 };
+    let one = ["SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"];
+    let focal_lengths = if one.contains(&model) { 1 } else { 2 };
     if let Some(f) = params.iter().take(focal_lengths).find(|f| **f <= 0.0) {
         return Err(wrong(file, at[1], format_args!("focal length of camera {id}"), format_args!("is {f}")));
     }

@@ -11,21 +11,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::error::Error;
+use super::lens::Lens;
+use super::model::{Format, Model, Shot};
 use crate::format::source::{Line, Lines, Source};
 use crate::format::{At, Error as FileError};
 
-pub(crate) use cameras::Intrinsics;
-pub(crate) use images::Pose;
+use cameras::Intrinsics;
+use images::Pose;
 pub use points::Point;
-
-/// A sparse model in the dataset's coordinates.
-pub(crate) struct Model {
-    pub(crate) cameras: BTreeMap<u32, Intrinsics>,
-    pub(crate) poses: Vec<Pose>,
-    /// In ascending order of COLMAP's point ids, which is the same for both formats.
-    pub(crate) points: Vec<Point>,
-    pub(crate) files: Files,
-}
 
 /// The files of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,7 +32,7 @@ pub(crate) struct Files {
 
 impl Files {
     /// Finds the model of a dataset: `sparse/0`, else `sparse`; binary, else text, as COLMAP itself prefers.
-    pub(crate) fn find(dataset: &Path) -> Result<Self, Error> {
+    pub(crate) fn find(dataset: &Path) -> Option<Self> {
         let folders = [dataset.join("sparse").join("0"), dataset.join("sparse")];
         for folder in &folders {
             for (extension, binary) in [("bin", true), ("txt", false)] {
@@ -47,30 +40,66 @@ impl Files {
                 let (cameras, images, points) = (part("cameras"), part("images"), part("points3D"));
                 if cameras.is_file() && images.is_file() {
                     let points = points.is_file().then_some(points);
-                    return Ok(Self { cameras, images, points, binary });
+                    return Some(Self { cameras, images, points, binary });
                 }
             }
         }
-        Err(Error::NoModel {
-            folder: dataset.to_owned(),
-            looked_for: "cameras and images (.bin or .txt) in sparse/0 and in sparse".to_owned(),
-        })
+        None
     }
 }
 
-impl Model {
-    pub(crate) fn read(dataset: &Path) -> Result<Self, Error> {
-        let files = Files::find(dataset)?;
-        let (cameras, poses, mut points) = if files.binary {
-            let points = files.points.as_deref().map(points::read_binary).transpose()?;
-            (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)
-        } else {
-            let points = files.points.as_deref().map(points::read_text).transpose()?;
-            (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?, points)
-        };
-        points.iter_mut().for_each(|list| list.sort_by_key(|p| p.id));
-        Ok(Self { cameras, poses, points: points.unwrap_or_default(), files })
-    }
+/// Reads the model of a dataset. Points are in ascending order of their ids, which is the same for both kinds of files.
+pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
+    let files = Files::find(dataset).ok_or_else(|| Error::NoModel {
+        folder: dataset.to_owned(),
+        looked_for: "cameras and images in sparse/0 and in sparse".to_owned(),
+    })?;
+    let (cameras, poses, points) = if files.binary {
+        let points = files.points.as_deref().map(points::read_binary).transpose()?;
+        (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)
+    } else {
+        let points = files.points.as_deref().map(points::read_text).transpose()?;
+        (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?, points)
+    };
+    let mut points = points.unwrap_or_default();
+    points.sort_by_key(|p| p.id);
+    let mut lenses = BTreeMap::new();
+    let shots = poses.into_iter().map(|pose| shot(&files, &cameras, &mut lenses, pose));
+    Ok(Model {
+        format: Format::Colmap,
+        shots: shots.collect::<Result<_, Error>>()?,
+        file: files.images,
+        points,
+        points_file: files.points,
+        images: None,
+        reference: None,
+        warnings: Vec::new(),
+    })
+}
+
+fn shot(
+    files: &Files,
+    cameras: &BTreeMap<u32, Intrinsics>,
+    lenses: &mut BTreeMap<u32, Lens>,
+    pose: Pose,
+) -> Result<Shot, Error> {
+    let intrinsics = cameras.get(&pose.camera).ok_or_else(|| {
+        let problem = format!("there is no camera {} in {}", pose.camera, files.cameras.display());
+        wrong(&files.images, pose.at, format_args!("camera of image '{}'", pose.name), problem)
+    })?;
+    let lens = match lenses.get(&pose.camera) {
+        Some(lens) => *lens,
+        None => *lenses.entry(pose.camera).or_insert(intrinsics.lens(&files.cameras, pose.camera)?),
+    };
+    Ok(Shot {
+        name: pose.name,
+        camera: pose.camera.to_string(),
+        model: intrinsics.model.to_owned(),
+        lens,
+        rotation: pose.rotation,
+        translation: pose.translation,
+        mask: None,
+    })
 }
 
 /// Opens a binary file that is a count and that many records, and reads them.

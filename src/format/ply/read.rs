@@ -24,7 +24,7 @@ pub fn read(file: &Path) -> Result<Model, Error> {
         return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
     };
     let columns = Columns::find(file, vertex)?;
-    let mut rows = Rows { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, len };
+    let mut rows = Rows::new(file, reader, &header, len);
     for element in &header.elements[..before] {
         rows.check_fits(element)?;
         for i in 0..element.count {
@@ -130,7 +130,7 @@ fn read_splats(rows: &mut Rows<'_>, vertex: &Element, columns: &Columns) -> Resu
 }
 
 /// The data after the header, row by row.
-struct Rows<'a> {
+pub(super) struct Rows<'a> {
     file: &'a Path,
     reader: BufReader<File>,
     encoding: Encoding,
@@ -139,9 +139,19 @@ struct Rows<'a> {
     len: u64,
 }
 
-impl Rows<'_> {
+impl<'a> Rows<'a> {
+    /// Begins behind a header.
+    pub(super) fn new(file: &'a Path, reader: BufReader<File>, header: &Header, len: u64) -> Self {
+        Self { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, len }
+    }
+
+    /// The end of the row read last.
+    pub(super) fn place(&self) -> At {
+        if self.encoding == Encoding::Ascii { At::Line(self.line) } else { At::Byte(self.at) }
+    }
+
     /// Whether the file can hold all rows of an element, before memory is asked for them.
-    fn check_fits(&self, element: &Element) -> Result<(), Error> {
+    pub(super) fn check_fits(&self, element: &Element) -> Result<(), Error> {
         let field = || format!("element {}", element.name);
         if element.has_list && (self.encoding != Encoding::Ascii || element.name == "vertex") {
             let problem = "lists are not supported in or before the vertices";
@@ -161,7 +171,7 @@ impl Rows<'_> {
     }
 
     /// Reads row `i` of an element and gives its values with their positions among the properties.
-    fn row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
+    pub(super) fn row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
         match self.encoding {
             Encoding::Ascii => self.text_row(element, i, value),
             encoding => {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-pub use crate::dataset::Split;
+pub use crate::dataset::{Format, MaskIgnores, Split};
 
 /// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
 macro_rules! as_word {
@@ -124,6 +124,26 @@ impl FromStr for Tune {
 }
 
 as_word!(Tune);
+
+impl fmt::Display for MaskIgnores {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Black => "black",
+            Self::White => "white",
+        })
+    }
+}
+
+impl FromStr for MaskIgnores {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "black" => Ok(Self::Black),
+            "white" => Ok(Self::White),
+            _ => Err(format!("no colour `{word}` of masks: it is black or white")),
+        }
+    }
+}
 
 /// What is behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

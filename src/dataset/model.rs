@@ -1,0 +1,134 @@
+//! What every format is read into.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::error::Error;
+use super::lens::Lens;
+use super::{Point, Warning, colmap, nerfstudio, opensfm};
+
+/// A layout of datasets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// `sparse/0/` or `sparse/` with COLMAP's cameras, images and points3D, binary or text.
+    Colmap,
+    /// `transforms.json`.
+    Nerfstudio,
+    /// `reconstruction.json`, or `opensfm/reconstruction.json` of OpenDroneMap.
+    Opensfm,
+}
+
+impl Format {
+    /// All, in the order in which they are looked for.
+    pub const ALL: [Self; 3] = [Self::Colmap, Self::Nerfstudio, Self::Opensfm];
+
+    /// Whether a folder has this layout.
+    fn is_in(self, dataset: &Path) -> bool {
+        match self {
+            Self::Colmap => colmap::Files::find(dataset).is_some(),
+            Self::Nerfstudio => dataset.join(nerfstudio::FILE).is_file(),
+            Self::Opensfm => opensfm::file(dataset).is_some(),
+        }
+    }
+
+    fn looked_for(self) -> &'static str {
+        match self {
+            Self::Colmap => "cameras and images (.bin or .txt) in sparse/0 and in sparse (COLMAP)",
+            Self::Nerfstudio => "transforms.json (nerfstudio)",
+            Self::Opensfm => "reconstruction.json and opensfm/reconstruction.json (OpenSfM, OpenDroneMap)",
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Colmap => "colmap",
+            Self::Nerfstudio => "nerfstudio",
+            Self::Opensfm => "opensfm",
+        })
+    }
+}
+
+impl FromStr for Format {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|format| format.to_string() == word);
+        known.ok_or_else(|| format!("no format `{word}`: it is colmap, nerfstudio or opensfm"))
+    }
+}
+
+/// Where the geodetic origin of a reconstruction in local coordinates is: degrees and metres above the ellipsoid.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Reference {
+    /// Degrees to the north.
+    pub latitude: f64,
+    /// Degrees to the east.
+    pub longitude: f64,
+    /// Metres.
+    pub altitude: f64,
+}
+
+/// One posed photograph.
+#[derive(Clone, Debug)]
+pub(super) struct Shot {
+    /// Path inside the folder of photographs.
+    pub(super) name: String,
+    /// What the file calls the camera.
+    pub(super) camera: String,
+    /// The file's name for the kind of lens.
+    pub(super) model: String,
+    pub(super) lens: Lens,
+    /// Rotation from the dataset's axes to the camera's, row-major.
+    pub(super) rotation: [[f64; 3]; 3],
+    /// x_cam = rotation x + translation.
+    pub(super) translation: [f64; 3],
+    /// A mask that the file names.
+    pub(super) mask: Option<PathBuf>,
+}
+
+/// Poses, lenses and points in the dataset's coordinates.
+pub(super) struct Model {
+    pub(super) format: Format,
+    /// The file with the poses.
+    pub(super) file: PathBuf,
+    pub(super) shots: Vec<Shot>,
+    /// By ascending id.
+    pub(super) points: Vec<Point>,
+    /// The file that has, or should have, the points.
+    pub(super) points_file: Option<PathBuf>,
+    /// The folder that names of photographs are inside of, where it is not one of `images` and `images_N`.
+    pub(super) images: Option<PathBuf>,
+    pub(super) reference: Option<Reference>,
+    pub(super) warnings: Vec<Warning>,
+}
+
+impl Model {
+    /// Reads a dataset in the format asked for, else in the first whose files are there.
+    pub(super) fn read(dataset: &Path, asked: Option<Format>) -> Result<Self, Error> {
+        let found: Vec<Format> = Format::ALL.into_iter().filter(|format| format.is_in(dataset)).collect();
+        let format = match asked {
+            Some(format) if found.contains(&format) => format,
+            Some(format) => {
+                let looked_for = format.looked_for().to_owned();
+                return Err(Error::NoModel { folder: dataset.to_owned(), looked_for });
+            }
+            None => *found.first().ok_or_else(|| Error::NoModel {
+                folder: dataset.to_owned(),
+                looked_for: Format::ALL.map(Format::looked_for).join(", "),
+            })?,
+        };
+        let mut model = match format {
+            Format::Colmap => colmap::read(dataset)?,
+            Format::Nerfstudio => nerfstudio::read(dataset)?,
+            Format::Opensfm => opensfm::read(dataset)?,
+        };
+        let others: Vec<Format> = found.into_iter().filter(|other| *other != format).collect();
+        if asked.is_none() && !others.is_empty() {
+            model.warnings.push(Warning::SeveralFormats { used: format, others });
+        }
+        Ok(model)
+    }
+}

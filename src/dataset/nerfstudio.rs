@@ -1,0 +1,171 @@
+//! nerfstudio's `transforms.json`, as its documentation ("Data conventions") describes it; instant-ngp's is read too.
+//!
+//! Poses are camera to world with the camera's x right, y up and z backwards; intrinsics stand at the top or in the frames.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::error::Error;
+use super::json::Json;
+use super::lens::{Distortion, Lens};
+use super::model::{Format, Model, Shot};
+use super::{photograph, points_ply, rotation};
+use crate::format::Error as FileError;
+
+pub(super) const FILE: &str = "transforms.json";
+
+/// Declares a struct with the keys of a camera, all of them optional, and others.
+macro_rules! with_camera_keys {
+    ($(#[$meta:meta])* struct $name:ident { $($(#[$fmeta:meta])* $field:ident : $type:ty,)* }) => {
+        $(#[$meta])*
+        #[derive(Deserialize)]
+        struct $name {
+            $($(#[$fmeta])* $field: $type,)*
+            camera_model: Option<String>,
+            camera_angle_x: Option<f64>, camera_angle_y: Option<f64>,
+            fl_x: Option<f64>, fl_y: Option<f64>, cx: Option<f64>, cy: Option<f64>, w: Option<f64>, h: Option<f64>,
+            k1: Option<f64>, k2: Option<f64>, k3: Option<f64>, k4: Option<f64>, p1: Option<f64>, p2: Option<f64>,
+        }
+        impl $name {
+            fn number(&self, key: &str) -> Option<f64> {
+                match key {
+                    "camera_angle_x" => self.camera_angle_x, "camera_angle_y" => self.camera_angle_y,
+                    "fl_x" => self.fl_x, "fl_y" => self.fl_y, "cx" => self.cx, "cy" => self.cy, "w" => self.w, "h" => self.h,
+                    "k1" => self.k1, "k2" => self.k2, "k3" => self.k3, "k4" => self.k4, "p1" => self.p1, "p2" => self.p2,
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+with_camera_keys! {
+    struct Transforms {
+        frames: Vec<Frame>,
+        ply_file_path: Option<String>,
+    }
+}
+
+with_camera_keys! {
+    struct Frame {
+        file_path: String,
+        transform_matrix: Vec<Vec<f64>>,
+        mask_path: Option<String>,
+    }
+}
+
+pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
+    let json = Json::open(&dataset.join(FILE))?;
+    let top: Transforms = json.parse()?;
+    let names: Vec<String> = top.frames.iter().map(|frame| file_of(dataset, &frame.file_path)).collect();
+    // The usual folder is left out of the names, so that its reduced copies can stand in for it.
+    let usual = !names.is_empty() && names.iter().all(|name| name.starts_with("images/"));
+    let mut shots = Vec::with_capacity(names.len());
+    for (frame, name) in top.frames.iter().zip(&names) {
+        let (model, lens) = lens(&json, dataset, &top, frame, name)?;
+        let (rotation, translation) = pose(&json, frame)?;
+        shots.push(Shot {
+            name: if usual { name["images/".len()..].to_owned() } else { name.clone() },
+            camera: frame.file_path.clone(),
+            model,
+            lens,
+            rotation,
+            translation,
+            mask: frame.mask_path.as_ref().map(|mask| dataset.join(mask)),
+        });
+    }
+    let points_file = top.ply_file_path.as_ref().map(|file| dataset.join(file));
+    let points = points_file.as_deref().map(points_ply::read).transpose()?.unwrap_or_default();
+    Ok(Model {
+        format: Format::Nerfstudio,
+        file: json.file,
+        shots,
+        points,
+        points_file,
+        images: (!usual).then(|| dataset.to_owned()),
+        reference: None,
+        warnings: Vec::new(),
+    })
+}
+
+/// Paths may begin with `./`, and lack the extension.
+fn file_of(dataset: &Path, path: &str) -> String {
+    let mut path = path;
+    while let Some(rest) = path.strip_prefix("./") {
+        path = rest;
+    }
+    if !dataset.join(path).is_file() {
+        for extension in ["png", "jpg", "jpeg"] {
+            let longer = format!("{path}.{extension}");
+            if dataset.join(&longer).is_file() {
+                return longer;
+            }
+        }
+    }
+    path.to_owned()
+}
+
+fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str) -> Result<(String, Lens), Error> {
+    let of = |key: &str| frame.number(key).or_else(|| top.number(key));
+    let wrong = |key: &str, problem: String| {
+        json.error(&frame.file_path, format_args!("{key} of frame '{}'", frame.file_path), problem)
+    };
+    let model = frame.camera_model.as_ref().or(top.camera_model.as_ref()).map_or("OPENCV", String::as_str);
+    let mut size = [0; 2];
+    for (axis, key) in ["w", "h"].into_iter().enumerate() {
+        size[axis] = match of(key) {
+            Some(side) if side.fract() == 0.0 && (1.0..=1_048_576.0).contains(&side) => side as u32,
+            Some(side) => return Err(wrong(key, format!("is {side}")).into()),
+            // instant-ngp's files for made-up scenes leave the size to the photographs.
+            None => {
+                let found = photograph::size_on_disk(&dataset.join(name))?;
+                [found.0, found.1][axis]
+            }
+        };
+    }
+    let sides = size.map(f64::from);
+    let from_angle = |key: &str, side: f64| of(key).map(|angle| 0.5 * side / (0.5 * angle).tan());
+    let fx = of("fl_x").or_else(|| from_angle("camera_angle_x", sides[0]));
+    let fy = of("fl_y").or_else(|| from_angle("camera_angle_y", sides[1])).or(fx);
+    let positive = |key: &str, value: Option<f64>| match value {
+        Some(f) if f > 0.0 && f.is_finite() => Ok(f),
+        Some(f) => Err(wrong(key, format!("is {f}"))),
+        None => Err(wrong(key, "is missing, and so is camera_angle_x".to_owned())),
+    };
+    let focal = [positive("fl_x", fx)?, positive("fl_y", fy)?];
+    let center = [of("cx").unwrap_or(0.5 * sides[0]), of("cy").unwrap_or(0.5 * sides[1])];
+    let k = ["k1", "k2", "k3", "k4"].map(|key| of(key).unwrap_or(0.0));
+    let distortion = match model {
+        "PINHOLE" | "SIMPLE_PINHOLE" => Distortion::brown([0.0; 3], [0.0; 2]),
+        "OPENCV" | "SIMPLE_RADIAL" | "RADIAL" => {
+            let tangential = ["p1", "p2"].map(|key| of(key).unwrap_or(0.0));
+            Distortion::Brown { numerator: k, denominator: [0.0; 3], tangential }
+        }
+        "OPENCV_FISHEYE" => Distortion::Fisheye { k },
+        other => {
+            let problem = format!("is {other}; known are PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and OPENCV_FISHEYE");
+            return Err(wrong("camera_model", problem).into());
+        }
+    };
+    Ok((model.to_owned(), Lens::new(focal, center, size, distortion)))
+}
+
+/// World to camera, with the camera's y down and z forwards.
+fn pose(json: &Json, frame: &Frame) -> Result<([[f64; 3]; 3], [f64; 3]), FileError> {
+    let wrong = |problem: String| {
+        json.error(&frame.file_path, format_args!("transform_matrix of frame '{}'", frame.file_path), problem)
+    };
+    let rows = &frame.transform_matrix;
+    if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+        return Err(wrong("is not a matrix of 3 or 4 rows with 4 values".to_owned()));
+    }
+    let columns = [1.0, -1.0, -1.0];
+    // The transpose: from the world's axes to the camera's.
+    let turned: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i] * columns[i]));
+    let rotation =
+        rotation::nearest(&turned).ok_or_else(|| wrong("its first three columns are no rotation".to_owned()))?;
+    let center = [rows[0][3], rows[1][3], rows[2][3]];
+    let translation = rotation::apply(&rotation, center).map(|v| -v);
+    Ok((rotation, translation))
+}

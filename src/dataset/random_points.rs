@@ -1,0 +1,122 @@
+//! Points to begin with where nothing was triangulated.
+
+use crate::scene::Camera;
+
+/// How many points are drawn.
+const POINTS: usize = 50_000;
+/// Candidates per point: where cameras hardly share a view, fewer points are found.
+const TRIES: usize = 40;
+/// Cameras that must have a point in view.
+const SHARED_BY: usize = 3;
+/// Depths go from the typical one divided by this to the typical one times this.
+const DEPTHS: f64 = 2.0;
+/// How far axes must differ in direction for the point nearest to all of them to mean anything: the determinant of the mean of
+/// I - d d^T, which is 0 for parallel axes d.
+const CONVERGING: f64 = 0.01;
+/// Depth in units of the distance between neighbours, times the focal length over the picture's longer side, for cameras that
+/// look in one direction: what an overlap of three quarters gives.
+const OVERLAPPING: f64 = 4.0;
+
+/// Points that several cameras have in view, spread evenly over pictures and over the logarithm of the depth.
+///
+/// The typical depth is that of the point nearest to all axes, where the cameras look at something; else what makes
+/// neighbouring pictures overlap by three quarters, as aerial ones do.
+pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
+    let Some(typical) = typical_depth(cameras) else { return Vec::new() };
+    let mut random = Random(seed);
+    let shared_by = SHARED_BY.min(cameras.len());
+    let mut points = Vec::with_capacity(POINTS);
+    for _ in 0..TRIES * POINTS {
+        if points.len() == POINTS {
+            break;
+        }
+        let camera = &cameras[(random.next() * cameras.len() as f64) as usize % cameras.len()];
+        let z = typical * DEPTHS.powf(2.0 * random.next() - 1.0);
+        let u = random.next() * f64::from(camera.width);
+        let v = random.next() * f64::from(camera.height);
+        let seen = [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z];
+        let center = camera.center();
+        let point = std::array::from_fn(|i| center[i] + (0..3).map(|k| camera.rotation[k][i] * seen[k]).sum::<f64>());
+        if cameras.iter().filter(|camera| in_view(camera, point)).take(shared_by).count() == shared_by {
+            points.push(point);
+        }
+    }
+    points
+}
+
+/// Whether a point is before a camera and inside its picture, with something in between or not.
+pub(super) fn in_view(camera: &Camera, point: [f64; 3]) -> bool {
+    let c = camera.center();
+    // About the centre: geo-referenced coordinates would cancel.
+    let at: [f64; 3] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum());
+    let (u, v) = (camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy);
+    at[2] > 0.0 && (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v)
+}
+
+fn typical_depth(cameras: &[Camera]) -> Option<f64> {
+    if cameras.len() < 2 {
+        return None;
+    }
+    let origin = cameras[0].center();
+    let centers: Vec<[f64; 3]> =
+        cameras.iter().map(|c| c.center()).map(|c| std::array::from_fn(|k| c[k] - origin[k])).collect();
+    converging(cameras, &centers)
+        .or_else(|| overlapping(cameras, &centers))
+        .filter(|depth| depth.is_finite() && *depth > 0.0)
+}
+
+/// The median depth of the point nearest to all axes, if most cameras have it before them.
+fn converging(cameras: &[Camera], centers: &[[f64; 3]]) -> Option<f64> {
+    let n = cameras.len() as f64;
+    let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
+    for (camera, center) in cameras.iter().zip(centers) {
+        let axis = camera.rotation[2];
+        for i in 0..3 {
+            for j in 0..3 {
+                let across = if i == j { 1.0 } else { 0.0 } - axis[i] * axis[j];
+                a[i][j] += across / n;
+                b[i] += across * center[j] / n;
+            }
+        }
+    }
+    let cross =
+        |p: [f64; 3], q: [f64; 3]| [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+    let minors = [cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1])];
+    let det = dot(a[0], minors[0]);
+    if det < CONVERGING {
+        return None;
+    }
+    let point: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| minors[k][i] * b[k]).sum::<f64>() / det);
+    let depth =
+        |(camera, center): (&Camera, &[f64; 3])| dot(camera.rotation[2], std::array::from_fn(|k| point[k] - center[k]));
+    let mut depths: Vec<f64> = cameras.iter().zip(centers).map(depth).collect();
+    depths.sort_by(f64::total_cmp);
+    (depths[depths.len() / 4] > 0.0).then(|| depths[depths.len() / 2])
+}
+
+fn overlapping(cameras: &[Camera], centers: &[[f64; 3]]) -> Option<f64> {
+    let apart = |p: &[f64; 3], q: &[f64; 3]| p.iter().zip(q).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt();
+    let nearest = |i: usize| {
+        let others = (0..centers.len()).filter(|j| *j != i).map(|j| apart(&centers[i], &centers[j]));
+        others.filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min)
+    };
+    let long = |camera: &Camera| camera.fx.max(camera.fy) / f64::from(camera.width.max(camera.height));
+    let mut depths: Vec<f64> = cameras.iter().enumerate().map(|(i, c)| OVERLAPPING * nearest(i) * long(c)).collect();
+    depths.sort_by(f64::total_cmp);
+    depths.get(depths.len() / 2).copied()
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014).
+struct Random(u64);
+
+impl Random {
+    /// From 0 to 1, 1 excluded.
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}

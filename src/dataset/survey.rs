@@ -1,0 +1,49 @@
+//! What the cameras of a dataset have in view: whether it will train well, before it is trained.
+
+use rayon::prelude::*;
+
+use super::{Dataset, random_points};
+
+/// Pairs of views are compared by at most this many points.
+const COMPARED: usize = 20_000;
+
+/// What one view has in view, hidden by something or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// Reconstructed points inside the picture.
+    pub points: usize,
+    /// The share of them that the view with the most of them has in view too; `None` without points or other views.
+    pub overlap: Option<f64>,
+}
+
+impl Dataset {
+    /// What each view has in view, in the order of the views.
+    pub fn sights(&self) -> Vec<Sight> {
+        let step = self.points.len().div_ceil(COMPARED).max(1);
+        let seen: Vec<(usize, Vec<u64>)> = self
+            .views
+            .par_iter()
+            .map(|view| {
+                let mut compared = vec![0_u64; self.points.len().div_ceil(64 * step)];
+                let mut points = 0;
+                for (i, point) in self.points.iter().enumerate() {
+                    if random_points::in_view(&view.camera, point.position) {
+                        points += 1;
+                        if i % step == 0 {
+                            compared[i / step / 64] |= 1 << (i / step % 64);
+                        }
+                    }
+                }
+                (points, compared)
+            })
+            .collect();
+        let sight = |(i, (points, mine)): (usize, &(usize, Vec<u64>))| {
+            let own: u32 = mine.iter().map(|word| word.count_ones()).sum();
+            let shared = |other: &[u64]| mine.iter().zip(other).map(|(a, b)| (a & b).count_ones()).sum::<u32>();
+            let most = seen.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, (_, other))| shared(other)).max();
+            let overlap = most.filter(|_| own > 0).map(|most| f64::from(most) / f64::from(own));
+            Sight { points: *points, overlap }
+        };
+        seen.par_iter().enumerate().map(sight).collect()
+    }
+}

@@ -1,0 +1,132 @@
+//! Masks and transparent pixels.
+
+use std::fs;
+use std::path::Path;
+
+use image::{GrayImage, Luma, Rgba, RgbaImage};
+use psrgs_vk::dataset::{Dataset, Error, LoadOptions, MaskIgnores, Warning};
+
+use crate::NAMES;
+use crate::colmap_folder::{CameraRow, Folder};
+
+/// The left third is white, the rest black.
+fn write_mask(file: &Path, width: u32, height: u32, white: u8) {
+    fs::create_dir_all(file.parent().expect("parent")).expect("folder");
+    GrayImage::from_fn(width, height, |x, _| Luma([if 3 * x < width { white } else { 0 }])).save(file).expect("mask");
+}
+
+fn load(root: &Path, mask_ignores: MaskIgnores) -> Result<Dataset, Error> {
+    Dataset::load(root, &LoadOptions { mask_ignores, ..LoadOptions::default() })
+}
+
+/// Columns whose pixels count, of the rows in which all agree.
+fn counting(dataset: &Dataset, view: usize) -> Vec<usize> {
+    let photograph = dataset.views[view].photograph().expect("decodes");
+    let width = photograph.width as usize;
+    let alpha = |x: usize, y: usize| photograph.rgba[4 * (y * width + x) + 3];
+    assert!((0..photograph.height as usize).all(|y| (0..width).all(|x| alpha(x, y) == alpha(x, 0))));
+    (0..width).filter(|x| alpha(*x, 0) == 255).collect()
+}
+
+#[test]
+fn all_namings_in_both_polarities() {
+    let names = ["a.png", "sub/b.png", "c.v2.png"];
+    for (naming, file) in [
+        ("extension appended", (|name: &str| format!("{name}.png")) as fn(&str) -> String),
+        ("extension replaced", |name: &str| format!("{}.png", name.trim_end_matches(".png"))),
+    ] {
+        for ignores in [MaskIgnores::Black, MaskIgnores::White] {
+            let root = Folder::ring(&names, [0.0; 3]).dataset(false);
+            for name in &names[..2] {
+                write_mask(&root.path().join("masks").join(file(name)), 24, 16, 255);
+            }
+            let dataset = load(root.path(), ignores).expect(naming);
+            let masks = dataset.masks.as_ref().expect("masks");
+            assert_eq!((masks.matched, masks.of, masks.place.ends_with("masks")), (2, 3, true), "{naming}");
+            let kept: Vec<usize> = if ignores == MaskIgnores::Black { (0..8).collect() } else { (8..24).collect() };
+            // Sorted: a.png, c.v2.png, sub/b.png.
+            for view in [0, 2] {
+                assert_eq!(counting(&dataset, view), kept, "{naming}, {ignores:?} is ignored, view {view}");
+            }
+            assert_eq!(counting(&dataset, 1).len(), 24, "without a mask all counts");
+        }
+    }
+    // A photograph that is no PNG: both names of its mask.
+    for mask in ["a.jpg.png", "a.png"] {
+        let root = Folder::ring(&["a.jpg"], [0.0; 3]).dataset(false);
+        write_mask(&root.path().join("masks").join(mask), 24, 16, 255);
+        assert_eq!(counting(&load(root.path(), MaskIgnores::Black).expect(mask), 0), (0..8).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn masks_of_other_sizes_fit_or_are_named() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    let mask = root.path().join("masks/a.png");
+    for (width, height, white) in [(48, 32, 255), (12, 8, 255), (24, 16, 1), (24, 16, 90)] {
+        write_mask(&mask, width, height, white);
+        let dataset = load(root.path(), MaskIgnores::Black).expect("fits");
+        assert_eq!(counting(&dataset, 0), (0..8).collect::<Vec<_>>(), "{width}x{height}, white is {white}");
+    }
+    write_mask(&mask, 16, 16, 255);
+    let error = load(root.path(), MaskIgnores::Black).expect_err("another shape");
+    assert!(matches!(&error, Error::MaskSize { mask: (16, 16), photograph: (24, 16), .. }), "{error}");
+    assert!(error.to_string().contains("a.png") && error.to_string().contains("16x16"), "{error}");
+    fs::write(&mask, "no picture").expect("written");
+    let error = load(root.path(), MaskIgnores::Black).expect_err("foreign").to_string();
+    assert!(error.contains("a.png: header at byte"), "{error}");
+    // Poses alone need no masks.
+    let options = LoadOptions { photographs: false, ..LoadOptions::default() };
+    assert!(Dataset::load(root.path(), &options).expect("poses").masks.is_none());
+    fs::rename(&mask, root.path().join("masks/z.png")).expect("renamed");
+    let dataset = load(root.path(), MaskIgnores::Black).expect("none matches");
+    assert!(dataset.masks.is_none());
+    assert_eq!(dataset.warnings, [Warning::NoMaskMatches { folder: root.path().join("masks") }]);
+}
+
+#[test]
+fn masks_reach_through_the_lens_and_through_reduction() {
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    let params = vec![200.0, 120.0, 80.0, -0.1];
+    folder.cameras = vec![CameraRow { id: 1, model: ("SIMPLE_RADIAL", 2), size: [240, 160], params }];
+    let root = folder.dataset(false);
+    write_mask(&root.path().join("masks/b.png"), 240, 160, 255);
+    for max_side in [240, 80] {
+        let options = LoadOptions { max_side: Some(max_side), ..LoadOptions::default() };
+        let dataset = Dataset::load(root.path(), &options).expect("loads");
+        let view = &dataset.views[1];
+        let (lens, camera) = (view.lens.expect("a lens"), view.camera);
+        let photograph = view.photograph().expect("decodes");
+        for (k, p) in photograph.rgba.chunks_exact(4).enumerate() {
+            let (i, j) = (k as u32 % camera.width, k as u32 / camera.width);
+            let ray = [(f64::from(i) + 0.5 - camera.cx) / camera.fx, (f64::from(j) + 0.5 - camera.cy) / camera.fy];
+            let (place, _) = lens.project(ray).expect("inside");
+            // Between the two the filter mixes.
+            let reach = 2.0 * 240.0 / f64::from(max_side) + 1.0;
+            if (place[0] - 80.0).abs() > reach && place.iter().all(|v| *v > 0.5) {
+                assert_eq!(p[3], if place[0] < 80.0 { 255 } else { 0 }, "{max_side}: {i}, {j} shows {place:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn transparent_pixels_are_left_out_and_keep_their_colours() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    let transparent = |x: u32| if x < 10 { 0 } else { 255 };
+    RgbaImage::from_fn(24, 16, |x, _| Rgba([40, 90, 200, transparent(x)]))
+        .save(root.path().join("images/b.png"))
+        .expect("photograph");
+    let dataset = load(root.path(), MaskIgnores::Black).expect("loads");
+    assert_eq!(counting(&dataset, 1), (10..24).collect::<Vec<_>>());
+    let reduced = LoadOptions { max_side: Some(12), ..LoadOptions::default() };
+    let photograph = Dataset::load(root.path(), &reduced).expect("loads").views[1].photograph().expect("decodes");
+    for (k, p) in photograph.rgba.chunks_exact(4).enumerate() {
+        assert_eq!(p[..3], [40, 90, 200], "also where nothing is opaque: windows of SSIM reach there");
+        match k % 12 {
+            0..=2 => assert_eq!(p[3], 0),
+            7.. => assert_eq!(p[3], 255),
+            _ => {}
+        }
+    }
+}
