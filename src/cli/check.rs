@@ -95,14 +95,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
+/// What a group has in common: model, whether it is undistorted, size on disk and size.
+type Key<'a> = (&'a str, bool, (u32, u32), (u32, u32));
+
 fn found(dataset: &Dataset) -> Found {
     let sights = dataset.sights();
-    let mut groups: BTreeMap<(&str, bool, (u32, u32), (u32, u32)), usize> = BTreeMap::new();
+    let mut groups: BTreeMap<Key<'_>, usize> = BTreeMap::new();
     for view in &dataset.views {
         let size = (view.camera.width, view.camera.height);
         *groups.entry((&view.model, view.lens.is_some(), view.size_on_disk, size)).or_default() += 1;
     }
-    let group = |((model, undistorted, size_on_disk, size), views): ((&str, _, _, _), usize)| CameraGroup {
+    let group = |((model, undistorted, size_on_disk, size), views): (Key<'_>, usize)| CameraGroup {
         model: model.to_owned(),
         undistorted,
         size_on_disk,

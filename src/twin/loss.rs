@@ -213,8 +213,11 @@ pub fn grad<R: Real>(
         .collect()
 }
 
+/// A channel of the render, and of the photograph.
+type Channel = (Vec<f32>, Vec<f32>);
+
 /// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked; which count.
-fn channels(call: &TwinCall<'_>, push: &Push) -> ([(Vec<f32>, Vec<f32>); 3], Vec<bool>) {
+fn channels(call: &TwinCall<'_>, push: &Push) -> ([Channel; 3], Vec<bool>) {
     let pixels = (push.width * push.height) as usize;
     let (image, target) = (call.get::<[f32; 4]>(0), call.get::<u32>(1));
     let (photo, counts) = (unpack::<f32>(&target[..pixels]), counting(&target[..pixels]));

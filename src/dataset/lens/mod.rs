@@ -156,8 +156,7 @@ impl Lens {
     /// In normalised coordinates what [`Lens::project`] does in pixels.
     fn bend(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
         let s = x * x + y * y;
-        // Not a number is not inside either.
-        if !(s <= self.reach * self.reach) {
+        if s.is_nan() || s > self.reach * self.reach {
             return None;
         }
         let ((h, slope), [p, q]) = (self.distortion.radial(s), self.distortion.tangential());
@@ -182,7 +181,8 @@ impl Lens {
             (r * h - wanted, h + r * r * slope)
         };
         let (mut low, mut high) = (0.0, self.reach);
-        if !(at(high).0 >= 0.0) {
+        let short = at(high).0;
+        if short.is_nan() || short < 0.0 {
             return None;
         }
         let mut r = wanted.min(high);

@@ -24,7 +24,7 @@ pub(crate) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<V
         let problem = format!("the property '{missing}' is missing");
         return Err(Error::malformed(file, "element vertex", At::Byte(vertex.at), problem));
     }
-    let places: Vec<Option<usize>> = needed.iter().chain(others).map(|name| place(&name)).collect();
+    let places: Vec<Option<usize>> = needed.iter().chain(others).map(place).collect();
     let mut rows = Rows::new(file, reader, &header, len);
     for element in &header.elements[..before] {
         rows.check_fits(element)?;
