@@ -105,7 +105,7 @@ impl Case {
         let mut folder = Folder::ring(&["a.png", "b.png"], [0.0; 3]);
         let size = SIZE.map(u64::from);
         folder.cameras = vec![CameraRow { id: 1, model: self.model, size, params: self.params.clone() }];
-        let root = folder.dataset(self.params.len() % 2 == 0);
+        let root = folder.dataset(self.params.len().is_multiple_of(2));
         let draw = |x, y| Rgb(color((y * SIZE[0] + x) as usize));
         RgbImage::from_fn(SIZE[0], SIZE[1], draw).save(root.path().join("images/a.png")).expect("photograph");
         RgbImage::from_pixel(SIZE[0], SIZE[1], Rgb([255; 3]))
