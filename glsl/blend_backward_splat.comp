@@ -85,8 +85,9 @@ void main() {
     const uint lane = rank % BUCKET;
     const bool by_shuffle = subgroup_width() >= BUCKET;
 
-    const uint cell = rank;
-    const uvec2 at = corner + uvec2(cell % SIDE, cell / SIDE);
+    const uvec2 own = pixel_place(rank);
+    const uint cell = own.y * SIDE + own.x;
+    const uvec2 at = corner + own;
     const vec2 center = vec2(at) + 0.5;
     Pixel pixel = load_pixel(at, real && at.x < push.width && at.y < push.height);
     grads[cell] = pixel.grad;

@@ -1,7 +1,7 @@
 #version 460
 // blend_forward: alpha-blends every tile's splats front to back into image, aux and last.
 // column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
-// workgroup (256 threads) a tile of 16x16.
+// workgroup (256 threads) a tile of 16x16; with BLOCK, splats that do not show in a block of pixels are left out there.
 //! variant column COLUMN
 //! variant column_emulated COLUMN SUBGROUP_EMULATED
 //! variant pixel PIXEL
@@ -10,6 +10,7 @@
 #include "blend_column.glsl"
 #else
 #include "blend_pixel.glsl"
+#include "blocks.glsl"
 #endif
 
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
@@ -124,28 +125,50 @@ void main() {
 shared Splat batch[BATCH];
 shared uint going_on;
 
+void take(inout Pixel pixel, Splat s, vec2 center, uint place) {
+    const float dx = center.x - s.x;
+    precise float row_x = s.a * dx * dx;
+    precise float slope = s.b * dx;
+    blend(pixel, s, row_x, slope, center.y - s.y, place);
+}
+
 void main() {
     const uint tile = group_index();
     const uvec2 range = tile < tile_total(SIDE) ? tile_ranges[tile] : uvec2(0u);
-    const uvec2 at = tile_corner(tile, SIDE) + uvec2(local_index() % SIDE, local_index() / SIDE);
+    const uvec2 corner = tile_corner(tile, SIDE);
+    const uint rank = pixel_rank();
+    const uvec2 at = corner + pixel_place(rank);
     const vec2 center = vec2(at) + 0.5;
     Pixel pixel = fresh(at);
 
     for (uint base = range.x; base < range.y; base += BATCH) {
         if (local_index() == 0u) going_on = 0u;
+        clear_blocks();
         barrier();
         if (pixel.transmittance > 0.0) going_on = 1u;
         const uint n = min(BATCH, range.y - base);
         if (local_index() < n) batch[local_index()] = load_splat(sorted_splats[base + local_index()]);
+        if (BLOCK != 0u && local_index() % BATCH < n) {
+            const uint splat = sorted_splats[base + local_index() % BATCH];
+            touch_blocks(splat2d[3u * splat], splat2d[3u * splat + 1u], corner);
+        }
         barrier();
         if (going_on == 0u) break;
-        for (uint k = 0u; k < n; ++k) {
-            if (pixel.transmittance <= 0.0) break;
-            const Splat s = batch[k];
-            const float dx = center.x - s.x;
-            precise float row_x = s.a * dx * dx;
-            precise float slope = s.b * dx;
-            blend(pixel, s, row_x, slope, center.y - s.y, base - range.x + k + 1u);
+        const uint first = base - range.x + 1u;
+        if (BLOCK == 0u) {
+            for (uint k = 0u; k < n; ++k) {
+                if (pixel.transmittance <= 0.0) break;
+                take(pixel, batch[k], center, first + k);
+            }
+        } else {
+            for (uint k0 = 0u; k0 < n; k0 += 32u) {
+                // From the lowest bit to the highest: front to back.
+                for (uint bits = touched_word(rank, k0 / 32u); bits > 0u; bits -= bits & (~bits + 1u)) {
+                    if (pixel.transmittance <= 0.0) break;
+                    const uint k = k0 + uint(findLSB(bits));
+                    take(pixel, batch[k], center, first + k);
+                }
+            }
         }
         barrier();
     }

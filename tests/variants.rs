@@ -7,7 +7,7 @@ use common::plane_scene;
 use common::splats::{Random, camera, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{Backward, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{Backward, Culling, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{self, FloatAtomics, Gpu};
@@ -27,6 +27,7 @@ fn settings(variants: Variants) -> Settings {
     s.device.tile_shape = Some(variants.tile);
     s.device.gradient_sum = Some(variants.gradients);
     s.device.backward = Some(variants.backward);
+    s.device.culling = Some(variants.culling);
     s
 }
 
@@ -120,7 +121,7 @@ fn what_is_possible_can_be_made_and_nothing_else() {
         for tile in SHAPES {
             for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
                 for backward in [Backward::PerPixel, Backward::PerSplat] {
-                    let variants = Variants { tile, gradients, backward };
+                    let variants = Variants { backward, ..Variants::new(tile, gradients) };
                     let made = Renderer::new(gpu, variants, size(10, 10, 10));
                     assert_eq!(made.is_ok(), possible.contains(&variants), "{variants:?}");
                 }
@@ -137,6 +138,20 @@ fn variants_written_without_a_backward_have_one_per_pixel() {
     let text = serde_json::to_string(&new).unwrap();
     assert!(text.contains(r#""backward":"per-splat""#), "{text}");
     assert_eq!(serde_json::from_str::<Variants>(&text).unwrap(), new);
+}
+
+/// Culling changes no bit of a training with slots.
+#[test]
+fn culling_changes_no_bit_of_a_training() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(4, 48, 40, 150);
+    for backward in [Backward::PerPixel, Backward::PerSplat] {
+        let with = Variants { backward, ..Variants::new(TileShape::Pixel, GradientSum::Slots) };
+        let bits = |culling: Culling| {
+            losses(&gpu, &input, Variants { culling, ..with }).into_iter().map(f32::to_bits).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(Culling::Blocks), bits(Culling::Off), "{backward:?}");
+    }
 }
 
 /// A backward per splat brings pixel tiles, and with slots equal bits of two trainings.

@@ -68,7 +68,10 @@ impl ModelFile {
         frame: &Frame,
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
-        let viewer = Viewer::with_variants(gpu, Variants::choose(gpu, false).with(choice.tile_shape, None, None));
+        let viewer = Viewer::with_variants(
+            gpu,
+            Variants::choose(gpu, false).with(choice.tile_shape, None, None, choice.culling),
+        );
         let planes = viewer.upload(&self.in_scene(frame))?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };

@@ -84,6 +84,7 @@ fn choose_forms(
         settings.device.tile_shape = Some(tuned.variants.tile);
         settings.device.gradient_sum = Some(tuned.variants.gradients);
         settings.device.backward = Some(tuned.variants.backward);
+        settings.device.culling = Some(tuned.variants.culling);
         folder.write_settings(settings)?;
     }
     Ok(())

@@ -32,6 +32,10 @@ pub(super) const AUX: Constant = Constant { id: 0, name: "AUX", default: 0 };
 /// Count pixel-splats into `pair_counts` (0 or 1).
 pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 };
 
+/// Pixels of the blocks of a tile that splats are tested against: a power of two from 8 to 256, best the width of a subgroup;
+/// 0: no test. PIXEL shape only; results are the same bits either way.
+const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
+
 /// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT; they are bound all the same.
 const BINDINGS: &[Binding] = &[
     read("splat2d"),
@@ -72,11 +76,14 @@ const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads own
 /// For devices whose subgroups are exactly 8 wide: lavapipe.
 pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC, crate::twin::blend_forward::run_column);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
-pub const COLUMN_EMULATED: Pass =
-    emulated(pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column));
+pub const COLUMN_EMULATED: Pass = with(
+    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8],
+    pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column),
+);
 /// For devices with wide subgroups and shared memory of their own.
-pub const PIXEL: Pass = pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel);
+pub const PIXEL: Pass =
+    with(&[AUX, COUNT, BLOCK], pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel));
 
-const fn emulated(pass: Pass) -> Pass {
-    Pass { kernel: Kernel { constants: &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8], ..pass.kernel }, ..pass }
+const fn with(constants: &'static [Constant], pass: Pass) -> Pass {
+    Pass { kernel: Kernel { constants, ..pass.kernel }, ..pass }
 }

@@ -1,22 +1,44 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
-use super::variants::{Backward, COLUMN_WIDTH, GradientSum, TileShape, Variants};
+use super::variants::{Backward, COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward};
 use crate::vk::{Error, Gpu, Result, Subgroup};
 
-/// A pass, and the width of its emulated subgroups where that is to be told.
-pub(super) type Chosen = (&'static Pass, Option<(&'static str, u32)>);
+/// A pass, and the constants that the device and the variants decide.
+pub(super) struct Chosen {
+    pub(super) pass: &'static Pass,
+    pub(super) constants: Vec<(&'static str, u32)>,
+}
+
+impl Chosen {
+    fn plain(pass: &'static Pass) -> Self {
+        Self { pass, constants: Vec::new() }
+    }
+
+    fn with(pass: &'static Pass, constants: &[(&'static str, u32)]) -> Self {
+        Self { pass, constants: constants.to_vec() }
+    }
+}
 
 fn columns_by_hardware(gpu: &Gpu) -> bool {
     gpu.caps().subgroup == Subgroup::Hardware(COLUMN_WIDTH)
 }
 
+/// Pixels of the blocks that splats are tested against: what a subgroup owns.
+fn block(gpu: &Gpu, culling: Culling) -> (&'static str, u32) {
+    let pixels = match culling {
+        Culling::Blocks => gpu.caps().subgroup.width().clamp(8, 256),
+        Culling::Off => 0,
+    };
+    ("BLOCK", pixels)
+}
+
 /// The forward pass.
-pub(super) fn blend_forward(gpu: &Gpu, tile: TileShape) -> Chosen {
-    match tile {
-        TileShape::Column if columns_by_hardware(gpu) => (&forward::COLUMN, None),
-        TileShape::Column => (&forward::COLUMN_EMULATED, None),
-        TileShape::Pixel => (&forward::PIXEL, None),
+pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
+    match variants.tile {
+        TileShape::Column if columns_by_hardware(gpu) => Chosen::plain(&forward::COLUMN),
+        TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
+        TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu, variants.culling)]),
     }
 }
 
@@ -29,23 +51,25 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         Err(Error::MissingFeature { feature, needed_for: what.to_owned(), device: gpu.caps().device.clone() })
     };
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
-    let emulated = |pass: &'static Pass| Ok((pass, Some(("EMULATED_WIDTH", gpu.caps().subgroup.width()))));
-    match (variants.tile, variants.backward, variants.gradients) {
-        (Column, PerSplat, _) => lacks("pixel tiles", "a backward per splat"),
-        (Column, PerPixel, Slots) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_SLOTS, None)),
-        (Column, PerPixel, Slots) => Ok((&backward::COLUMN_EMULATED_SLOTS, None)),
-        (Column, PerPixel, Atomic) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_ATOMIC, None)),
-        (Column, PerPixel, CompareAndSwap) if columns_by_hardware(gpu) => Ok((&backward::COLUMN_CAS, None)),
-        (Column, PerPixel, _) => lacks("subgroups of width 8", "gradients of column tiles summed other than in slots"),
-        (Pixel, PerPixel, Slots) => Ok((&backward::PIXEL_SLOTS, None)),
-        (Pixel, PerPixel, Atomic) if hardware => Ok((&backward::PIXEL_ATOMIC, None)),
-        (Pixel, PerPixel, CompareAndSwap) if hardware => Ok((&backward::PIXEL_CAS, None)),
-        (Pixel, PerPixel, CompareAndSwap) => emulated(&backward::PIXEL_EMULATED_CAS),
-        (Pixel, PerSplat, Slots) if hardware => Ok((&backward::SPLAT_SLOTS, None)),
-        (Pixel, PerSplat, Slots) => emulated(&backward::SPLAT_EMULATED_SLOTS),
-        (Pixel, PerSplat, Atomic) if hardware => Ok((&backward::SPLAT_ATOMIC, None)),
-        (Pixel, PerSplat, CompareAndSwap) if hardware => Ok((&backward::SPLAT_CAS, None)),
-        (Pixel, PerSplat, CompareAndSwap) => emulated(&backward::SPLAT_EMULATED_CAS),
-        (Pixel, _, Atomic) => lacks("subgroup operations", "gradients summed by float atomics"),
-    }
+    let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
+    Ok(match (variants.tile, variants.backward, variants.gradients) {
+        (Column, PerSplat, _) => return lacks("pixel tiles", "a backward per splat"),
+        (Column, PerPixel, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
+        (Column, PerPixel, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
+        (Column, PerPixel, Atomic) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_ATOMIC),
+        (Column, PerPixel, CompareAndSwap) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_CAS),
+        (Column, PerPixel, _) => {
+            return lacks("subgroups of width 8", "gradients of column tiles summed other than in slots");
+        }
+        (Pixel, PerPixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
+        (Pixel, PerPixel, Atomic) if hardware => Chosen::plain(&backward::PIXEL_ATOMIC),
+        (Pixel, PerPixel, CompareAndSwap) if hardware => Chosen::plain(&backward::PIXEL_CAS),
+        (Pixel, PerPixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
+        (Pixel, PerSplat, Slots) if hardware => Chosen::plain(&backward::SPLAT_SLOTS),
+        (Pixel, PerSplat, Slots) => Chosen::with(&backward::SPLAT_EMULATED_SLOTS, &[width]),
+        (Pixel, PerSplat, Atomic) if hardware => Chosen::plain(&backward::SPLAT_ATOMIC),
+        (Pixel, PerSplat, CompareAndSwap) if hardware => Chosen::plain(&backward::SPLAT_CAS),
+        (Pixel, PerSplat, CompareAndSwap) => Chosen::with(&backward::SPLAT_EMULATED_CAS, &[width]),
+        (Pixel, _, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
+    })
 }

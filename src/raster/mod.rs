@@ -14,5 +14,5 @@ pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians
 pub(crate) use renderer::LARGEST_ROW;
 pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
-pub use variants::{Backward, GradientSum, TileShape, Variants};
+pub use variants::{Backward, Culling, GradientSum, TileShape, Variants};
 pub use viewer::{Picture, Viewer};

@@ -112,12 +112,12 @@ impl Renderer {
         let side = variants.tile.size();
         let channels = |aux: u32| -> Result<Channels, vk::Error> {
             let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux)];
-            let (blend, width) = kernels::blend_forward(gpu, variants.tile);
+            let chosen = kernels::blend_forward(gpu, variants);
             let mut switches = vec![("AUX", aux), ("COUNT", u32::from(size.count))];
-            switches.extend(width);
+            switches.extend(chosen.constants);
             Ok(Channels {
                 project: gpu.pipeline(&project::PASS.kernel, &constants)?,
-                blend: gpu.pipeline(&blend.kernel, &switches)?,
+                blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
             })
         };
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
@@ -352,13 +352,13 @@ pub struct Size {
 
 impl Backward {
     fn new(gpu: &Gpu, variants: Variants, size: &Size) -> Result<Self, vk::Error> {
-        let (blend, width) = kernels::blend_backward(gpu, variants)?;
+        let chosen = kernels::blend_backward(gpu, variants)?;
         let slots = variants.gradients == GradientSum::Slots;
         let mut switches =
             vec![("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
-        switches.extend(width);
+        switches.extend(chosen.constants);
         Ok(Self {
-            blend: gpu.pipeline(&blend.kernel, &switches)?,
+            blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
             slot_sum: if slots { Some(gpu.pipeline(&slot_sum::PASS.kernel, &[])?) } else { None },
             project: gpu.pipeline(&project_backward::PASS.kernel, &[])?,
             slot_grads: gpu.buffer(

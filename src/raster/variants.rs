@@ -50,6 +50,17 @@ pub enum Backward {
     PerSplat,
 }
 
+/// Whether the blend forward tests splats against blocks of a tile's pixels. Results are the same bits either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Culling {
+    /// In pixel tiles, subgroups leave out splats that do not show in the block of pixels they own.
+    #[default]
+    Blocks,
+    /// Every splat of a tile's list is evaluated at every pixel.
+    Off,
+}
+
 /// The variant set of an engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Variants {
@@ -60,6 +71,9 @@ pub struct Variants {
     /// Who owns what in the blend backward.
     #[serde(default)]
     pub backward: Backward,
+    /// Sub-tile culling; column tiles have none.
+    #[serde(default)]
+    pub culling: Culling,
 }
 
 impl std::fmt::Display for Variants {
@@ -82,18 +96,19 @@ impl std::fmt::Display for Variants {
 }
 
 impl Variants {
-    /// A backward per pixel.
+    /// A backward per pixel, with culling.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
-        Self { tile, gradients, backward: Backward::PerPixel }
+        Self { tile, gradients, backward: Backward::PerPixel, culling: Culling::Blocks }
     }
 
-    /// Every form that the device can run, whichever is best.
+    /// Every form that the device can run, whichever is best. Pixel tiles with culling: without it each is another form, of the
+    /// same results.
     pub fn possible(gpu: &Gpu) -> Vec<Self> {
         let mut found = Vec::new();
         for tile in [TileShape::Column, TileShape::Pixel] {
             for backward in [Backward::PerPixel, Backward::PerSplat] {
                 for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
-                    found.push(Self { tile, gradients, backward });
+                    found.push(Self { backward, ..Self::new(tile, gradients) });
                 }
             }
         }
@@ -139,9 +154,20 @@ impl Variants {
     }
 
     /// The same with some forms given. A backward per splat brings pixel tiles, unless another shape is given.
-    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>, backward: Option<Backward>) -> Self {
+    pub fn with(
+        self,
+        tile: Option<TileShape>,
+        gradients: Option<GradientSum>,
+        backward: Option<Backward>,
+        culling: Option<Culling>,
+    ) -> Self {
         let backward = backward.unwrap_or(self.backward);
         let kept = if backward == Backward::PerSplat { TileShape::Pixel } else { self.tile };
-        Self { tile: tile.unwrap_or(kept), gradients: gradients.unwrap_or(self.gradients), backward }
+        Self {
+            tile: tile.unwrap_or(kept),
+            gradients: gradients.unwrap_or(self.gradients),
+            backward,
+            culling: culling.unwrap_or(self.culling),
+        }
     }
 }

@@ -402,8 +402,12 @@ impl Trainer {
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
     let device = &settings.device;
-    let variants =
-        Variants::choose(gpu, run.deterministic).with(device.tile_shape, device.gradient_sum, device.backward);
+    let variants = Variants::choose(gpu, run.deterministic).with(
+        device.tile_shape,
+        device.gradient_sum,
+        device.backward,
+        device.culling,
+    );
     if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
         return Err(Error::PerSplatInColumns);
     }

@@ -1,6 +1,6 @@
 //! Twin of `glsl/blend_backward.comp` and `glsl/blend_backward_splat.comp`.
 
-use super::blend_forward::{Blend, Evaluation, evaluate, inputs};
+use super::blend_forward::{Blend, Evaluation, NO_BLOCKS, evaluate, inputs};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE};
 
@@ -110,7 +110,7 @@ fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, 
 }
 
 fn pairs(call: &TwinCall<'_>, side: u32) -> (Blend<f32>, PairGrads<f32>) {
-    let blend = inputs(call, side);
+    let blend = inputs(call, side, NO_BLOCKS);
     let up = Upstream {
         image: call.get(4),
         last: call.get(5),

@@ -1,5 +1,6 @@
 //! Twin of `glsl/blend_forward.comp`.
 
+use super::tile::{self, TileGrid};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
 
@@ -22,6 +23,8 @@ pub struct Blend<R> {
     pub sorted: Vec<u32>,
     /// List of each tile in `sorted`.
     pub ranges: Vec<[u32; 2]>,
+    /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`: no blocks.
+    pub block: Option<[u32; 2]>,
 }
 
 /// The blended image.
@@ -79,6 +82,16 @@ impl<R: Real> Blend<R> {
         &self.sorted[begin as usize..end as usize]
     }
 
+    /// Whether a splat is evaluated at a pixel of its tile: everywhere, or in the blocks that it touches.
+    pub fn evaluates(&self, splat: usize, x: usize, y: usize) -> bool {
+        let Some([width, height]) = self.block else { return true };
+        let grid = TileGrid { image: [self.width as u32, self.height as u32], tile: [width, height] };
+        let row = &self.splats[splat];
+        let ellipse = tile::ellipse([row[0], row[1]], [row[2], row[3], row[4]], row[5], &grid);
+        let at = [x as u32 / width, y as u32 / height];
+        ellipse.rows.contains(&at[1]) && tile::row(&ellipse, at[1], &grid).contains(&at[0])
+    }
+
     /// Centre of a pixel.
     pub fn center(x: usize, y: usize) -> [R; 2] {
         [R::of(x as f64 + 0.5), R::of(y as f64 + 0.5)]
@@ -105,6 +118,9 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
         for x in 0..blend.width {
             let (mut transmittance, mut color, mut aux, mut last) = (R::one(), [R::zero(); 3], [R::zero(); 4], 0);
             for (place, &splat) in blend.list(x, y).iter().enumerate() {
+                if !blend.evaluates(splat as usize, x, y) {
+                    continue;
+                }
                 let row = &blend.splats[splat as usize];
                 let alpha = evaluate(row, Blend::center(x, y)).alpha();
                 out.evaluated += 1;
@@ -135,8 +151,22 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
     out
 }
 
-/// The input buffers that both blending passes begin with.
-pub(super) fn inputs(call: &TwinCall<'_>, side: u32) -> Blend<f32> {
+/// Stands for no constant BLOCK.
+pub(super) const NO_BLOCKS: usize = usize::MAX;
+
+/// Width and height of a block of `pixels` pixels, as `glsl/include/blocks.glsl` has it.
+pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
+    let width = match pixels {
+        0 => return None,
+        1..=16 => 4,
+        17..=64 => 8,
+        _ => 16,
+    };
+    Some([width, pixels / width])
+}
+
+/// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK, past the last where there is none.
+pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize) -> Blend<f32> {
     let push: Push = call.push();
     Blend {
         width: push.width as usize,
@@ -147,11 +177,13 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32) -> Blend<f32> {
         normals: (call.constants[0] != 0).then(|| call.get(1)),
         sorted: call.get(2),
         ranges: call.get(3),
+        block: block_size(call.constants.get(block).copied().unwrap_or(0)),
     }
 }
 
 fn run(call: &mut TwinCall<'_>, side: u32) {
-    let blend = inputs(call, side);
+    let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
+    let blend = inputs(call, side, block);
     let out = forward(&blend);
     call.set(4, &out.image);
     if blend.normals.is_some() {

@@ -1,7 +1,7 @@
 //! `blend_forward` in all shapes against the f64 twin, within proven bounds, on scenes that have broken rasterizers.
 
 use psrgs_vk::pass::{Pass, blend_forward as passes};
-use psrgs_vk::twin::blend_forward::{Blend, Blended, forward};
+use psrgs_vk::twin::blend_forward::{Blend, Blended, block_size, forward};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::blend_scene::{Doubt, doubts, hard_scenes, widen};
@@ -87,7 +87,51 @@ fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doub
     }
 }
 
+/// Widths of subgroups, whose blocks are 4x2 to 16x16 pixels.
+pub const BLOCKS: [u32; 6] = [8, 16, 32, 64, 128, 256];
+
+/// With culling, image, auxiliary image and last contributors are the same bits, and what is evaluated is what the twin evaluates
+/// in its blocks.
+fn culling(gpu: &Gpu) {
+    let mut shares = [0.0; BLOCKS.len()];
+    let scenes = hard_scenes();
+    for scene in &scenes {
+        let mut blend = scene.blend(16, true);
+        let pixels = blend.width * blend.height;
+        let mut buffers = inputs(&blend);
+        buffers.extend([
+            garbage(4 * pixels),
+            garbage(4 * pixels),
+            garbage(pixels),
+            bytes(&[0u32; passes::PAIR_COUNTS]),
+        ]);
+        let run = |blend: &Blend<f32>, block: u32| {
+            let given = [("AUX", 1), ("COUNT", 1), ("BLOCK", block)];
+            harness::run(gpu, &passes::PIXEL, &given, &buffers, &push(blend), blend.ranges.len() as u32)
+        };
+        let want = run(&blend, 0);
+        let all: Vec<u32> = want.device(7);
+        for (share, block) in shares.iter_mut().zip(BLOCKS) {
+            let got = run(&blend, block);
+            assert!(got.device[4..7] == want.device[4..7], "{}, blocks of {block}: another image", scene.name);
+            let counts: Vec<u32> = got.device(7);
+            assert_eq!(counts[1], all[1], "{}, blocks of {block}: contributors", scene.name);
+            blend.block = block_size(block);
+            // The device's own decisions about stopping: its image stands for the twin's where f32 may decide otherwise.
+            if !doubts(&widen::<f64>(&blend)).iter().any(|d| d.undecided) {
+                // But for roots that a device may round otherwise.
+                let off = counts[0].abs_diff(forward(&blend).evaluated);
+                assert!(200 * off <= all[0], "{}, blocks of {block}: {off} of {} evaluated", scene.name, all[0]);
+            }
+            *share += f64::from(counts[0]) / f64::from(all[0].max(1)) / scenes.len() as f64;
+        }
+    }
+    println!("evaluated with blocks of {BLOCKS:?}: {shares:.3?} of all");
+    assert!(shares[0] < 0.7 && shares.is_sorted(), "{shares:?}");
+}
+
 pub fn run(gpu: &Gpu) {
+    culling(gpu);
     for (pass, side) in shapes(gpu) {
         for scene in hard_scenes() {
             for aux in [false, true] {

@@ -101,6 +101,7 @@ impl Scene {
             normals: aux.then_some(normals),
             sorted,
             ranges,
+            block: None,
         }
     }
 }
@@ -121,6 +122,7 @@ pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
         normals: b.normals.as_ref().map(|n| n.iter().map(|s| s.map(up)).collect()),
         sorted: b.sorted.clone(),
         ranges: b.ranges.clone(),
+        block: b.block,
     }
 }
 
