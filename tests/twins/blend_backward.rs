@@ -244,8 +244,8 @@ fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u
     let outcome = run();
     let at = buffers.len() - 3;
     let bound = 1e-4 + f64::from(case.longest) * 2.0f64.powi(-23);
-    let sides = [("device", &outcome.device), ("device by address", &outcome.by_address), ("twin", &outcome.twin)];
-    for (who, got) in sides {
+    let by_address = outcome.by_address.iter().map(|got| ("device by address", got));
+    for (who, got) in [("device", &outcome.device), ("twin", &outcome.twin)].into_iter().chain(by_address) {
         let what = format!("{who}: {} {width:?} of {}", pass.kernel.name, case.name);
         let sums = per_splat(blend, rows, 12, &got[at]);
         for columns in [0..2, 2..5, 5..6, 6..9, 9..10, 10..12] {
