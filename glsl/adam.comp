@@ -29,12 +29,11 @@ layout(push_constant) uniform Push {
 void main() {
     const uint i = global_index();
     if (i >= counters[COUNTER_SPLATS] * push.row) return;
-    const float g = grad[i];
-    if (!adam_accepts(g)) return;
+    const AdamStep step = AdamStep(push.beta1, push.gain1, push.beta2, push.gain2, push.eps, push.inv_bias1, push.inv_sqrt_bias2);
     const float lr = i % push.row < push.head ? push.lr_head : push.lr_rest;
-    const float m = adam_first(first[i], g, push.beta1, push.gain1);
-    const float v = adam_second(second[i], g, push.beta2, push.gain2);
+    float m = first[i];
+    float v = second[i];
+    param[i] = adam(step, lr, grad[i], param[i], m, v);
     first[i] = m;
     second[i] = v;
-    param[i] -= adam_step(m, v, lr, push.eps, push.inv_bias1, push.inv_sqrt_bias2);
 }

@@ -3,6 +3,7 @@
 // One thread owns one splat; one workgroup owns 64 consecutive splats.
 // A culled splat (behind the near plane, off screen, too faint, not finite) gets a tile count of 0 and nothing else is written.
 #extension GL_GOOGLE_include_directive : require
+#include "camera_push.glsl"
 #include "common.glsl"
 #include "counters.glsl"
 #include "projection.glsl"

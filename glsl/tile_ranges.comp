@@ -1,11 +1,12 @@
 #version 460
-// tile_ranges: where each tile's list begins and ends in the sorted pairs, and the splat of each sorted pair.
+// tile_ranges: where each tile's list begins and ends in the sorted pairs, and the splat of each sorted pair (not where CARRIED).
 // One thread owns one sorted pair, and the bound of a tile's range where the tile changes; a workgroup owns 64 consecutive pairs.
 // `tile_ranges` is zero beforehand, which is what a tile without pairs keeps.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
 layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint CARRIED = 0u;  // the sort carried the splats themselves, so that they are sorted already
 layout(set = 0, binding = 0) readonly buffer PairKeys { uint pair_keys[]; };
 layout(set = 0, binding = 1) readonly buffer PairVals { uint pair_vals[]; };
 layout(set = 0, binding = 2) readonly buffer SlotSplat { uint slot_splat[]; };
@@ -18,7 +19,7 @@ void main() {
     const uint pairs = counters[COUNTER_PAIRS];
     if (j >= pairs) return;
     const uint tile = pair_keys[j];
-    sorted_splats[j] = slot_splat[pair_vals[j]];
+    if (CARRIED == 0u) sorted_splats[j] = slot_splat[pair_vals[j]];
     if (tile >= push.tiles) return;
     if (j == 0u || pair_keys[j - 1u] != tile) tile_ranges[tile].x = j;
     if (j + 1u == pairs || pair_keys[j + 1u] != tile) tile_ranges[tile].y = j + 1u;

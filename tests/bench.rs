@@ -88,9 +88,25 @@ fn a_live_scene_is_reported() {
     assert_live(&report);
     assert_eq!((report.workload.splats, report.workload.views, report.workload.size), (300, 6, [64, 48]));
     assert_eq!(report.workload.pixels, 64.0 * 48.0);
+    // The step reads and writes each of 59 parameters with its two moments, and reads 17 more floats of a splat on screen.
+    let pass =
+        |report: &Report, name| report.passes.iter().find(|p| p.pass == name).map(|p| (p.bytes.unwrap(), p.calls));
+    let bytes = 300.0 * (4.0 + 59.0 * 24.0) + 64.0 * report.workload.visible;
+    assert_eq!(pass(&report, "project_backward_adam"), Some((bytes, 1.0)));
+    assert_eq!(pass(&report, "adam"), None);
+}
+
+/// A device that binds fewer buffers to a pass has gradients in memory between two passes.
+#[test]
+fn the_optimiser_falls_back_to_gradients_in_memory() {
+    let Some(gpu) = common::gpu_with(|o| o.max_storage_buffers = Some(24)) else { return };
+    let report = measure(&gpu, plane_scene::input(6, 64, 48, 300)).expect("live");
+    assert_live(&report);
     // Adam reads four and writes three floats of each of 59 parameters.
     let adam = report.passes.iter().find(|p| p.pass == "adam").expect("an optimiser step");
     assert_eq!((adam.bytes, adam.calls), (Some(300.0 * 59.0 * 28.0), 8.0));
+    assert!(report.passes.iter().any(|p| p.pass == "project_backward"));
+    assert!(report.passes.iter().all(|p| p.pass != "project_backward_adam"));
 }
 
 #[test]
@@ -163,7 +179,9 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
     let output = psrgs(&data, &["--splats", "1500", "--validate", "--json", json]);
     let (out, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{said}");
-    for word in ["1,500 splats", "0 host waits", "adam", "blend backward", "wall", "x floor", "exponentials"] {
+    for word in
+        ["1,500 splats", "0 host waits", "project_backward_adam", "blend backward", "wall", "x floor", "exponentials"]
+    {
         assert!(out.contains(word), "no `{word}` in:\n{out}");
     }
     let text = std::fs::read_to_string(&file).expect("the JSON");
@@ -186,6 +204,8 @@ fn the_command_writes_json_and_a_table_and_passes_validation() {
         "passes",
         "stages",
         "peak_device_bytes",
+        "memory",
+        "density_peak_bytes",
     ] {
         assert!(made.get(key).is_some(), "no {key} in {text}");
     }

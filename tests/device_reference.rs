@@ -196,9 +196,10 @@ fn device_gradients(gpu: &Gpu, variants: Variants, case: &Case, grad_image: &[f3
     words[counters::SPLATS] = n;
     let mut rec = gpu.recorder("forward and backward").unwrap();
     rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
-    for buffer in grads.buffers().iter().chain(renderer.grad2d()) {
+    for buffer in grads.buffers() {
         rec.fill(buffer, f32::NAN.to_bits()).unwrap();
     }
+    rec.fill(renderer.grad2d().unwrap(), f32::NAN.to_bits()).unwrap();
     let lists = renderer.record_forward(&mut rec, &model, &case.shot, &target, false).unwrap();
     let gradients = raster::Gradients { model: &model, of_model: &grads, of_image: &upstream };
     renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();

@@ -201,17 +201,22 @@ fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<V
     assert_eq!(counts[counters::STATUS], 0);
     let (visible, pairs) = (counts[counters::VISIBLE] as usize, counts[counters::PAIRS] as usize);
     assert!(visible > 500 && pairs > 2 * visible, "{visible} visible, {pairs} pairs");
-    let read = |buffer, words| gpu.read_at::<u32>(buffer, 0, words).unwrap();
-    vec![
+    let read = |slice, words| gpu.read_slice::<u32>(slice, words).unwrap();
+    let mut all = vec![
         vec![visible as u32, pairs as u32],
-        read(&renderer.tile_counts, n as usize),
-        read(lists.order, visible),
-        read(lists.pair_offsets, visible),
-        read(lists.slot_splat, pairs),
-        read(lists.sorted_slots, pairs),
+        read((&renderer.tile_counts).into(), n as usize),
         read(lists.sorted_splats, pairs),
         read(lists.tile_ranges, 2 * tiles as usize),
-    ]
+    ];
+    // The rest is there where gradients are summed in slots, and only there.
+    assert_eq!(lists.slots.is_some(), variants.gradients == GradientSum::Slots);
+    if let Some(slots) = lists.slots {
+        all.push(read(slots.order, visible));
+        all.push(read(slots.pair_offsets, visible));
+        all.push(read(slots.slot_splat, pairs));
+        all.push(read(slots.sorted_slots, pairs));
+    }
+    all
 }
 
 #[test]

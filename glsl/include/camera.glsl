@@ -1,22 +1,9 @@
-// The camera of a frame as push constants; src/pass/camera.rs fills it, every pass that projects includes it.
+// A camera as the projection sees it.
 #ifndef CAMERA_GLSL
 #define CAMERA_GLSL
 
 const uint VIEW_ANTIALIAS = 1u;        // multiply the opacity by sqrt(det before / det after dilation)
 const uint VIEW_REFERENCE_CLAMP = 2u;  // keep the 3DGS reference's derivative of the field-of-view clamp
-
-layout(push_constant) uniform Push {
-    vec4 row0;        // rotation row 0 | translation x (scene to camera)
-    vec4 row1;
-    vec4 row2;
-    vec4 center;      // camera centre in the scene; w: near plane
-    vec4 intrinsics;  // fx, fy, cx, cy in pixels
-    vec4 limits;      // smallest x/z, largest x/z, smallest y/z, largest y/z that the EWA Jacobian sees
-    uint width;       // image size in pixels
-    uint height;
-    uint sh_degree;   // 0 to 3
-    uint flags;       // VIEW_*
-} push;
 
 struct Camera {
     vec3 w0, w1, w2;  // rows of the rotation
@@ -27,12 +14,5 @@ struct Camera {
     vec2 principal;
     vec4 limits;
 };
-
-Camera camera_from_push() {
-    return Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w),
-                  push.center.xyz, push.center.w, push.intrinsics.xy, push.intrinsics.zw, push.limits);
-}
-
-bool view_has(uint flag) { return (push.flags & flag) != 0u; }
 
 #endif

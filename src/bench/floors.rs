@@ -52,6 +52,7 @@ impl Floors {
 /// | `loss_strips` | 700 per pixel: per channel moments 8, four windows along rows of 16, four down columns of 16, SSIM and its derivatives 49, three windows down columns of 16 |
 /// | `loss_grad` | 180 per pixel: per channel three windows along rows of 16, the gradient 9, the absolute difference 3 |
 /// | `project` | 150 per splat, 430 more per visible one: position 18, culling and guards 30, quaternion and scales 40, covariance 62; then projection 90, conic and radius 30, harmonics of degree 3 with their direction 170, tiles 140 |
+/// | `project_backward_adam` | as `project_backward` and `adam` |
 /// | `project_backward` | 900 per visible splat: twice the derivative of what `project` does for a visible one, without the tiles |
 /// | `adam` | 15 per parameter |
 /// | `slot_sum` | 12 per pair |
@@ -71,6 +72,7 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
     match pass {
         _ if is("loss_strips") => plain(700.0 * work.pixels),
         _ if is("loss_grad") => plain(180.0 * work.pixels),
+        _ if is("project_backward_adam") => plain(900.0 * work.visible + 15.0 * work.stepped() * work.splats),
         _ if is("project_backward") => plain(900.0 * work.visible),
         _ if is("project") => plain(150.0 * work.splats + 430.0 * work.visible),
         _ if is("adam") => plain(15.0 * traffic::parameters() * work.splats),

@@ -13,7 +13,8 @@ use crate::pass::counters;
 use crate::raster::scan;
 use crate::raster::sort::Shape;
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
-use crate::train::{self, Engine, Event, Input, Outcome, Pacing, Schedule, Settings, StepPlan};
+use crate::train::schedule::DensityChange;
+use crate::train::{self, Engine, Event, Input, Kind, Outcome, Pacing, Schedule, Settings, StepPlan};
 use crate::vk::{Described, Gpu, PassTime, Recorder, Stats, Ticket};
 
 /// Views that are looked at in turn, at most: few, so that each comes up several times and its loss has to fall.
@@ -221,11 +222,13 @@ impl<'a> Run<'a> {
         let (warm_up, steps) = (self.options.warm_up as usize, self.options.steps as usize);
         let loss = self.live(&samples)?;
         let peak_device_bytes = self.gpu.memory_use().peak;
+        let memory = self.engine.memory();
         let (plain, timed) = samples[warm_up..].split_at(steps);
         let work = self.work(input, timed);
         let times: Vec<&[PassTime]> = timed.iter().map(|s| s.passes.as_slice()).collect();
         let splats = timed.first().map_or(0, |s| s.counter(counters::SPLATS));
         let splats_per_pixel = self.count(work.pixels)?;
+        let density_peak_bytes = self.density_peak()?;
         let (passes, stages, device_ms) = rows(&times, &work, splats_per_pixel.as_ref(), &rates)?;
         let caps = self.gpu.caps();
         Ok(Report {
@@ -257,6 +260,8 @@ impl<'a> Run<'a> {
             passes,
             stages,
             peak_device_bytes,
+            memory,
+            density_peak_bytes,
         })
     }
 
@@ -311,6 +316,22 @@ impl<'a> Run<'a> {
             shape,
             depth: shape.digits(DEPTH_BITS),
             tile: shape.digits(tile_bits(tile_capacity as u64)),
+        }
+    }
+
+    /// Most device memory in use during a density change, growth of the buffers included where it needs some. The model is
+    /// another one afterwards.
+    fn density_peak(&mut self) -> Result<u64, Error> {
+        self.gpu.restart_peak();
+        loop {
+            let plan = StepPlan { densify: Some(DensityChange { prune_large: false }), ..self.plan(self.next) };
+            let event = Event { step: self.next, kind: Kind::Density };
+            let ticket = self.engine.submit(event, &plan, 0)?;
+            let outcome = self.engine.outcome(ticket)?;
+            if outcome.counters[counters::STATUS] == 0 {
+                return Ok(self.gpu.memory_use().peak);
+            }
+            self.engine.grow()?;
         }
     }
 

@@ -6,6 +6,7 @@ use super::Quartiles;
 use super::floors::Floors;
 use super::rates::Rates;
 use crate::raster::Variants;
+use crate::train::MemoryCost;
 
 /// A benchmark. Times in milliseconds.
 #[derive(Clone, Debug, Serialize)]
@@ -36,6 +37,10 @@ pub struct Report {
     pub stages: Vec<StageRow>,
     /// Most device memory in use at a time, without the counting of pixel-splats.
     pub peak_device_bytes: u64,
+    /// What the buffers cost by splats, pairs and pixels.
+    pub memory: MemoryCost,
+    /// Most device memory in use during a density change, and growth where the change needs some.
+    pub density_peak_bytes: u64,
 }
 
 /// The device.

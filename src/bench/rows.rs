@@ -9,8 +9,9 @@ use super::traffic::{self, Work};
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
 
-/// What a pass is for; everything not named is bookkeeping (plans, clears, copies, the end of a step).
-const STAGES: [(&str, &str); 13] = [
+/// What a pass is for (the fused step is both the projection's backward and the optimiser); everything not named is bookkeeping (plans, clears, copies, the end of a step).
+const STAGES: [(&str, &str); 14] = [
+    ("project_backward_adam", "optimiser"),
     ("project_backward", "projection backward"),
     ("project", "projection"),
     ("compact", "tile lists"),

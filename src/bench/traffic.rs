@@ -59,6 +59,18 @@ impl Work {
         }
     }
 
+    /// Floats of a splat that the fused optimiser step touches: those of harmonics above the degree in use it leaves out, by rows
+    /// of four.
+    pub(super) fn stepped(&self) -> f64 {
+        GEOMETRY / 4.0
+            + match self.sh_degree {
+                0 => 4.0,
+                1 => 12.0,
+                2 => 28.0,
+                _ => 48.0,
+            }
+    }
+
     /// Over all digits of both sorts: words of keys, and words of the tables of digit counts.
     fn sorted(&self) -> (f64, f64) {
         let one = |keys: f64, digits: Digits| {
@@ -105,6 +117,7 @@ impl Work {
 /// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
 /// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
 /// | `slot_sum` | V (12 + 48) + 48 P |
+/// | `project_backward_adam` | N (4 count + 24 per parameter up to the degree in use: it and its moments read and written) + V (16 colour + 48 gradient) |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
 /// | `densify_stats` | 4 N + V (12 + 16 + 32) |
 /// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
@@ -117,9 +130,10 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let (keys, tables) = work.sorted();
     let parameters = parameters();
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
-    // `project_backward` before `project`, whose name it begins with.
     let [at_once, in_blocks] = work.summed();
-    let families: [(&str, f64); 20] = [
+    // Longer names before those they begin with.
+    let families: [(&str, f64); 21] = [
+        ("project_backward_adam", n * (4.0 + 24.0 * work.stepped()) + v * (16.0 + ROW_2D)),
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
         ("compact", 8.0 * n + 12.0 * v),

@@ -25,6 +25,7 @@ pub mod plan;
 pub mod probe;
 pub mod project;
 pub mod project_backward;
+pub mod project_backward_adam;
 pub mod radix;
 pub mod scan;
 mod shaders;
@@ -106,6 +107,7 @@ pub const ALL: &[&Pass] = &[
     &probe::MULTIPLY_ADD,
     &project::PASS,
     &project_backward::PASS,
+    &project_backward_adam::PASS,
     &radix::COUNT_GROUPS,
     &radix::COUNT_GROUPS_EMULATED,
     &radix::COUNT_RUNS,

@@ -1,7 +1,7 @@
 //! Where each tile's list begins and ends in the sorted pairs, and the splat of each sorted pair.
 
 use super::{Pass, module};
-use crate::vk::{Kernel, read, write};
+use crate::vk::{Constant, Kernel, read, write};
 
 crate::push_constants! {
     /// Push constants of [`PASS`].
@@ -11,7 +11,8 @@ crate::push_constants! {
     }
 }
 
-/// The pass. `tile_ranges` must be zero beforehand.
+/// The pass. `tile_ranges` must be zero beforehand. With CARRIED the pairs' values are splats and not slots, and `sorted_splats`
+/// is left as it is.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "tile_ranges",
@@ -25,7 +26,7 @@ pub const PASS: Pass = Pass {
             write("tile_ranges"),
         ],
         push_bytes: Push::BYTES,
-        constants: &[],
+        constants: &[Constant { id: 0, name: "CARRIED", default: 0 }],
         local_size: Some(64),
     },
     doc: "One thread owns one sorted pair; a workgroup owns 64 consecutive pairs.",

@@ -1,6 +1,8 @@
 //! Passes composed into forward and backward: the differentiable renderer.
 
+mod held;
 mod kernels;
+mod loan;
 mod planes;
 mod renderer;
 pub mod scan;
@@ -10,9 +12,10 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
+pub use held::Held;
 pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, grown, planes_of};
 pub(crate) use renderer::LARGEST_ROW;
-pub use renderer::{DENSITY_ENTRY, Gradients, Renderer, Shot, Size, most_pairs, most_splats};
+pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, LEAST_2D, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
 pub use variants::{Backward, Culling, GradientSum, TileShape, Variants};
 pub use viewer::{Picture, Viewer};

@@ -49,6 +49,11 @@ impl Planes {
         self.capacity
     }
 
+    /// Bytes of all of them.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.iter().map(Buffer::size).sum()
+    }
+
     /// The buffers in the order of [`PLANES`].
     pub fn buffers(&self) -> &[Buffer; 8] {
         &self.buffers
@@ -73,12 +78,15 @@ impl Planes {
         Ok(())
     }
 
-    /// Writes the planes of `gaussians` to the first rows. Blocks.
+    /// Writes the planes of `gaussians` to the first rows.
     pub fn write(&self, gpu: &Gpu, gaussians: &Gaussians) -> Result<(), vk::Error> {
-        for (buffer, values) in self.buffers.iter().zip(planes_of(gaussians)) {
-            if !values.is_empty() {
-                gpu.write(buffer, values)?;
-            }
+        self.write_rows(gpu, &planes_of(gaussians))
+    }
+
+    /// Writes the first rows of every plane.
+    pub fn write_rows<T: AsRef<[f32]>>(&self, gpu: &Gpu, values: &[T; 8]) -> Result<(), vk::Error> {
+        for (buffer, values) in self.buffers.iter().zip(values).filter(|(_, v)| !v.as_ref().is_empty()) {
+            gpu.write(buffer, values.as_ref())?;
         }
         Ok(())
     }

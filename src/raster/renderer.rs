@@ -1,16 +1,19 @@
 //! Forward and backward of one view, recorded as passes.
 
+use super::held::Held;
 use super::kernels;
+use super::loan::{Layout, Loan};
 use super::planes::Planes;
+use super::sort::Shape;
 use super::target::Target;
 use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{blend_forward, counters, project, project_backward, slot_sum};
+use crate::pass::{adam, blend_forward, counters, project, project_backward, project_backward_adam, slot_sum};
 use crate::scene::Camera;
 use crate::twin::tile::TileGrid;
-use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
 
 /// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because their
 /// first ones are planned with them.
@@ -64,6 +67,23 @@ pub struct Gradients<'a> {
     pub of_model: &'a Planes,
 }
 
+/// An optimiser step that takes the place of gradients: see [`Renderer::record_backward_step`].
+#[derive(Clone, Copy)]
+pub struct BackwardStep<'a> {
+    /// The model that was rendered, and changes.
+    pub model: &'a Planes,
+    /// First and second moments, which change with it.
+    pub moments: [&'a Planes; 2],
+    /// The pipeline of [`project_backward_adam`], with the optimiser's constants.
+    pub pipeline: &'a Pipeline,
+    /// The optimiser's settings.
+    pub settings: &'a adam::Settings,
+    /// Learning rates.
+    pub rates: &'a project_backward_adam::Rates,
+    /// How many steps have been taken.
+    pub steps: project_backward_adam::Steps,
+}
+
 /// Pipelines that differ by whether depth and normals are blended too.
 struct Channels {
     project: Pipeline,
@@ -77,7 +97,8 @@ struct Backward {
     project: Pipeline,
     slot_grads: Buffer,
     unused_normals: Buffer,
-    grad2d: Buffer,
+    /// Beginning of the buffer that the tile lists use before.
+    grad2d: Part,
 }
 
 /// The passes from a model to an image and back, with the buffers between them.
@@ -95,6 +116,8 @@ pub struct Renderer {
     normals: Buffer,
     pair_counts: Buffer,
     lists: TileLists,
+    /// See [`Layout`]; the gradients of the projected splats begin it.
+    early: Buffer,
     plan: Pipeline,
     color: Channels,
     all: Channels,
@@ -123,18 +146,31 @@ impl Renderer {
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
-        let lists = TileLists::new(gpu, Capacities { splats, pairs, tiles })?;
-        let backward = if size.train { Some(Backward::new(gpu, variants, &size)?) } else { None };
+        let capacities = Capacities { splats, pairs, tiles };
+        let shape = Shape::of(gpu.caps());
+        let slots = size.train && variants.gradients == GradientSum::Slots;
+        let for_lists = Layout::new(gpu, &capacities, shape, slots).bytes();
+        let early = if size.train {
+            gpu.buffer("grad2d", for_lists.max(ROW_2D * n).max(LEAST_2D), Memory::Device)?
+        } else {
+            gpu.buffer("lists", for_lists, Memory::Device)?
+        };
+        let backward =
+            if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
+        // Splats of slots are dead when gradients come to the slots.
+        let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
+        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat })?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,
             counters,
             args,
-            splat2d: gpu.buffer("splat2d", 48 * n, Memory::Device)?,
+            splat2d: gpu.buffer("splat2d", (ROW_2D * n).max(LEAST_2D), Memory::Device)?,
             tile_counts: gpu.buffer("tile_counts", 4 * n, Memory::Device)?,
             normals: gpu.buffer("normals", if size.aux { 16 * n } else { 16 }, Memory::Device)?,
             pair_counts: gpu.buffer("pair_counts", 16, Memory::Device)?,
             lists,
+            early,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             color: channels(0)?,
             all: channels(u32::from(size.aux))?,
@@ -227,16 +263,9 @@ impl Renderer {
         let lists = self.lists.record(recorder, inputs, &TileGrid { image: [width, height], tile: [side, side] })?;
 
         let push = shot.blend_push();
-        let buffers = [
-            &self.splat2d,
-            &self.normals,
-            lists.sorted_splats,
-            lists.tile_ranges,
-            &target.image,
-            &target.aux,
-            &target.last,
-            &self.pair_counts,
-        ];
+        let [splat2d, normals, image, aux, last, counted] =
+            slices([&self.splat2d, &self.normals, &target.image, &target.aux, &target.last, &self.pair_counts]);
+        let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted];
         recorder.dispatch(&channels.blend, &buffers, &push, Groups::Workgroups(self.tiles(width, height)))?;
         Ok(lists)
     }
@@ -256,52 +285,109 @@ impl Renderer {
         shot: &Shot,
         target: &Target,
     ) -> Result<(), vk::Error> {
-        let Some(backward) = &self.backward else { return Ok(()) };
-        let (width, height) = (shot.camera.width, shot.camera.height);
-        let push = shot.blend_push();
-        let unused = &backward.unused_normals;
-        let mut buffers = vec![
-            &self.splat2d,
-            &self.normals,
-            lists.sorted_splats,
-            lists.tile_ranges,
-            &target.image,
-            &target.last,
-            gradients.of_image,
-            unused,
-        ];
-        let groups = Groups::Workgroups(self.tiles(width, height));
-        if let Some(slot_sum) = &backward.slot_sum {
-            buffers.extend([lists.sorted_slots, &backward.slot_grads, unused, &self.pair_counts]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
-            let buffers = [
-                &self.counters,
-                lists.order,
-                lists.pair_offsets,
-                &self.tile_counts,
-                &backward.slot_grads,
-                unused,
-                &backward.grad2d,
-                unused,
-            ];
-            recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)?;
-        } else {
-            recorder.fill(&backward.grad2d, 0)?;
-            buffers.extend([&backward.grad2d, unused, &self.pair_counts]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
-        }
+        self.record_blend_backward(recorder, lists, gradients.of_image, shot, target)?;
+        self.record_project_backward(recorder, gradients.model, gradients.of_model, shot)
+    }
 
+    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot. Does nothing without
+    /// a backward.
+    pub fn record_project_backward(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        of_model: &Planes,
+        shot: &Shot,
+    ) -> Result<(), vk::Error> {
+        let Some(backward) = &self.backward else { return Ok(()) };
         let push = CameraPush::new(&shot.camera, &shot.projection);
-        let mut buffers = vec![&self.counters];
-        buffers.extend(gradients.model.buffers());
-        buffers.extend([&self.splat2d, &self.tile_counts, &backward.grad2d, unused]);
-        buffers.extend(gradients.of_model.buffers());
+        let [counts, splat2d, tile_counts, unused] =
+            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
+        let mut buffers = vec![counts];
+        buffers.extend(model.buffers().iter().map(BufferSlice::from));
+        buffers.extend([splat2d, tile_counts, backward.grad2d.slice(), unused]);
+        buffers.extend(of_model.buffers().iter().map(BufferSlice::from));
         recorder.dispatch(&backward.project, &buffers, &push, self.per_splat())
     }
 
+    /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the optimiser
+    /// would do, without gradients in memory. Does nothing without a backward.
+    pub fn record_backward_step(
+        &self,
+        recorder: &mut Recorder,
+        step: &BackwardStep<'_>,
+        shot: &Shot,
+    ) -> Result<(), vk::Error> {
+        let Some(backward) = &self.backward else { return Ok(()) };
+        let camera = CameraPush::new(&shot.camera, &shot.projection);
+        let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
+        let [counts, splat2d, tile_counts, unused] =
+            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
+        let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), unused];
+        for planes in [step.model].iter().chain(&step.moments) {
+            buffers.extend(planes.buffers().iter().map(BufferSlice::from));
+        }
+        recorder.dispatch(step.pipeline, &buffers, &push, self.per_splat())
+    }
+
+    /// Gradients of the projected splats ([`Self::grad2d`]) from those of the image, after [`Self::record_forward`] of the same
+    /// shot. Does nothing without a backward.
+    pub fn record_blend_backward(
+        &self,
+        recorder: &mut Recorder,
+        lists: &Lists<'_>,
+        of_image: &Buffer,
+        shot: &Shot,
+        target: &Target,
+    ) -> Result<(), vk::Error> {
+        let Some(backward) = &self.backward else { return Ok(()) };
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        let push = shot.blend_push();
+        let [splat2d, normals, image, last, of_image] =
+            slices([&self.splat2d, &self.normals, &target.image, &target.last, of_image]);
+        let [unused, slot_grads, counted] = slices([&backward.unused_normals, &backward.slot_grads, &self.pair_counts]);
+        let grad2d = backward.grad2d.slice();
+        // Without the auxiliary channels these stand for what is not read; another buffer stands for what is not written.
+        let unread = normals;
+        let mut buffers = vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, last, of_image, unread];
+        let groups = Groups::Workgroups(self.tiles(width, height));
+        if let (Some(slot_sum), Some(slots)) = (&backward.slot_sum, &lists.slots) {
+            buffers.extend([slots.sorted_slots, slot_grads, unused, counted]);
+            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
+            let [counts, tile_counts] = slices([&self.counters, &self.tile_counts]);
+            let buffers = [counts, slots.order, slots.pair_offsets, tile_counts, slot_grads, unread, grad2d, unused];
+            recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)
+        } else {
+            recorder.fill(grad2d, 0)?;
+            buffers.extend([grad2d, unused, counted]);
+            recorder.dispatch(&backward.blend, &buffers, &push, groups)
+        }
+    }
+
     /// Gradients of the projected splats; `None` without a backward.
-    pub fn grad2d(&self) -> Option<&Buffer> {
-        self.backward.as_ref().map(|b| &b.grad2d)
+    pub fn grad2d(&self) -> Option<BufferSlice<'_>> {
+        self.backward.as_ref().map(|b| b.grad2d.slice())
+    }
+
+    /// Two buffers of at least 48 bytes per splat and [`LEAST_2D`] bytes: the projected splats and their gradients. Between two
+    /// steps nobody reads them.
+    pub fn idle(&self) -> [&Buffer; 2] {
+        [&self.splat2d, &self.early]
+    }
+
+    /// Bytes of its buffers.
+    pub fn held(&self) -> Held {
+        let backward = self.backward.as_ref();
+        // What the lists need beyond the gradients is there for pairs: the tables of their sort.
+        let of_splats = backward.map_or(self.early.size(), |b| b.grad2d.slice().bytes().max(LEAST_2D));
+        let slots = backward.map_or(0, |b| b.slot_grads.size() + b.unused_normals.size());
+        let own = Held {
+            splats: self.splat2d.size() + self.tile_counts.size() + self.normals.size() + of_splats,
+            pairs: self.early.size() - of_splats,
+            slot_pairs: slots,
+            fixed: self.counters.size() + self.args.size() + self.pair_counts.size(),
+            ..Held::default()
+        };
+        own + self.lists.held()
     }
 
     /// The device.
@@ -330,6 +416,10 @@ fn most(gpu: &Gpu, bytes: u64) -> u32 {
 
 /// Bytes of the largest row of a plane or of the gradients.
 pub(crate) const LARGEST_ROW: u64 = 48;
+/// Bytes of a row of the projected splats and of their gradients.
+const ROW_2D: u64 = 48;
+/// Least bytes of those buffers, so that others can lay out parts in them when there are few splats.
+pub const LEAST_2D: u64 = 8192;
 
 /// How large a renderer is.
 #[derive(Clone, Copy, Debug)]
@@ -351,7 +441,7 @@ pub struct Size {
 }
 
 impl Backward {
-    fn new(gpu: &Gpu, variants: Variants, size: &Size) -> Result<Self, vk::Error> {
+    fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
         let chosen = kernels::blend_backward(gpu, variants)?;
         let slots = variants.gradients == GradientSum::Slots;
         let mut switches =
@@ -367,7 +457,7 @@ impl Backward {
                 Memory::Device,
             )?,
             unused_normals: gpu.buffer("unused_normals", 16, Memory::Device)?,
-            grad2d: gpu.buffer("grad2d", 48 * u64::from(size.splats.max(1)), Memory::Device)?,
+            grad2d,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::scan::{self as pass, Push};
-use crate::vk::{Buffer, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+use crate::vk::{Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
 
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
@@ -97,17 +97,27 @@ impl Scan {
         Ok(Scan { form: Form::Blocks { reduce: reduce?, spine: spine?, add: add?, sums } })
     }
 
+    /// Bytes of its own buffer.
+    pub fn bytes(&self) -> u64 {
+        match &self.form {
+            Form::Once(_) => 0,
+            Form::Blocks { sums, .. } => sums.size(),
+        }
+    }
+
     /// Writes to word i of the second buffer the sum of words 0..i of the first, and the sum of all to counter `total`
     /// (or nowhere: [`NO_COUNTER`]).
-    pub fn record(
+    pub fn record<'b, B: Into<BufferSlice<'b>>>(
         &self,
         rec: &mut Recorder,
-        [source, target]: [&Buffer; 2],
+        [source, target]: [B; 2],
         counters: &Buffer,
         extent: Extent<'_>,
         summand: Summand,
         total: u32,
     ) -> Result<()> {
+        let (source, target, counters): (BufferSlice<'_>, BufferSlice<'_>, BufferSlice<'_>) =
+            (source.into(), target.into(), counters.into());
         let push = Push {
             source: extent.source,
             count: extent.count,
@@ -119,6 +129,7 @@ impl Scan {
         match &self.form {
             Form::Once(once) => rec.dispatch(once, &[source, counters, target], &push, extent.once),
             Form::Blocks { reduce, spine, add, sums } => {
+                let sums: BufferSlice<'_> = sums.into();
                 rec.dispatch(reduce, &[source, counters, sums], &push, extent.blocks)?;
                 rec.dispatch(spine, &[counters, sums], &push, extent.once)?;
                 rec.dispatch(add, &[source, counters, sums, target], &push, extent.blocks)

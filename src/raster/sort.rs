@@ -3,7 +3,9 @@
 use super::scan::{BLOCK as SCAN_BLOCK, Extent, Scan, Summand};
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::radix::{self as pass, Push};
-use crate::vk::{Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+use crate::vk::{
+    Buffer, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result, Subgroup,
+};
 
 /// How the passes split their work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,14 +114,28 @@ pub struct RadixSort {
     shape: Shape,
     count: Pipeline,
     scatter: Pipeline,
-    table: Buffer,
-    places: Buffer,
+    /// Digit counts, and their places.
+    tables: [Part; 2],
     scan: Scan,
 }
 
 impl RadixSort {
     /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffers.
     pub fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<RadixSort> {
+        let words = shape.table_words(most, bits);
+        let table = |what: &str| gpu.buffer(&format!("{name}.{what}"), 4 * words, Memory::Device).map(Part::whole);
+        RadixSort::within(gpu, name, shape, most, bits, [table("table")?, table("places")?])
+    }
+
+    /// The same with the memory of the tables given: [`Shape::table_words`] each.
+    pub(super) fn within(
+        gpu: &Gpu,
+        name: &str,
+        shape: Shape,
+        most: u64,
+        bits: u32,
+        tables: [Part; 2],
+    ) -> Result<RadixSort> {
         let (count, scatter, width) = match (shape, gpu.caps().subgroup) {
             (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
             (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
@@ -132,18 +148,22 @@ impl RadixSort {
             shape,
             count: gpu.pipeline(&count.kernel, width.as_slice())?,
             scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
-            table: gpu.buffer(&format!("{name}.table"), 4 * words, Memory::Device)?,
-            places: gpu.buffer(&format!("{name}.places"), 4 * words, Memory::Device)?,
+            tables,
             scan: Scan::new(gpu, name, words)?,
         })
     }
 
+    /// Bytes of its own buffers, the tables aside.
+    pub(super) fn bytes(&self) -> u64 {
+        self.scan.bytes()
+    }
+
     /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
-    pub fn record(
+    pub fn record<'b, B: Into<BufferSlice<'b>>>(
         &self,
         rec: &mut Recorder,
-        keys: [&Buffer; 2],
-        vals: [&Buffer; 2],
+        keys: [B; 2],
+        vals: [B; 2],
         counters: &Buffer,
         extent: Keys<'_>,
         bits: u32,
@@ -165,14 +185,16 @@ impl RadixSort {
                 (counter, 0, Groups::Indirect(args, Entry::offset(first)), table)
             }
         };
-        let (table_buffer, places) = (&self.table, &self.places);
+        let (keys, vals) = (keys.map(Into::into), vals.map(Into::into));
+        let [table_words, places] = [self.tables[0].slice(), self.tables[1].slice()];
+        let counts: BufferSlice<'_> = counters.into();
         for digit in 0..digits.passes {
             let (from, to) = ((digit % 2) as usize, (digit as usize + 1) % 2);
             let (shift, mask) = digits.shift_and_mask(digit);
             let push = Push { source, count: number, shift, mask, digits: digits.rows() };
-            rec.dispatch(&self.count, &[keys[from], counters, table_buffer], &push, groups)?;
-            self.scan.record(rec, [table_buffer, places], counters, table, Summand::Words, NO_COUNTER)?;
-            let bound = [keys[from], vals[from], counters, places, keys[to], vals[to]];
+            rec.dispatch(&self.count, &[keys[from], counts, table_words], &push, groups)?;
+            self.scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
+            let bound = [keys[from], vals[from], counts, places, keys[to], vals[to]];
             rec.dispatch(&self.scatter, &bound, &push, groups)?;
         }
         Ok(digits.side())

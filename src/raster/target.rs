@@ -15,6 +15,11 @@ pub struct Target {
 }
 
 impl Target {
+    /// Bytes of all of them.
+    pub fn bytes(&self) -> u64 {
+        self.image.size() + self.aux.size() + self.last.size()
+    }
+
     /// Room for `pixels` pixels.
     pub fn new(gpu: &Gpu, name: &str, pixels: u32, aux: bool) -> Result<Self, vk::Error> {
         let pixels = pixels.max(1);

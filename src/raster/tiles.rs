@@ -1,11 +1,13 @@
 //! From projected splats to the depth-ordered list of splats of every tile.
 
+use super::held::Held;
+use super::loan::{Layout, Loan, parts, words};
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
 use crate::pass::plan::{self, Entry};
 use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::twin::tile::TileGrid;
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result};
+use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
 
 /// Bits of a depth key: depths are positive, so their sign bit is 0.
 pub(crate) const DEPTH_BITS: u32 = 31;
@@ -54,14 +56,12 @@ pub struct TileLists {
     splat_scan: Scan,
     depth_sort: RadixSort,
     tile_sort: RadixSort,
-    keys: [Buffer; 2],
-    vals: [Buffer; 2],
-    visible_counts: Buffer,
-    pair_offsets: Buffer,
-    pair_keys: [Buffer; 2],
-    pair_vals: [Buffer; 2],
-    slot_splat: Buffer,
-    sorted_splats: Buffer,
+    keys: [Part; 2],
+    vals: [Part; 2],
+    pair_keys: [Part; 2],
+    pair_vals: [Part; 2],
+    /// Without, pairs carry the splat and not the slot.
+    slot_splat: Option<Part>,
     tile_ranges: Buffer,
 }
 
@@ -85,32 +85,53 @@ pub struct Inputs<'a> {
 /// The lists of one recorded frame.
 #[derive(Clone, Copy)]
 pub struct Lists<'a> {
-    /// Visible splats in depth order (the first `counters.visible`).
-    pub order: &'a Buffer,
-    /// First slot of each visible splat in depth order.
-    pub pair_offsets: &'a Buffer,
-    /// Splat of each slot.
-    pub slot_splat: &'a Buffer,
-    /// Slot of each pair in (tile, depth) order.
-    pub sorted_slots: &'a Buffer,
+    /// What sums by slots need; where there are none these bytes are used again before the lists are complete.
+    pub slots: Option<Slots<'a>>,
     /// Splat of each pair in (tile, depth) order.
-    pub sorted_splats: &'a Buffer,
+    pub sorted_splats: BufferSlice<'a>,
     /// [begin, end) of each tile's pairs.
-    pub tile_ranges: &'a Buffer,
+    pub tile_ranges: BufferSlice<'a>,
     /// Workgroups of `slot_sum` for the visible splats; none when the pairs do not fit.
     pub slot_sums: Groups<'a>,
 }
 
+/// The places of pairs at emission: a splat's slots are consecutive, in depth order.
+#[derive(Clone, Copy)]
+pub struct Slots<'a> {
+    /// Visible splats in depth order (the first `counters.visible`).
+    pub order: BufferSlice<'a>,
+    /// First slot of each visible splat in depth order.
+    pub pair_offsets: BufferSlice<'a>,
+    /// Splat of each slot; in training until the blend backward.
+    pub slot_splat: BufferSlice<'a>,
+    /// Slot of each pair in (tile, depth) order.
+    pub sorted_slots: BufferSlice<'a>,
+}
+
 impl TileLists {
-    /// Allocates for the given sizes.
+    /// Allocates for the given sizes, with slots.
     pub fn new(gpu: &Gpu, capacities: Capacities) -> Result<TileLists> {
         TileLists::with_shape(gpu, capacities, Shape::of(gpu.caps()))
     }
 
     /// The same with the sort's shape given.
     pub fn with_shape(gpu: &Gpu, capacities: Capacities, shape: Shape) -> Result<TileLists> {
+        let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape, true).bytes(), Memory::Device)?;
+        let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
+        let slot_splat = Some(Part::whole(slot_splat));
+        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat })
+    }
+
+    /// The same in memory that is the lists' until they are complete, see [`Layout`].
+    pub(super) fn within(gpu: &Gpu, capacities: Capacities, shape: Shape, loan: Loan<'_>) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
-        let words = |name: &str, count: u64| gpu.buffer(name, 4 * count.max(1), Memory::Device);
+        let layout = Layout::new(gpu, &capacities, shape, loan.slot_splat.is_some());
+        let [depth_tables, tile_tables, keys] =
+            [&layout.depth_tables, &layout.tile_tables, &layout.keys].map(|ranges| parts(loan.early, ranges));
+        let vals = match &loan.slot_splat {
+            Some(_) => words(gpu, ["vals0", "vals1"], splats)?,
+            None => parts(loan.early, &layout.vals),
+        };
         Ok(TileLists {
             capacities,
             shape,
@@ -118,20 +139,29 @@ impl TileLists {
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
             emit: gpu.pipeline(&emit::PASS.kernel, &[])?,
-            ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[])?,
+            ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[("CARRIED", u32::from(loan.slot_splat.is_none()))])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
-            depth_sort: RadixSort::new(gpu, "depth_sort", shape, splats, DEPTH_BITS)?,
-            tile_sort: RadixSort::new(gpu, "tile_sort", shape, pairs, tile_bits(tiles))?,
-            keys: [words("keys0", splats)?, words("keys1", splats)?],
-            vals: [words("vals0", splats)?, words("vals1", splats)?],
-            visible_counts: words("visible_counts", splats)?,
-            pair_offsets: words("pair_offsets", splats)?,
-            pair_keys: [words("pair_keys0", pairs)?, words("pair_keys1", pairs)?],
-            pair_vals: [words("pair_vals0", pairs)?, words("pair_vals1", pairs)?],
-            slot_splat: words("slot_splat", pairs)?,
-            sorted_splats: words("sorted_splats", pairs)?,
-            tile_ranges: words("tile_ranges", 2 * tiles)?,
+            depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,
+            tile_sort: RadixSort::within(gpu, "tile_sort", shape, pairs, tile_bits(tiles), tile_tables)?,
+            keys,
+            vals,
+            pair_keys: words(gpu, ["pair_keys0", "pair_keys1"], pairs)?,
+            pair_vals: words(gpu, ["pair_vals0", "pair_vals1"], pairs)?,
+            slot_splat: loan.slot_splat,
+            tile_ranges: gpu.buffer("tile_ranges", 8 * tiles.max(1), Memory::Device)?,
         })
+    }
+
+    /// Bytes of its own buffers, what was lent aside.
+    pub(super) fn held(&self) -> Held {
+        let bytes = |parts: &[Part; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
+        Held {
+            splats: self.splat_scan.bytes() + self.depth_sort.bytes(),
+            pairs: bytes(&self.pair_keys) + bytes(&self.pair_vals) + self.tile_sort.bytes(),
+            pixels: self.tile_ranges.size(),
+            slot_splats: if self.slot_splat.is_some() { bytes(&self.vals) } else { 0 },
+            ..Held::default()
+        }
     }
 
     /// What was allocated for.
@@ -144,6 +174,7 @@ impl TileLists {
     /// gets its bit and nothing is emitted.
     pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
         let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries } = inputs;
+        let [splat2d, tile_counts, count_words]: [BufferSlice<'_>; 3] = [splat2d, tile_counts, counts].map(Into::into);
         let [columns, rows] = grid.counts();
         let tiles = columns * rows;
         let at = |entry: u32| first_entry + entry;
@@ -155,11 +186,12 @@ impl TileLists {
         let once = Entry::fixed(1);
         let items = Entry::items(LOCAL_SIZE);
 
-        // Visible splats in the order of their index; pair_offsets serves as scratch for their places.
+        // Visible splats in the order of their index; the other side of the values serves as scratch for their places.
+        let [keys, vals] = [both(&self.keys), both(&self.vals)];
         let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
-        let places = &self.pair_offsets;
+        let places = vals[1];
         self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
-        let bound = [splat2d, tile_counts, places, counts, &self.keys[0], &self.vals[0]];
+        let bound = [splat2d, tile_counts, places, count_words, keys[0], vals[0]];
         rec.dispatch(&self.compact, &bound, &(), indirect(SPLAT_ITEMS))?;
 
         // In the order of their depth, with the first slot of each.
@@ -168,12 +200,13 @@ impl TileLists {
         let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
         plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &of_visible))?;
         let extent = Keys::Counted { counter: visible, args, first: at(VISIBLE_SORT), once: at(VISIBLE_ONCE) };
-        let side = self.depth_sort.record(rec, both(&self.keys), both(&self.vals), counts, extent, DEPTH_BITS)?;
-        let order = &self.vals[side];
-        let bound = [order, tile_counts, counts, &self.visible_counts];
+        let side = self.depth_sort.record(rec, keys, vals, counts, extent, DEPTH_BITS)?;
+        // The keys have done their work, and so has the other side of the values.
+        let (order, pair_offsets, visible_counts) = (vals[side], vals[1 - side], keys[0]);
+        let bound = [order, tile_counts, count_words, visible_counts];
         rec.dispatch(&self.gather_counts, &bound, &(), indirect(VISIBLE_ITEMS))?;
         let extent = Extent::counted(visible, args, at(VISIBLE_SCAN), at(VISIBLE_ONCE));
-        let sides = [&self.visible_counts, &self.pair_offsets];
+        let sides = [visible_counts, pair_offsets];
         self.splat_scan.record(rec, sides, counts, extent, Summand::Words, pairs)?;
 
         // Pairs, if they fit. If not, everything planned so far is void too: what follows must not run on them.
@@ -190,32 +223,33 @@ impl TileLists {
             tile_height: grid.tile[1],
             capacity,
         };
-        let bound = [
-            splat2d,
-            tile_counts,
-            order,
-            &self.pair_offsets,
-            counts,
-            &self.pair_keys[0],
-            &self.pair_vals[0],
-            &self.slot_splat,
-        ];
+        let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
+        // Where there are no slots the splat itself is sorted, and the slots go where the sort overwrites them.
+        let (slots, slot_splat) = match &self.slot_splat {
+            Some(slot_splat) => (vals[0], slot_splat.slice()),
+            None => (vals[1], vals[0]),
+        };
+        let bound = [splat2d, tile_counts, order, pair_offsets, count_words, keys[0], slots, slot_splat];
         rec.dispatch(&self.emit, &bound, &push, indirect(VISIBLE_ITEMS))?;
 
         // In the order of their tile; the sort is stable, so by depth within each.
         let extent = Keys::Counted { counter: pairs, args, first: at(PAIR_SORT), once: at(PAIR_ONCE) };
-        let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
         let side = self.tile_sort.record(rec, keys, vals, counts, extent, bits)?;
         rec.fill(&self.tile_ranges, 0)?;
-        let bound = [keys[side], vals[side], &self.slot_splat, counts, &self.sorted_splats, &self.tile_ranges];
+        let ranges: BufferSlice<'_> = (&self.tile_ranges).into();
+        // The other side of the keys is free again.
+        let slot_splat = self.slot_splat.as_ref().map_or(vals[1 - side], Part::slice);
+        let bound = [keys[side], vals[side], slot_splat, count_words, keys[1 - side], ranges];
         rec.dispatch(&self.ranges, &bound, &tile_ranges::Push { tiles }, indirect(PAIR_ITEMS))?;
         Ok(Lists {
-            order,
-            pair_offsets: &self.pair_offsets,
-            slot_splat: &self.slot_splat,
-            sorted_slots: vals[side],
-            sorted_splats: &self.sorted_splats,
-            tile_ranges: &self.tile_ranges,
+            slots: self.slot_splat.is_some().then_some(Slots {
+                order,
+                pair_offsets,
+                slot_splat,
+                sorted_slots: vals[side],
+            }),
+            sorted_splats: if self.slot_splat.is_some() { keys[1 - side] } else { vals[side] },
+            tile_ranges: ranges,
             slot_sums: indirect(VISIBLE_SLOTS),
         })
     }
@@ -226,6 +260,6 @@ pub(crate) fn tile_bits(tiles: u64) -> u32 {
     (64 - tiles.leading_zeros()).min(32)
 }
 
-fn both(buffers: &[Buffer; 2]) -> [&Buffer; 2] {
-    [&buffers[0], &buffers[1]]
+fn both(parts: &[Part; 2]) -> [BufferSlice<'_>; 2] {
+    [parts[0].slice(), parts[1].slice()]
 }

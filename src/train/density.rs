@@ -11,7 +11,7 @@ use crate::pass::{
     opacity_reset,
 };
 use crate::raster::scan::{Extent, Scan, Summand};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Result};
+use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
 
 /// Entries of `args` that a density change plans.
 pub const ARGS: u32 = 2;
@@ -40,21 +40,63 @@ pub struct Model<'a> {
     pub counters: &'a Buffer,
     /// Workgroup numbers of indirect dispatches.
     pub args: &'a Buffer,
+    /// Memory to work in.
+    pub scratch: Scratch<'a>,
 }
 
-/// Pipelines and scratch memory (about 88 bytes per splat of the capacity) of density changes.
+/// Memory that density changes overwrite: two buffers of [`SCRATCH_BYTES`] per splat of the capacity (and [`SCRATCH_LEAST`] in
+/// all). Training lends those of the projected splats and of their gradients, which nobody reads between two steps:
+///
+/// | bytes of `words`, per splat | owner |
+/// |---|---|
+/// | 16 | flags: four segments of `capacity` words: kept, clone, first child, second child |
+/// | 16 | where the flagged rows go, likewise |
+/// | 4 | source and kind of each new row |
+/// | 4 | identities before the change |
+///
+/// `rows` holds a copy of the plane that is being moved, of up to 48 bytes per splat.
+#[derive(Clone, Copy)]
+pub struct Scratch<'a> {
+    /// A copy of a plane.
+    pub rows: &'a Buffer,
+    /// Words of bookkeeping.
+    pub words: &'a Buffer,
+}
+
+/// Bytes per splat that each buffer of [`Scratch`] has.
+pub const SCRATCH_BYTES: u64 = 48;
+/// Least size of each buffer of [`Scratch`]: room for the alignment of its parts.
+pub const SCRATCH_LEAST: u64 = crate::raster::LEAST_2D;
+
+impl<'a> Scratch<'a> {
+    fn parts(self, capacity: u32, alignment: u64) -> Parts<'a> {
+        let mut end = 0u64;
+        let [flags, offsets, map, old_ids] = [16, 16, 4, 4].map(|bytes| {
+            let begin = end.next_multiple_of(alignment);
+            end = begin + bytes * u64::from(capacity);
+            self.words.slice(begin..end)
+        });
+        Parts { flags, offsets, map, old_ids, scratch: self }
+    }
+}
+
+/// The parts of the scratch memory.
+#[derive(Clone, Copy)]
+struct Parts<'a> {
+    flags: BufferSlice<'a>,
+    offsets: BufferSlice<'a>,
+    map: BufferSlice<'a>,
+    old_ids: BufferSlice<'a>,
+    scratch: Scratch<'a>,
+}
+
+/// Pipelines of density changes.
 pub struct DensityControl {
     capacity: u32,
     first_entry: u32,
     scan: Scan,
-    /// Four segments of `capacity` words: kept, clone, first child, second child.
-    flags: Buffer,
-    offsets: Buffer,
     tally: Buffer,
-    map: Buffer,
-    old_ids: Buffer,
-    /// A copy of the plane that is being moved; as large as the largest.
-    source: Buffer,
+    alignment: u64,
     plan: Pipeline,
     classify: Pipeline,
     limit: Pipeline,
@@ -70,7 +112,6 @@ impl DensityControl {
     pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32) -> Result<Self> {
         let capacity = capacity.max(1);
         let n = u64::from(capacity);
-        let device = |name: &str, bytes: u64| gpu.buffer(name, bytes, Memory::Device);
         let gather = |width: u32| -> Result<(u32, Pipeline)> {
             Ok((width, gpu.pipeline(&densify_gather::PASS.kernel, &[("WIDTH", width)])?))
         };
@@ -78,12 +119,8 @@ impl DensityControl {
             capacity,
             first_entry,
             scan: Scan::new(gpu, "densify_flags", 4 * n)?,
-            flags: device("densify_flags", 16 * n)?,
-            offsets: device("densify_offsets", 16 * n)?,
-            tally: device("densify_tally", 16)?,
-            map: device("densify_map", 4 * n)?,
-            old_ids: device("densify_old_ids", 4 * n)?,
-            source: device("densify_source", 48 * n)?,
+            tally: gpu.buffer("densify_tally", 16, Memory::Device)?,
+            alignment: gpu.caps().limits.storage_alignment,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             classify: gpu.pipeline(&densify_classify::PASS.kernel, &[])?,
             limit: gpu.pipeline(&densify_limit::PASS.kernel, &[])?,
@@ -95,6 +132,11 @@ impl DensityControl {
         })
     }
 
+    /// Bytes of its own buffers; the scratch memory is lent.
+    pub fn bytes(&self) -> u64 {
+        self.tally.size() + self.scan.bytes()
+    }
+
     /// Splats that fit.
     pub fn capacity(&self) -> u32 {
         self.capacity
@@ -103,7 +145,9 @@ impl DensityControl {
     /// Records a density change: clone, split, prune. The host learns of no count: when the result has no room, the status
     /// and the wish are noted and nothing else is written. `event` keys the random draws.
     pub fn record(&self, rec: &mut Recorder, model: &Model<'_>, rules: &DensityRules, event: u32) -> Result<()> {
-        self.decide(rec, model, rules)?;
+        let parts = model.scratch.parts(self.capacity, self.alignment);
+        let Parts { flags, offsets, map, old_ids, scratch } = parts;
+        self.decide(rec, model, &parts, rules)?;
 
         // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
         let [entry_new, entry_old] = [self.first_entry, self.first_entry + 1];
@@ -117,28 +161,30 @@ impl DensityControl {
         let new_rows = Groups::Indirect(model.args, Entry::offset(entry_new));
         let old_rows = Groups::Indirect(model.args, Entry::offset(entry_old));
 
-        rec.copy(model.ids, 0, &self.old_ids, 0, 4 * u64::from(self.capacity))?;
-        let buffers = [model.counters, &self.flags, &self.offsets, &self.old_ids, &self.map, model.ids];
+        rec.copy(model.ids, 0, scratch.words, old_ids.offset(), 4 * u64::from(self.capacity))?;
+        let [counts, ids] = slices([model.counters, model.ids]);
+        let buffers = [counts, flags, offsets, old_ids, map, ids];
         rec.dispatch(&self.rows, &buffers, &densify_map::Push { stride: self.capacity }, old_rows)?;
 
         // Centres before rotations and scales: children are drawn from their parents' old ones.
-        let [means, quats, scales] = [MEANS, QUATS, SCALES].map(|p| &model.planes[p]);
-        self.set_aside(rec, means, WIDTHS[MEANS])?;
-        let buffers = [model.counters, &self.map, &self.old_ids, &self.source, quats, scales, means];
+        self.set_aside(rec, scratch, &model.planes[MEANS], WIDTHS[MEANS])?;
+        let [source, means, quats, scales] =
+            slices([scratch.rows, &model.planes[MEANS], &model.planes[QUATS], &model.planes[SCALES]]);
+        let buffers = [counts, map, old_ids, source, quats, scales, means];
         rec.dispatch(&self.means, &buffers, &densify_means::Push { seed: rules.seed, event }, new_rows)?;
         for (p, (plane, width)) in model.planes.iter().zip(WIDTHS).enumerate().filter(|(p, _)| *p != MEANS) {
             let mode = if p == SCALES { MODE_SHRINK } else { MODE_COPY };
-            self.gather(rec, model, plane, width, mode)?;
+            self.gather(rec, model, &parts, plane, width, mode)?;
         }
         for moments in [model.first_moments, model.second_moments] {
             for (plane, width) in moments.iter().zip(WIDTHS) {
-                self.gather(rec, model, plane, width, MODE_MOMENT)?;
+                self.gather(rec, model, &parts, plane, width, MODE_MOMENT)?;
             }
         }
-        self.gather(rec, model, model.stats, 4, MODE_ZERO)?;
+        self.gather(rec, model, &parts, model.stats, 4, MODE_ZERO)?;
 
         let push = densify_finish::Push { stride: self.capacity };
-        rec.dispatch(&self.finish, &[model.counters, &self.offsets, &self.tally], &push, Groups::Workgroups(1))
+        rec.dispatch(&self.finish, &[counts, offsets, (&self.tally).into()], &push, Groups::Workgroups(1))
     }
 
     /// Records an opacity reset: every opacity at most `cap`, moments of opacities zero.
@@ -153,53 +199,52 @@ impl DensityControl {
     }
 
     /// Flags and where the flagged rows go.
-    fn decide(&self, rec: &mut Recorder, model: &Model<'_>, rules: &DensityRules) -> Result<()> {
+    fn decide(&self, rec: &mut Recorder, model: &Model<'_>, parts: &Parts<'_>, rules: &DensityRules) -> Result<()> {
         let all = Groups::Items(u64::from(self.capacity));
         rec.fill(&self.tally, 0)?;
         let [means, quats, scales, opacities, sh0, sh1, sh2, sh3] = model.planes;
-        let buffers = [
-            model.counters,
-            means,
-            quats,
-            scales,
-            opacities,
-            sh0,
-            sh1,
-            sh2,
-            sh3,
-            model.stats,
-            &self.flags,
-            &self.tally,
-        ];
+        let counts: BufferSlice<'_> = model.counters.into();
+        let model_and_stats =
+            slices([model.counters, means, quats, scales, opacities, sh0, sh1, sh2, sh3, model.stats]);
+        let mut buffers = model_and_stats.to_vec();
+        buffers.extend([parts.flags, (&self.tally).into()]);
         rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
-        self.scan_flags(rec, model)?;
+        self.scan_flags(rec, model, parts)?;
         if let Some(max_splats) = rules.max_splats {
             let push = densify_limit::Push { stride: self.capacity, max_splats };
-            rec.dispatch(&self.limit, &[model.counters, &self.offsets, &self.flags], &push, all)?;
-            self.scan_flags(rec, model)?;
+            rec.dispatch(&self.limit, &[counts, parts.offsets, parts.flags], &push, all)?;
+            self.scan_flags(rec, model, parts)?;
         }
         Ok(())
     }
 
-    fn scan_flags(&self, rec: &mut Recorder, model: &Model<'_>) -> Result<()> {
+    fn scan_flags(&self, rec: &mut Recorder, model: &Model<'_>, parts: &Parts<'_>) -> Result<()> {
         let extent = Extent::host(4 * self.capacity);
         let total = counters::SCAN_TOTAL as u32;
-        self.scan.record(rec, [&self.flags, &self.offsets], model.counters, extent, Summand::Words, total)
+        self.scan.record(rec, [parts.flags, parts.offsets], model.counters, extent, Summand::Words, total)
     }
 
-    fn set_aside(&self, rec: &mut Recorder, plane: &Buffer, width: u32) -> Result<()> {
-        rec.copy(plane, 0, &self.source, 0, 4 * u64::from(width) * u64::from(self.capacity))
+    fn set_aside(&self, rec: &mut Recorder, scratch: Scratch<'_>, plane: &Buffer, width: u32) -> Result<()> {
+        rec.copy(plane, 0, scratch.rows, 0, 4 * u64::from(width) * u64::from(self.capacity))
     }
 
-    fn gather(&self, rec: &mut Recorder, model: &Model<'_>, plane: &Buffer, width: u32, mode: u32) -> Result<()> {
+    fn gather(
+        &self,
+        rec: &mut Recorder,
+        model: &Model<'_>,
+        parts: &Parts<'_>,
+        plane: &Buffer,
+        width: u32,
+        mode: u32,
+    ) -> Result<()> {
         let Some((_, pipeline)) = self.gathers.iter().find(|(w, _)| *w == width) else {
             return Ok(());
         };
         if mode != MODE_ZERO {
-            self.set_aside(rec, plane, width)?;
+            self.set_aside(rec, parts.scratch, plane, width)?;
         }
-        let buffers = [model.counters, &self.map, &self.source, plane];
+        let [counts, source, plane] = slices([model.counters, parts.scratch.rows, plane]);
         let rows = Groups::Indirect(model.args, Entry::offset(self.first_entry));
-        rec.dispatch(pipeline, &buffers, &densify_gather::Push { mode }, rows)
+        rec.dispatch(pipeline, &[counts, parts.map, source, plane], &densify_gather::Push { mode }, rows)
     }
 }

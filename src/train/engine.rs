@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use super::Error;
-use super::density::{self, DensityControl, DensityRules};
+use super::cost::MemoryCost;
+use super::density::{self, DensityControl, DensityRules, Scratch};
 use super::event::{Event, Kind};
 use super::input::{Input, View};
 use super::losses::Losses;
@@ -16,11 +17,11 @@ use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish, loss};
 use crate::raster::{
-    DENSITY_ENTRY, Gradients, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of, grown,
+    DENSITY_ENTRY, Held, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of, grown,
     most_pairs, most_splats,
 };
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket, slices};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
 const RING_SLOT: u64 = 256;
@@ -49,7 +50,6 @@ pub struct Engine {
     renderer: Renderer,
     size: Size,
     model: Planes,
-    grads: Planes,
     optimiser: Optimiser,
     ids: Buffer,
     stats: Buffer,
@@ -127,7 +127,6 @@ impl Engine {
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::new(gpu, "", splats)?,
-            grads: Planes::new(gpu, "g_", splats)?,
             optimiser: Optimiser::new(gpu, splats, needs.extent)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
@@ -184,8 +183,7 @@ impl Engine {
             self.gpu.write(&self.ids, &initial.ids)?;
         }
         let mut recorder = self.gpu.recorder("begin")?;
-        self.optimiser.m.clear(&mut recorder)?;
-        self.optimiser.v.clear(&mut recorder)?;
+        self.optimiser.clear(&mut recorder)?;
         recorder.fill(&self.stats, 0)?;
         let mut words = vec![0u32; counters::COUNT];
         words[counters::SPLATS] = n;
@@ -196,15 +194,8 @@ impl Engine {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        let write = |planes: &Planes, values: &[Vec<f32>; 8]| -> Result<(), Error> {
-            for (buffer, values) in planes.buffers().iter().zip(values).filter(|(_, v)| !v.is_empty()) {
-                self.gpu.write(buffer, values)?;
-            }
-            Ok(())
-        };
-        write(&self.model, &state.params)?;
-        write(&self.optimiser.m, &state.m)?;
-        write(&self.optimiser.v, &state.v)?;
+        self.model.write_rows(&self.gpu, &state.params)?;
+        self.optimiser.restore(&self.gpu, [&state.m, &state.v])?;
         if !state.ids.is_empty() {
             self.gpu.write(&self.ids, &state.ids)?;
             self.gpu.write(&self.stats, &state.stats)?;
@@ -273,16 +264,16 @@ impl Engine {
             camera.height,
             photograph.values,
         )?;
-        let gradients = Gradients { model: &self.model, of_image: self.losses.grad_image(), of_model: &self.grads };
-        renderer.record_backward(recorder, &lists, &gradients, &shot, &self.target)?;
+        renderer.record_blend_backward(recorder, &lists, self.losses.grad_image(), &shot, &self.target)?;
         if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
             let push =
                 densify_stats::Push { half_width: 0.5 * camera.width as f32, half_height: 0.5 * camera.height as f32 };
-            let buffers = [&renderer.counters, &renderer.tile_counts, &renderer.splat2d, grad2d, &self.stats];
+            let [counts, tile_counts, splat2d, stats] =
+                slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
+            let buffers = [counts, tile_counts, splat2d, grad2d, stats];
             recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
         }
-        let rows = |row| renderer.per_float(row);
-        self.optimiser.record(recorder, &self.model, &self.grads, &renderer.counters, plan, rows)?;
+        self.optimiser.record(recorder, renderer, &self.model, &shot, plan)?;
         Ok(())
     }
 
@@ -305,6 +296,7 @@ impl Engine {
     }
 
     fn density_model(&self) -> density::Model<'_> {
+        let [rows, words] = self.renderer.idle();
         density::Model {
             planes: self.model.buffers(),
             first_moments: self.optimiser.m.buffers(),
@@ -313,6 +305,7 @@ impl Engine {
             ids: &self.ids,
             counters: &self.renderer.counters,
             args: &self.renderer.args,
+            scratch: Scratch { rows, words },
         }
     }
 
@@ -400,14 +393,29 @@ impl Engine {
 
     /// Plane by plane, so that only one of them is held twice.
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
-        self.grads = Planes::new(&self.gpu, "g_", 1)?;
         self.ids = grown(&self.gpu, &self.ids, 4 * u64::from(splats))?;
         self.stats = grown(&self.gpu, &self.stats, 16 * u64::from(splats))?;
         self.model.grow(&self.gpu, splats)?;
-        self.optimiser.m.grow(&self.gpu, splats)?;
-        self.optimiser.v.grow(&self.gpu, splats)?;
-        self.grads = Planes::new(&self.gpu, "g_", splats)?;
+        self.optimiser.grow(&self.gpu, splats)?;
         Ok(())
+    }
+
+    /// What the buffers cost.
+    pub fn memory(&self) -> MemoryCost {
+        let of_splats =
+            [self.model.bytes(), self.optimiser.bytes(), self.ids.size(), self.stats.size(), self.density.bytes()];
+        let own = Held {
+            splats: of_splats.iter().sum(),
+            pixels: self.target.bytes() + self.losses.bytes(),
+            fixed: self.ring.size(),
+            ..Held::default()
+        };
+        let photographs = self.photographs.iter().map(|p| p.pixels.size()).sum();
+        MemoryCost::new(
+            own + self.renderer.held(),
+            [self.size.splats, self.size.pairs, self.target.pixels],
+            photographs,
+        )
     }
 
     /// The model, read back. Waits.

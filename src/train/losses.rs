@@ -78,6 +78,12 @@ impl Losses {
         recorder.dispatch(&self.sum, &buffers, &push, Groups::Workgroups(1))
     }
 
+    /// Bytes of its buffers.
+    pub(super) fn bytes(&self) -> u64 {
+        let rest = [&self.ssim_parts, &self.l1_parts, &self.grad_image, &self.result];
+        self.planes.iter().chain(rest).map(Buffer::size).sum()
+    }
+
     /// dL/d(image), the layout of the image; the fourth component is zero.
     pub(super) fn grad_image(&self) -> &Buffer {
         &self.grad_image

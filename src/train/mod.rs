@@ -1,6 +1,7 @@
 //! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer as a stream of messages.
 
 mod checkpoint;
+mod cost;
 pub mod density;
 mod engine;
 mod error;
@@ -20,6 +21,7 @@ mod trainer;
 pub mod tune;
 
 pub use checkpoint::Checkpointed;
+pub use cost::MemoryCost;
 pub use engine::{Engine, Outcome};
 pub use error::Error;
 pub use evaluate::score;

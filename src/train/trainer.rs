@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::checkpoint::Checkpointed;
+use super::cost::MemoryCost;
 use super::engine::{Engine, MOST_IN_FLIGHT, Outcome};
 use super::event::{Event, Kind};
 use super::history::History;
@@ -390,6 +391,11 @@ impl Trainer {
     /// The forms of the passes in use.
     pub fn variants(&self) -> Variants {
         self.engine.variants()
+    }
+
+    /// What the training costs in device memory.
+    pub fn memory(&self) -> MemoryCost {
+        self.engine.memory()
     }
 
     /// The schedule in force.

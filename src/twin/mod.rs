@@ -24,6 +24,7 @@ pub mod plan;
 pub mod probe;
 pub mod project;
 pub mod project_backward;
+pub mod project_backward_adam;
 pub mod projection;
 pub mod radix;
 pub mod random;

@@ -11,7 +11,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let slots = call.get::<u32>(1);
     let slot_splat = call.get::<u32>(2);
     let pairs = call.get::<u32>(3)[counters::PAIRS].min(call.groups * 64) as usize;
-    let sorted: Vec<u32> = slots[..pairs].iter().map(|&slot| slot_splat[slot as usize]).collect();
+    let sorted: Vec<u32> = slots[..pairs].iter().filter_map(|&slot| slot_splat.get(slot as usize).copied()).collect();
     let mut ranges = call.get::<[u32; 2]>(5);
     for (j, &tile) in keys[..pairs].iter().enumerate().filter(|&(_, &tile)| tile < push.tiles) {
         let range = &mut ranges[tile as usize];
@@ -22,6 +22,8 @@ pub fn run(call: &mut TwinCall<'_>) {
             range[1] = j as u32 + 1;
         }
     }
-    call.set(4, &sorted);
+    if call.constants[0] == 0 {
+        call.set(4, &sorted);
+    }
     call.set(5, &ranges);
 }

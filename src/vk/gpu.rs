@@ -216,6 +216,13 @@ impl Gpu {
         lock(&self.inner.device.memory).as_ref().map(|pool| pool.tally()).unwrap_or_default()
     }
 
+    /// Forgets the most that was allocated so far: [`MemoryUse::peak`] counts from what is allocated now.
+    pub fn restart_peak(&self) {
+        if let Some(pool) = lock(&self.inner.device.memory).as_mut() {
+            pool.restart_peak();
+        }
+    }
+
     /// Times of a profiled recording, once, when its ticket has passed; `None` before, and for one that was not profiled.
     pub fn timings(&self, ticket: Ticket) -> Result<Option<Vec<PassTime>>> {
         self.retire()?;

@@ -56,6 +56,10 @@ impl MemoryPool {
         })
     }
 
+    pub(super) fn restart_peak(&mut self) {
+        self.tally.peak = self.tally.current;
+    }
+
     pub(super) fn tally(&self) -> MemoryUse {
         self.tally
     }

@@ -228,6 +228,14 @@ impl Reported {
             Addresses::Always => "always".to_owned(),
         };
         note("buffers by address", shown, why.to_owned());
+        let why = match options.max_storage_buffers {
+            Some(most) if most < limits.storage_buffers => {
+                limits.storage_buffers = most;
+                "forced"
+            }
+            _ => "maxPerStageDescriptorStorageBuffers",
+        };
+        note("storage buffers of a pass", limits.storage_buffers.to_string(), why.to_owned());
 
         let (memory_limit, why) = self.memory_limit(options);
         note("device memory limit", format!("{} MiB", memory_limit >> 20), why);

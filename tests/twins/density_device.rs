@@ -6,7 +6,9 @@ use super::density_model::{MEANS, Model, OPACITIES, Rng, Row, SCALES, WIDTHS};
 use super::density_twin;
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
 use psrgs_vk::pass::{densify_stats, opacity_reset};
-use psrgs_vk::train::density::{ARGS, DensityControl, DensityRules, Model as DeviceModel, logit};
+use psrgs_vk::train::density::{
+    ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Scratch, logit,
+};
 use psrgs_vk::twin::densify_stats::add_view;
 use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
 
@@ -23,6 +25,7 @@ struct OnDevice {
     ids: Buffer,
     counters: Buffer,
     args: Buffer,
+    scratch: [Buffer; 2],
     control: DensityControl,
 }
 
@@ -43,6 +46,10 @@ impl OnDevice {
             ids: buffer("ids", &model.ids),
             counters: buffer("counters", &model.counters),
             args: buffer("args", &[u32::MAX; 4 * 32]),
+            scratch: ["rows", "words"].map(|name| {
+                let bytes = (SCRATCH_BYTES * model.capacity as u64).max(SCRATCH_LEAST);
+                gpu.buffer(name, bytes, Memory::Device).unwrap()
+            }),
             control: DensityControl::new(gpu, model.capacity as u32, FIRST_ENTRY).unwrap(),
         }
     }
@@ -56,6 +63,7 @@ impl OnDevice {
             ids: &self.ids,
             counters: &self.counters,
             args: &self.args,
+            scratch: Scratch { rows: &self.scratch[0], words: &self.scratch[1] },
         }
     }
 

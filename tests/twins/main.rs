@@ -29,6 +29,7 @@ mod plan;
 mod probe;
 mod project;
 mod project_backward;
+mod project_backward_adam;
 mod projection_scene;
 mod radix;
 mod scan;
@@ -70,6 +71,7 @@ cases! {
     probe: "probe_copy" "probe_rate_exp2" "probe_rate_multiply_add";
     project: "project";
     project_backward: "project_backward";
+    project_backward_adam: "project_backward_adam";
     radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"

@@ -28,8 +28,13 @@ pub fn run(gpu: &Gpu) {
                 vec![0; 8 * (tiles as usize + 2)],
             ];
             let groups = pairs.div_ceil(64).max(1) as u32;
+            // Where splats are carried, their list is nobody's to write.
+            let carried = harness::run(gpu, &PASS, &[("CARRIED", 1)], &buffers, &Push { tiles }, groups);
+            carried.assert_same_bits(&format!("tile_ranges of {pairs} carried pairs, {tiles} tiles"));
+            assert_eq!(carried.device[4], buffers[4]);
             let outcome = harness::run(gpu, &PASS, &[], &buffers, &Push { tiles }, groups);
             outcome.assert_same_bits(&format!("tile_ranges of {pairs} pairs, {tiles} tiles"));
+            assert_eq!(outcome.device[5], carried.device[5]);
             let ranges = outcome.device::<[u32; 2]>(5);
             for (tile, range) in ranges.iter().enumerate().take(tiles as usize) {
                 let begin = keys[..pairs].partition_point(|&k| k < tile as u32);

@@ -54,6 +54,18 @@ pub(super) fn text(report: &Report) -> String {
         report.warm_up,
         HumanBytes(report.peak_device_bytes),
     );
+    let m = report.memory;
+    text.truncate(text.trim_end().len());
+    text += &format!(
+        "\nmemory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per splat); \
+         {} for a density change\n\n",
+        m.per_splat,
+        m.per_pair,
+        m.per_pixel,
+        m.slots_per_pair,
+        m.slots_per_splat,
+        HumanBytes(report.density_peak_bytes),
+    );
 
     let rates = &report.rates;
     text += &format!(

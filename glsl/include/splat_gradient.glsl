@@ -1,0 +1,88 @@
+// Gradients of one splat's parameters from those of its 2D Gaussian, shared by the pass that writes them down and the one that
+// steps with them at once.
+#ifndef SPLAT_GRADIENT_GLSL
+#define SPLAT_GRADIENT_GLSL
+#include "projection.glsl"
+#include "sh.glsl"
+
+struct SplatParams {
+    vec3 mean;
+    vec4 quat;
+    vec3 log_scale;
+    float logit;
+    vec4 sh[12];  // four groups; those above the degree are not looked at
+};
+
+struct SplatGradient {
+    vec3 mean;
+    vec4 quat;
+    vec3 log_scale;
+    float logit;
+    vec3 rgb;  // of the colour: coefficient k of the spherical harmonics has basis value k times this
+    vec3 dir;  // where the basis is taken
+};
+
+// A row of grad2d, and the normal's gradient.
+struct Gradient2d {
+    vec4 a;  // mean x, mean y, A, B
+    vec4 b;  // C, opacity, r, g
+    vec4 c;  // b, depth, abs x, abs y
+    vec3 normal;
+};
+
+SplatGradient no_gradient() {
+    return SplatGradient(vec3(0.0), vec4(0.0), vec3(0.0), 0.0, vec3(0.0), vec3(0.0));
+}
+
+// `stored` is the colour that was blended. `flags` are VIEW_*. The normal takes part where `with_normal`.
+SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams s, vec3 stored, Gradient2d up,
+                             bool with_normal) {
+    SplatGradient result;
+    const vec3 p = to_camera(camera, s.mean);
+    const Ewa e = ewa_project(camera, p, s.quat, s.log_scale);
+
+    // Colour: max(0, .) passes no gradient where the stored colour is 0.
+    const vec3 g_rgb = mix(vec3(0.0), vec3(up.b.zw, up.c.x), greaterThan(stored, vec3(0.0)));
+    const vec3 offset = s.mean - camera.center;
+    const float distance = length(offset);
+    const vec3 dir = offset / distance;
+    vec3 g_dir = sh_slope0(sh_dot(g_rgb, s.sh[0], s.sh[1], s.sh[2]), degree);
+    if (degree >= 2u) {
+        g_dir += sh_slope1(dir, sh_dot(g_rgb, s.sh[3], s.sh[4], s.sh[5])) +
+                 sh_slope2(dir, sh_dot(g_rgb, s.sh[6], s.sh[7], s.sh[8]), degree);
+    }
+    if (degree >= 3u) g_dir += sh_slope3(dir, sh_dot(g_rgb, s.sh[9], s.sh[10], s.sh[11]));
+    result.rgb = g_rgb;
+    result.dir = dir;
+
+    // Opacity, with the anti-aliasing factor between the sigmoid and what is blended.
+    const vec2 sigma = sigmoid(s.logit);
+    const bool antialias = (flags & VIEW_ANTIALIAS) != 0u;
+    result.logit = up.b.y * sigma.y * (antialias ? e.compensation : 1.0);
+    const float g_compensation = antialias ? up.b.y * sigma.x : 0.0;
+
+    vec3 g_axis = vec3(0.0);
+    uint axis = 0u;
+    if (with_normal) {
+        axis = shortest_axis(s.log_scale);
+        float side;
+        splat_normal(camera, p, e.rot, axis, side);
+        const vec3 g_normal = side * up.normal;
+        g_axis = camera.w0 * g_normal.x + camera.w1 * g_normal.y + camera.w2 * g_normal.z;
+    }
+    EwaGrad g = ewa_backward(camera, e, p.z, vec3(up.a.zw, up.b.x), g_compensation, g_axis, axis,
+                             (flags & VIEW_REFERENCE_CLAMP) != 0u);
+    g.p.xy += up.a.xy * e.zoom;
+    g.p.z += up.c.y - dot(up.a.xy * e.zoom, p.xy / p.z);
+    result.mean = camera.w0 * g.p.x + camera.w1 * g.p.y + camera.w2 * g.p.z + (g_dir - dir * dot(dir, g_dir)) / distance;
+    result.quat = g.quat;
+    result.log_scale = g.log_scale;
+    return result;
+}
+
+// A group of SH gradients is the outer product of its basis values and the colour's gradient.
+vec4 sh_outer0(vec4 basis, vec3 g) { return vec4(basis.x * g, basis.y * g.x); }
+vec4 sh_outer1(vec4 basis, vec3 g) { return vec4(basis.y * g.yz, basis.z * g.xy); }
+vec4 sh_outer2(vec4 basis, vec3 g) { return vec4(basis.z * g.z, basis.w * g); }
+
+#endif

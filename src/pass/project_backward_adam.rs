@@ -1,0 +1,195 @@
+//! Gradients of the 3D Gaussians and one optimiser step with them, without gradients in between.
+
+use super::adam::{self, Settings};
+use super::camera::CameraPush;
+use super::{Pass, module};
+use crate::vk::{Constant, Kernel, read, read_write};
+
+/// [`Push::flags`]: opacities take the step too.
+pub const STEPS_OPACITIES: u32 = 4;
+/// [`Push::flags`]: place of the degree of the spherical harmonics in use.
+pub const DEGREE_SHIFT: u32 = 8;
+
+/// Learning rates of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the means, scene units.
+    pub means: f64,
+    /// Of the quaternions.
+    pub quats: f64,
+    /// Of the log scales.
+    pub scales: f64,
+    /// Of the opacity logits.
+    pub opacities: f64,
+    /// Of the constant spherical harmonic.
+    pub sh_base: f64,
+    /// Of the other spherical harmonics.
+    pub sh_rest: f64,
+}
+
+/// Optimiser steps that an element has taken, this one included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Steps {
+    /// All but the opacities.
+    pub most: u32,
+    /// The opacities; `None` leaves them as they are.
+    pub opacities: Option<u32>,
+}
+
+crate::push_constants! {
+    /// Push constants of [`PASS`]; see [`Push::new`].
+    pub struct Push {
+        /// As in [`CameraPush`].
+        pub row0: [f32; 4],
+        /// As in [`CameraPush`].
+        pub row1: [f32; 4],
+        /// As in [`CameraPush`].
+        pub row2: [f32; 4],
+        /// Camera centre in the scene.
+        pub center: [f32; 3],
+        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], and the degree of the spherical harmonics above [`DEGREE_SHIFT`].
+        pub flags: u32,
+        /// As in [`CameraPush`].
+        pub limits: [f32; 4],
+        /// fx, fy in pixels.
+        pub focal: [f32; 2],
+        /// Learning rates.
+        pub lr_means: f32,
+        /// See [`Rates`].
+        pub lr_quats: f32,
+        /// See [`Rates`].
+        pub lr_scales: f32,
+        /// See [`Rates`].
+        pub lr_opacities: f32,
+        /// See [`Rates`].
+        pub lr_sh_base: f32,
+        /// See [`Rates`].
+        pub lr_sh_rest: f32,
+        /// 1 / (1 - beta1^t).
+        pub inv_bias1: f32,
+        /// 1 / sqrt(1 - beta2^t).
+        pub inv_sqrt_bias2: f32,
+        /// The same with the opacities' t.
+        pub inv_bias1_opacities: f32,
+        /// The same with the opacities' t.
+        pub inv_sqrt_bias2_opacities: f32,
+    }
+}
+
+impl Push {
+    /// The push constants of a step that looked through `camera`.
+    pub fn new(camera: &CameraPush, settings: &Settings, rates: &Rates, steps: Steps) -> Self {
+        let adam = |t: u32| adam::Push::new(settings, t, 1, 0, 0.0, 0.0);
+        let (most, opacities) = (adam(steps.most), adam(steps.opacities.unwrap_or(1)));
+        let stepped = if steps.opacities.is_some() { STEPS_OPACITIES } else { 0 };
+        let [x, y, z, _] = camera.center;
+        let [fx, fy, ..] = camera.intrinsics;
+        Self {
+            row0: camera.row0,
+            row1: camera.row1,
+            row2: camera.row2,
+            center: [x, y, z],
+            flags: camera.flags | stepped | camera.sh_degree << DEGREE_SHIFT,
+            limits: camera.limits,
+            focal: [fx, fy],
+            lr_means: rates.means as f32,
+            lr_quats: rates.quats as f32,
+            lr_scales: rates.scales as f32,
+            lr_opacities: rates.opacities as f32,
+            lr_sh_base: rates.sh_base as f32,
+            lr_sh_rest: rates.sh_rest as f32,
+            inv_bias1: most.inv_bias1,
+            inv_sqrt_bias2: most.inv_sqrt_bias2,
+            inv_bias1_opacities: opacities.inv_bias1,
+            inv_sqrt_bias2_opacities: opacities.inv_sqrt_bias2,
+        }
+    }
+}
+
+/// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
+/// are zero and a step would change nothing of them.
+pub fn constants(settings: &Settings, degree: u32, aux: bool) -> [(&'static str, u32); 7] {
+    let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
+    [
+        ("AUX", u32::from(aux)),
+        ("DEGREE", degree.min(3)),
+        ("BETA1", adam.beta1.to_bits()),
+        ("GAIN1", adam.gain1.to_bits()),
+        ("BETA2", adam.beta2.to_bits()),
+        ("GAIN2", adam.gain2.to_bits()),
+        ("EPS", adam.eps.to_bits()),
+    ]
+}
+
+/// The pass.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "project_backward_adam",
+        spirv: module("project_backward_adam"),
+        bindings: &[
+            read("counters"),
+            read("splat2d"),
+            read("tile_counts"),
+            read("grad2d"),
+            read("grad_normals"),
+            read_write("means"),
+            read_write("quats"),
+            read_write("scales"),
+            read_write("opacities"),
+            read_write("sh0"),
+            read_write("sh1"),
+            read_write("sh2"),
+            read_write("sh3"),
+            read_write("m_means"),
+            read_write("m_quats"),
+            read_write("m_scales"),
+            read_write("m_opacities"),
+            read_write("m_sh0"),
+            read_write("m_sh1"),
+            read_write("m_sh2"),
+            read_write("m_sh3"),
+            read_write("v_means"),
+            read_write("v_quats"),
+            read_write("v_scales"),
+            read_write("v_opacities"),
+            read_write("v_sh0"),
+            read_write("v_sh1"),
+            read_write("v_sh2"),
+            read_write("v_sh3"),
+        ],
+        push_bytes: Push::BYTES,
+        constants: &[
+            Constant { id: 0, name: "AUX", default: 0 },
+            Constant { id: 1, name: "DEGREE", default: 3 },
+            Constant { id: 2, name: "BETA1", default: 0x3f66_6666 },
+            Constant { id: 3, name: "GAIN1", default: 0x3dcc_cccd },
+            Constant { id: 4, name: "BETA2", default: 0x3f7f_be77 },
+            Constant { id: 5, name: "GAIN2", default: 0x3a83_126f },
+            Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
+        ],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
+          project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
+          zero. Spherical harmonics above DEGREE are not touched.",
+    dispatch: "one thread per splat of the model",
+    push: Push::FIELDS,
+    twin: crate::twin::project_backward_adam::run,
+};
+
+/// Storage buffers that a device must bind at once for [`PASS`].
+pub const BINDINGS: u32 = PASS.kernel.bindings.len() as u32;
+
+#[cfg(test)]
+mod tests {
+    use super::{PASS, Settings, constants};
+
+    #[test]
+    fn default_constants_are_the_default_settings() {
+        for ((name, value), constant) in
+            constants(&Settings::default(), 3, false).into_iter().zip(PASS.kernel.constants)
+        {
+            assert_eq!((name, value), (constant.name, constant.default));
+        }
+    }
+}

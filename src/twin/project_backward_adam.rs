@@ -1,0 +1,110 @@
+//! Twin of `glsl/project_backward_adam.comp`.
+
+use super::adam::adam;
+use super::project_backward::{Grad2d, project_backward};
+use super::splat::{PARAMETERS, Splat, View};
+use super::{Real, TwinCall};
+use crate::pass::adam::Push as AdamPush;
+use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
+use crate::pass::counters;
+use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEPS_OPACITIES};
+use crate::scene::Gaussians;
+use crate::twin::splat::model_of;
+
+/// A splat with the moments of its parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stepped<R> {
+    /// Parameters.
+    pub splat: Splat<R>,
+    /// First moments.
+    pub first: Splat<R>,
+    /// Second moments.
+    pub second: Splat<R>,
+}
+
+/// The camera of the push constants; what the backward does not look at is zero.
+pub fn view<R: Real>(push: &Push) -> View<R> {
+    let r = |x: f32| R::of(f64::from(x));
+    let rows = [push.row0, push.row1, push.row2];
+    View {
+        rotation: rows.map(|row| [r(row[0]), r(row[1]), r(row[2])]),
+        translation: rows.map(|row| r(row[3])),
+        center: push.center.map(r),
+        near: R::zero(),
+        focal: push.focal.map(r),
+        principal: [R::zero(); 2],
+        limits: push.limits.map(r),
+        size: [0; 2],
+        sh_degree: push.flags >> DEGREE_SHIFT,
+        antialias: push.flags & ANTIALIAS != 0,
+        reference_clamp: push.flags & REFERENCE_CLAMP != 0,
+    }
+}
+
+/// The optimiser's numbers for each of the 59 parameters with its rate; `constants` are the pass's, in order.
+fn of_parameter(push: &Push, constants: &[u32], k: usize) -> (AdamPush, f32) {
+    let float = |i: usize| f32::from_bits(constants[i]);
+    let (lr, inv_bias1, inv_sqrt_bias2) = match k {
+        0..3 => (push.lr_means, push.inv_bias1, push.inv_sqrt_bias2),
+        3..7 => (push.lr_quats, push.inv_bias1, push.inv_sqrt_bias2),
+        7..10 => (push.lr_scales, push.inv_bias1, push.inv_sqrt_bias2),
+        10 => (push.lr_opacities, push.inv_bias1_opacities, push.inv_sqrt_bias2_opacities),
+        11..14 => (push.lr_sh_base, push.inv_bias1, push.inv_sqrt_bias2),
+        _ => (push.lr_sh_rest, push.inv_bias1, push.inv_sqrt_bias2),
+    };
+    let (beta1, gain1, beta2, gain2, eps) = (float(2), float(3), float(4), float(5), float(6));
+    (AdamPush { beta1, gain1, beta2, gain2, eps, inv_bias1, inv_sqrt_bias2, ..AdamPush::default() }, lr)
+}
+
+/// Parameters that spherical harmonics up to a degree have, after the 11 of the geometry.
+fn within(degree: u32) -> usize {
+    11 + 3 * (degree as usize + 1).pow(2)
+}
+
+/// One step of one splat with the gradients of its parameters (zeros for a culled one).
+pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
+    let (g, mut params) = (gradient.to_array(), state.splat.to_array());
+    let (mut first, mut second) = (state.first.to_array(), state.second.to_array());
+    for k in (0..PARAMETERS).filter(|&k| k < within(constants[1]) && (k != 10 || push.flags & STEPS_OPACITIES != 0)) {
+        let (numbers, lr) = of_parameter(push, constants, k);
+        adam(&numbers, R::of(f64::from(lr)), g[k], (&mut params[k], &mut first[k], &mut second[k]));
+    }
+    Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
+}
+
+/// Adapter over raw buffers.
+pub fn run(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let view = view::<f32>(&push);
+    let n = (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize);
+    let splat2d = call.get::<[f32; 12]>(1);
+    let tile_counts = call.get::<u32>(2);
+    let grad2d = call.get::<[f32; 12]>(3);
+    let grad_normals = call.get::<[f32; 4]>(4);
+    let aux = call.constants[0] != 0;
+    let mut planes = [5, 13, 21].map(|first| model_of(call, first, n));
+    for i in 0..n {
+        let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
+        let state = Stepped { splat, first, second };
+        let gradient = if tile_counts[i] == 0 {
+            Splat::of(&Gaussians::zeros(1), 0)
+        } else {
+            let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
+            let color = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
+            project_backward(&state.splat, &view, color, &Grad2d { row: grad2d[i], normal: [x, y, z] })
+        };
+        let after = step(&push, call.constants, &state, &gradient);
+        for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
+            values.store(plane, i);
+        }
+    }
+    for (first, plane) in [5, 13, 21].into_iter().zip(&planes) {
+        call.set(first, &plane.means);
+        call.set(first + 1, &plane.quats);
+        call.set(first + 2, &plane.scales);
+        call.set(first + 3, &plane.opacities);
+        for (group, values) in plane.sh.iter().enumerate() {
+            call.set(first + 4 + group, values);
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! `project_backward_adam`: against the f64 twin, and bit for bit against `project_backward` followed by `adam`.
+
+use psrgs_vk::pass::adam::{self, Settings};
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::project_backward_adam::{PASS, Push, Rates, Steps, constants};
+use psrgs_vk::pass::{Pass, project_backward};
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::twin::project::project;
+use psrgs_vk::twin::project_backward::{Grad2d, project_backward as gradient_of};
+use psrgs_vk::twin::project_backward_adam::{Stepped, step, view};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::tile::TileGrid;
+use psrgs_vk::vk::{DeviceKind, Gpu};
+
+use super::common::splats::Random;
+use super::harness::{self, bytes, garbage};
+use super::projection_scene as scene;
+
+const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
+const RATES: Rates =
+    Rates { means: 8e-4, quats: 1e-3, scales: 5e-3, opacities: 0.025, sh_base: 2.5e-3, sh_rest: 1.25e-4 };
+
+/// What a dispatch is given, and what f64 makes of it.
+struct Case {
+    n: usize,
+    push: Push,
+    degree: u32,
+    aux: bool,
+    /// In binding order.
+    buffers: Vec<Vec<u8>>,
+    camera: psrgs_vk::pass::camera::CameraPush,
+    tiles: Vec<u32>,
+    before: Vec<Stepped<f64>>,
+    want: Vec<Stepped<f64>>,
+    /// Gradients, and how wrong those of the device may be.
+    gradients: Vec<([f64; PARAMETERS], [f64; PARAMETERS])>,
+}
+
+/// Which parameters a splat's error of an f32 gradient is judged together with, and its bound (see `project_backward`).
+fn family(k: usize) -> (std::ops::Range<usize>, f64) {
+    match k {
+        0..3 => (0..3, 2e-4),
+        3..7 => (3..7, 2e-4),
+        7..10 => (7..10, 2e-4),
+        10 => (10..11, 1e-5),
+        _ => (11..PARAMETERS, 1e-5),
+    }
+}
+
+fn model_of(splats: &[Splat<f64>]) -> Gaussians {
+    scene::model(splats)
+}
+
+/// `degree` of the harmonics is in use and `most` was before: moments above are zero.
+fn case(model: &Gaussians, projection: &Projection, most: u32, aux: bool, steps: Steps, poison: bool) -> Case {
+    let n = model.len();
+    let camera = scene::push(projection);
+    let push = Push::new(&camera, &Settings::default(), &RATES, steps);
+    let full = View::<f64>::of(&camera);
+    let grid = TileGrid { image: full.size, tile: [16, 16] };
+    let mut random = Random::new(7 + n as u64);
+    let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
+    let (mut grad2d, mut normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);
+    let (mut before, mut gradients) = (Vec::new(), Vec::new());
+    for i in 0..n {
+        let splat = Splat::<f64>::of(model, i);
+        let on_device = project(&Splat::<f32>::of(model, i), &View::of(&camera), Some(&grid)).is_ok();
+        let seen = project(&splat, &full, Some(&grid)).ok().filter(|_| on_device);
+        let (mut g, mut error) = ([0.0; PARAMETERS], [0.0; PARAMETERS]);
+        if let Some(p) = seen {
+            tiles[i] = p.tiles;
+            splat2d[i] = p.row().map(|v| v as f32);
+            let size = 1.0 / (p.conic[0] * p.conic[2]).sqrt();
+            grad2d[i] = std::array::from_fn(|k| match k {
+                2..=4 => (size * random.symmetric()) as f32,
+                10 | 11 => f32::NAN,
+                _ => random.symmetric() as f32,
+            });
+            if poison && i % 5 == 0 {
+                grad2d[i][0] = f32::NAN;
+            }
+            if poison && i % 5 == 1 {
+                grad2d[i][6] = f32::INFINITY;
+            }
+            normals[i] = std::array::from_fn(|k| if aux && k < 3 { random.symmetric() as f32 } else { f32::NAN });
+            let normal = if aux { [0, 1, 2].map(|k| f64::from(normals[i][k])) } else { [0.0; 3] };
+            let up = Grad2d { row: grad2d[i].map(f64::from), normal };
+            let color = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
+            g = gradient_of(&splat, &full, color, &up).to_array();
+            let condition = if projection.antialias { scene::condition(&splat, &full) } else { 1.0 };
+            error = std::array::from_fn(|k| {
+                let (range, bound) = family(k);
+                let largest = g[range].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+                bound * largest * if k == 10 { condition } else { 1.0 }
+            });
+        }
+        // Moments of the size that such gradients leave, in f32.
+        let used = 11 + 3 * (most as usize + 1).pow(2);
+        let f = |x: f64| f64::from(x as f32);
+        let size: [f64; PARAMETERS] = g.map(|v| if v.is_finite() { v.abs().clamp(1e-6, 1e9) } else { 1.0 });
+        let moment = |random: &mut Random, scale: &dyn Fn(f64, f64) -> f64| -> Splat<f64> {
+            let values: [f64; PARAMETERS] =
+                std::array::from_fn(|k| if k < used { f(scale(size[k], random.symmetric())) } else { 0.0 });
+            Splat::from_array(&values)
+        };
+        let first = moment(&mut random, &|size, x| size * x);
+        let second = moment(&mut random, &|size, x| size * size * (1.5 + x));
+        before.push(Stepped { splat, first, second });
+        gradients.push((g, error));
+    }
+    let values: Vec<u32> = constants(&Settings::default(), most, aux).iter().map(|(_, value)| *value).collect();
+    let want =
+        before.iter().zip(&gradients).map(|(s, (g, _))| step(&push, &values, s, &Splat::from_array(g))).collect();
+
+    let mut buffers = vec![scene::counts(n)];
+    buffers.extend([bytes(&splat2d), bytes(&tiles), bytes(&grad2d), bytes(&normals)].map(|b| [b, garbage(8)].concat()));
+    for k in 0..3 {
+        let values: Vec<Splat<f64>> = before.iter().map(|s| [&s.splat, &s.first, &s.second][k].clone()).collect();
+        buffers.extend(scene::planes(&model_of(&values)));
+    }
+    Case { n, push, degree: most, aux, buffers, camera, tiles, before, want, gradients }
+}
+
+/// The planes of a dispatch from binding `first` on as splats.
+fn splats_of(planes: &[Vec<f32>], n: usize) -> Vec<[f32; PARAMETERS]> {
+    let model = Gaussians {
+        means: planes[0][..3 * n].to_vec(),
+        quats: planes[1][..4 * n].to_vec(),
+        scales: planes[2][..3 * n].to_vec(),
+        opacities: planes[3][..n].to_vec(),
+        sh: std::array::from_fn(|g| planes[4 + g][..12 * n].to_vec()),
+        ids: Vec::new(),
+    };
+    (0..n).map(|i| Splat::<f32>::of(&model, i).to_array()).collect()
+}
+
+impl Case {
+    fn given(&self) -> [(&'static str, u32); 7] {
+        constants(&Settings::default(), self.degree, self.aux)
+    }
+
+    /// On the device; what lies beyond the rows and what is only read keeps its bits.
+    fn run(&self, gpu: &Gpu, what: &str) -> harness::Outcome {
+        let groups = self.n.div_ceil(64).max(1) as u32;
+        let outcome = harness::run(gpu, &PASS, &self.given(), &self.buffers, &self.push, groups);
+        assert_eq!(outcome.device[..5], self.buffers[..5], "{what}: inputs changed");
+        for first in [5, 13, 21] {
+            for (k, row) in ROWS.into_iter().enumerate() {
+                let rows = 4 * row * self.n;
+                assert_eq!(
+                    outcome.device[first + k][rows..],
+                    self.buffers[first + k][rows..],
+                    "{what}: beyond its rows"
+                );
+            }
+        }
+        outcome
+    }
+
+    fn check(&self, gpu: &Gpu, what: &str) {
+        let outcome = self.run(gpu, what);
+        let planes = |first: usize| (first..first + 8).map(|k| outcome.device::<f32>(k)).collect::<Vec<_>>();
+        let got = [5, 13, 21].map(|first| splats_of(&planes(first), self.n));
+        let eps = f64::from(f32::EPSILON);
+        let mut moved = 0;
+        for i in 0..self.n {
+            let (before, want) = (&self.before[i], &self.want[i]);
+            let arrays = |s: &Stepped<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
+            let ([p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(want));
+            let (g, dg) = &self.gradients[i];
+            for k in 0..PARAMETERS {
+                let [p, m, v] = [0, 1, 2].map(|plane| f64::from(got[plane][i][k]));
+                if (p1[k], m1[k], v1[k]) == (p0[k], m0[k], v0[k]) {
+                    assert_eq!((p, m, v), (p0[k], m0[k], v0[k]), "{what}: splat {i}, element {k} should not move");
+                    continue;
+                }
+                moved += 1;
+                let dm = 0.1 * dg[k] + 2.0 * eps * (m0[k].abs() + g[k].abs());
+                let dv = 1e-3 * dg[k] * (2.0 * g[k].abs() + dg[k]) + 4.0 * eps * v1[k] + 1e-37;
+                assert!((m - m1[k]).abs() <= dm, "{what}: splat {i}, first moment {k}: {m:e} instead of {:e}", m1[k]);
+                assert!((v - v1[k]).abs() <= dv, "{what}: splat {i}, second moment {k}: {v:e} instead of {:e}", v1[k]);
+                let step = (p1[k] - p0[k]).abs();
+                let share = dm / m1[k].abs().max(1e-300) + dv / v1[k].max(1e-300) + 16.0 * eps;
+                let dp = step * share + eps * p1[k].abs() + 1e-30;
+                assert!((p - p1[k]).abs() <= dp, "{what}: splat {i}, parameter {k}: {p:e} instead of {:e}", p1[k]);
+            }
+        }
+        assert!(moved >= 10 * self.n, "{what}: only {moved} elements of {} splats moved", self.n);
+    }
+
+    /// The same by `project_backward` and eight times `adam`.
+    fn check_against_unfused(&self, gpu: &Gpu, steps: Steps, what: &str) {
+        let groups = self.n.div_ceil(64).max(1) as u32;
+        let of = |pass: &Pass, given: &[(&str, u32)], buffers: &[Vec<u8>], groups| {
+            assert_eq!(buffers.len(), pass.kernel.bindings.len());
+            harness::run(gpu, pass, given, buffers, &self.camera, groups)
+        };
+        let mut buffers = vec![self.buffers[0].clone()];
+        buffers.extend_from_slice(&self.buffers[5..13]);
+        buffers.extend_from_slice(&self.buffers[1..5]);
+        buffers.extend(ROWS.map(|row| garbage(row * self.n + scene::BEYOND)));
+        let aux = [("AUX", u32::from(self.aux))];
+        let gradients = of(&project_backward::PASS, &aux, &buffers, groups);
+        let fused = self.run(gpu, what);
+        let rates = [RATES.means, RATES.quats, RATES.scales, RATES.opacities];
+        for (k, row) in ROWS.into_iter().enumerate() {
+            let planes = [5, 13, 21].map(|first| self.buffers[first + k].clone());
+            let mut after = planes.clone();
+            if let Some(t) = if k == 3 { steps.opacities } else { Some(steps.most) } {
+                let rest = rates.get(k).copied().unwrap_or(RATES.sh_rest);
+                let head = if k == 4 { 3 } else { 0 };
+                let push = adam::Push::new(&Settings::default(), t, row as u32, head, RATES.sh_base, rest);
+                let mut buffers = vec![self.buffers[0].clone(), gradients.device[13 + k].clone()];
+                buffers.extend(planes);
+                let groups = (row * self.n).div_ceil(64).max(1) as u32;
+                let stepped = harness::run(gpu, &adam::PASS, &[], &buffers, &push, groups);
+                after = std::array::from_fn(|j| stepped.device[2 + j].clone());
+            }
+            for (j, first) in [5, 13, 21].into_iter().enumerate() {
+                let same = fused.device[first + k] == after[j];
+                assert!(same, "{what}: {} differs", PASS.kernel.bindings[first + k].name);
+            }
+        }
+    }
+
+    fn seen(&self) -> usize {
+        self.tiles.iter().filter(|t| **t > 0).count()
+    }
+}
+
+pub fn run(gpu: &Gpu) {
+    // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
+    let same_bits = gpu.caps().kind == DeviceKind::Cpu;
+    let all = Steps { most: 9, opacities: Some(4) };
+    for n in [0, 1, 63, 64, 65] {
+        let case = case(&scene::ordinary(n, 300 + n as u64), &Projection::default(), 3, true, all, false);
+        case.check(gpu, &format!("{n} splats"));
+    }
+    for (k, projection) in scene::settings().into_iter().enumerate() {
+        // The degree in use, and one more where one more was in use before.
+        let most = (projection.sh_degree + u32::from(k >= 4)).min(3);
+        let steps = if k % 3 == 2 { Steps { most: 30, opacities: None } } else { all };
+        let case = case(&scene::ordinary(600, 20 + k as u64), &projection, most, k % 2 == 1, steps, k == 5);
+        let what = format!("{projection:?}, {steps:?}");
+        assert!(case.seen() > 250 && case.seen() < 600, "{what}: {} seen", case.seen());
+        case.check(gpu, &what);
+        if same_bits {
+            case.check_against_unfused(gpu, steps, &what);
+        }
+    }
+    for antialias in [false, true] {
+        let projection = Projection { antialias, ..Projection::default() };
+        let case = case(&scene::hard(), &projection, 3, true, all, false);
+        case.check(gpu, &format!("hard splats, anti-aliasing {antialias}"));
+        if same_bits {
+            case.check_against_unfused(gpu, all, "hard splats");
+        }
+    }
+    twin_adapter(gpu);
+}
+
+/// The twin's adapter over raw buffers agrees with the typed twin, to f32.
+fn twin_adapter(gpu: &Gpu) {
+    let steps = Steps { most: 3, opacities: Some(2) };
+    let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, true, steps, false);
+    let outcome = case.run(gpu, "adapter");
+    assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);
+    for k in 5..29 {
+        let (device, twin) = (outcome.device::<f32>(k), outcome.twin::<f32>(k));
+        let largest = twin[..case.n].iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let rows = ROWS[(k - 5) % 8] * case.n;
+        let off =
+            device[..rows].iter().zip(&twin[..rows]).filter(|(d, t)| (**d - **t).abs() > 1e-3 * (t.abs() + largest));
+        assert!(off.count() * 100 < rows, "{}", PASS.kernel.bindings[k].name);
+    }
+}
