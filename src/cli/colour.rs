@@ -14,7 +14,9 @@ impl FromStr for Colour {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
         let hex = |digits: &str| -> Option<[f32; 3]> {
-            let bits = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && digits.is_ascii())?;
+            // Digits alone: `from_str_radix` would take a sign.
+            let sound = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+            let bits = u32::from_str_radix(digits, 16).ok().filter(|_| sound)?;
             Some([16, 8, 0].map(|shift| (bits >> shift & 255) as f32 / 255.0))
         };
         let numbers = || -> Option<[f32; 3]> {

@@ -73,8 +73,8 @@ mod tests {
         let out = g.in_morton_order();
         let want = [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0];
         assert_eq!(out.opacities, want);
-        for i in 0..8 {
-            assert_eq!([out.quats[4 * i + 3], out.scales[3 * i + 2], out.sh[2][12 * i + 11]], [want[i]; 3]);
+        for (i, want) in want.into_iter().enumerate() {
+            assert_eq!([out.quats[4 * i + 3], out.scales[3 * i + 2], out.sh[2][12 * i + 11]], [want; 3]);
         }
         assert_eq!(out.ids, g.ids);
         assert_eq!(out.in_morton_order(), out, "what is in order stays");

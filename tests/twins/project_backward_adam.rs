@@ -160,16 +160,16 @@ impl Case {
     fn check(&self, gpu: &Gpu, what: &str) {
         let outcome = self.run(gpu, what);
         let planes = |first: usize| (first..first + 8).map(|k| outcome.device::<f32>(k)).collect::<Vec<_>>();
-        let got = [5, 13, 21].map(|first| splats_of(&planes(first), self.n));
+        let [params, first, second] = [5, 13, 21].map(|first| splats_of(&planes(first), self.n));
         let eps = f64::from(f32::EPSILON);
         let mut moved = 0;
-        for i in 0..self.n {
+        for (i, ((params, first), second)) in params.iter().zip(&first).zip(&second).enumerate() {
             let (before, want) = (&self.before[i], &self.want[i]);
             let arrays = |s: &Stepped<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
             let ([p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(want));
             let (g, dg) = &self.gradients[i];
             for k in 0..PARAMETERS {
-                let [p, m, v] = [0, 1, 2].map(|plane| f64::from(got[plane][i][k]));
+                let [p, m, v] = [params, first, second].map(|splat| f64::from(splat[k]));
                 if (p1[k], m1[k], v1[k]) == (p0[k], m0[k], v0[k]) {
                     assert_eq!((p, m, v), (p0[k], m0[k], v0[k]), "{what}: splat {i}, element {k} should not move");
                     continue;
