@@ -11,14 +11,14 @@
 
 #extension GL_EXT_control_flow_attributes : require
 #ifdef SUBGROUP_EMULATED
-#define LOCAL_SIZE 32
+#define LOCAL_SIZE 64
 #endif
 #include "subgroup.glsl"
 #include "common.glsl"
 #include "window.glsl"
 
 #ifdef SUBGROUP_EMULATED
-layout(local_size_x = 32) in;
+layout(local_size_x = 64) in;
 #else
 layout(local_size_x = 8, local_size_x_id = 0) in;  // the subgroup's width, or a multiple
 #endif

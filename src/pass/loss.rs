@@ -10,8 +10,10 @@ use crate::vk::{Binding, Constant, Kernel, read, write};
 pub const SLOT_FLOATS: u32 = 4;
 /// Narrowest subgroup that the window fits: its reach must not go past the neighbours.
 pub const LEAST_LANES: u32 = 8;
-/// Threads in a workgroup of the emulated variants.
-pub const EMULATED_LOCAL_SIZE: u32 = 32;
+/// Threads in a workgroup of the emulated variants: as many as the widest subgroup emulated.
+pub const EMULATED_LOCAL_SIZE: u32 = 64;
+/// Width of the subgroups that the emulated variants have in training.
+pub const EMULATED_LANES: u32 = 32;
 
 crate::push_constants! {
     /// Push constants of the strips and the gradient.
@@ -108,7 +110,7 @@ impl Layout {
 
 const LOCAL_SIZE: Constant = Constant { id: 0, name: "LOCAL_SIZE", default: 8 };
 const SEGMENT: Constant = Constant { id: 1, name: "SEGMENT", default: 64 };
-const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
+const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: EMULATED_LANES };
 
 const STRIPS: &[Binding] = &[
     read("image"),

@@ -25,7 +25,7 @@ impl Losses {
                 (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
             }
             _ => {
-                let width = loss::EMULATED_LOCAL_SIZE;
+                let width = loss::EMULATED_LANES;
                 (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED, "EMULATED_WIDTH", width)
             }
         };

@@ -42,7 +42,7 @@ enum With {
 
 impl With {
     fn all(gpu: &Gpu) -> Vec<Self> {
-        let mut all = vec![Self::Emulated(32), Self::Emulated(8)];
+        let mut all = vec![Self::Emulated(64), Self::Emulated(32), Self::Emulated(8)];
         if let Subgroup::Hardware(width) = gpu.caps().subgroup {
             all.push(Self::Hardware(width));
         }

@@ -1,38 +1,22 @@
 //! Some properties of the vertices, as numbers: for files that are no models.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
-use super::header;
-use super::read::Rows;
+use super::read::open;
 use crate::format::{At, Error};
 
 /// For each vertex the properties of these names, the `needed` ones first: an error when one of those is missing or not finite,
 /// `None` for one of the `others` that the file does not have.
 pub(crate) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<Vec<Vec<Option<f64>>>, Error> {
-    let opened = File::open(file).map_err(Error::io(file, "open"))?;
-    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
-    let mut reader = BufReader::with_capacity(1 << 18, opened);
-    let header = header::read(file, &mut reader)?;
-    let before = header.elements.iter().take_while(|e| e.name != "vertex").count();
-    let Some(vertex) = header.elements.get(before) else {
-        return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
-    };
+    let (header, vertices, mut rows) = open(file)?;
+    let vertex = &header.elements[vertices];
     let place = |name: &&str| vertex.properties.iter().position(|p| p.name == **name);
     if let Some(missing) = needed.iter().find(|name| place(name).is_none()) {
         let problem = format!("the property '{missing}' is missing");
         return Err(Error::malformed(file, "element vertex", At::Byte(vertex.at), problem));
     }
     let places: Vec<Option<usize>> = needed.iter().chain(others).map(place).collect();
-    let mut rows = Rows::new(file, reader, &header, len);
-    for element in &header.elements[..before] {
-        rows.check_fits(element)?;
-        for i in 0..element.count {
-            rows.row(element, i, |_, _| ())?;
-        }
-    }
-    rows.check_fits(vertex)?;
+    rows.go_to(&header, vertices)?;
     let mut out = Vec::with_capacity(usize::try_from(vertex.count).unwrap_or(0));
     let mut row = vec![0.0; vertex.properties.len()];
     for i in 0..vertex.count {

@@ -15,27 +15,27 @@ const MAX_LOGIT: f32 = 16.0;
 
 /// Reads a model.
 pub fn read(file: &Path) -> Result<Model, Error> {
-    let opened = File::open(file).map_err(Error::io(file, "open"))?;
-    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
-    let mut reader = BufReader::with_capacity(1 << 18, opened);
-    let header = header::read(file, &mut reader)?;
-    let before = header.elements.iter().take_while(|e| e.name != "vertex").count();
-    let Some(vertex) = header.elements.get(before) else {
-        return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
-    };
+    let (header, vertices, mut rows) = open(file)?;
+    let vertex = &header.elements[vertices];
     let columns = Columns::find(file, vertex)?;
-    let mut rows = Rows::new(file, reader, &header, len);
-    for element in &header.elements[..before] {
-        rows.check_fits(element)?;
-        for i in 0..element.count {
-            rows.row(element, i, |_, _| ())?;
-        }
-    }
-    rows.check_fits(vertex)?;
+    rows.go_to(&header, vertices)?;
     let gaussians = read_splats(&mut rows, vertex, &columns)?;
     let mut model = Model { gaussians, sh_degree: columns.degree, ..Model::default() };
     read_comments(file, &header, &mut model)?;
     Ok(model)
+}
+
+/// Header, position of the vertices among its elements, and the data.
+pub(super) fn open(file: &Path) -> Result<(Header, usize, Rows<'_>), Error> {
+    let opened = File::open(file).map_err(Error::io(file, "open"))?;
+    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, opened);
+    let header = header::read(file, &mut reader)?;
+    let Some(vertices) = header.elements.iter().position(|e| e.name == "vertex") else {
+        return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
+    };
+    let rows = Rows::new(file, reader, &header, len);
+    Ok((header, vertices, rows))
 }
 
 /// Where a property of the file goes.
@@ -141,8 +141,19 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// Begins behind a header.
-    pub(super) fn new(file: &'a Path, reader: BufReader<File>, header: &Header, len: u64) -> Self {
+    fn new(file: &'a Path, reader: BufReader<File>, header: &Header, len: u64) -> Self {
         Self { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, len }
+    }
+
+    /// Leaves out the elements before number `element`, which is to be read next and has to fit the file.
+    pub(super) fn go_to(&mut self, header: &Header, element: usize) -> Result<(), Error> {
+        for before in &header.elements[..element] {
+            self.check_fits(before)?;
+            for i in 0..before.count {
+                self.row(before, i, |_, _| ())?;
+            }
+        }
+        self.check_fits(&header.elements[element])
     }
 
     /// The end of the row read last.
@@ -151,7 +162,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Whether the file can hold all rows of an element, before memory is asked for them.
-    pub(super) fn check_fits(&self, element: &Element) -> Result<(), Error> {
+    fn check_fits(&self, element: &Element) -> Result<(), Error> {
         let field = || format!("element {}", element.name);
         if element.has_list && (self.encoding != Encoding::Ascii || element.name == "vertex") {
             let problem = "lists are not supported in or before the vertices";
