@@ -1,161 +1,26 @@
-//! A host program with its own `VkDevice` that renders a Gaussian model on it: the host creates instance, device and queue with
-//! ash, hands them over, has a picture rendered between two points of its own timeline, and reads it back.
+//! A host program with its own `VkDevice` that has a Gaussian model rendered on it: the host makes instance, device and queue with
+//! no more features than the engine requires, lends an allocator, submits work of its own from one thread while the engine submits
+//! from another, orders the two by a timeline semaphore, and shows the picture.
 //!
 //! ```text
 //! cargo run --example embed -- picture.png
 //! ```
 
-// A host speaks Vulkan itself, so this is the one place outside the device layer with `unsafe`.
-use std::error::Error;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+pub mod host;
 
+use std::error::Error;
+use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError};
+
+use host::Host;
+use host::memory::{Allocator, HostBuffer};
 use psrgs_vk::format::image_out;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Shot, Viewer};
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::scene::{Camera, Gaussians, SH_GROUP_FLOATS};
-use psrgs_vk::vk::ash::{self, vk};
-use psrgs_vk::vk::{Features, Gpu, HostDevice, HostSemaphore, OpenOptions, QueueLock};
-
-/// The host's side: everything here was made, and will be destroyed, by the host.
-pub struct Host {
-    entry: ash::Entry,
-    instance: ash::Instance,
-    physical_device: vk::PhysicalDevice,
-    device: ash::Device,
-    queue: vk::Queue,
-    family: u32,
-    features: Features,
-}
-
-impl Host {
-    /// Creates an instance and, on the first device with Vulkan 1.3 and a compute queue, a device with one queue. `None` where
-    /// there is no Vulkan driver.
-    pub fn new() -> Result<Option<Host>, Box<dyn Error>> {
-        // SAFETY: loads the system's Vulkan loader.
-        let Ok(entry) = (unsafe { ash::Entry::load() }) else { return Ok(None) };
-        let app = vk::ApplicationInfo::default().application_name(c"host").api_version(vk::API_VERSION_1_3);
-        let info = vk::InstanceCreateInfo::default().application_info(&app);
-        // SAFETY: valid description.
-        let instance = match unsafe { entry.create_instance(&info, None) } {
-            Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => return Ok(None),
-            instance => instance?,
-        };
-        // SAFETY: instance and physical devices are valid, and only features that every Vulkan 1.3 device has are enabled.
-        unsafe {
-            let mut found = None;
-            for physical in instance.enumerate_physical_devices()? {
-                let new_enough = instance.get_physical_device_properties(physical).api_version >= vk::API_VERSION_1_3;
-                let families = instance.get_physical_device_queue_family_properties(physical);
-                let compute = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
-                if let (true, Some(family), None) = (new_enough, compute, found) {
-                    found = Some((physical, family as u32));
-                }
-            }
-            let Some((physical_device, family)) = found else {
-                instance.destroy_instance(None);
-                return Ok(None);
-            };
-            let priorities = [1.0];
-            let queues =
-                [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-            let mut f12 =
-                vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).buffer_device_address(true);
-            let mut f13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
-            let info =
-                vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut f12).push_next(&mut f13);
-            let device = instance.create_device(physical_device, &info, None)?;
-            let queue = device.get_device_queue(family, 0);
-            let features = Features {
-                synchronization2: true,
-                timeline_semaphore: true,
-                maintenance4: true,
-                buffer_device_address: true,
-                ..Features::default()
-            };
-            Ok(Some(Host { entry, instance, physical_device, device, queue, family, features }))
-        }
-    }
-
-    /// What the engine needs to know.
-    pub fn describe(&self, lock: Option<QueueLock>) -> HostDevice {
-        HostDevice {
-            get_instance_proc_addr: self.entry.static_fn().get_instance_proc_addr,
-            instance: self.instance.handle(),
-            physical_device: self.physical_device,
-            device: self.device.handle(),
-            api_version: vk::API_VERSION_1_3,
-            features: self.features,
-            debug_utils: false,
-            queue: self.queue,
-            queue_family: self.family,
-            lock,
-        }
-    }
-
-    /// A timeline semaphore of the host.
-    pub fn timeline(&self) -> Result<vk::Semaphore, vk::Result> {
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: timeline semaphores are enabled.
-        unsafe { self.device.create_semaphore(&info, None) }
-    }
-
-    /// Sets a timeline semaphore from the host, as a submit of the host's would.
-    pub fn signal(&self, at: HostSemaphore) -> Result<(), vk::Result> {
-        let info = vk::SemaphoreSignalInfo::default().semaphore(at.semaphore).value(at.value);
-        // SAFETY: the semaphore is the host's, and values only grow.
-        unsafe { self.device.signal_semaphore(&info) }
-    }
-
-    /// Waits until a timeline semaphore has a value.
-    pub fn wait(&self, at: HostSemaphore) -> Result<(), vk::Result> {
-        let (semaphores, values) = ([at.semaphore], [at.value]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is the host's.
-        unsafe { self.device.wait_semaphores(&info, u64::MAX) }
-    }
-
-    /// Destroys a timeline semaphore.
-    ///
-    /// # Safety
-    /// No submit that uses it is left.
-    pub unsafe fn destroy(&self, semaphore: vk::Semaphore) {
-        // SAFETY: the semaphore is the host's; the rest is the caller's promise.
-        unsafe { self.device.destroy_semaphore(semaphore, None) }
-    }
-}
-
-impl Drop for Host {
-    fn drop(&mut self) {
-        // SAFETY: the engine and all its buffers are gone: hosts drop them first.
-        unsafe {
-            self.device.destroy_device(None);
-            self.instance.destroy_instance(None);
-        }
-    }
-}
-
-/// A lock around the queue that a host might have. Engine and host threads take it around every submit.
-pub fn queue_lock() -> (QueueLock, Arc<Mutex<u64>>) {
-    let uses = Arc::new(Mutex::new(0));
-    let held = Arc::new((Mutex::new(false), Condvar::new()));
-    let (counted, taken, given) = (uses.clone(), held.clone(), held);
-    let lock = move || {
-        let (mutex, freed) = &*taken;
-        let mut busy = mutex.lock().unwrap_or_else(PoisonError::into_inner);
-        while *busy {
-            busy = freed.wait(busy).unwrap_or_else(PoisonError::into_inner);
-        }
-        *busy = true;
-        *counted.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-    };
-    let unlock = move || {
-        *given.0.lock().unwrap_or_else(PoisonError::into_inner) = false;
-        given.1.notify_one();
-    };
-    ((Box::new(lock), Box::new(unlock)), uses)
-}
+use psrgs_vk::vk::ash::vk;
+use psrgs_vk::vk::{Gpu, HostDevice, OpenOptions, SubmitOrder};
 
 /// Where the splats of [`model`] are, and their colours.
 pub const SPLATS: [([f32; 3], [f32; 3]); 3] =
@@ -177,55 +42,135 @@ pub fn model() -> Gaussians {
     model
 }
 
-/// What is rendered: from the origin along z.
-pub fn shot() -> Shot {
+/// What frame `frame` shows: from somewhat to the side along z, and in the last frame from the origin.
+pub fn shot(frame: u64) -> Shot {
     let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let aside = 0.2 * (FRAMES - 1 - frame) as f64;
     let (width, height) = (96, 64);
-    let camera = Camera { rotation, translation: [0.0; 3], fx: 80.0, fy: 80.0, cx: 48.0, cy: 32.0, width, height };
+    let camera =
+        Camera { rotation, translation: [aside, 0.0, 0.0], fx: 80.0, fy: 80.0, cx: 48.0, cy: 32.0, width, height };
     Shot { camera, projection: Projection::default(), background: [0.0; 3] }
 }
 
-/// What the engine gave.
-pub struct Frame {
-    /// The picture.
+/// Frames that are drawn.
+pub const FRAMES: u64 = 4;
+
+/// What came of it.
+pub struct Outcome {
+    /// The picture of the last frame, as the host has it; its first row is the host's own.
     pub picture: Picture,
-    /// How often the engine submitted work for it.
+    /// How often the engine submitted work.
     pub submits: u64,
+    /// How often the host did.
+    pub host_submits: u64,
 }
 
-/// Renders on the host's device, between two points of the host's own timeline.
-pub fn run(host: &Host, description: HostDevice) -> Result<Frame, Box<dyn Error>> {
-    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function.
+/// Draws the frames on the host's device. Two threads submit to one queue, and nobody waits for it to run dry.
+pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn Error>> {
+    // ANCHOR: adopt
+    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits inside
+    // the lock of the description only.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
-    let mut viewer = Viewer::new(&gpu);
+    let viewer = Viewer::new(&gpu);
     let model = model();
-    let splats = model.len() as u32;
-    let model = viewer.upload(&model)?;
+    let (planes, splats) = (viewer.upload(&model)?, model.len() as u32);
+    let viewer = Mutex::new(viewer);
+    // ANCHOR_END: adopt
+    let Camera { width, height, .. } = shot(0).camera;
+    let floats = 4 * width as usize * height as usize;
+    let shown = HostBuffer::new(host, 2 * floats)?;
+    let commands = host.commands()?;
+    // Frame f of the host's timeline: begun at 3 f + 1, rendered at 3 f + 2, shown at 3 f + 3.
     let timeline = host.timeline()?;
-    let at = |value| HostSemaphore { semaphore: timeline, value };
-
-    let mut now = 0;
-    let picture = loop {
-        let (before, after) = (at(now + 1), at(now + 2));
-        let mut recorder = gpu.recorder("engine's part of a frame")?;
-        viewer.record(&mut recorder, &model, splats, &shot(), true)?;
-        // SAFETY: a timeline semaphore of this device, with rising values.
-        unsafe { recorder.submit_with(&[before], &[after]) }?;
-
-        // The host's part of the frame comes first, and the host waits for the engine's on its own timeline. A host that goes on
-        // with the picture on the device would use `viewer.target()` in a submit that waits for `after`.
-        host.signal(before)?;
-        host.wait(after)?;
-        now += 2;
-        // None: there was no room yet for so many splats in so many tiles. The next frame has it.
-        if let Some(picture) = viewer.collect()? {
-            break picture;
+    let mut host_submits = 0;
+    let mut first = 0;
+    loop {
+        let last = first + FRAMES;
+        // A submit may wait only for what stands before it in the queue, so each side says when it has submitted.
+        let (begun, to_draw) = mpsc::channel();
+        let (drawn, to_show) = mpsc::channel();
+        let ticket = std::thread::scope(|scope| -> Result<_, Box<dyn Error>> {
+            let (gpu, viewer, planes, timeline) = (&gpu, &viewer, &planes, &timeline);
+            // ANCHOR: engine
+            // The engine's thread: a frame is drawn once the host's part of it has run, and signals when it is whole.
+            let engine = scope.spawn(move || {
+                let mut ticket = gpu.last_ticket();
+                for frame in to_draw {
+                    let (wait, signal) = ([timeline.at(3 * frame + 1)], [timeline.at(3 * frame + 2)]);
+                    let order = SubmitOrder::new(&wait, &signal);
+                    let mut viewer = viewer.lock().unwrap_or_else(PoisonError::into_inner);
+                    ticket = viewer.submit(planes, splats, &shot(frame % FRAMES), true, order)?;
+                    let target = viewer.target().map(|target| (target.image.clone(), target.aux.clone()));
+                    if drawn.send(target).is_err() {
+                        break;
+                    }
+                }
+                Ok::<_, psrgs_vk::vk::Error>(ticket)
+            });
+            // ANCHOR_END: engine
+            // ANCHOR: host
+            // The host's thread: its part of the frame, which here is to clear, and then the picture, which it shows.
+            for frame in first..last {
+                let clear = commands.begin()?;
+                // SAFETY: `clear` is being recorded, and the buffer lives until the last point is reached.
+                unsafe {
+                    host.device.cmd_fill_buffer(clear, shown.buffer, 0, vk::WHOLE_SIZE, 0);
+                    host.device.end_command_buffer(clear)?;
+                    host.submit(clear, timeline.at(3 * frame), timeline.at(3 * frame + 1))?;
+                }
+                begun.send(frame)?;
+                let Some((image, aux)) = to_show.recv()? else { continue };
+                let show = commands.begin()?;
+                // SAFETY: as above; the engine's buffers live as long as their handles, which outlive the point waited for below.
+                unsafe {
+                    let bytes = 4 * floats as u64;
+                    let copy = |to| [vk::BufferCopy { src_offset: 0, dst_offset: to, size: bytes }];
+                    host.device.cmd_copy_buffer(show, image.raw(), shown.buffer, &copy(0));
+                    host.device.cmd_copy_buffer(show, aux.raw(), shown.buffer, &copy(bytes));
+                    overlay(host, show, &shown, width);
+                    host.device.end_command_buffer(show)?;
+                    host.submit(show, timeline.at(3 * frame + 2), timeline.at(3 * frame + 3))?;
+                }
+                host_submits += 2;
+            }
+            // ANCHOR_END: host
+            drop(begun);
+            Ok(engine.join().map_err(|_| "the engine's thread panicked")??)
+        })?;
+        // Only who looks at the result waits for it.
+        timeline.wait(3 * last, u64::MAX)?;
+        first = last;
+        // ANCHOR: fits
+        // No room yet for so many splats in so many tiles: there is now, and the frames are drawn again.
+        if viewer.lock().unwrap_or_else(PoisonError::into_inner).fits(ticket)? == Some(true) {
+            break;
         }
-    };
-    // SAFETY: the submits that used it have signalled it.
-    unsafe { host.destroy(timeline) };
+        // ANCHOR_END: fits
+    }
+    // SAFETY: the last point was reached.
+    let read = unsafe { shown.read() };
+    let (rgbt, aux) = read.split_at(floats);
+    let picture = Picture { width, height, rgbt: rgbt.to_vec(), aux: Some(aux.to_vec()) };
     gpu.check_canaries()?;
-    Ok(Frame { picture, submits: gpu.stats().submits })
+    Ok(Outcome { picture, submits: gpu.stats().submits, host_submits })
+}
+
+/// Draws a white line along the first row, as a host might draw its controls.
+///
+/// # Safety
+/// `commands` is being recorded.
+unsafe fn overlay(host: &Host, commands: vk::CommandBuffer, shown: &HostBuffer<'_>, width: u32) {
+    let copied = [vk::MemoryBarrier2::default()
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+        .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+        .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)];
+    let info = vk::DependencyInfo::default().memory_barriers(&copied);
+    // SAFETY: the caller's promise; the row is inside the buffer.
+    unsafe {
+        host.device.cmd_pipeline_barrier2(commands, &info);
+        host.device.cmd_fill_buffer(commands, shown.buffer, 0, 16 * u64::from(width), 1.0_f32.to_bits());
+    }
 }
 
 #[allow(dead_code)]
@@ -234,11 +179,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("no Vulkan driver");
         return Ok(());
     };
-    let (lock, uses) = queue_lock();
-    let Frame { picture, .. } = run(&host, host.describe(Some(lock)))?;
+    let allocator = Allocator::new(&host);
+    let Outcome { picture, submits, host_submits } = run(&host, host.describe(Some(allocator.clone())))?;
     let file = std::env::args().nth(1).unwrap_or_else(|| "embed.png".to_owned());
     image_out::write_png(file.as_ref(), picture.width, picture.height, &picture.rgb8())?;
-    let submits = *uses.lock().unwrap_or_else(PoisonError::into_inner);
-    println!("{file}: rendered on the host's device in {submits} submits");
+    let (left, most) = allocator.lent();
+    println!("{file}: {submits} submits of the engine and {host_submits} of the host on one queue");
+    println!("{most} blocks of the host's memory were lent, {left} are left");
     Ok(())
 }

@@ -29,7 +29,8 @@
 //! # }
 //! ```
 //!
-//! On a device that belongs to a host program, [`vk::Gpu::adopt`] takes the place of `open` (`examples/embed.rs`).
+//! On a device that belongs to a host program, [`vk::Gpu::adopt`] takes the place of `open`
+//! (`docs/EMBEDDING.md`, `examples/embed.rs`, `examples/view_while_training.rs`).
 //!
 //! # Training, by pulling messages
 //!

@@ -53,3 +53,36 @@ fn every_portability_rule_names_its_test() {
     }
     assert!(count >= 15, "{count} rules found");
 }
+
+/// The part of a file between `ANCHOR: name` and `ANCHOR_END: name`, without the indentation they share.
+fn anchored(text: &str, name: &str) -> Option<String> {
+    let (begin, end) = (format!("// ANCHOR: {name}"), format!("// ANCHOR_END: {name}"));
+    let mut lines = text.lines().skip_while(|line| line.trim() != begin).skip(1);
+    let inside: Vec<&str> = lines.by_ref().take_while(|line| line.trim() != end).collect();
+    let indent = inside.iter().filter(|l| !l.trim().is_empty()).map(|l| l.len() - l.trim_start().len()).min()?;
+    Some(inside.iter().map(|line| line.get(indent..).unwrap_or("").to_owned() + "\n").collect())
+}
+
+#[test]
+fn what_the_embedding_guide_quotes_is_in_the_examples() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let document = fs::read_to_string(root.join("docs/EMBEDDING.md")).unwrap();
+    let mut quotes = 0;
+    // Every block of code says where it is from: `<!-- file: anchor -->` in the line before.
+    let lines: Vec<&str> = document.lines().collect();
+    for (i, _) in lines.iter().enumerate().filter(|(_, line)| **line == "```rust") {
+        let source = lines[i - 1].strip_prefix("<!-- ").and_then(|l| l.strip_suffix(" -->"));
+        let (file, anchor) =
+            source.and_then(|s| s.split_once(": ")).expect("a block of code does not say where it is from");
+        let quoted: String =
+            lines[i + 1..].iter().take_while(|line| **line != "```").map(|line| format!("{line}\n")).collect();
+        let text = fs::read_to_string(root.join(file)).unwrap();
+        let there = anchored(&text, anchor).unwrap_or_else(|| panic!("{file} has no {anchor}"));
+        assert_eq!(quoted, there, "{file}: {anchor}");
+        quotes += 1;
+    }
+    assert!(quotes >= 8, "{quotes} quotes");
+    for example in ["examples/embed.rs", "examples/view_while_training.rs"] {
+        assert!(document.contains(&format!("<!-- {example}: ")), "nothing of {example} is quoted");
+    }
+}

@@ -2,7 +2,9 @@
 
 mod held;
 mod kernels;
+mod live;
 mod loan;
+mod picture;
 mod planes;
 mod renderer;
 pub mod scan;
@@ -13,9 +15,11 @@ mod variants;
 mod viewer;
 
 pub use held::Held;
-pub use planes::{MEANS, OPACITIES, PLANES, Planes, QUATS, SCALES, SH0, gaussians_of, grown, planes_of};
+pub use live::LiveModel;
+pub use picture::Picture;
+pub use planes::{MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH0, gaussians_of, grown, planes_of};
 pub(crate) use renderer::LARGEST_ROW;
 pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, LEAST_2D, Renderer, Shot, Size, most_pairs, most_splats};
 pub use target::Target;
 pub use variants::{Backward, Culling, GradientSum, TileShape, Variants};
-pub use viewer::{Picture, Viewer};
+pub use viewer::Viewer;

@@ -26,7 +26,19 @@ pub const OPACITIES: usize = 3;
 /// Index of the first spherical-harmonics group in [`PLANES`].
 pub const SH0: usize = 4;
 
-/// Eight buffers with the rows of [`PLANES`].
+/// One attribute of a model on the device.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane<'a> {
+    /// Name, as in [`PLANES`].
+    pub name: &'static str,
+    /// Floats per splat. Splat i has those from float `i * floats` on, with nothing in between.
+    pub floats: u32,
+    /// The buffer: [`Buffer::raw`] is its Vulkan handle, [`Buffer::address`] where shaders find it.
+    pub buffer: &'a Buffer,
+}
+
+/// Eight buffers with the rows of [`PLANES`]. Cloning gives another handle to the same memory.
+#[derive(Clone)]
 pub struct Planes {
     capacity: u32,
     buffers: [Buffer; 8],
@@ -57,6 +69,12 @@ impl Planes {
     /// The buffers in the order of [`PLANES`].
     pub fn buffers(&self) -> &[Buffer; 8] {
         &self.buffers
+    }
+
+    /// Every plane with its layout. Units and orders are those of `docs/CONVENTIONS.md`: positions in scene coordinates, rotations
+    /// (w, x, y, z) of any length, logarithms of scales, logits of opacities, coefficients with colour fastest.
+    pub fn layout(&self) -> [Plane<'_>; 8] {
+        std::array::from_fn(|k| Plane { name: PLANES[k].0, floats: PLANES[k].1, buffer: &self.buffers[k] })
     }
 
     /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held twice. Waits.

@@ -1,49 +1,14 @@
 //! Pictures of a model, outside of training.
 
+use super::live::LiveModel;
+use super::picture::Picture;
 use super::planes::Planes;
 use super::renderer::{Renderer, Shot, Size, most_pairs};
 use super::target::Target;
 use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
 use crate::scene::Gaussians;
-use crate::vk::{self, Gpu, Recorder};
-
-/// A rendered view, row-major.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// (r, g, b, final transmittance) per pixel; colours as blended, neither clamped nor rounded.
-    pub rgbt: Vec<f32>,
-    /// (sum w z, sum w n) per pixel in scene units and the camera frame, when asked for.
-    pub aux: Option<Vec<f32>>,
-}
-
-impl Picture {
-    /// 8-bit RGB, rounded to the nearest.
-    pub fn rgb8(&self) -> Vec<u8> {
-        crate::format::image_out::to_rgb8(&self.rgbt, 4)
-    }
-
-    /// Expected depth per pixel in scene units: sum w z / sum w where something is there (sum w > 0.01), else 0.
-    pub fn depth(&self) -> Option<Vec<f32>> {
-        let aux = self.aux.as_ref()?;
-        let pixels = self.rgbt.chunks_exact(4).zip(aux.chunks_exact(4));
-        Some(pixels.map(|(c, a)| if c[3] < 0.99 { a[0] / (1.0 - c[3]) } else { 0.0 }).collect())
-    }
-
-    /// Unit normal per pixel in the camera frame, zero where nothing is there.
-    pub fn normals(&self) -> Option<Vec<[f32; 3]>> {
-        let aux = self.aux.as_ref()?;
-        let unit = |a: &[f32]| {
-            let length = (a[1] * a[1] + a[2] * a[2] + a[3] * a[3]).sqrt();
-            if length > 1e-3 { [a[1] / length, a[2] / length, a[3] / length] } else { [0.0; 3] }
-        };
-        Some(aux.chunks_exact(4).map(unit).collect())
-    }
-}
+use crate::vk::{self, Buffer, Done, Gpu, Memory, Recorder, SubmitOrder, Ticket};
 
 /// Renders pictures of models; grows as they need.
 pub struct Viewer {
@@ -53,6 +18,32 @@ pub struct Viewer {
     renderer: Option<(Renderer, Target)>,
     /// Width, height and auxiliary channels of a picture to be collected.
     recorded: Option<(u32, u32, bool)>,
+    /// Where the counters of a picture come to be read without waiting.
+    landing: Option<Buffer>,
+}
+
+/// Whose splats are drawn, and how many.
+#[derive(Clone, Copy)]
+enum Drawn<'a> {
+    First(&'a Planes, u32),
+    Live(&'a LiveModel),
+}
+
+impl Drawn<'_> {
+    fn planes(&self) -> &Planes {
+        match self {
+            Drawn::First(planes, _) => planes,
+            Drawn::Live(model) => model.planes(),
+        }
+    }
+
+    /// No more than these.
+    fn most(&self) -> u32 {
+        match self {
+            Drawn::First(_, splats) => *splats,
+            Drawn::Live(model) => model.planes().capacity(),
+        }
+    }
 }
 
 impl Viewer {
@@ -67,7 +58,7 @@ impl Viewer {
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
         let size =
             Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
-        Self { gpu: gpu.clone(), variants, size, renderer: None, recorded: None }
+        Self { gpu: gpu.clone(), variants, size, renderer: None, recorded: None, landing: None }
     }
 
     /// The model on the device, for [`Self::render`].
@@ -103,8 +94,10 @@ impl Viewer {
         self.ready(width * height).map(|_| ())
     }
 
-    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more, or between
-    /// semaphores of its own. Once submitted, [`Self::collect`] gives the picture.
+    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more, between
+    /// semaphores of its own, or in a command buffer of its own ([`Recorder::record_into`]). Once it has been submitted to the
+    /// device's queue, [`Self::collect`] gives the picture; [`Self::fits`] tells without waiting whether it is whole in
+    /// [`Self::target`].
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -113,31 +106,108 @@ impl Viewer {
         shot: &Shot,
         aux: bool,
     ) -> Result<(), vk::Error> {
+        self.record_drawn(recorder, Drawn::First(model, splats), shot, aux)
+    }
+
+    /// The same of a model that is being trained: of as many splats as it has when the device comes to this recording.
+    pub fn record_live(
+        &mut self,
+        recorder: &mut Recorder,
+        model: &LiveModel,
+        shot: &Shot,
+        aux: bool,
+    ) -> Result<(), vk::Error> {
+        self.record_drawn(recorder, Drawn::Live(model), shot, aux)
+    }
+
+    /// Records a picture as [`Self::record`] does and submits it between points of a host's timelines. Waits for nothing.
+    pub fn submit(
+        &mut self,
+        model: &Planes,
+        splats: u32,
+        shot: &Shot,
+        aux: bool,
+        order: SubmitOrder<'_>,
+    ) -> Result<Ticket, vk::Error> {
+        let mut recorder = self.gpu.recorder("view")?;
+        self.record(&mut recorder, model, splats, shot, aux)?;
+        recorder.submit_with(order)
+    }
+
+    /// As [`Self::submit`], of a model that is being trained.
+    pub fn submit_live(
+        &mut self,
+        model: &LiveModel,
+        shot: &Shot,
+        aux: bool,
+        order: SubmitOrder<'_>,
+    ) -> Result<Ticket, vk::Error> {
+        let mut recorder = self.gpu.recorder("live view")?;
+        self.record_live(&mut recorder, model, shot, aux)?;
+        recorder.submit_with(order)
+    }
+
+    fn record_drawn(
+        &mut self,
+        recorder: &mut Recorder,
+        drawn: Drawn<'_>,
+        shot: &Shot,
+        aux: bool,
+    ) -> Result<(), vk::Error> {
         let (width, height) = (shot.camera.width, shot.camera.height);
-        self.reserve(splats, width, height)?;
+        self.reserve(drawn.most(), width, height)?;
+        let landing = match self.landing.take() {
+            Some(landing) => landing,
+            None => self.gpu.buffer("view.counters", 4 * counters::COUNT as u64, Memory::Readback)?,
+        };
+        let landing = self.landing.insert(landing).clone();
         let (renderer, target) = self.ready(width * height)?;
         let mut words = [0u32; counters::COUNT];
-        words[counters::SPLATS] = splats;
+        if let Drawn::First(_, splats) = drawn {
+            words[counters::SPLATS] = splats;
+        }
         recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
-        renderer.record_forward(recorder, model, shot, target, aux)?;
+        if let Drawn::Live(model) = drawn {
+            let at = 4 * counters::SPLATS as u64;
+            recorder.copy(model.counters(), at, &renderer.counters, at, 4)?;
+        }
+        renderer.record_forward(recorder, drawn.planes(), shot, target, aux)?;
+        recorder.copy(&renderer.counters, 0, &landing, 0, 4 * counters::COUNT as u64)?;
         self.recorded = Some((width, height, aux));
         Ok(())
+    }
+
+    /// Whether the picture that was recorded last is whole in [`Self::target`], once `by` has finished: its ticket, or what a host
+    /// says of its own command buffer. `None` before. After `false` there is room, and it has to be recorded again. Never waits.
+    pub fn fits(&mut self, by: impl Into<Done>) -> Result<Option<bool>, vk::Error> {
+        let Some(landing) = &self.landing else { return Ok(None) };
+        let words: Option<Vec<u32>> = self.gpu.read_ready(landing, 0, counters::COUNT, by)?;
+        Ok(words.map(|words| !self.make_room(&words)))
+    }
+
+    /// Drops the buffers where the counters of a picture say that they were too small; the next ones will be larger.
+    fn make_room(&mut self, words: &[u32]) -> bool {
+        let full = words[counters::STATUS] & counters::PAIRS_BIT != 0;
+        if full {
+            let wanted = words[counters::PAIRS];
+            let most = most_pairs(&self.gpu, self.variants).max(wanted);
+            self.size.pairs = wanted.saturating_add(wanted / 8).min(most);
+            self.renderer = None;
+        }
+        full
     }
 
     /// The picture that was recorded last and has been submitted since; waits for it. `None` when there was no room for its
     /// (splat, tile) pairs (or nothing was recorded): there is room now, and it has to be recorded again.
     pub fn collect(&mut self) -> Result<Option<Picture>, vk::Error> {
-        let (Some((width, height, aux)), Some((renderer, target))) = (self.recorded.take(), &self.renderer) else {
+        let (Some((width, height, aux)), Some((renderer, _))) = (self.recorded.take(), &self.renderer) else {
             return Ok(None);
         };
         let words: Vec<u32> = self.gpu.read_at(&renderer.counters, 0, counters::COUNT)?;
-        if words[counters::STATUS] & counters::PAIRS_BIT != 0 {
-            let wanted = words[counters::PAIRS];
-            let most = most_pairs(&self.gpu, self.variants).max(wanted);
-            self.size.pairs = wanted.saturating_add(wanted / 8).min(most);
-            self.renderer = None;
+        if self.make_room(&words) {
             return Ok(None);
         }
+        let Some((_, target)) = &self.renderer else { return Ok(None) };
         let floats = 4 * width as usize * height as usize;
         Ok(Some(Picture {
             width,

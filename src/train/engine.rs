@@ -17,11 +17,11 @@ use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish, loss};
 use crate::raster::{
-    DENSITY_ENTRY, Held, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of, grown,
-    most_pairs, most_splats,
+    DENSITY_ENTRY, Held, LiveModel, Picture, Planes, Renderer, Shot, Size, Target, Variants, Viewer, gaussians_of,
+    grown, most_pairs, most_splats,
 };
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket, slices};
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket, slices};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
 const RING_SLOT: u64 = 256;
@@ -206,6 +206,17 @@ impl Engine {
 
     /// Records and submits an event; waits for nothing.
     pub fn submit(&mut self, event: Event, plan: &StepPlan, view: usize) -> Result<Ticket, Error> {
+        self.submit_with(event, plan, view, SubmitOrder::default())
+    }
+
+    /// The same between points of a host's timelines.
+    pub fn submit_with(
+        &mut self,
+        event: Event,
+        plan: &StepPlan,
+        view: usize,
+        order: SubmitOrder<'_>,
+    ) -> Result<Ticket, Error> {
         let label = match event.kind {
             Kind::Step => "step",
             Kind::Density => "density",
@@ -213,19 +224,24 @@ impl Engine {
         };
         let mut recorder = self.gpu.recorder(label)?;
         self.record(&mut recorder, event, plan, view)?;
-        self.submit_recorded(recorder)
+        let ticket = recorder.submit_with(order)?;
+        Ok(self.submitted(ticket))
     }
 
     /// Submits a recording of [`Self::record`].
     pub fn submit_recorded(&mut self, recorder: Recorder) -> Result<Ticket, Error> {
         let ticket = recorder.submit()?;
+        Ok(self.submitted(ticket))
+    }
+
+    fn submitted(&mut self, ticket: Ticket) -> Ticket {
         self.slots.push_back((ticket, self.next_slot));
         while self.slots.len() as u64 >= RING_SLOTS {
             self.slots.pop_front();
         }
         self.next_slot = (self.next_slot + 1) % RING_SLOTS;
         self.last = Some(ticket);
-        Ok(ticket)
+        ticket
     }
 
     /// Records an event. To be followed by [`Self::submit_recorded`].
@@ -375,10 +391,15 @@ impl Engine {
     }
 
     fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
-        // The old buffers go before the new ones come: nothing in them outlives a step. The counters do, and are never lost.
+        // The old buffers go before the new ones come: nothing in them outlives a step. The counters do, and are never lost. They
+        // stay where they are with the planes that they count, for whoever looks at these from outside.
+        let kept = (size.splats == self.size.splats).then(|| self.renderer.counters.clone());
         self.renderer = Renderer::new(&self.gpu, variants, Size { splats: 1, pairs: 1, tiles: 1, ..size })?;
         self.gpu.write(&self.renderer.counters, counters)?;
-        let renderer = Renderer::new(&self.gpu, variants, size)?;
+        let mut renderer = Renderer::new(&self.gpu, variants, size)?;
+        if let Some(kept) = kept {
+            renderer.counters = kept;
+        }
         self.gpu.write(&renderer.counters, counters)?;
         self.renderer = renderer;
         self.size = size;
@@ -434,14 +455,24 @@ impl Engine {
         aux: bool,
     ) -> Result<Picture, Error> {
         let splats = self.splats()?;
-        let projection = Projection { sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: false };
-        let shot = Shot { camera: *camera, projection, background };
+        let shot = self.view_shot(camera, sh_degree, background);
         Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
+    }
+
+    /// How a camera sees the model outside of training steps.
+    pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> Shot {
+        let projection = Projection { sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: false };
+        Shot { camera: *camera, projection, background }
     }
 
     /// The model's planes.
     pub fn planes(&self) -> &Planes {
         &self.model
+    }
+
+    /// A handle of the model for others to look at.
+    pub fn live_model(&self) -> LiveModel {
+        LiveModel::new(self.model.clone(), self.renderer.counters.clone())
     }
 
     /// Splats in the model. Waits.

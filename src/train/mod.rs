@@ -3,6 +3,7 @@
 mod checkpoint;
 mod cost;
 pub mod density;
+mod embedded;
 mod engine;
 mod error;
 mod evaluate;

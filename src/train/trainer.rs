@@ -20,7 +20,7 @@ use crate::format::checkpoint;
 use crate::pass::counters;
 use crate::raster::{Backward, GradientSum, Picture, TileShape, Variants};
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{FloatAtomics, Gpu, Ticket};
+use crate::vk::{FloatAtomics, Gpu, SubmitOrder, Ticket};
 
 /// How far the host may run ahead of the device, and how large the buffers start.
 #[derive(Clone, Copy, Debug)]
@@ -55,14 +55,14 @@ pub struct Restart {
 
 /// A running training.
 pub struct Trainer {
-    engine: Engine,
-    schedule: Schedule,
-    settings: Settings,
+    pub(super) engine: Engine,
+    pub(super) schedule: Schedule,
+    pub(super) settings: Settings,
     held_out: Vec<View>,
     pacing: Pacing,
-    next: Event,
-    in_flight: VecDeque<(Event, Ticket)>,
-    messages: VecDeque<Message>,
+    pub(super) next: Event,
+    pub(super) in_flight: VecDeque<(Event, Ticket)>,
+    pub(super) messages: VecDeque<Message>,
     /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
     /// The last step at which held-out photographs were scored.
@@ -75,7 +75,7 @@ pub struct Trainer {
     told_full: bool,
     started: Instant,
     seconds_before: f64,
-    finished: bool,
+    pub(super) finished: bool,
 }
 
 impl Trainer {
@@ -138,17 +138,10 @@ impl Trainer {
     }
 
     /// One turn: attend to a stop, or submit what fits, then look at the oldest event.
-    fn advance(&mut self) -> Result<(), Error> {
-        let stop = self.next_stop();
-        // A step is scored before its density change and opacity reset, as in the reference: a model whose opacities have just
-        // been lowered says nothing.
-        let evaluate = self.evaluates_at(stop) && self.evaluated < stop;
-        let last = Event { step: stop, kind: if evaluate { Kind::Step } else { Kind::Reset } };
-        while self.in_flight.len() < self.pacing.events_in_flight.clamp(1, MOST_IN_FLIGHT) && self.next <= last {
-            let plan = self.schedule.step(self.next.step);
-            let ticket = self.engine.submit(self.next, &plan, self.schedule.view_at(self.next.step))?;
-            self.in_flight.push_back((self.next, ticket));
-            self.next = self.next.next(&self.schedule);
+    pub(super) fn advance(&mut self) -> Result<(), Error> {
+        let (stop, evaluate, last) = self.due();
+        while self.has_room() && self.next <= last {
+            self.submit_next(SubmitOrder::default())?;
         }
         if let Some((event, ticket)) = self.in_flight.pop_front() {
             let outcome = self.engine.outcome(ticket)?;
@@ -162,6 +155,29 @@ impl Trainer {
         let (splats, seconds) = (self.last_splats, self.seconds());
         self.tell(Message::Evaluated { step: stop, quality, splats, seconds });
         Ok(())
+    }
+
+    /// The step at which the host must have everything done, whether it is to be scored, and the last event before that.
+    pub(super) fn due(&self) -> (u32, bool, Event) {
+        let stop = self.next_stop();
+        // A step is scored before its density change and opacity reset, as in the reference: a model whose opacities have just
+        // been lowered says nothing.
+        let evaluate = self.evaluates_at(stop) && self.evaluated < stop;
+        (stop, evaluate, Event { step: stop, kind: if evaluate { Kind::Step } else { Kind::Reset } })
+    }
+
+    /// Another event may be submitted before the oldest is looked at.
+    pub(super) fn has_room(&self) -> bool {
+        self.in_flight.len() < self.pacing.events_in_flight.clamp(1, MOST_IN_FLIGHT)
+    }
+
+    /// Submits the next event.
+    pub(super) fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
+        let plan = self.schedule.step(self.next.step);
+        let ticket = self.engine.submit_with(self.next, &plan, self.schedule.view_at(self.next.step), order)?;
+        self.in_flight.push_back((self.next, ticket));
+        self.next = self.next.next(&self.schedule);
+        Ok(ticket)
     }
 
     fn seconds(&self) -> f64 {
@@ -201,7 +217,7 @@ impl Trainer {
         self.messages.push_back(message);
     }
 
-    fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
+    pub(super) fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
         if outcome.counters[counters::STATUS] != 0 {
             return self.recover();
         }
@@ -333,10 +349,7 @@ impl Trainer {
             if self.next.kind == Kind::Step {
                 return Ok(self.next.step - 1);
             }
-            let plan = self.schedule.step(self.next.step);
-            let ticket = self.engine.submit(self.next, &plan, 0)?;
-            self.in_flight.push_back((self.next, ticket));
-            self.next = self.next.next(&self.schedule);
+            self.submit_next(SubmitOrder::default())?;
         }
     }
 

@@ -1,28 +1,36 @@
 //! Running on a host's device.
 //!
-//! Nothing is created behind the host's back but objects of its device (buffers, memory, pipelines, command and descriptor
-//! pools, one timeline semaphore), nothing is destroyed that was not created here, and neither the device nor the queue is ever
-//! waited idle. All work goes to the one queue that the host names.
+//! Nothing is created behind the host's back but objects of its device (buffers, memory where the host gives no allocator,
+//! pipelines, command and descriptor pools, one timeline semaphore), nothing is destroyed that was not created here, and neither
+//! the device nor the queue is ever waited idle. All work goes to the one queue that the host names, inside its lock.
 
+use std::ffi::CStr;
 use std::sync::Arc;
 
 use ash::vk;
 
-use super::caps::Features;
-use super::device::{Device, HostLock, Parts};
-use super::encode::External;
+use super::allocator::HostAllocator;
+use super::device::{Device, Parts};
 use super::error::{Error, Result};
+use super::features::{Features, REQUIRED};
 use super::gpu::Gpu;
 use super::options::OpenOptions;
+use super::order::SubmitOrder;
 use super::recorder::{Recorder, Ticket};
 use super::report::report;
 use super::validation::Messages;
 
-/// Called around every use of the host's queue: take the lock, give it back.
-pub type QueueLock = (Box<dyn Fn() + Send + Sync>, Box<dyn Fn() + Send + Sync>);
+/// Called around every use of the host's queue. The host's own submits take the same lock, and whoever holds it does not call
+/// the engine.
+pub struct QueueLock {
+    /// Waits until nobody else uses the queue.
+    pub lock: Box<dyn Fn() + Send + Sync>,
+    /// Lets others use it.
+    pub unlock: Box<dyn Fn() + Send + Sync>,
+}
 
 /// A device that a host created and keeps.
-pub struct HostDevice {
+pub struct HostDevice<'a> {
     /// The loader's entry point, as the host loaded it.
     pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
     /// The host's instance.
@@ -33,55 +41,101 @@ pub struct HostDevice {
     pub device: vk::Device,
     /// The Vulkan version that the instance and the device were created for; at least 1.3.
     pub api_version: u32,
-    /// Features that the host enabled on the device. What is not stated here is not used.
+    /// Extensions that the host enabled, of the instance and of the device. With `VK_EXT_debug_utils` among them the engine
+    /// names its objects; see [`super::USEFUL_EXTENSIONS`] for those of the device that it can use.
+    pub extensions: &'a [&'a CStr],
+    /// Features that the host enabled on the device; at least [`super::required_features`]. What is not stated here, or comes
+    /// with an extension that is not stated, is not used.
     pub features: Features,
-    /// The host enabled `VK_EXT_debug_utils` on the instance.
-    pub debug_utils: bool,
     /// The queue to submit to; its family has compute.
     pub queue: vk::Queue,
     /// The family of `queue`.
     pub queue_family: u32,
+    /// The index of `queue` in its family.
+    pub queue_index: u32,
     /// Guards the queue; `None` when nobody else submits to it while this engine is alive.
     pub lock: Option<QueueLock>,
+    /// Where the memory of buffers comes from; `None` lets the engine allocate from the device.
+    pub allocator: Option<Arc<dyn HostAllocator>>,
 }
 
-/// A timeline semaphore of the host and a value of it.
-#[derive(Clone, Copy, Debug)]
-pub struct HostSemaphore {
-    /// The semaphore.
-    pub semaphore: vk::Semaphore,
-    /// The value to wait for or to signal.
-    pub value: u64,
+/// What the engine would use of a physical device, were it enabled.
+#[derive(Clone, Debug)]
+pub struct Usable {
+    /// Features, the required ones among them where the device has them.
+    pub features: Features,
+    /// Extensions of the device.
+    pub extensions: Vec<&'static CStr>,
+}
+
+/// The host's loader and instance, as functions to call.
+///
+/// # Safety
+/// Loader and instance are valid.
+unsafe fn loaded(
+    get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+    instance: vk::Instance,
+) -> (ash::Entry, ash::Instance) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let entry = ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr });
+        let instance = ash::Instance::load(entry.static_fn(), instance);
+        (entry, instance)
+    }
 }
 
 impl Gpu {
+    /// What the engine would use of a physical device beyond [`super::required_features`], for a host that is about to make its
+    /// device; [`Features::enable`] writes it into the structures for that. A device that lacks what is required is told by name.
+    ///
+    /// # Safety
+    /// Loader, instance and physical device are valid, and the instance was created for Vulkan 1.1 or later.
+    pub unsafe fn usable_features(
+        get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+        instance: vk::Instance,
+        physical_device: vk::PhysicalDevice,
+    ) -> Result<Usable> {
+        // SAFETY: the caller's promise.
+        let (_entry, instance) = unsafe { loaded(get_instance_proc_addr, instance) };
+        // SAFETY: as above.
+        let reported = unsafe { report(&instance, physical_device) }?;
+        reported.check()?;
+        let extensions = reported.useful_extensions();
+        Ok(Usable { features: reported.features.with_extensions(&extensions), extensions })
+    }
+
     /// Runs on a device that a host has created. Of `options`, those about choosing a device and about validation do not apply.
     ///
     /// # Safety
-    /// The handles are valid and belong together, the stated features are enabled, and all of them outlive this [`Gpu`], its
-    /// clones, and every buffer, pipeline and recorder made from them. The host uses the queue only inside the lock.
-    pub unsafe fn adopt(host: HostDevice, options: &OpenOptions) -> Result<Gpu> {
-        let functions = ash::StaticFn { get_instance_proc_addr: host.get_instance_proc_addr };
+    /// The handles are valid and belong together, the stated extensions and features are enabled, and all of them outlive this
+    /// [`Gpu`], its clones, and every buffer, pipeline, recorder and recording made from them. The host uses the queue only inside
+    /// the lock.
+    pub unsafe fn adopt(host: HostDevice<'_>, options: &OpenOptions) -> Result<Gpu> {
         // SAFETY: the caller's promise: loader, instance and device are valid.
-        let (entry, instance) = unsafe {
-            let entry = ash::Entry::from_static_fn(functions);
-            let instance = ash::Instance::load(entry.static_fn(), host.instance);
-            (entry, instance)
-        };
+        let (entry, instance) = unsafe { loaded(host.get_instance_proc_addr, host.instance) };
         if host.api_version < vk::API_VERSION_1_3 {
             // SAFETY: as above; a command of Vulkan 1.0.
             let properties = unsafe { instance.get_physical_device_properties(host.physical_device) };
             let name = properties.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned());
+            let (feature, needed_for) = REQUIRED[0];
             return Err(Error::MissingFeature {
-                feature: "Vulkan 1.3",
-                needed_for: "every pass".into(),
-                device: name.unwrap_or_default(),
+                feature,
+                needed_for: needed_for.into(),
+                device: as_made(&name.unwrap_or_default()),
             });
         }
         // SAFETY: as above; the instance has Vulkan 1.3.
         let mut reported = unsafe { report(&instance, host.physical_device) }?;
-        reported.features = both(reported.features, host.features);
         reported.check()?;
+        reported.features = reported.features.and(&host.features).with_extensions(host.extensions);
+        reported.check().map_err(|error| match error {
+            Error::MissingFeature { feature, needed_for, device } => {
+                Error::MissingFeature { feature, needed_for, device: as_made(&device) }
+            }
+            error => error,
+        })?;
+        // SAFETY: as above.
+        unsafe { check_queue(&instance, &host) }?;
         // SAFETY: as above.
         let raw = unsafe { ash::Device::load(instance.fp_v1_0(), host.device) };
         let parts = Parts {
@@ -91,10 +145,11 @@ impl Gpu {
             raw,
             queue: host.queue,
             family: host.queue_family,
-            host_lock: host.lock.map(|(lock, unlock)| HostLock { lock, unlock }),
+            host_lock: host.lock,
+            host_allocator: host.allocator,
             caps: reported.pick(options),
             canaries: options.canaries,
-            debug_utils: host.debug_utils,
+            debug_utils: host.extensions.contains(&ash::ext::debug_utils::NAME),
             messages: Messages::default(),
             messenger: None,
             owned: false,
@@ -109,6 +164,27 @@ impl Gpu {
     }
 }
 
+/// A device that lacks only what its host has not enabled.
+fn as_made(device: &str) -> String {
+    format!("{device}, as its host has made it,")
+}
+
+/// # Safety
+/// The physical device belongs to the instance.
+unsafe fn check_queue(instance: &ash::Instance, host: &HostDevice<'_>) -> Result<()> {
+    // SAFETY: the caller's promise.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(host.physical_device) };
+    let (family, index) = (host.queue_family, host.queue_index);
+    let what = match families.get(family as usize) {
+        None => "the device has no such family",
+        Some(f) if !f.queue_flags.contains(vk::QueueFlags::COMPUTE) => "the family has no compute",
+        Some(f) if index >= f.queue_count => "the family has no such queue",
+        Some(_) if host.queue == vk::Queue::null() => "the handle is null",
+        Some(_) => return Ok(()),
+    };
+    Err(Error::BadQueue { family, index, what })
+}
+
 impl Ticket {
     /// The value of [`Gpu::timeline`] once the submit has finished.
     pub fn value(self) -> u64 {
@@ -117,33 +193,9 @@ impl Ticket {
 }
 
 impl Recorder {
-    /// As [`Recorder::submit`], after the host's semaphores have reached their values; signals others when it has run.
-    ///
-    /// # Safety
-    /// The semaphores are timeline semaphores of the same device, and signalling them to these values is allowed.
-    pub unsafe fn submit_with(self, wait: &[HostSemaphore], signal: &[HostSemaphore]) -> Result<Ticket> {
+    /// As [`Recorder::submit`], between points of the host's timelines.
+    pub fn submit_with(self, order: SubmitOrder<'_>) -> Result<Ticket> {
         let gpu = self.gpu.clone();
-        gpu.submit_external(self, External { wait, signal })
-    }
-}
-
-/// Features that the device has and the host enabled.
-fn both(a: Features, b: Features) -> Features {
-    Features {
-        synchronization2: a.synchronization2 && b.synchronization2,
-        timeline_semaphore: a.timeline_semaphore && b.timeline_semaphore,
-        maintenance4: a.maintenance4 && b.maintenance4,
-        buffer_float_atomic_add: a.buffer_float_atomic_add && b.buffer_float_atomic_add,
-        shared_float_atomic_add: a.shared_float_atomic_add && b.shared_float_atomic_add,
-        int64: a.int64 && b.int64,
-        buffer_int64_atomics: a.buffer_int64_atomics && b.buffer_int64_atomics,
-        storage_16bit: a.storage_16bit && b.storage_16bit,
-        float16: a.float16 && b.float16,
-        int16: a.int16 && b.int16,
-        storage_8bit: a.storage_8bit && b.storage_8bit,
-        int8: a.int8 && b.int8,
-        memory_model: a.memory_model && b.memory_model,
-        buffer_device_address: a.buffer_device_address && b.buffer_device_address,
-        subgroup_size_control: a.subgroup_size_control && b.subgroup_size_control,
+        gpu.submit_ordered(self, order)
     }
 }

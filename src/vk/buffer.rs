@@ -6,12 +6,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use ash::vk;
-use gpu_allocator::vulkan::Allocation;
 
 use super::caps::Addresses;
 use super::device::{Device, lock};
 use super::error::{Error, Named, Result};
-use super::memory::Memory;
+use super::memory::{Block, Memory};
 
 /// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
@@ -44,7 +43,7 @@ pub(super) struct BufferInner {
     /// Ticket of the last submit that uses the buffer.
     pub(super) last_use: AtomicU64,
     mapped: Option<Mapped>,
-    allocation: Mutex<Option<Allocation>>,
+    allocation: Mutex<Option<Block>>,
 }
 
 /// A storage buffer. Cloning it gives another handle to the same memory.
@@ -109,13 +108,13 @@ impl Buffer {
             armed: AtomicBool::new(guard == 0),
             memory,
             last_use: AtomicU64::new(0),
-            mapped: allocation.mapped_ptr().map(|p| Mapped(p.as_ptr().cast())),
+            mapped: allocation.mapped().map(|p| Mapped(p.as_ptr().cast())),
             allocation: Mutex::new(Some(allocation)),
         };
         if let Some(allocation) = lock(&inner.allocation).as_ref() {
+            let (memory, offset) = allocation.place();
             // SAFETY: the allocation was made for this buffer's requirements and is bound to nothing else.
-            unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
-                .named("vkBindBufferMemory")?;
+            unsafe { device.raw.bind_buffer_memory(raw, memory, offset) }.named("vkBindBufferMemory")?;
         }
         if addressed {
             let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
@@ -170,6 +169,11 @@ impl Buffer {
     /// The Vulkan buffer, for a host that shares the device. It lives as long as a handle of this buffer.
     pub fn raw(&self) -> vk::Buffer {
         self.inner.raw
+    }
+
+    /// Where shaders reach it by address; `None` where `bufferDeviceAddress` is not in use.
+    pub fn address(&self) -> Option<vk::DeviceAddress> {
+        (self.inner.address != 0).then_some(self.inner.address)
     }
 
     /// The bytes `range` as something to bind, fill or name in a command.

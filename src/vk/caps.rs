@@ -1,5 +1,6 @@
 //! What a device can do, and what was picked because of it, as plain data.
 
+use super::features::Features;
 use super::options::FloatAtomics;
 
 /// Kind of a device, best first.
@@ -28,48 +29,6 @@ impl std::fmt::Display for DeviceKind {
         })
     }
 }
-
-/// Optional features that were enabled (own device) or are stated to be enabled (adopted device).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Features {
-    /// `synchronization2`.
-    pub synchronization2: bool,
-    /// `timelineSemaphore`.
-    pub timeline_semaphore: bool,
-    /// `maintenance4`.
-    pub maintenance4: bool,
-    /// `shaderBufferFloat32AtomicAdd` of `VK_EXT_shader_atomic_float`.
-    pub buffer_float_atomic_add: bool,
-    /// `shaderSharedFloat32AtomicAdd` of `VK_EXT_shader_atomic_float`.
-    pub shared_float_atomic_add: bool,
-    /// `shaderInt64`.
-    pub int64: bool,
-    /// `shaderBufferInt64Atomics`.
-    pub buffer_int64_atomics: bool,
-    /// `storageBuffer16BitAccess`.
-    pub storage_16bit: bool,
-    /// `shaderFloat16`.
-    pub float16: bool,
-    /// `shaderInt16`.
-    pub int16: bool,
-    /// `storageBuffer8BitAccess`.
-    pub storage_8bit: bool,
-    /// `shaderInt8`.
-    pub int8: bool,
-    /// `vulkanMemoryModel` and `vulkanMemoryModelDeviceScope`.
-    pub memory_model: bool,
-    /// `bufferDeviceAddress`.
-    pub buffer_device_address: bool,
-    /// `subgroupSizeControl` and `computeFullSubgroups`.
-    pub subgroup_size_control: bool,
-}
-
-/// Features that the engine cannot do without, and what each is needed for. Everything else has a fallback.
-pub const REQUIRED: &[(&str, &str)] = &[
-    ("Vulkan 1.3", "every pass"),
-    ("synchronization2", "barriers between passes"),
-    ("timelineSemaphore", "steps without host waits"),
-];
 
 /// Limits that the engine works within.
 #[derive(Clone, Copy, Debug)]

@@ -1,15 +1,18 @@
 //! Instance, physical device, logical device and queue: our own, or a host's. Everything that has to outlive buffers.
 
 use std::collections::HashMap;
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CString, c_char};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use ash::vk;
 
+use super::adopt::QueueLock;
+use super::allocator::HostAllocator;
 use super::buffer::BufferInner;
 use super::caps::Caps;
 use super::error::{Error, Named, Result};
+use super::features::FeatureStructures;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
 use super::report::{Reported, report};
@@ -33,12 +36,6 @@ pub struct DeviceInfo {
     pub unusable: Option<String>,
 }
 
-/// Callbacks around every use of an adopted queue.
-pub(super) struct HostLock {
-    pub(super) lock: Box<dyn Fn() + Send + Sync>,
-    pub(super) unlock: Box<dyn Fn() + Send + Sync>,
-}
-
 /// The parts that buffers and pipelines need; destroyed when the last of them is gone.
 pub(super) struct Device {
     pub(super) raw: ash::Device,
@@ -46,7 +43,7 @@ pub(super) struct Device {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) queue: vk::Queue,
     pub(super) family: u32,
-    pub(super) host_lock: Option<HostLock>,
+    pub(super) host_lock: Option<QueueLock>,
     pub(super) caps: Caps,
     pub(super) canaries: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
@@ -76,6 +73,7 @@ impl Device {
                     queue,
                     family,
                     host_lock: None,
+                    host_allocator: None,
                     caps,
                     canaries: options.canaries,
                     debug_utils: messenger.is_some(),
@@ -132,7 +130,7 @@ impl Device {
             next_buffer: AtomicU64::new(1),
             _entry: entry,
         };
-        let pool = MemoryPool::new(&device)?;
+        let pool = MemoryPool::new(&device, parts.host_allocator)?;
         *lock(&device.memory) = Some(pool);
         Ok(Arc::new(device))
     }
@@ -175,7 +173,8 @@ pub(super) struct Parts {
     pub(super) raw: ash::Device,
     pub(super) queue: vk::Queue,
     pub(super) family: u32,
-    pub(super) host_lock: Option<HostLock>,
+    pub(super) host_lock: Option<QueueLock>,
+    pub(super) host_allocator: Option<Arc<dyn HostAllocator>>,
     pub(super) caps: Caps,
     pub(super) canaries: bool,
     pub(super) debug_utils: bool,
@@ -299,44 +298,21 @@ fn create_device(
             device: reported.device.clone(),
         }
     })? as u32;
-    let f = reported.features;
-    let core = vk::PhysicalDeviceFeatures::default().shader_int64(f.int64).shader_int16(f.int16);
-    let mut f11 = vk::PhysicalDeviceVulkan11Features::default().storage_buffer16_bit_access(f.storage_16bit);
-    let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
-        .timeline_semaphore(true)
-        .shader_buffer_int64_atomics(f.buffer_int64_atomics)
-        .shader_float16(f.float16)
-        .storage_buffer8_bit_access(f.storage_8bit)
-        .shader_int8(f.int8)
-        .vulkan_memory_model(f.memory_model)
-        .vulkan_memory_model_device_scope(f.memory_model)
-        .buffer_device_address(f.buffer_device_address);
-    let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
-        .synchronization2(true)
-        .maintenance4(f.maintenance4)
-        .subgroup_size_control(f.subgroup_size_control)
-        .compute_full_subgroups(f.subgroup_size_control);
-    let mut float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
-        .shader_buffer_float32_atomics(f.buffer_float_atomic_add)
-        .shader_buffer_float32_atomic_add(f.buffer_float_atomic_add)
-        .shader_shared_float32_atomics(f.shared_float_atomic_add)
-        .shader_shared_float32_atomic_add(f.shared_float_atomic_add);
-    let wanted: Vec<&CStr> = [ash::ext::shader_atomic_float::NAME, ash::ext::memory_budget::NAME]
-        .into_iter()
-        .filter(|name| reported.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()))
-        .collect();
+    let mut enabled = FeatureStructures::default();
+    reported.features.enable(&mut enabled);
+    let wanted = reported.useful_extensions();
     let names: Vec<*const c_char> = wanted.iter().map(|name| name.as_ptr()).collect();
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(&names)
-        .enabled_features(&core)
-        .push_next(&mut f11)
-        .push_next(&mut f12)
-        .push_next(&mut f13);
+        .enabled_features(&enabled.core)
+        .push_next(&mut enabled.v11)
+        .push_next(&mut enabled.v12)
+        .push_next(&mut enabled.v13);
     if wanted.contains(&ash::ext::shader_atomic_float::NAME) {
-        info = info.push_next(&mut float);
+        info = info.push_next(&mut enabled.atomic_float);
     }
     // SAFETY: only features and extensions that the device reports are enabled; all pointers live until the call returns.
     let raw = unsafe { instance.create_device(physical, &info, None) }.named("vkCreateDevice")?;

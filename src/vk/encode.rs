@@ -4,13 +4,13 @@ use std::collections::HashMap;
 
 use ash::vk;
 
-use super::adopt::HostSemaphore;
 use super::barrier::Barrier;
 use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::form::Reach;
+use super::order::{HostSemaphore, SubmitOrder};
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
 use super::submit::Plan;
@@ -37,13 +37,6 @@ pub(super) unsafe fn full_barrier(device: &Device, commands: vk::CommandBuffer) 
 /// Vulkan buffers by number.
 type Handles = HashMap<u64, vk::Buffer>;
 
-/// Semaphores of a host around a submit.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct External<'a> {
-    pub(super) wait: &'a [HostSemaphore],
-    pub(super) signal: &'a [HostSemaphore],
-}
-
 /// Records the commands of a recording into a slot's command buffer.
 pub(super) fn encode(
     device: &Device,
@@ -58,15 +51,60 @@ pub(super) fn encode(
     device.name(commands, &recorder.label);
     let queries = if recorder.profile { Some(slot.queries(device, recorder.commands.len() as u32 + 1)?) } else { None };
     let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-    // SAFETY: the slot is not in flight and was reset; every object recorded below is kept alive by the commands, which are
-    // kept until the ticket has passed.
+    // SAFETY: the slot is not in flight and was reset.
     unsafe {
         raw.begin_command_buffer(commands, &begin).named("vkBeginCommandBuffer")?;
         if unsure {
             full_barrier(device, commands);
         }
+        body(device, slot, commands, recorder, plan, Marks { crumbs, queries })?;
+        raw.end_command_buffer(commands).named("vkEndCommandBuffer")
+    }
+}
+
+/// Records the commands of a recording into a host's command buffer, between two barriers over everything.
+///
+/// # Safety
+/// `commands` is being recorded, and what the recording and the slot hold outlives its last execution.
+pub(super) unsafe fn encode_for_host(
+    device: &Device,
+    slot: &mut Slot,
+    commands: vk::CommandBuffer,
+    recorder: &Recorder,
+    plan: &Plan,
+) -> Result<()> {
+    // SAFETY: the caller's promise.
+    unsafe {
+        full_barrier(device, commands);
+        body(device, slot, commands, recorder, plan, Marks::default())?;
+        full_barrier(device, commands);
+    }
+    Ok(())
+}
+
+/// What is written beside the commands: breadcrumbs with the number of the first command, and timestamps.
+#[derive(Clone, Copy, Default)]
+struct Marks<'a> {
+    crumbs: Option<(&'a Buffer, u32)>,
+    queries: Option<vk::QueryPool>,
+}
+
+/// # Safety
+/// `commands` is being recorded. Every object recorded here is kept alive by the recording's commands and by the slot, which the
+/// caller keeps until it has run.
+unsafe fn body(
+    device: &Device,
+    slot: &mut Slot,
+    commands: vk::CommandBuffer,
+    recorder: &Recorder,
+    plan: &Plan,
+    marks: Marks<'_>,
+) -> Result<()> {
+    let raw = &device.raw;
+    // SAFETY: the caller's promise.
+    unsafe {
         canary::arm(device, commands, recorder.commands.iter().flat_map(Command::buffers));
-        if let Some(pool) = queries {
+        if let Some(pool) = marks.queries {
             raw.cmd_reset_query_pool(commands, pool, 0, recorder.commands.len() as u32 + 1);
             raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, 0);
         }
@@ -77,22 +115,22 @@ pub(super) fn encode(
             .map(|buffer| (buffer.inner.id, buffer.inner.raw))
             .collect();
         for (i, command) in recorder.commands.iter().enumerate() {
-            if let Some((crumbs, first)) = crumbs {
+            if let Some((crumbs, first)) = marks.crumbs {
                 full_barrier(device, commands);
                 raw.cmd_fill_buffer(commands, crumbs.inner.raw, 0, 4, first.wrapping_add(i as u32));
                 full_barrier(device, commands);
             }
             barrier(device, commands, &handles, &plan.commands[i]);
             begin_label(device, commands, command.name());
-            one(device, slot, command)?;
+            one(device, slot, commands, command)?;
             end_label(device, commands);
-            if let Some(pool) = queries {
+            if let Some(pool) = marks.queries {
                 raw.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::ALL_COMMANDS, pool, i as u32 + 1);
             }
         }
         barrier(device, commands, &handles, &plan.end);
-        raw.end_command_buffer(commands).named("vkEndCommandBuffer")
     }
+    Ok(())
 }
 
 /// # Safety
@@ -125,10 +163,9 @@ unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handle
 }
 
 /// # Safety
-/// As [`encode`].
-unsafe fn one(device: &Device, slot: &mut Slot, command: &Command) -> Result<()> {
+/// As [`body`].
+unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, command: &Command) -> Result<()> {
     let raw = &device.raw;
-    let commands = slot.commands;
     match command {
         Command::Dispatch { pipeline, buffers, table, push, counts } => {
             let reach = if table.is_some() { Reach::Addresses } else { Reach::Descriptors };
@@ -188,17 +225,18 @@ pub(super) fn enqueue(
     commands: vk::CommandBuffer,
     timeline: vk::Semaphore,
     ticket: u64,
-    external: External<'_>,
+    order: SubmitOrder<'_>,
 ) -> Result<()> {
-    let point = |&HostSemaphore { semaphore, value }: &HostSemaphore| {
+    let point = |semaphore: vk::Semaphore, value: u64| {
         vk::SemaphoreSubmitInfo::default()
             .semaphore(semaphore)
             .value(value)
             .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
     };
-    let wait: Vec<_> = external.wait.iter().map(point).collect();
-    let mut signal: Vec<_> = external.signal.iter().map(point).collect();
-    signal.push(point(&HostSemaphore { semaphore: timeline, value: ticket }));
+    let points = |all: &[HostSemaphore]| all.iter().map(|p| point(p.semaphore(), p.value())).collect();
+    let wait: Vec<vk::SemaphoreSubmitInfo<'_>> = points(order.wait);
+    let mut signal: Vec<vk::SemaphoreSubmitInfo<'_>> = points(order.signal);
+    signal.push(point(timeline, ticket));
     let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
     let info = vk::SubmitInfo2::default()
         .wait_semaphore_infos(&wait)

@@ -132,6 +132,24 @@ pub enum Error {
     /// The memory allocator failed otherwise than by lack of memory.
     #[error("memory allocator: {0}")]
     Allocator(#[from] gpu_allocator::AllocationError),
+    /// A host's allocator gave memory that cannot be used.
+    #[error("the host's allocator, asked for memory of buffer {buffer}: {what}")]
+    HostAllocator {
+        /// Name of the buffer.
+        buffer: String,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The queue that a host handed over cannot be used.
+    #[error("queue {index} of family {family}: {what}")]
+    BadQueue {
+        /// Family.
+        family: u32,
+        /// Index in it.
+        index: u32,
+        /// What is wrong with it.
+        what: &'static str,
+    },
     /// A file of the device layer (the pipeline cache) could not be read or written.
     #[error("{path}: {source}")]
     File {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::caps::Features;
 use super::device::Device;
 use super::error::{Error, Named, Result};
+use super::features::Features;
 use super::kernel::Kernel;
 
 /// How a kernel reaches its buffers.

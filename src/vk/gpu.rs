@@ -11,13 +11,14 @@ use super::buffer::Buffer;
 use super::cache;
 use super::caps::Caps;
 use super::device::{Device, lock};
-use super::encode::External;
 use super::error::{Error, Named, Result};
 use super::form::Reach;
 use super::hazard::HazardChecker;
+use super::host_commands::Done;
 use super::kernel::Kernel;
 use super::memory::{Memory, MemoryUse};
 use super::options::OpenOptions;
+use super::order::SubmitOrder;
 use super::pipeline::{Pipeline, constants};
 use super::profile::{PassTime, Stats};
 use super::recorder::{Recorder, Ticket};
@@ -188,15 +189,19 @@ impl Gpu {
         landing.load(0, count)
     }
 
-    /// `count` values of a read-back buffer from byte `offset` on if the submit that writes them has finished; never waits.
+    /// `count` values of a read-back buffer from byte `offset` on if what writes them has finished; never waits.
     pub fn read_ready<T: bytemuck::Pod>(
         &self,
         buffer: &Buffer,
         offset: u64,
         count: usize,
-        ticket: Ticket,
+        by: impl Into<Done>,
     ) -> Result<Option<Vec<T>>> {
-        if self.is_done(ticket)? { buffer.load(offset, count).map(Some) } else { Ok(None) }
+        let done = match by.into() {
+            Done::Ticket(ticket) => self.is_done(ticket)?,
+            Done::Executed(_) => true,
+        };
+        if done { buffer.load(offset, count).map(Some) } else { Ok(None) }
     }
 
     /// Writes the beginning of a buffer, in order with everything submitted. Does not wait.
@@ -243,14 +248,14 @@ impl Gpu {
     }
 
     pub(super) fn submit(&self, recorder: Recorder) -> Result<Ticket> {
-        self.submit_external(recorder, External::default())
+        self.submit_ordered(recorder, SubmitOrder::default())
     }
 
-    pub(super) fn submit_external(&self, mut recorder: Recorder, external: External<'_>) -> Result<Ticket> {
+    pub(super) fn submit_ordered(&self, mut recorder: Recorder, order: SubmitOrder<'_>) -> Result<Ticket> {
         recorder.profile &= self.inner.timestamp_mask != 0 && self.caps().limits.timestamp_ns > 0.0;
         let result = {
             let mut state = lock(&self.inner.state);
-            let done = state.submit(&self.inner.device, self.inner.timeline, recorder, external);
+            let done = state.submit(&self.inner.device, self.inner.timeline, recorder, order);
             done.map(|()| Ticket(state.last))
         };
         result.map_err(|error| self.explain(error))

@@ -1,9 +1,14 @@
-//! Device memory: named allocations through gpu-allocator, a tally of our own, and a limit.
+//! Device memory: named allocations through gpu-allocator or a host's allocator, a tally of our own, and a limit.
+
+use std::ffi::c_void;
+use std::ptr::NonNull;
+use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
 
+use super::allocator::{HostAllocator, HostBlock, MemoryRequest, ask, memory_types};
 use super::caps::{Addresses, DeviceKind};
 use super::device::Device;
 use super::error::{Error, Result};
@@ -30,30 +35,68 @@ pub struct MemoryUse {
     pub limit: u64,
 }
 
+/// Where memory comes from.
+enum Source {
+    Own(Box<Allocator>),
+    Host { allocator: Arc<dyn HostAllocator>, types: Box<vk::PhysicalDeviceMemoryProperties>, device_address: bool },
+}
+
+/// Memory of one buffer.
+pub(super) enum Block {
+    Own(Allocation),
+    Host(HostBlock),
+}
+
+impl Block {
+    /// The memory object and the first byte in it.
+    pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
+        match self {
+            // SAFETY: the memory is bound, and freed by the pool alone.
+            Block::Own(allocation) => (unsafe { allocation.memory() }, allocation.offset()),
+            Block::Host(host) => (host.block.memory, host.block.offset),
+        }
+    }
+
+    /// Where the host sees it.
+    pub(super) fn mapped(&self) -> Option<NonNull<c_void>> {
+        match self {
+            Block::Own(allocation) => allocation.mapped_ptr(),
+            Block::Host(host) => host.mapped,
+        }
+    }
+
+    fn size(&self) -> u64 {
+        match self {
+            Block::Own(allocation) => allocation.size(),
+            Block::Host(host) => host.block.size,
+        }
+    }
+}
+
 pub(super) struct MemoryPool {
-    allocator: Allocator,
+    source: Source,
     tally: MemoryUse,
     /// The device works in the host's memory, so that host-visible buffers count as well.
     unified: bool,
 }
 
 impl MemoryPool {
-    pub(super) fn new(device: &Device) -> Result<MemoryPool> {
+    pub(super) fn new(device: &Device, host: Option<Arc<dyn HostAllocator>>) -> Result<MemoryPool> {
         let mib = 1 << 20;
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: device.instance.clone(),
-            device: device.raw.clone(),
-            physical_device: device.physical,
-            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-            buffer_device_address: device.caps.addresses != Addresses::Never,
-            allocation_sizes: AllocationSizes::new(32 * mib, 16 * mib),
-        })?;
+        let device_address = device.caps.addresses != Addresses::Never;
+        let source = match host {
+            Some(allocator) => Source::Host { allocator, types: Box::new(memory_types(device)), device_address },
+            None => Source::Own(Box::new(Allocator::new(&AllocatorCreateDesc {
+                instance: device.instance.clone(),
+                device: device.raw.clone(),
+                physical_device: device.physical,
+                debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+                buffer_device_address: device_address,
+                allocation_sizes: AllocationSizes::new(32 * mib, 16 * mib),
+            })?)),
+        };
         let unified = matches!(device.caps.kind, DeviceKind::Cpu | DeviceKind::Integrated);
-        Ok(MemoryPool {
-            allocator,
-            unified,
-            tally: MemoryUse { limit: device.caps.memory_limit, ..Default::default() },
-        })
+        Ok(MemoryPool { source, unified, tally: MemoryUse { limit: device.caps.memory_limit, ..Default::default() } })
     }
 
     pub(super) fn restart_peak(&mut self) {
@@ -73,7 +116,7 @@ impl MemoryPool {
         name: &str,
         memory: Memory,
         requirements: vk::MemoryRequirements,
-    ) -> Result<Allocation> {
+    ) -> Result<Block> {
         let out_of_memory = |tally: &MemoryUse| Error::OutOfDeviceMemory {
             requested: requirements.size,
             name: name.to_owned(),
@@ -83,23 +126,31 @@ impl MemoryPool {
         if self.counts(memory) && self.tally.current.saturating_add(requirements.size) > self.tally.limit {
             return Err(out_of_memory(&self.tally));
         }
-        let allocation = self
-            .allocator
-            .allocate(&AllocationCreateDesc {
-                name,
-                requirements,
-                location: match memory {
+        let allocation = match &mut self.source {
+            Source::Host { allocator, types, device_address } => {
+                let request = MemoryRequest { name, memory, requirements, device_address: *device_address };
+                ask(allocator.as_ref(), types, &request).map(Block::Host).map_err(|error| match error {
+                    Error::Vulkan {
+                        result: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY,
+                        ..
+                    } => out_of_memory(&self.tally),
+                    error => error,
+                })?
+            }
+            Source::Own(allocator) => {
+                let location = match memory {
                     Memory::Device => MemoryLocation::GpuOnly,
                     Memory::Upload => MemoryLocation::CpuToGpu,
                     Memory::Readback => MemoryLocation::GpuToCpu,
-                },
-                linear: true,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-            })
-            .map_err(|error| match error {
-                AllocationError::OutOfMemory => out_of_memory(&self.tally),
-                error => Error::Allocator(error),
-            })?;
+                };
+                let allocation_scheme = AllocationScheme::GpuAllocatorManaged;
+                let wanted = AllocationCreateDesc { name, requirements, location, linear: true, allocation_scheme };
+                Block::Own(allocator.allocate(&wanted).map_err(|error| match error {
+                    AllocationError::OutOfMemory => out_of_memory(&self.tally),
+                    error => Error::Allocator(error),
+                })?)
+            }
+        };
         if self.counts(memory) {
             self.tally.current += allocation.size();
             self.tally.peak = self.tally.peak.max(self.tally.current);
@@ -112,11 +163,17 @@ impl MemoryPool {
         self.unified || memory == Memory::Device
     }
 
-    pub(super) fn free(&mut self, memory: Memory, allocation: Allocation) {
+    pub(super) fn free(&mut self, memory: Memory, block: Block) {
         if self.counts(memory) {
-            self.tally.current = self.tally.current.saturating_sub(allocation.size());
+            self.tally.current = self.tally.current.saturating_sub(block.size());
         }
-        // Freeing fails only for an allocation of another allocator, which cannot be.
-        let _ = self.allocator.free(allocation);
+        match (&mut self.source, block) {
+            // Freeing fails only for an allocation of another allocator, which cannot be.
+            (Source::Own(allocator), Block::Own(allocation)) => {
+                let _ = allocator.free(allocation);
+            }
+            (Source::Host { allocator, .. }, Block::Host(host)) => allocator.free(host.block),
+            _ => {}
+        }
     }
 }

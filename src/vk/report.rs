@@ -5,8 +5,9 @@ use std::ffi::CStr;
 use ash::vk;
 
 use super::buffer::REFERENCE_ALIGNMENT;
-use super::caps::{Addresses, Caps, Choice, DeviceKind, Features, Heap, Limits, REQUIRED, Subgroup};
+use super::caps::{Addresses, Caps, Choice, DeviceKind, Heap, Limits, Subgroup};
 use super::error::{Error, Result};
+use super::features::{Features, REQUIRED, USEFUL_EXTENSIONS};
 use super::options::{FloatAtomics, OpenOptions};
 
 /// What a physical device reports.
@@ -149,6 +150,12 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
 }
 
 impl Reported {
+    /// Extensions of the device that the engine can use.
+    pub(super) fn useful_extensions(&self) -> Vec<&'static CStr> {
+        let has = |name: &CStr| self.extensions.iter().any(|e| e.as_bytes() == name.to_bytes());
+        USEFUL_EXTENSIONS.iter().copied().filter(|name| has(name)).collect()
+    }
+
     /// The device can be used at all.
     pub(super) fn check(&self) -> Result<()> {
         let there = [self.api >= vk::API_VERSION_1_3, self.features.synchronization2, self.features.timeline_semaphore];

@@ -8,10 +8,11 @@ use ash::vk;
 use super::barrier::{Barrier, BufferUse, Tracker, Use, gather};
 use super::buffer::Buffer;
 use super::device::Device;
-use super::encode::{External, encode, enqueue};
+use super::encode::{encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
 use super::memory::Memory;
+use super::order::SubmitOrder;
 use super::profile::{PassTime, Stats};
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;
@@ -105,7 +106,7 @@ impl State {
         device: &Device,
         timeline: vk::Semaphore,
         recorder: Recorder,
-        external: External<'_>,
+        order: SubmitOrder<'_>,
     ) -> Result<()> {
         for id in std::mem::take(&mut *super::device::lock(&device.freed)) {
             self.tracker.forget(id);
@@ -120,14 +121,13 @@ impl State {
             None => Slot::new(device)?,
         };
         let first = self.commands;
-        let done = self
-            .plan(&recorder)
+        let done = plan(&mut self.tracker, &mut self.checker, &recorder)
             .and_then(|plan| {
                 encode(device, &mut slot, &recorder, &plan, self.unsure, self.crumbs.as_ref().map(|b| (b, first)))?;
                 Ok(plan)
             })
             .and_then(|plan| {
-                enqueue(device, slot.commands, timeline, self.last + 1, external)?;
+                enqueue(device, slot.commands, timeline, self.last + 1, order)?;
                 Ok(plan)
             });
         let plan = match done {
@@ -168,26 +168,14 @@ impl State {
         Ok(())
     }
 
-    /// Infers the barriers of a recording and has the checker look at them.
-    fn plan(&mut self, recorder: &Recorder) -> Result<Plan> {
-        let steps = steps(recorder);
-        let mut commands = infer(&mut self.tracker, &steps);
-        if let Some(omitted) = recorder.omit_barrier {
-            let mut number = 0;
-            commands.iter_mut().for_each(|barriers| {
-                barriers.retain(|_| {
-                    number += 1;
-                    number - 1 != omitted
-                });
-            });
-        }
-        if let Some(checker) = &mut self.checker {
-            for ((name, uses), barriers) in steps.iter().zip(&commands) {
-                checker.command(name, barriers, uses).map_err(|hazard| hazard_error(recorder, &hazard))?;
-            }
-        }
-        let end = commands.pop().unwrap_or_default();
-        Ok(Plan { commands, end })
+    /// A slot that no submit holds.
+    pub(super) fn free_slot(&mut self) -> Option<Slot> {
+        self.slots.pop()
+    }
+
+    /// Keeps a slot that was reset for a submit to come.
+    pub(super) fn keep_slot(&mut self, slot: Slot) {
+        self.slots.push(slot);
     }
 
     /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not missed.
@@ -213,6 +201,28 @@ impl State {
         }
         (total, unmissed)
     }
+}
+
+/// Infers the barriers of a recording and has the checker look at them.
+pub(super) fn plan(tracker: &mut Tracker, checker: &mut Option<HazardChecker>, recorder: &Recorder) -> Result<Plan> {
+    let steps = steps(recorder);
+    let mut commands = infer(tracker, &steps);
+    if let Some(omitted) = recorder.omit_barrier {
+        let mut number = 0;
+        commands.iter_mut().for_each(|barriers| {
+            barriers.retain(|_| {
+                number += 1;
+                number - 1 != omitted
+            });
+        });
+    }
+    if let Some(checker) = checker {
+        for ((name, uses), barriers) in steps.iter().zip(&commands) {
+            checker.command(name, barriers, uses).map_err(|hazard| hazard_error(recorder, &hazard))?;
+        }
+    }
+    let end = commands.pop().unwrap_or_default();
+    Ok(Plan { commands, end })
 }
 
 /// The barriers in front of each of `steps`.

@@ -1,0 +1,38 @@
+//! A rendered view on the host.
+
+/// A rendered view, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// (r, g, b, final transmittance) per pixel; colours as blended, neither clamped nor rounded.
+    pub rgbt: Vec<f32>,
+    /// (sum w z, sum w n) per pixel in scene units and the camera frame, when asked for.
+    pub aux: Option<Vec<f32>>,
+}
+
+impl Picture {
+    /// 8-bit RGB, rounded to the nearest.
+    pub fn rgb8(&self) -> Vec<u8> {
+        crate::format::image_out::to_rgb8(&self.rgbt, 4)
+    }
+
+    /// Expected depth per pixel in scene units: sum w z / sum w where something is there (sum w > 0.01), else 0.
+    pub fn depth(&self) -> Option<Vec<f32>> {
+        let aux = self.aux.as_ref()?;
+        let pixels = self.rgbt.chunks_exact(4).zip(aux.chunks_exact(4));
+        Some(pixels.map(|(c, a)| if c[3] < 0.99 { a[0] / (1.0 - c[3]) } else { 0.0 }).collect())
+    }
+
+    /// Unit normal per pixel in the camera frame, zero where nothing is there.
+    pub fn normals(&self) -> Option<Vec<[f32; 3]>> {
+        let aux = self.aux.as_ref()?;
+        let unit = |a: &[f32]| {
+            let length = (a[1] * a[1] + a[2] * a[2] + a[3] * a[3]).sqrt();
+            if length > 1e-3 { [a[1] / length, a[2] / length, a[3] / length] } else { [0.0; 3] }
+        };
+        Some(aux.chunks_exact(4).map(unit).collect())
+    }
+}
