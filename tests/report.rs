@@ -5,7 +5,7 @@ use std::process::Command;
 
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
-    Curve, DepthMap, ImageScore, Metrics, ReportData, ReportError, ViewPanel, render_report, write_report,
+    Curve, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, ViewPanel, render_report, write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -29,6 +29,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         seconds_per_iteration: 0.171,
         peak_device_bytes: 412_000_000,
         peak_host_bytes: Some(620_000_000),
+        geometry: Geometry { floaters: Some(0.0123), surface_distance: Some(0.0456), ..Geometry::default() },
         images: Vec::new(),
     }
     .with_images(images)

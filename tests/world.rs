@@ -7,12 +7,30 @@ use glam::{DMat3, DQuat, DVec3};
 use psrgs_vk::scene::Camera;
 use psrgs_vk::world::{Effects, Progress, Ray, Shape, Solid, Stage, Surface, World, WorldError, WorldParams, generate};
 
-fn small() -> WorldParams {
-    WorldParams { images: 8, max_side: 96, seed: 5, ..WorldParams::default() }
+#[path = "world/lidar.rs"]
+mod lidar;
+#[path = "world/opencv.rs"]
+mod opencv;
+#[path = "world/sparse.rs"]
+mod sparse;
+#[path = "world/truth.rs"]
+mod truth;
+
+pub(crate) fn small() -> WorldParams {
+    WorldParams { images: 8, max_side: 96, seed: 5, pixels_per_point: 40, offpath: 2, ..WorldParams::default() }
+}
+
+/// Numbers from 0 to 1.
+pub(crate) fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 31)
+    }
 }
 
 /// The ray through a point of the image, from the camera's definition: the direction has camera-frame z = 1.
-fn ray_of(camera: &Camera, x: f64, y: f64) -> (DVec3, DVec3) {
+pub(crate) fn ray_of(camera: &Camera, x: f64, y: f64) -> (DVec3, DVec3) {
     let rows = camera.rotation.map(DVec3::from_array);
     let r = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
     let back = r.transpose();
@@ -91,23 +109,24 @@ fn first_below(world: &World, origin: DVec3, direction: DVec3, limit: f64) -> f6
     f64::INFINITY
 }
 
+/// Depth along a ray by the two searches above: of the solids, and of the ground.
+pub(crate) fn cast(world: &World, origin: DVec3, direction: DVec3) -> (f64, f64) {
+    let solid = world.solids().iter().map(|s| first_inside(s, origin, direction)).fold(f64::INFINITY, f64::min);
+    (solid, first_below(world, origin, direction, solid.min(2000.0)))
+}
+
 #[test]
 fn depth_agrees_with_an_independent_ray_caster() {
     let world = World::new(&small()).unwrap();
     let (mut terrain, mut solids, mut grazing) = (0, 0, 0);
-    let mut state = 1u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1u32 << 31)
-    };
-    for view in world.views() {
+    let mut random = random(1);
+    for view in world.views().iter().chain(world.offpath()) {
         let depth = world.depth(&view.camera);
         for _ in 0..60 {
             let x = (random() * f64::from(view.camera.width)) as u32;
             let y = (random() * f64::from(view.camera.height)) as u32;
             let (origin, direction) = ray_of(&view.camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let solid = world.solids().iter().map(|s| first_inside(s, origin, direction)).fold(f64::INFINITY, f64::min);
-            let ground = first_below(&world, origin, direction, solid.min(2000.0));
+            let (solid, ground) = cast(&world, origin, direction);
             let expected = solid.min(ground);
             let got = f64::from(depth[(y * view.camera.width + x) as usize]);
             // The march sees no dip that it steps over and the membership test no solid crossed in less than 1e-7: both
@@ -193,11 +212,13 @@ struct Photo {
 #[test]
 fn dataset_is_consistent() {
     let dir = tempfile::tempdir().unwrap();
-    let params = small();
+    let mut params = small();
+    // With these two, residuals are no longer those of the observations' noise alone: see the tests of sparse points.
+    (params.effects.pose_noise, params.effects.outliers) = (0.0, 0.0);
     let mut stages = Vec::new();
     let summary = generate(&params, dir.path(), &mut |p: Progress| stages.push(p)).unwrap();
     assert_eq!(stages.first().map(|p| (p.stage, p.total)), Some((Stage::Photographs, 8)));
-    assert_eq!(stages.last(), Some(&Progress { stage: Stage::Points, done: 1, total: 1 }));
+    assert_eq!(stages.last(), Some(&Progress { stage: Stage::Truth, done: 5, total: 5 }));
     assert_eq!((summary.images, summary.width, summary.height), (8, 96, 72));
 
     let sparse = dir.path().join("sparse/0");
@@ -290,7 +311,7 @@ fn dataset_is_consistent() {
     let world = World::new(&params).unwrap();
     for (read, made) in dataset.views.iter().zip(world.views()) {
         assert_eq!(read.name, made.name);
-        let (a, b) = (read.camera.center(), made.camera.center());
+        let (a, b) = (read.camera.center(), made.reconstructed.center());
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
     }
     for p in &photos {
@@ -301,7 +322,8 @@ fn dataset_is_consistent() {
 
 #[test]
 fn photographs_depend_on_parameters_only() {
-    let params = WorldParams { supersample: 1, ..small() };
+    let effects = Effects { exposure: 0.0, sensor_noise: 0.0, ..Effects::default() };
+    let params = WorldParams { supersample: 1, effects, ..small() };
     let shot = |p: &WorldParams, threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let world = World::new(p).unwrap();
@@ -329,10 +351,29 @@ fn photographs_depend_on_parameters_only() {
     }
     let solids = |p: &WorldParams| World::new(p).unwrap().solids().len();
     let all = solids(&params);
-    for change in
-        [(|e: &mut Effects| e.vegetation = false) as fn(&mut Effects), |e| e.vehicles = false, |e| e.masts = false]
-    {
+    for change in [
+        (|e: &mut Effects| e.vegetation = false) as fn(&mut Effects),
+        |e| e.vehicles = false,
+        |e| e.masts = false,
+        |e| e.wires = false,
+    ] {
         assert!(solids(&with(change)) < all);
+    }
+    // Others change the look of what is there, somewhere: geometry and all else stay.
+    for change in [
+        (|e: &mut Effects| e.text = false) as fn(&mut Effects),
+        |e| e.repeats = false,
+        |e| e.plain = false,
+        |e| e.water = false,
+    ] {
+        let other = with(change);
+        assert_eq!(solids(&other), all);
+        let (before, after) = (World::new(&params).unwrap(), World::new(&other).unwrap());
+        let changed = before.views().iter().filter(|v| before.clean(&v.camera).0 != after.clean(&v.camera).0).count();
+        assert!(changed > 0, "{:?}", other.effects);
+        for view in before.views() {
+            assert_eq!(before.truth(&view.camera), after.truth(&view.camera));
+        }
     }
 }
 
@@ -364,7 +405,7 @@ fn parameters_out_of_range_are_named() {
     assert!(bad(WorldParams { images: 0, ..small() }).contains("`images` is 0"));
     assert!(bad(WorldParams { extent: f64::NAN, ..small() }).contains("`extent`"));
     assert!(
-        bad(WorldParams { effects: Effects { jpeg_quality: 0, ..Effects::default() }, ..small() }).contains("jpeg")
+        bad(WorldParams { effects: Effects { jpeg_quality: 101, ..Effects::default() }, ..small() }).contains("jpeg")
     );
     let even = World::new(&WorldParams { supersample: 2, ..small() }).err();
     assert!(matches!(even, Some(WorldError::EvenSupersample { value: 2 })));

@@ -9,6 +9,7 @@ use psrgs_vk::train::settings::DeviceChoice;
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
+use super::demo_world::WorldArgs;
 use super::exit::Failure;
 use super::progress::{counter, duration};
 use super::{train, train_run};
@@ -20,26 +21,23 @@ const TRAINED: &str = "trained";
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  psrgs-vk demo --out demo-out                       about five minutes on two CPU cores
-  psrgs-vk demo --out world --images 100 --max-side 640 --no-train
+  psrgs-vk demo --out demo-out                       some minutes on two CPU cores
+  psrgs-vk demo --out world --images 100 --max-side 640 --camera opencv --no-train
+  psrgs-vk demo --out easy --effects none --no-train            nothing that is hard
+  psrgs-vk demo --out a --effects exposure --no-train           exposure that changes, and nothing else
+  psrgs-vk demo --out b --without wires,water --no-train        all but these
 
-Written to DIR: images/, sparse/0/, depth/ (ground truth along the camera's axis, EXR), world.toml, and trained/.")]
+Effects: jpeg, observation-noise, outliers, pose-noise, exposure, sensor-noise, shadows, reflections, vegetation, vehicles,
+masts, wires, text, repeats, plain, water.
+
+Written to DIR: images/ and sparse/0/; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ with views
+from elsewhere; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
 pub(crate) struct Args {
     /// Folder for the scene; the trained model goes to DIR/trained
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Photographs
-    #[arg(long, value_name = "N", default_value_t = 64)]
-    images: u32,
-    /// Longer side of a photograph in pixels
-    #[arg(long, value_name = "PX", default_value_t = WorldParams::default().max_side)]
-    max_side: u32,
-    /// Side of the square site in metres
-    #[arg(long, value_name = "M", default_value_t = WorldParams::default().extent)]
-    extent: f64,
-    /// Seed of the scene and of training
-    #[arg(long, value_name = "S", default_value_t = 0)]
-    seed: u64,
+    #[command(flatten)]
+    world: WorldArgs,
     /// Training steps
     #[arg(long, value_name = "N", default_value_t = 2000)]
     iterations: u32,
@@ -54,13 +52,14 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
-    make(args, console)?;
+    let params = args.world.params()?;
+    make(args, &params, console)?;
     if args.no_train {
         return Ok(());
     }
     let out = args.out.join(TRAINED);
     train_run::train(
-        &train::Plan { settings: settings(args)?, out: out.clone(), resume: false, overwrite: true },
+        &train::Plan { settings: settings(args, params.seed)?, out: out.clone(), resume: false, overwrite: true },
         console,
         started,
     )?;
@@ -68,7 +67,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     Ok(())
 }
 
-fn make(args: &Args, console: &Console) -> anyhow::Result<Summary> {
+fn make(args: &Args, params: &WorldParams, console: &Console) -> anyhow::Result<Summary> {
     // A folder that holds something else is left alone: photographs of another scene would be trained on.
     let taken = args.out.join("images").exists() && !args.out.join("world.toml").exists();
     if taken {
@@ -78,17 +77,10 @@ fn make(args: &Args, console: &Console) -> anyhow::Result<Summary> {
         ))
         .into());
     }
-    let params = WorldParams {
-        images: args.images,
-        max_side: args.max_side,
-        extent: args.extent,
-        seed: args.seed,
-        ..WorldParams::default()
-    };
     let begin = Instant::now();
     console.say(format_args!("making a scene of {} m with {} photographs", params.extent, params.images));
     let bar = counter(console, params.images as usize, "photographs");
-    let summary = generate(&params, &args.out, &mut |progress| {
+    let summary = generate(params, &args.out, &mut |progress| {
         if progress.stage == Stage::Photographs {
             bar.set_position(u64::from(progress.done));
         }
@@ -96,22 +88,24 @@ fn make(args: &Args, console: &Console) -> anyhow::Result<Summary> {
     bar.finish_and_clear();
     let summary = summary?;
     console.say(format_args!(
-        "{}: {} photographs of {}x{}, {} points, in {}",
+        "{}: {} photographs of {}x{}, {} points; {} views from elsewhere; {} laser points; in {}",
         args.out.display(),
         summary.images,
         summary.width,
         summary.height,
         HumanCount(summary.points as u64),
+        summary.offpath,
+        HumanCount(summary.lidar as u64),
         duration(begin.elapsed().as_secs_f64()),
     ));
     Ok(summary)
 }
 
-fn settings(args: &Args) -> anyhow::Result<Settings> {
+fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     let mut settings = Settings { data: Some(std::path::absolute(&args.out)?), ..Settings::default() };
     settings.run.iterations = args.iterations;
     settings.run.scale_schedule = true;
-    settings.run.seed = args.seed;
+    settings.run.seed = seed;
     settings.run.eval_every = (args.iterations / 10).max(1);
     // More would show on pictures of this size as time, hardly as quality.
     settings.density.max_splats = Some(args.max_splats);

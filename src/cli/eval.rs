@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, ImageScore, Metrics, ReportData, ReportError, ViewPanel, mean};
+use psrgs_vk::eval::{
+    self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean,
+};
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
 use psrgs_vk::train::{View, prepare, score};
@@ -74,12 +76,15 @@ struct Scores<'a> {
     /// Means, as in `metrics.json`.
     psnr: Option<f64>,
     ssim: Option<f64>,
+    #[serde(flatten)]
+    geometry: Geometry,
     images: &'a [ImageScore],
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
-    let dataset = Dataset::load(&args.data, &args.size.apply(prepare::load_options(&args.photographs)))?;
+    let options = args.size.apply(prepare::load_options(&args.photographs));
+    let dataset = Dataset::load(&args.data, &options)?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
@@ -108,7 +113,17 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     }
     bar.finish_and_clear();
     drawn.warn_if_unseen(&args.model, &args.data, console);
+    let truth = GeometryTruth::find(&dataset, &options)?;
+    let geometry = match truth.is_empty() {
+        true => Geometry::default(),
+        false => geometry::measure(&truth, &model.in_scene(&dataset.frame), |camera| {
+            anyhow::Ok(drawn.picture(camera, true)?)
+        })?,
+    };
     console::print(&table(&images))?;
+    if geometry != Geometry::default() {
+        console::print(&geometry_table(&geometry))?;
+    }
 
     let size = views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
     let scene = outputs::scene_name(&dataset);
@@ -128,6 +143,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             bytes: model.bytes,
             psnr: mean(images.iter().map(|i| i.psnr)),
             ssim: mean(images.iter().map(|i| i.ssim)),
+            geometry,
             images: &images,
         };
         let text = serde_json::to_string_pretty(&scores)?;
@@ -153,6 +169,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             seconds_per_iteration: 0.0,
             peak_device_bytes: gpu.memory_use().peak,
             peak_host_bytes: eval::peak_host_bytes(),
+            geometry,
             images: Vec::new(),
         }
         .with_images(images);
@@ -197,6 +214,13 @@ fn table(images: &[ImageScore]) -> String {
     if let (Some(psnr), Some(ssim)) = (mean(images.iter().map(|i| i.psnr)), mean(images.iter().map(|i| i.ssim))) {
         rows.push(vec!["mean".to_owned(), decibels(psnr), format!("{ssim:.4}")]);
     }
+    console::table(&rows)
+}
+
+/// What is known of the geometry.
+fn geometry_table(geometry: &Geometry) -> String {
+    let mut rows = vec![["geometry", "against the truth"].map(str::to_owned).to_vec()];
+    rows.extend(geometry.rows().into_iter().map(|(name, value)| vec![name.to_owned(), value]));
     console::table(&rows)
 }
 

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use psrgs_vk::eval::{MetricsError, ReportError};
+use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
 use psrgs_vk::{bench, dataset, format, train, vk};
@@ -73,7 +73,7 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if let Some(world) = cause.downcast_ref::<WorldError>() {
         return Some(match world {
-            WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } => USAGE,
+            WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } | WorldError::Lens => USAGE,
             _ => OUTPUT,
         });
     }
@@ -92,6 +92,9 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             bench::Error::NoSteps => USAGE,
             _ => FAILURE,
         });
+    }
+    if cause.is::<GeometryError>() {
+        return Some(INPUT);
     }
     // Metrics and reports are only written by the commands.
     (cause.is::<MetricsError>() || cause.is::<ReportError>()).then_some(OUTPUT)

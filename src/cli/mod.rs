@@ -6,6 +6,7 @@ mod colour;
 mod completions;
 mod console;
 mod demo;
+mod demo_world;
 mod device;
 mod eval;
 mod exit;

@@ -79,7 +79,8 @@ impl ModelFile {
         Ok(Drawn { viewer, planes, splats: self.splats() as u32, projection, background, seen: false })
     }
 
-    fn in_scene(&self, frame: &Frame) -> Gaussians {
+    /// The splats in the coordinates of a scene.
+    pub(crate) fn in_scene(&self, frame: &Frame) -> Gaussians {
         match &self.frame {
             ModelFrame::Dataset { .. } => self.model.in_scene(frame),
             ModelFrame::Other { to_dataset, .. } => self.model.placed_in_scene(to_dataset, frame),

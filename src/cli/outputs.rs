@@ -4,9 +4,10 @@ use std::fs;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, Curve, Metrics, ReportData};
+use psrgs_vk::eval::{self, Curve, Geometry, GeometryTruth, Metrics, ReportData, geometry};
 use psrgs_vk::format::{FRAME_FILE, FrameFile, ply};
-use psrgs_vk::train::{History, Trainer};
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::{History, Trainer, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
@@ -51,6 +52,11 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         panels.push(panel);
     }
 
+    // What is wrong with the ground truth must not cost the results of a training.
+    let geometry = known_geometry(run, &model, trainer).unwrap_or_else(|problem| {
+        console.warn(format_args!("the geometry is not compared with the ground truth: {problem:#}"));
+        Geometry::default()
+    });
     let sized = views.first().map(|v| v.camera).or_else(|| run.dataset.views.first().map(|v| v.camera));
     let metrics = Metrics {
         method: settings.run.method.to_string(),
@@ -71,6 +77,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         seconds_per_iteration: run.training_seconds / f64::from(settings.run.iterations.max(1)),
         peak_device_bytes: run.gpu.memory_use().peak,
         peak_host_bytes: eval::peak_host_bytes(),
+        geometry,
         images: Vec::new(),
     }
     .with_images(scores);
@@ -91,6 +98,16 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     }
     console.say(format_args!("{} splats in {}; report: {}", model.len(), file.display(), report.display()));
     Ok(())
+}
+
+/// Compares the model with the ground truth beside the dataset, if there is any.
+fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
+    let options = prepare::load_options(&run.plan.settings.photographs);
+    let truth = GeometryTruth::find(run.dataset, &options)?;
+    if truth.is_empty() {
+        return Ok(Geometry::default());
+    }
+    geometry::measure(&truth, model, |camera| Ok(trainer.picture(camera)?))
 }
 
 /// What a dataset is called: its folder's name.

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::geometry::Geometry;
+
 /// Quality of one held-out view. Values are taken after rounding the render to 8 bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageScore {
@@ -56,6 +58,9 @@ pub struct Metrics {
     pub peak_device_bytes: u64,
     /// Largest resident set of the process; `null` where the system does not tell.
     pub peak_host_bytes: Option<u64>,
+    /// How well the geometry agrees with a known one.
+    #[serde(flatten)]
+    pub geometry: Geometry,
     /// Each held-out view.
     pub images: Vec<ImageScore>,
 }

@@ -14,6 +14,7 @@
 
 mod columns;
 mod header;
+mod mesh;
 mod read;
 mod write;
 
@@ -23,6 +24,7 @@ use super::Error;
 use crate::scene::{Frame, Gaussians, Similarity};
 
 pub(crate) use columns::columns;
+pub use mesh::Mesh;
 pub use read::read;
 pub use write::write;
 

@@ -5,22 +5,31 @@ use std::io::{self, Write};
 use glam::{DMat3, DQuat, DVec3};
 
 use super::{TiePoint, View};
+use crate::dataset::lens::Lens;
 use crate::scene::Camera;
 
 const PINHOLE: i32 = 1;
+const OPENCV: i32 = 4;
 
-/// `cameras.bin` with one PINHOLE camera, number 1.
-pub(super) fn write_camera(out: &mut impl Write, camera: &Camera) -> io::Result<()> {
+/// `cameras.bin` with one camera, number 1: OPENCV with the coefficients k1, k2, p1, p2 of a lens, else PINHOLE.
+pub(super) fn write_camera(out: &mut dyn Write, camera: &Camera, lens: Option<(&Lens, [f64; 4])>) -> io::Result<()> {
     out.write_all(&1u64.to_le_bytes())?;
     out.write_all(&1u32.to_le_bytes())?;
-    out.write_all(&PINHOLE.to_le_bytes())?;
-    out.write_all(&u64::from(camera.width).to_le_bytes())?;
-    out.write_all(&u64::from(camera.height).to_le_bytes())?;
-    floats(out, &[camera.fx, camera.fy, camera.cx, camera.cy])
+    let (model, size) = lens.map_or((PINHOLE, [camera.width, camera.height]), |(lens, _)| (OPENCV, lens.size));
+    out.write_all(&model.to_le_bytes())?;
+    size.iter().try_for_each(|side| out.write_all(&u64::from(*side).to_le_bytes()))?;
+    match lens {
+        None => floats(out, &[camera.fx, camera.fy, camera.cx, camera.cy]),
+        Some((lens, coefficients)) => {
+            floats(out, &lens.focal)?;
+            floats(out, &lens.center)?;
+            floats(out, &coefficients)
+        }
+    }
 }
 
-/// `images.bin`: view k is image k + 1; its observations are listed in the order of the points.
-pub(super) fn write_images(out: &mut impl Write, views: &[View], points: &[TiePoint]) -> io::Result<()> {
+/// `images.bin`: view k is image k + 1, with its reconstructed pose; its observations are listed in the order of the points.
+pub(super) fn write_images(out: &mut dyn Write, views: &[View], points: &[TiePoint]) -> io::Result<()> {
     let mut seen = vec![Vec::new(); views.len()];
     for (number, point) in points.iter().enumerate() {
         for &(view, pixel) in &point.track {
@@ -29,11 +38,11 @@ pub(super) fn write_images(out: &mut impl Write, views: &[View], points: &[TiePo
     }
     out.write_all(&(views.len() as u64).to_le_bytes())?;
     for (k, (view, seen)) in views.iter().zip(seen).enumerate() {
-        let rows = view.camera.rotation.map(DVec3::from_array);
+        let rows = view.reconstructed.rotation.map(DVec3::from_array);
         let q = DQuat::from_mat3(&DMat3::from_cols(rows[0], rows[1], rows[2]).transpose());
         out.write_all(&(k as u32 + 1).to_le_bytes())?;
         floats(out, &[q.w, q.x, q.y, q.z])?;
-        floats(out, &view.camera.translation)?;
+        floats(out, &view.reconstructed.translation)?;
         out.write_all(&1u32.to_le_bytes())?;
         out.write_all(view.name.as_bytes())?;
         out.write_all(&[0])?;
@@ -47,7 +56,7 @@ pub(super) fn write_images(out: &mut impl Write, views: &[View], points: &[TiePo
 }
 
 /// `points3D.bin`: point k is number k + 1.
-pub(super) fn write_points(out: &mut impl Write, views: usize, points: &[TiePoint]) -> io::Result<()> {
+pub(super) fn write_points(out: &mut dyn Write, views: usize, points: &[TiePoint]) -> io::Result<()> {
     let mut next = vec![0u32; views];
     out.write_all(&(points.len() as u64).to_le_bytes())?;
     for (number, point) in points.iter().enumerate() {
@@ -66,6 +75,6 @@ pub(super) fn write_points(out: &mut impl Write, views: usize, points: &[TiePoin
     Ok(())
 }
 
-fn floats(out: &mut impl Write, values: &[f64]) -> io::Result<()> {
+fn floats(out: &mut dyn Write, values: &[f64]) -> io::Result<()> {
     values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))
 }

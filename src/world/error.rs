@@ -23,6 +23,11 @@ pub enum WorldError {
         /// The value given.
         value: u32,
     },
+    /// The distortion folds the picture over within its frame.
+    #[error(
+        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted picture twice, or not at all"
+    )]
+    Lens,
     /// A file or folder could not be written.
     #[error("cannot write {path}: {source}")]
     Write {
@@ -39,13 +44,16 @@ pub enum WorldError {
         /// The cause.
         source: image::ImageError,
     },
-    /// A depth map could not be written.
-    #[error("cannot write the depth map {path}: {source}")]
-    Depth {
+    /// Ground truth could not be written.
+    #[error(transparent)]
+    File(#[from] crate::format::Error),
+    /// The laser scan could not be written.
+    #[error("cannot write the laser scan {path}: {source}")]
+    Las {
         /// The file.
         path: PathBuf,
         /// The cause.
-        source: exr::error::Error,
+        source: Box<las::Error>,
     },
     /// The parameters could not be written as TOML.
     #[error("cannot write the parameters: {0}")]

@@ -11,8 +11,22 @@ use crate::scene::Camera;
 pub struct View {
     /// File name within `images/`.
     pub name: String,
-    /// Camera in world coordinates (metres, z up).
+    /// Camera of the undistorted picture in world coordinates (metres, z up), where it really was.
     pub camera: Camera,
+    /// The same camera where structure from motion has put it.
+    pub reconstructed: Camera,
+}
+
+impl View {
+    /// The name of the view's files of another kind.
+    pub fn file(&self, extension: &str) -> String {
+        let stem = self.name.rsplit_once('.').map_or(self.name.as_str(), |(stem, _)| stem);
+        format!("{stem}.{extension}")
+    }
+
+    fn new(name: String, camera: Camera) -> Self {
+        Self { name, camera, reconstructed: camera }
+    }
 }
 
 /// A camera at `eye` that looks along `forward`, its image's right side towards `right` as far as possible.
@@ -74,5 +88,76 @@ pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Ve
         let forward = (target - at).clamp_length_max(0.53 * extent).extend(base - eye.z);
         cameras.push(aim(params, eye, forward, forward.cross(DVec3::Z)));
     }
-    cameras.into_iter().enumerate().map(|(k, camera)| View { name: format!("view_{k:04}.jpg"), camera }).collect()
+    let extension = if params.effects.jpeg_quality == 0 { "png" } else { "jpg" };
+    cameras.into_iter().enumerate().map(|(k, camera)| View::new(format!("view_{k:04}.{extension}"), camera)).collect()
+}
+
+/// Views from where no photograph is: by turns from half the height of the flight straight down, and from there at 45 degrees
+/// over the middle of the site. `nearest` is the smallest depth that a camera sees; cameras close in front of something are
+/// moved, because nobody would look from there.
+pub(super) fn plan_offpath(
+    params: &WorldParams,
+    ground: impl Fn(f64, f64) -> f64,
+    nearest: impl Fn(&Camera) -> f64,
+) -> Vec<View> {
+    const TRIES: u32 = 40;
+    let height = 0.5 * params.altitude * params.extent;
+    let view = |k: u32| {
+        let mut random = Random::new(params.seed ^ (u64::from(k) << 24), 10);
+        let mut best: Option<(f64, Camera)> = None;
+        for _ in 0..TRIES {
+            let heading = DVec2::from_angle(random.range(0.0, std::f64::consts::TAU));
+            let (reach, forward) = if k % 2 == 0 { (0.36, DVec2::ZERO) } else { (0.2, heading) };
+            let target = DVec2::new(random.range(-reach, reach), random.range(-reach, reach)) * params.extent;
+            let eye = (target - forward * height).extend(ground(target.x, target.y) + height);
+            let camera = aim(params, eye, forward.extend(-1.0), heading.perp().extend(0.0) * -1.0);
+            let depth = nearest(&camera);
+            if best.is_none_or(|(d, _)| depth > d) {
+                best = Some((depth, camera));
+            }
+            if depth > 0.35 * height {
+                break;
+            }
+        }
+        best.map(|(_, camera)| View::new(format!("off_{k:04}.png"), camera))
+    };
+    (0..params.offpath).filter_map(view).collect()
+}
+
+/// The camera as structure from motion has it: turned and moved a little, so that what is `distance` away in the middle of the
+/// picture shows `pose_noise` pixels off along each axis (standard deviation), half of the variance from either.
+pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, distance: f64) -> Camera {
+    let noise = params.effects.pose_noise;
+    if noise == 0.0 {
+        return *camera;
+    }
+    let mut random = Random::new(params.seed ^ (u64::from(number) << 20), 14);
+    let angle = noise / camera.fx * std::f64::consts::FRAC_1_SQRT_2;
+    let mut normal = || random.normal();
+    // About the axis as much as moves the middle of the upper edge by the same.
+    let roll = 2.0 * camera.fx / f64::from(camera.height);
+    let turn = DVec3::new(normal(), normal(), normal() * roll) * angle;
+    let shift = DVec3::new(normal(), normal(), normal()) * angle * distance;
+    let rows = camera.rotation.map(DVec3::from_array);
+    let rotation = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+    let turned = DMat3::from_rotation_x(turn.x) * DMat3::from_rotation_y(turn.y) * DMat3::from_rotation_z(turn.z);
+    let moved = turned * rotation;
+    let eye = DVec3::from_array(camera.center()) + rotation.transpose() * shift;
+    let columns = moved.transpose();
+    Camera {
+        rotation: [columns.x_axis.to_array(), columns.y_axis.to_array(), columns.z_axis.to_array()],
+        translation: (-(moved * eye)).to_array(),
+        ..*camera
+    }
+}
+
+/// Gains of the photographs' exposures, whose geometric mean is 1.
+pub(super) fn exposures(params: &WorldParams) -> Vec<f64> {
+    let change = |k: u32| {
+        let mut random = Random::new(params.seed ^ (u64::from(k) << 20), 11);
+        (params.effects.exposure * random.range(-1.0, 1.0)).ln_1p()
+    };
+    let logarithms: Vec<f64> = (0..params.images).map(change).collect();
+    let mean = logarithms.iter().sum::<f64>() / f64::from(params.images.max(1));
+    logarithms.into_iter().map(|l| (l - mean).exp()).collect()
 }

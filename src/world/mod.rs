@@ -1,13 +1,20 @@
-//! A synthetic aerial world of known geometry: hills, roads, buildings with fine texture, plants; seen from a nadir flight
-//! and from oblique views around it; written as a COLMAP dataset with ground-truth depth.
+//! A synthetic aerial world of known geometry: hills, roads, buildings, plants, thin wires, water and bare fields; seen from a
+//! nadir flight, from oblique views around it and by a laser scanner; written as a COLMAP dataset with its ground truth.
+//!
+//! The cameras of [`View`]s are those of undistorted pictures. Photographs may be taken through a lens with distortion, whose
+//! undistorted picture is exactly that of the view's camera; all ground truth is for the pixels of undistorted pictures.
 //!
 //! World coordinates are metres, x east, y north, z up. Everything follows from [`WorldParams`], seed included.
 
 mod colmap;
+mod effects;
 mod error;
 mod flight;
 mod geometry;
+mod lidar;
 mod light;
+mod mesh;
+mod optics;
 mod output;
 mod params;
 mod photograph;
@@ -16,17 +23,24 @@ mod site;
 mod surface;
 mod tie_points;
 
+pub use effects::{Effect, Effects};
 pub use error::WorldError;
 pub use flight::View;
 pub use geometry::{Bounds, Face, Hit, Ray, Shape, Solid, Surface, Terrain};
+pub use lidar::{Class, LidarPoint};
 pub use output::{Progress, Stage, Summary, generate};
-pub use params::{Effects, WorldParams};
+pub use params::{CameraKind, LidarParams, WorldParams};
+pub use photograph::{Shot, Truth};
 pub use tie_points::TiePoint;
 
 use glam::{DVec3, Vec3};
 
+use crate::dataset::lens::Lens;
+use crate::scene::Camera;
 use geometry::Bvh;
 use light::Light;
+use optics::Optics;
+use photograph::pixel_ray;
 use site::Site;
 use surface::{GroundMap, Sample};
 
@@ -41,7 +55,10 @@ pub struct World {
     bvh: Bvh,
     ground: GroundMap,
     light: Light,
+    optics: Option<Optics>,
     views: Vec<View>,
+    exposures: Vec<f64>,
+    offpath: Vec<View>,
 }
 
 impl World {
@@ -50,15 +67,38 @@ impl World {
         params.validate()?;
         let site = Site::new(params);
         let views = flight::plan(params, |x, y| site.terrain.height(x, y));
-        Ok(Self {
+        let mut world = Self {
             params: params.clone(),
             bvh: Bvh::new(&site.solids),
             terrain: site.terrain,
             solids: site.solids,
             ground: site.ground,
             light: Light::new(params.sun, params.effects.reflections),
+            optics: views.first().map(|v| Optics::new(params, &v.camera)).transpose()?.flatten(),
             views,
-        })
+            exposures: flight::exposures(params),
+            offpath: Vec::new(),
+        };
+        let mut views = std::mem::take(&mut world.views);
+        for (view, number) in views.iter_mut().zip(0..) {
+            let camera = &view.camera;
+            let middle = pixel_ray(camera, 0.5 * f64::from(camera.width), 0.5 * f64::from(camera.height));
+            let distance = world.trace(&middle).map_or(params.altitude * params.extent, |hit| hit.t);
+            view.reconstructed = flight::reconstructed(params, camera, number, distance);
+        }
+        world.views = views;
+        world.offpath = flight::plan_offpath(params, |x, y| world.terrain.height(x, y), |camera| world.nearest(camera));
+        Ok(world)
+    }
+
+    /// The smallest depth on a grid of rays of a camera.
+    fn nearest(&self, camera: &Camera) -> f64 {
+        const SIDE: u32 = 12;
+        let at = |k: u32, size: u32| f64::from(size) * (f64::from(k) + 0.5) / f64::from(SIDE);
+        (0..SIDE * SIDE)
+            .filter_map(|k| self.trace(&pixel_ray(camera, at(k % SIDE, camera.width), at(k / SIDE, camera.height))))
+            .map(|hit| hit.t)
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// What it was made from.
@@ -79,6 +119,21 @@ impl World {
     /// Photographs to be taken, in the order of their names.
     pub fn views(&self) -> &[View] {
         &self.views
+    }
+
+    /// The lens of the photographs, where it bends rays.
+    pub fn lens(&self) -> Option<&Lens> {
+        self.optics.as_ref().map(|o| &o.lens)
+    }
+
+    /// The gain of a photograph's exposure; 1 for a number that is none.
+    pub fn exposure(&self, number: u32) -> f64 {
+        self.exposures.get(number as usize).copied().unwrap_or(1.0)
+    }
+
+    /// Views from where no photograph is taken, in the order of their names.
+    pub fn offpath(&self) -> &[View] {
+        &self.offpath
     }
 
     /// The first surface that a ray meets.
@@ -108,10 +163,7 @@ impl World {
 
     fn appearance(&self, point: DVec3, hit: &Hit) -> Sample {
         match hit.surface {
-            Surface::Terrain => {
-                let (albedo, openness) = self.ground.sample(point.truncate());
-                Sample { openness, ..Sample::matte(albedo, self.terrain.smooth_normal(point.x, point.y)) }
-            }
+            Surface::Terrain => self.ground.sample(point.truncate(), self.terrain.smooth_normal(point.x, point.y)),
             Surface::Solid { index, face } => {
                 let solid = &self.solids[index as usize];
                 let local = solid.to_local(point - solid.origin);

@@ -1,13 +1,16 @@
 //! Writes a world as a dataset.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 
-use super::{World, WorldError, WorldParams, colmap};
+use super::{Truth, View, World, WorldError, WorldParams, colmap, lidar};
+use crate::format::{atomic, image_out};
+
+/// The file with the parameters.
+const PARAMETERS: &str = "world.toml";
 
 /// What is being done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +19,8 @@ pub enum Stage {
     Photographs,
     /// Sparse points are found.
     Points,
+    /// Off-path views, the laser scan and the surface; counted in parts.
+    Truth,
 }
 
 /// How far it has come.
@@ -44,36 +49,72 @@ pub struct Summary {
     pub observations: usize,
     /// Solids of the world.
     pub solids: usize,
+    /// Off-path views.
+    pub offpath: usize,
+    /// Points of the laser scan.
+    pub lidar: usize,
+    /// Triangles of the surface.
+    pub triangles: usize,
 }
 
-/// Makes a world and writes it into `dir`: `images/NAME.jpg`, `depth/NAME.exr` (channel Z, depth along the optical axis in
-/// metres at pixel centres, 0 for sky), `sparse/0/{cameras,images,points3D}.bin`, and `world.toml` with every parameter.
+/// Makes a world and writes it into `dir`:
+///
+/// - `images/NAME.jpg` (or PNG), as the camera takes them, and `sparse/0/`, as COLMAP finds cameras and points;
+/// - for the pixels of the undistorted pictures `depth/NAME.exr` (channel Z, depth along the optical axis in metres at pixel
+///   centres, 0 for sky), `normal/NAME.exr` (N.X, N.Y, N.Z in the camera frame, towards the camera) and `clean/NAME.png`,
+///   without noise and with the nominal exposure;
+/// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other places, without noise;
+/// - `lidar.las`, `lidar.ply` and `surface.ply`;
+/// - `world.toml` with every parameter.
 pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Summary, WorldError> {
     let world = World::new(params)?;
-    let (images, depths, sparse) = (dir.join("images"), dir.join("depth"), dir.join("sparse").join("0"));
-    for folder in [&images, &depths, &sparse] {
-        fs::create_dir_all(folder).map_err(|source| WorldError::Write { path: folder.clone(), source })?;
-    }
+    // What an earlier world left in a folder would be taken for a part of this one; photographs of others are left alone.
+    let file = dir.join(PARAMETERS);
+    let again = file.is_file();
+    let tree = Tree::create(dir, true, again)?;
+    let text = toml::to_string_pretty(params)?;
+    atomic::write(&file, |out| out.write_all(text.as_bytes()))?;
     let views = world.views();
     let mut spots = Vec::with_capacity(views.len());
-    for (k, view) in views.iter().enumerate() {
-        progress(Progress { stage: Stage::Photographs, done: k as u32, total: views.len() as u32 });
-        let (photograph, depth) = world.photograph(&view.camera, k as u32);
-        write_jpeg(&images.join(&view.name), &photograph, params.effects.jpeg_quality)?;
-        write_depth(&depths.join(&view.name).with_extension("exr"), photograph.dimensions(), depth)?;
-        spots.push(world.spots(&photograph));
+    for (k, view) in (0..).zip(views) {
+        progress(Progress { stage: Stage::Photographs, done: k, total: views.len() as u32 });
+        let shot = world.shot(view, k);
+        write_photograph(&tree.images.join(&view.name), &shot.photograph, params.effects.jpeg_quality)?;
+        write_png(&dir.join("clean").join(view.file("png")), &shot.clean)?;
+        tree.write_truth(view, &shot.truth)?;
+        spots.push(world.spots(&shot.photograph));
     }
     progress(Progress { stage: Stage::Points, done: 0, total: 1 });
     let points = world.tie_points(views, &spots);
+    let lens = world.lens().map(|lens| (lens, params.distortion));
     if let Some(first) = views.first() {
-        write_with(sparse.join("cameras.bin"), |out| colmap::write_camera(out, &first.camera))?;
+        atomic::write(&tree.sparse.join("cameras.bin"), |out| colmap::write_camera(out, &first.camera, lens))?;
     }
-    write_with(sparse.join("images.bin"), |out| colmap::write_images(out, views, &points))?;
-    write_with(sparse.join("points3D.bin"), |out| colmap::write_points(out, views.len(), &points))?;
-    let text = toml::to_string_pretty(params)?;
-    write_with(dir.join("world.toml"), |out| out.write_all(text.as_bytes()))?;
+    atomic::write(&tree.sparse.join("images.bin"), |out| colmap::write_images(out, views, &points))?;
+    atomic::write(&tree.sparse.join("points3D.bin"), |out| colmap::write_points(out, views.len(), &points))?;
     progress(Progress { stage: Stage::Points, done: 1, total: 1 });
-    let (width, height) = params.size();
+
+    let total = world.offpath().len() as u32 + 2;
+    let mut done = 0;
+    let mut step = |progress: &mut dyn FnMut(Progress)| {
+        progress(Progress { stage: Stage::Truth, done, total });
+        done += 1;
+    };
+    if !world.offpath().is_empty() {
+        write_offpath(&world, &dir.join("offpath"), again, &mut || step(progress))?;
+    }
+    step(progress);
+    let echoes = world.lidar();
+    let file = dir.join("lidar.las");
+    let bytes = lidar::las(&echoes).map_err(|e| WorldError::Las { path: file.clone(), source: Box::new(e) })?;
+    atomic::write(&file, |out| out.write_all(&bytes))?;
+    atomic::write(&dir.join("lidar.ply"), |out| lidar::write_ply(&echoes, out))?;
+    step(progress);
+    let mesh = world.mesh();
+    mesh.write(&dir.join("surface.ply"))?;
+    step(progress);
+
+    let (width, height) = world.lens().map_or(params.size(), |lens| (lens.size[0], lens.size[1]));
     Ok(Summary {
         images: views.len() as u32,
         width,
@@ -81,33 +122,75 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
         points: points.len(),
         observations: points.iter().map(|p| p.track.len()).sum(),
         solids: world.solids().len(),
+        offpath: world.offpath().len(),
+        lidar: echoes.len(),
+        triangles: mesh.triangles.len(),
     })
 }
 
-fn write_with(path: PathBuf, body: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), WorldError> {
-    let write = || {
-        let mut out = BufWriter::new(File::create(&path)?);
-        body(&mut out)?;
-        out.flush()
-    };
-    write().map_err(|source| WorldError::Write { path: path.clone(), source })
+/// The folders of a dataset with its truth.
+struct Tree {
+    images: PathBuf,
+    sparse: PathBuf,
+    depth: PathBuf,
+    normal: PathBuf,
 }
 
-fn write_jpeg(path: &Path, photograph: &RgbImage, quality: u8) -> Result<(), WorldError> {
-    let file = File::create(path).map_err(|source| WorldError::Write { path: path.into(), source })?;
-    let mut out = BufWriter::new(file);
+impl Tree {
+    fn create(dir: &Path, clean: bool, empty: bool) -> Result<Self, WorldError> {
+        let tree = Self {
+            images: dir.join("images"),
+            sparse: dir.join("sparse").join("0"),
+            depth: dir.join("depth"),
+            normal: dir.join("normal"),
+        };
+        let also = clean.then(|| dir.join("clean"));
+        for folder in [&tree.images, &tree.sparse, &tree.depth, &tree.normal].into_iter().chain(&also) {
+            let failed = |source| WorldError::Write { path: folder.clone(), source };
+            if empty && folder.is_dir() {
+                fs::remove_dir_all(folder).map_err(failed)?;
+            }
+            fs::create_dir_all(folder).map_err(failed)?;
+        }
+        Ok(tree)
+    }
+
+    fn write_truth(&self, view: &View, truth: &Truth) -> Result<(), WorldError> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        image_out::write_depth(&self.depth.join(view.file("exr")), width, height, &truth.depth)?;
+        image_out::write_normals(&self.normal.join(view.file("exr")), width, height, &truth.normals)?;
+        Ok(())
+    }
+}
+
+fn write_offpath(world: &World, dir: &Path, again: bool, step: &mut dyn FnMut()) -> Result<(), WorldError> {
+    let tree = Tree::create(dir, false, again)?;
+    let views = world.offpath();
+    for view in views {
+        step();
+        let (picture, truth) = world.clean(&view.camera);
+        write_png(&tree.images.join(&view.name), &picture)?;
+        tree.write_truth(view, &truth)?;
+    }
+    if let Some(first) = views.first() {
+        atomic::write(&tree.sparse.join("cameras.bin"), |out| colmap::write_camera(out, &first.camera, None))?;
+    }
+    atomic::write(&tree.sparse.join("images.bin"), |out| colmap::write_images(out, views, &[]))?;
+    atomic::write(&tree.sparse.join("points3D.bin"), |out| colmap::write_points(out, views.len(), &[]))?;
+    Ok(())
+}
+
+fn write_png(path: &Path, picture: &RgbImage) -> Result<(), WorldError> {
+    Ok(image_out::write_png(path, picture.width(), picture.height(), picture.as_raw())?)
+}
+
+fn write_photograph(path: &Path, photograph: &RgbImage, quality: u8) -> Result<(), WorldError> {
+    if quality == 0 {
+        return write_png(path, photograph);
+    }
+    let mut bytes = Vec::new();
     photograph
-        .write_with_encoder(JpegEncoder::new_with_quality(&mut out, quality))
+        .write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, quality))
         .map_err(|source| WorldError::Photograph { path: path.into(), source })?;
-    out.flush().map_err(|source| WorldError::Write { path: path.into(), source })
-}
-
-fn write_depth(path: &Path, (width, height): (u32, u32), depth: Vec<f32>) -> Result<(), WorldError> {
-    use exr::prelude::{
-        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
-    };
-    let channels = AnyChannels::sort(SmallVec::from_vec(vec![AnyChannel::new("Z", FlatSamples::F32(depth))]));
-    let size = (width as usize, height as usize);
-    let layer = Layer::new(size, LayerAttributes::named("depth"), Encoding::FAST_LOSSLESS, channels);
-    Image::from_layer(layer).write().to_file(path).map_err(|source| WorldError::Depth { path: path.into(), source })
+    Ok(atomic::write(path, |out| out.write_all(&bytes))?)
 }

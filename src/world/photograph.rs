@@ -1,12 +1,13 @@
-//! Photographs and depth maps.
+//! Photographs, and the truth about what they show.
 
 use glam::{DVec3, Vec3};
 use image::RgbImage;
 use rayon::prelude::*;
 
 use super::light::develop;
+use super::optics::Optics;
 use super::random::{Random, cell};
-use super::{Ray, World};
+use super::{Ray, View, World};
 use crate::scene::Camera;
 
 /// Relative difference of a pixel's first samples above which it gets all of them.
@@ -20,52 +21,151 @@ pub(crate) fn pixel_ray(camera: &Camera, x: f64, y: f64) -> Ray {
     Ray { origin: DVec3::from_array(camera.center()), direction: DVec3::from_array(direction) }
 }
 
+/// What there is to see of a view.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// The photograph as a camera takes it: through the lens, with its exposure and its noise.
+    pub photograph: RgbImage,
+    /// The undistorted picture with the nominal exposure and without noise.
+    pub clean: RgbImage,
+    /// The truth for each pixel of the undistorted picture.
+    pub truth: Truth,
+}
+
+/// Depths and normals of a picture, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// Depth (z in the camera frame, metres) along the ray through each pixel's centre; 0 where there is only sky.
+    pub depth: Vec<f32>,
+    /// Unit normal of the surface there in the camera frame, towards the camera; 0 for sky.
+    pub normals: Vec<[f32; 3]>,
+}
+
+/// Mean radiance of each pixel, and what the ray through its centre meets.
+struct Exposed {
+    size: (u32, u32),
+    radiance: Vec<Vec3>,
+    truth: Truth,
+}
+
+/// Where the samples of a picture are taken.
+#[derive(Clone, Copy)]
+struct Taking<'a> {
+    camera: &'a Camera,
+    optics: Option<&'a Optics>,
+}
+
+impl Taking<'_> {
+    fn size(&self) -> (u32, u32) {
+        self.optics.map_or((self.camera.width, self.camera.height), |o| (o.lens.size[0], o.lens.size[1]))
+    }
+
+    /// The ray through a point of a pixel.
+    fn ray(&self, pixel: (u32, u32), x: f64, y: f64) -> Option<Ray> {
+        match self.optics {
+            None => Some(pixel_ray(self.camera, x, y)),
+            Some(optics) => optics.ray(self.camera, pixel, x, y),
+        }
+    }
+}
+
 impl World {
+    /// Depth and normals of a pinhole camera's picture.
+    pub fn truth(&self, camera: &Camera) -> Truth {
+        let rotation = camera.rotation.map(DVec3::from_array);
+        let pixels: Vec<(f32, [f32; 3])> = (0..camera.width * camera.height)
+            .into_par_iter()
+            .map(|k| {
+                let (x, y) = (f64::from(k % camera.width), f64::from(k / camera.width));
+                match self.trace(&pixel_ray(camera, x + 0.5, y + 0.5)) {
+                    Some(hit) => (hit.t as f32, rotation.map(|row| row.dot(hit.normal) as f32)),
+                    None => (0.0, [0.0; 3]),
+                }
+            })
+            .collect();
+        let (depth, normals) = pixels.into_iter().unzip();
+        Truth { depth, normals }
+    }
+
     /// Depth (z in the camera frame, metres) along the ray through each pixel's centre, row-major; 0 where there is only sky.
     pub fn depth(&self, camera: &Camera) -> Vec<f32> {
-        let width = camera.width as usize;
-        let mut out = vec![0.0f32; width * camera.height as usize];
-        out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-            for (x, z) in row.iter_mut().enumerate() {
-                let ray = pixel_ray(camera, x as f64 + 0.5, y as f64 + 0.5);
-                *z = self.trace(&ray).map_or(0.0, |h| h.t as f32);
+        self.truth(camera).depth
+    }
+
+    /// A photograph of a pinhole camera and its depth. `number` selects the photograph's exposure and noise.
+    pub fn photograph(&self, camera: &Camera, number: u32) -> (RgbImage, Vec<f32>) {
+        let exposed = self.expose(Taking { camera, optics: None });
+        (self.developed(&exposed, self.exposure(number), Some(number)), exposed.truth.depth)
+    }
+
+    /// A picture of a pinhole camera with the nominal exposure and without noise, and the truth about it.
+    pub fn clean(&self, camera: &Camera) -> (RgbImage, Truth) {
+        let exposed = self.expose(Taking { camera, optics: None });
+        (self.developed(&exposed, 1.0, None), exposed.truth)
+    }
+
+    /// All pictures of a view; `number` selects the photograph's exposure and noise.
+    pub fn shot(&self, view: &View, number: u32) -> Shot {
+        let straight = self.expose(Taking { camera: &view.camera, optics: None });
+        let clean = self.developed(&straight, 1.0, None);
+        let gain = self.exposure(number);
+        let photograph = match &self.optics {
+            None => self.developed(&straight, gain, Some(number)),
+            Some(optics) => {
+                let bent = self.expose(Taking { camera: &view.camera, optics: Some(optics) });
+                self.developed(&bent, gain, Some(number))
+            }
+        };
+        Shot { photograph, clean, truth: straight.truth }
+    }
+
+    /// The ray through a point of a view's photograph.
+    pub(super) fn photograph_ray(&self, view: &View, x: f64, y: f64) -> Option<Ray> {
+        Taking { camera: &view.camera, optics: self.optics.as_ref() }.ray((x as u32, y as u32), x, y)
+    }
+
+    fn expose(&self, taking: Taking<'_>) -> Exposed {
+        let (width, height) = taking.size();
+        let rotation = taking.camera.rotation.map(DVec3::from_array);
+        let mut radiance = vec![Vec3::ZERO; (width * height) as usize];
+        let mut pixels = vec![(0.0f32, [0.0f32; 3]); (width * height) as usize];
+        let rows = radiance.par_chunks_mut(width as usize).zip(pixels.par_chunks_mut(width as usize));
+        rows.enumerate().for_each(|(y, (radiance, pixels))| {
+            for (x, (radiance, pixel)) in radiance.iter_mut().zip(pixels).enumerate() {
+                let (mean, depth, normal) = self.pixel(taking, x as u32, y as u32);
+                *radiance = mean;
+                *pixel = (depth, rotation.map(|row| row.dot(normal) as f32));
             }
         });
-        out
+        let (depth, normals) = pixels.into_iter().unzip();
+        Exposed { size: (width, height), radiance, truth: Truth { depth, normals } }
     }
 
-    /// A photograph and its depth. `number` selects the photograph's exposure and noise.
-    pub fn photograph(&self, camera: &Camera, number: u32) -> (RgbImage, Vec<f32>) {
-        let effects = &self.params().effects;
-        let mut random = Random::new(self.params().seed ^ (u64::from(number) << 20), 11);
-        let gain = (1.0 + effects.exposure * random.range(-1.0, 1.0)) as f32;
-        let noise = effects.sensor_noise;
-        let width = camera.width as usize;
-        let mut pixels = vec![0u8; 3 * width * camera.height as usize];
-        let mut depth = vec![0.0f32; width * camera.height as usize];
-        pixels.par_chunks_mut(3 * width.max(1)).zip(depth.par_chunks_mut(width.max(1))).enumerate().for_each(
-            |(y, (row, depths))| {
-                let mut random = Random::new(self.params().seed ^ (u64::from(number) << 20) ^ y as u64, 12);
-                for (x, (out, z)) in row.chunks_exact_mut(3).zip(depths).enumerate() {
-                    let (radiance, hit) = self.pixel(camera, x as u32, y as u32);
-                    *z = hit;
-                    let mut colour = develop(radiance * gain);
-                    if noise > 0.0 {
-                        let grain = [random.normal(), random.normal(), random.normal()];
-                        colour += Vec3::from_array(grain.map(|g| (g * noise) as f32));
-                    }
-                    out.copy_from_slice(&colour.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
+    /// An exposure with a gain, and with the noise of photograph `number` if it is given.
+    fn developed(&self, exposed: &Exposed, gain: f64, number: Option<u32>) -> RgbImage {
+        let noise = if number.is_some() { self.params().effects.sensor_noise } else { 0.0 };
+        let seed = self.params().seed ^ (u64::from(number.unwrap_or(0)) << 20);
+        let (width, height) = exposed.size;
+        let mut pixels = vec![0u8; 3 * exposed.radiance.len()];
+        let rows = pixels.par_chunks_mut(3 * width as usize).zip(exposed.radiance.par_chunks(width as usize));
+        rows.enumerate().for_each(|(y, (row, radiance))| {
+            let mut random = Random::new(seed ^ y as u64, 12);
+            for (out, radiance) in row.chunks_exact_mut(3).zip(radiance) {
+                let mut colour = develop(*radiance * gain as f32);
+                if noise > 0.0 {
+                    let grain = [random.normal(), random.normal(), random.normal()];
+                    colour += Vec3::from_array(grain.map(|g| (g * noise) as f32));
                 }
-            },
-        );
+                out.copy_from_slice(&colour.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
+            }
+        });
         // The buffer has exactly the image's size.
-        let image = RgbImage::from_raw(camera.width, camera.height, pixels).unwrap_or_default();
-        (image, depth)
+        RgbImage::from_raw(width, height, pixels).unwrap_or_default()
     }
 
-    /// Mean radiance over a pixel, and the depth at its centre. Five samples in a cross of the sampling grid come first; the
-    /// others follow where these differ.
-    fn pixel(&self, camera: &Camera, x: u32, y: u32) -> (Vec3, f32) {
+    /// Mean radiance over a pixel, and the depth and the world normal at its centre. Five samples in a cross of the sampling
+    /// grid come first; the others follow where these differ.
+    fn pixel(&self, taking: Taking<'_>, x: u32, y: u32) -> (Vec3, f32, DVec3) {
         let n = self.params().supersample as i32;
         let middle = n / 2;
         // Each pixel shifts the outer samples a little, which breaks up the regular grid's moire.
@@ -76,16 +176,19 @@ impl World {
                 let centre = (f64::from(k) + 0.5) / f64::from(n);
                 if (i, j) == (middle, middle) { 0.5 } else { centre + jitter }
             };
-            self.radiance(&pixel_ray(camera, f64::from(x) + offset(i, jx), f64::from(y) + offset(j, jy)))
+            match taking.ray((x, y), f64::from(x) + offset(i, jx), f64::from(y) + offset(j, jy)) {
+                Some(ray) => self.radiance(&ray),
+                None => (Vec3::ZERO, 0.0, DVec3::ZERO),
+            }
         };
-        let (centre, depth) = take(middle, middle);
+        let (centre, depth, normal) = take(middle, middle);
         if n == 1 {
-            return (centre, depth);
+            return (centre, depth, normal);
         }
         let cross = [(0, 0), (n - 1, 0), (0, n - 1), (n - 1, n - 1)];
         let (mut sum, mut low, mut high, mut count) = (centre, centre, centre, 1);
         for (i, j) in cross {
-            let (c, _) = take(i, j);
+            let (c, ..) = take(i, j);
             (sum, low, high, count) = (sum + c, low.min(c), high.max(c), count + 1);
         }
         if ((high - low) / (high + low + 0.05)).max_element() > CONTRAST {
@@ -98,13 +201,13 @@ impl World {
                 }
             }
         }
-        (sum / count as f32, depth)
+        (sum / count as f32, depth, normal)
     }
 
-    fn radiance(&self, ray: &Ray) -> (Vec3, f32) {
+    fn radiance(&self, ray: &Ray) -> (Vec3, f32, DVec3) {
         match self.trace(ray) {
-            Some(hit) => (self.shade(ray, &hit), hit.t as f32),
-            None => (self.light.sky(ray.direction), 0.0),
+            Some(hit) => (self.shade(ray, &hit), hit.t as f32, hit.normal),
+            None => (self.light.sky(ray.direction), 0.0, DVec3::ZERO),
         }
     }
 }

@@ -5,7 +5,6 @@ use glam::{DMat3, DVec2, DVec3};
 use image::RgbImage;
 use rayon::prelude::*;
 
-use super::photograph::pixel_ray;
 use super::random::Random;
 use super::{Ray, View, World};
 use crate::scene::Camera;
@@ -16,6 +15,8 @@ const MATCH_COSINE: f64 = 0.6;
 const TEXTURE: i32 = 14;
 /// Tolerance of the visibility check as a share of the depth.
 const VISIBLE: f64 = 1e-4;
+/// How far off the depth of a wrong match is, as a share of it.
+const MISMATCH: [f64; 2] = [0.04, 0.4];
 
 /// A sparse point.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,23 +38,38 @@ pub(super) struct Spot {
     colour: [u8; 3],
 }
 
-fn grid(params: &super::WorldParams) -> (f64, usize, usize) {
-    let cell = f64::from(params.pixels_per_point).sqrt();
-    let (width, height) = params.size();
-    let count = |side: u32| (f64::from(side) / cell).ceil().max(1.0) as usize;
-    (cell, count(width), count(height))
+/// Cells of a photograph, each of which has one sparse point at most.
+#[derive(Clone, Copy)]
+struct Grid {
+    cell: DVec2,
+    columns: usize,
+    rows: usize,
+}
+
+impl Grid {
+    fn new(pixels_per_point: u32, size: [u32; 2]) -> Self {
+        let side = f64::from(pixels_per_point).sqrt();
+        let [columns, rows] = size.map(|s| (f64::from(s) / side).floor().max(1.0));
+        let cell = DVec2::new(f64::from(size[0]) / columns, f64::from(size[1]) / rows);
+        Self { cell, columns: columns as usize, rows: rows as usize }
+    }
+
+    fn index(&self, p: DVec2) -> Option<usize> {
+        let (i, j) = ((p.x / self.cell.x) as usize, (p.y / self.cell.y) as usize);
+        (i < self.columns && j < self.rows).then_some(j * self.columns + i)
+    }
 }
 
 impl World {
     /// The most textured pixel of each grid cell of a photograph, where it is textured at all.
     pub(super) fn spots(&self, photograph: &RgbImage) -> Vec<Option<Spot>> {
-        let (cell, columns, rows) = grid(self.params());
         let (width, height) = photograph.dimensions();
+        let grid = Grid::new(self.params().pixels_per_point, [width, height]);
         let luma = |x: u32, y: u32| {
             let p = photograph.get_pixel(x, y).0;
             2 * i32::from(p[0]) + 5 * i32::from(p[1]) + i32::from(p[2])
         };
-        let mut best = vec![(TEXTURE * 8 - 1, None); columns * rows];
+        let mut best = vec![(TEXTURE * 8 - 1, None); grid.columns * grid.rows];
         for y in 1..height.saturating_sub(1) {
             for x in 1..width.saturating_sub(1) {
                 let c = luma(x, y);
@@ -61,11 +77,10 @@ impl World {
                     + (c - luma(x + 1, y)).abs()
                     + (c - luma(x, y - 1)).abs()
                     + (c - luma(x, y + 1)).abs();
-                let at = (f64::from(y) / cell) as usize * columns + (f64::from(x) / cell) as usize;
-                if let Some(b) = best.get_mut(at)
+                let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                if let Some(b) = grid.index(pixel).and_then(|at| best.get_mut(at))
                     && score > b.0
                 {
-                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
                     *b = (score, Some(Spot { pixel, colour: photograph.get_pixel(x, y).0 }));
                 }
             }
@@ -73,16 +88,28 @@ impl World {
         best.into_iter().map(|(_, s)| s).collect()
     }
 
+    /// Width and height of the photographs of a view.
+    fn photograph_size(&self, view: &View) -> [u32; 2] {
+        self.lens().map_or([view.camera.width, view.camera.height], |lens| lens.size)
+    }
+
+    /// Where a camera of the photographs shows a world point: the pixel of the photograph, if it is on it, and the depth.
+    fn seen_at(&self, camera: &Camera, point: DVec3) -> Option<(DVec2, f64)> {
+        let (straight, depth) = project(camera, point)?;
+        let (at, [width, height]) = match &self.optics {
+            None => (straight, [camera.width, camera.height]),
+            Some(optics) => (optics.bend(camera, straight)?, optics.lens.size),
+        };
+        let inside = at.cmpgt(DVec2::ONE).all() && at.x < f64::from(width) - 1.0 && at.y < f64::from(height) - 1.0;
+        inside.then_some((at, depth))
+    }
+
     /// Sparse points from the spots of all photographs (in the order of `views`).
     pub(super) fn tie_points(&self, views: &[View], spots: &[Vec<Option<Spot>>]) -> Vec<TiePoint> {
-        let (cell, columns, rows) = grid(self.params());
-        let mut taken = vec![vec![false; columns * rows]; views.len()];
-        let index = |p: DVec2| {
-            let (i, j) = ((p.x / cell) as usize, (p.y / cell) as usize);
-            (i < columns && j < rows).then_some(j * columns + i)
-        };
+        let Some(first) = views.first() else { return Vec::new() };
+        let grid = Grid::new(self.params().pixels_per_point, self.photograph_size(first));
+        let mut taken = vec![vec![false; grid.columns * grid.rows]; views.len()];
         let min = self.params().min_views as usize;
-        let noise = self.params().effects.observation_noise;
         let mut points = Vec::new();
         for (number, (view, spots)) in views.iter().zip(spots).enumerate() {
             let open: Vec<(usize, Spot)> = spots
@@ -93,17 +120,26 @@ impl World {
                 .collect();
             let seen: Vec<_> = open.par_iter().map(|(_, spot)| self.sightings(views, number, view, spot)).collect();
             for ((k, spot), (surface, sightings)) in open.into_iter().zip(seen) {
-                let free = |&(v, p): &(usize, DVec2)| index(p).is_some_and(|k| !taken[v][k]);
+                let free = |&(v, p): &(usize, DVec2)| grid.index(p).is_some_and(|k| !taken[v][k]);
                 let kept: Vec<(usize, DVec2)> = sightings.into_iter().filter(free).collect();
                 if taken[number][k] || kept.len() < min {
                     continue;
                 }
-                let mut random = Random::new(self.params().seed ^ ((number as u64) << 32) ^ k as u64, 13);
-                let observed: Vec<(usize, DVec2)> =
-                    kept.iter().map(|&(v, p)| (v, p + DVec2::new(random.normal(), random.normal()) * noise)).collect();
-                let (position, error) = triangulate(views, &observed, surface);
-                for (v, p) in kept {
-                    if let Some(k) = index(p) {
+                let seed = self.params().seed ^ ((number as u64) << 32) ^ k as u64;
+                let mismatched = self.mismatched(views, view, surface, &kept, seed).map(|(point, seen)| {
+                    let seen: Vec<(usize, DVec2)> = seen.into_iter().filter(free).collect();
+                    (point, seen)
+                });
+                let (start, matched) =
+                    mismatched.filter(|(_, seen)| seen.len() >= min).unwrap_or_else(|| (surface, kept));
+                let mut random = Random::new(seed, 13);
+                let noise = self.params().effects.observation_noise;
+                let mut noisy =
+                    |&(v, p): &(usize, DVec2)| (v, p + DVec2::new(random.normal(), random.normal()) * noise);
+                let observed: Vec<(usize, DVec2)> = matched.iter().map(&mut noisy).collect();
+                let Some((position, error)) = self.triangulate(views, &observed, start) else { continue };
+                for (v, p) in matched {
+                    if let Some(k) = grid.index(p) {
                         taken[v][k] = true;
                     }
                 }
@@ -118,30 +154,74 @@ impl World {
         points
     }
 
-    /// The surface point under a spot, and the photographs that see it with its exact position in each.
+    /// For the share of wrong matches: another point on the first camera's ray, and where the cameras of the track would see
+    /// it. Repeated patterns do that: the observations agree with each other, so that no check finds them out.
+    fn mismatched(
+        &self,
+        views: &[View],
+        view: &View,
+        surface: DVec3,
+        kept: &[(usize, DVec2)],
+        seed: u64,
+    ) -> Option<(DVec3, Vec<(usize, DVec2)>)> {
+        let mut random = Random::new(seed, 15);
+        if !random.chance(self.params().effects.outliers) {
+            return None;
+        }
+        let off = random.range(MISMATCH[0], MISMATCH[1]) * if random.chance(0.5) { 1.0 } else { -1.0 };
+        let origin = DVec3::from_array(view.camera.center());
+        let point = origin + (surface - origin) * (1.0 + off);
+        let seen = kept.iter().filter_map(|(v, _)| Some((*v, self.seen_at(&views[*v].reconstructed, point)?.0)));
+        Some((point, seen.collect()))
+    }
+
+    /// The surface point under a spot, and the photographs that see it with its exact position in each. None of what has no
+    /// texture of its own: noise is all there is to match.
     fn sightings(&self, views: &[View], number: usize, view: &View, spot: &Spot) -> (DVec3, Vec<(usize, DVec2)>) {
-        let ray = pixel_ray(&view.camera, spot.pixel.x, spot.pixel.y);
-        let Some(hit) = self.trace(&ray) else {
-            return (DVec3::ZERO, Vec::new());
-        };
+        let nothing = (DVec3::ZERO, Vec::new());
+        let Some(ray) = self.photograph_ray(view, spot.pixel.x, spot.pixel.y) else { return nothing };
+        let Some(hit) = self.trace(&ray) else { return nothing };
         let point = ray.at(hit.t);
+        if self.appearance(point, &hit).plain {
+            return nothing;
+        }
         let from_source = ray.direction.normalize();
         let seen = views.iter().enumerate().filter_map(|(k, other)| {
             if k == number {
                 return Some((k, spot.pixel));
             }
-            let (pixel, depth) = project(&other.camera, point)?;
-            let (width, height) = (f64::from(other.camera.width), f64::from(other.camera.height));
-            let inside = pixel.x > 1.0 && pixel.y > 1.0 && pixel.x < width - 1.0 && pixel.y < height - 1.0;
+            let (pixel, depth) = self.seen_at(&other.camera, point)?;
             let origin = DVec3::from_array(other.camera.center());
             let direction = (point - origin) / depth;
-            if !inside || direction.normalize().dot(from_source) < MATCH_COSINE {
+            if direction.normalize().dot(from_source) < MATCH_COSINE {
                 return None;
             }
             let met = self.trace(&Ray { origin, direction })?;
             ((met.t - depth).abs() < VISIBLE * depth).then_some((k, pixel))
         });
         (point, seen.collect())
+    }
+
+    /// Least squares of the reprojection error by Gauss and Newton's steps from a close start, with the cameras as they are
+    /// reconstructed: the point, and the mean error in pixels of the photographs.
+    fn triangulate(&self, views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> Option<(DVec3, f64)> {
+        let straight = |&(v, p): &(usize, DVec2)| match &self.optics {
+            None => Some((v, p)),
+            Some(optics) => optics.straighten(&views[v].camera, p).map(|p| (v, p)),
+        };
+        let undistorted = observed.iter().map(straight).collect::<Option<Vec<_>>>()?;
+        let point = intersection(views, &undistorted, start);
+        let apart = |&(v, p): &(usize, DVec2)| {
+            let camera = &views[v].reconstructed;
+            let (straight, _) = project(camera, point)?;
+            let at = match &self.optics {
+                None => straight,
+                Some(optics) => optics.bend(camera, straight)?,
+            };
+            Some(at.distance(p))
+        };
+        let apart = observed.iter().map(apart).collect::<Option<Vec<f64>>>()?;
+        Some((point, apart.iter().sum::<f64>() / apart.len().max(1) as f64))
     }
 }
 
@@ -153,13 +233,12 @@ pub(crate) fn project(camera: &Camera, p: DVec3) -> Option<(DVec2, f64)> {
     (q.z > 1e-6).then_some((pixel, q.z))
 }
 
-/// Least squares of the reprojection error by Gauss and Newton's steps from a close start: the point and the mean error.
-fn triangulate(views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> (DVec3, f64) {
+fn intersection(views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> DVec3 {
     let mut x = start;
     for _ in 0..3 {
         let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
         for &(v, seen) in observed {
-            let camera = &views[v].camera;
+            let camera = &views[v].reconstructed;
             let Some((pixel, depth)) = project(camera, x) else { continue };
             let r = camera.rotation.map(DVec3::from_array);
             let u = (pixel - DVec2::new(camera.cx, camera.cy)) / DVec2::new(camera.fx, camera.fy);
@@ -177,9 +256,5 @@ fn triangulate(views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> (DV
             x += step;
         }
     }
-    let total: f64 = observed
-        .iter()
-        .filter_map(|&(v, seen)| project(&views[v].camera, x).map(|(pixel, _)| pixel.distance(seen)))
-        .sum();
-    (x, total / observed.len().max(1) as f64)
+    x
 }

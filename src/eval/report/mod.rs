@@ -214,6 +214,7 @@ fn tiles(m: &Metrics) -> String {
 
 fn numbers(m: &Metrics) -> String {
     let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
+    let geometry = m.geometry.rows();
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
@@ -234,6 +235,7 @@ fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .chain(&geometry)
     .filter(|(k, _)| trained(m) || !of_training.contains(k))
     .map(|(k, v)| row(k, v))
     .collect()

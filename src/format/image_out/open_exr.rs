@@ -51,8 +51,32 @@ fn write(file: &Path, width: u32, height: u32, channels: Vec<(&str, Vec<f32>)>) 
     atomic::write(file, |out| out.write_all(bytes.get_ref()))
 }
 
+/// Normals row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NormalMap {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Unit normals in whatever frame the writer had.
+    pub values: Vec<[f32; 3]>,
+}
+
 /// Reads the channel `Z` of a file, or its only channel.
 pub fn read_depth(file: &Path) -> Result<DepthMap, Error> {
+    let (width, height, mut channels) = read(file, &["Z"])?;
+    Ok(DepthMap { width, height, values: channels.remove(0) })
+}
+
+/// Reads the channels `N.X`, `N.Y` and `N.Z` of a file.
+pub fn read_normals(file: &Path) -> Result<NormalMap, Error> {
+    let (width, height, channels) = read(file, &["N.X", "N.Y", "N.Z"])?;
+    let values = (0..channels[0].len()).map(|i| [0, 1, 2].map(|k| channels[k][i])).collect();
+    Ok(NormalMap { width, height, values })
+}
+
+/// Width, height, and the values of the channels of these names, or of the only channel where one is asked for.
+fn read(file: &Path, names: &[&str]) -> Result<(u32, u32, Vec<Vec<f32>>), Error> {
     let bytes = std::fs::read(file).map_err(Error::io(file, "read"))?;
     let mut cursor = Cursor::new(bytes.as_slice());
     let header = MetaData::read_from_buffered(&mut cursor, false);
@@ -71,22 +95,26 @@ pub fn read_depth(file: &Path) -> Result<DepthMap, Error> {
         .non_parallel()
         .from_buffered(&mut cursor);
     let layer = image.map_err(|e| fail("pixels", cursor.position(), e.to_string()))?.layer_data;
-    let channels = &layer.channel_data.list;
-    let channel = match channels.as_slice() {
-        [only] => Some(only),
-        several => several.iter().find(|c| c.name.eq("Z")),
-    };
-    let channel = channel.ok_or_else(|| {
-        let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-        fail("channels", 0, format!("there is no channel 'Z' among {}", names.join(", ")))
-    })?;
-    let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
     let side = |v: usize| u32::try_from(v).map_err(|_| fail("size", 0, format!("a side of {v} is too long")));
     let (width, height) = (side(layer.size.0)?, side(layer.size.1)?);
-    if values.len() as u64 != u64::from(width) * u64::from(height) {
-        return Err(fail("channel", 0, format!("{} values are not {width}x{height}", values.len())));
-    }
-    Ok(DepthMap { width, height, values })
+    let channels = &layer.channel_data.list;
+    let values = |name: &&str| {
+        let channel = match (channels.as_slice(), names) {
+            ([only], [_]) => Some(only),
+            (several, _) => several.iter().find(|c| c.name.eq(name)),
+        };
+        let channel = channel.ok_or_else(|| {
+            let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+            fail("channels", 0, format!("there is no channel '{name}' among {}", names.join(", ")))
+        })?;
+        let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
+        if values.len() as u64 != u64::from(width) * u64::from(height) {
+            return Err(fail("channel", 0, format!("{} values are not {width}x{height}", values.len())));
+        }
+        Ok(values)
+    };
+    let planes = names.iter().map(values).collect::<Result<Vec<_>, Error>>()?;
+    Ok((width, height, planes))
 }
 
 /// Compression does not reach a thousandfold by much (deflate ends at 1032): more is a damaged size, not a picture.

@@ -73,6 +73,8 @@ impl Kind {
 pub(super) struct Property {
     pub(super) name: String,
     pub(super) kind: Kind,
+    /// The type of the count, where the property is a list of numbers.
+    pub(super) count: Option<Kind>,
 }
 
 #[derive(Clone, Debug)]
@@ -144,18 +146,21 @@ pub(super) fn read(file: &Path, reader: &mut impl BufRead) -> Result<Header, Err
                 let Some(element) = header.elements.last_mut() else {
                     return Err(fail("property", "stands before any element".to_owned()));
                 };
-                match rest {
-                    ["list", _, _, _] => element.has_list = true,
-                    [kind, name] => {
-                        let kind = Kind::named(kind)
-                            .ok_or_else(|| fail("property", format!("the type '{kind}' of '{name}' is unknown")))?;
-                        if element.properties.iter().any(|p| p.name == *name) {
-                            return Err(fail("property", format!("'{name}' occurs twice")));
-                        }
-                        element.properties.push(Property { name: (*name).to_owned(), kind });
-                    }
+                let (count, kind, name) = match rest {
+                    ["list", count, kind, name] => (Some(count), kind, name),
+                    [kind, name] => (None, kind, name),
                     _ => return Err(fail("property", format!("'{line}' is not one"))),
+                };
+                let known = |word: &str| {
+                    Kind::named(word)
+                        .ok_or_else(|| fail("property", format!("the type '{word}' of '{name}' is unknown")))
+                };
+                let (count, kind) = (count.map(|word| known(word)).transpose()?, known(kind)?);
+                if element.properties.iter().any(|p| p.name == *name) {
+                    return Err(fail("property", format!("'{name}' occurs twice")));
                 }
+                element.has_list |= count.is_some();
+                element.properties.push(Property { name: (*name).to_owned(), kind, count });
             }
             ["end_header"] if format_seen => return Ok(header),
             ["end_header"] => return Err(fail("header", "it names no format".to_owned())),

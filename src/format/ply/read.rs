@@ -203,6 +203,56 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Reads row `i` of an element that has lists, and keeps the numbers of property `wanted`.
+    pub(super) fn list_row(
+        &mut self,
+        element: &Element,
+        i: u64,
+        wanted: usize,
+        kept: &mut Vec<f64>,
+    ) -> Result<(), Error> {
+        kept.clear();
+        let file = self.file;
+        let wrong = |at: At, problem: &str| Error::malformed(file, format_args!("{} {i}", element.name), at, problem);
+        if self.encoding == Encoding::Ascii {
+            let mut raw = String::new();
+            let read = self.reader.read_line(&mut raw).map_err(Error::io(file, "read"))?;
+            self.at += read as u64;
+            self.line += 1;
+            let at = At::Line(self.line);
+            let mut words = raw.split_whitespace();
+            let mut number =
+                || words.next().and_then(|w| w.parse::<f64>().ok()).ok_or_else(|| wrong(at, "a number is missing"));
+            for (p, property) in element.properties.iter().enumerate() {
+                let count = if property.count.is_some() { number()? as u64 } else { 1 };
+                for _ in 0..count {
+                    let value = number()?;
+                    if p == wanted {
+                        kept.push(value);
+                    }
+                }
+            }
+            return Ok(());
+        }
+        for (p, property) in element.properties.iter().enumerate() {
+            let ended = |e: std::io::Error, at: u64| match e.kind() {
+                std::io::ErrorKind::UnexpectedEof => wrong(At::Byte(at), "the file ends here"),
+                _ => Error::io(file, "read")(e),
+            };
+            let count = match property.count {
+                Some(kind) => self.number(self.encoding, kind).map_err(|e| ended(e, self.at))? as u64,
+                None => 1,
+            };
+            for _ in 0..count {
+                let value = self.number(self.encoding, property.kind).map_err(|e| ended(e, self.at))?;
+                if p == wanted {
+                    kept.push(value);
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn number(&mut self, encoding: Encoding, kind: Kind) -> std::io::Result<f64> {
         let mut bytes = [0; 8];
         let used = &mut bytes[..kind.bytes()];

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Ray;
+use crate::world::Class;
 use crate::world::surface::Finish;
 
 /// A half-space `normal . p <= offset` of a convex polyhedron, in the solid's frame.
@@ -40,6 +41,8 @@ pub struct Solid {
     pub yaw: f64,
     /// The form.
     pub shape: Shape,
+    /// What it is a part of.
+    pub class: Class,
     pub(crate) finish: Finish,
     cos: f64,
     sin: f64,
@@ -72,8 +75,8 @@ impl Bounds {
 
 impl Solid {
     /// Places a shape. `finish` covers curved shapes; faces of polyhedra bring their own.
-    pub(crate) fn new(origin: DVec3, yaw: f64, shape: Shape, finish: Finish) -> Self {
-        Self { origin, yaw, shape, finish, cos: yaw.cos(), sin: yaw.sin() }
+    pub(crate) fn new(origin: DVec3, yaw: f64, shape: Shape, class: Class, finish: Finish) -> Self {
+        Self { origin, yaw, shape, class, finish, cos: yaw.cos(), sin: yaw.sin() }
     }
 
     /// A world direction in the solid's frame.

@@ -43,6 +43,16 @@ impl Terrain {
         (self.low, self.high)
     }
 
+    /// Corners of cells along a side.
+    pub fn corners(&self) -> usize {
+        self.side
+    }
+
+    /// A corner: column and row from the south-west.
+    pub fn corner_position(&self, i: usize, j: usize) -> DVec3 {
+        DVec3::new(i as f64 * self.cell - self.half, j as f64 * self.cell - self.half, self.corner(i, j))
+    }
+
     fn corner(&self, i: usize, j: usize) -> f64 {
         self.heights[j * self.side + i]
     }

@@ -6,6 +6,7 @@ use super::Footprint;
 use crate::world::geometry::{Face, Shape, Solid};
 use crate::world::random::Random;
 use crate::world::surface::{Facade, Finish, Wall};
+use crate::world::{Class, Effects};
 
 /// Kinds of building, by roof and use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,8 @@ pub(super) enum Kind {
     Hall,
     /// Church with a tower.
     Church,
+    /// Row of narrow gabled houses.
+    Terrace,
 }
 
 /// How deep walls reach below the floor, so that no slope shows a gap.
@@ -29,6 +32,7 @@ const FOUNDATION: f64 = 4.0;
 struct Builder<'a> {
     origin: DVec3,
     yaw: f64,
+    effects: &'a Effects,
     out: &'a mut Vec<Solid>,
 }
 
@@ -52,7 +56,8 @@ impl Builder<'_> {
     fn add(&mut self, at: DVec2, faces: Vec<Face>) {
         let turned = DVec2::from_angle(self.yaw).rotate(at);
         let shape = Shape::Convex(faces.into_boxed_slice());
-        self.out.push(Solid::new(self.origin + turned.extend(0.0), self.yaw, shape, Finish::Glass));
+        let origin = self.origin + turned.extend(0.0);
+        self.out.push(Solid::new(origin, self.yaw, shape, Class::Building, Finish::Glass));
     }
 
     /// Walls up to `top`; with `pitch` given, up to a ridge along x instead.
@@ -67,6 +72,9 @@ impl Builder<'_> {
             face(DVec3::NEG_Z, FOUNDATION, Finish::Plain(facade.colour)),
         ];
         match pitch {
+            None if self.effects.plain && half.min_element() > 4.0 => {
+                faces.push(face(DVec3::Z, top, Finish::Smooth(Vec3::new(0.5, 0.5, 0.49))));
+            }
             None => faces.push(face(DVec3::Z, top, Finish::Gravel { seed: facade.seed })),
             Some(angle) => {
                 for y in [1.0, -1.0] {
@@ -123,6 +131,7 @@ impl Builder<'_> {
             window: DVec2::ONE,
             shutters: None,
             sign: false,
+            alike: false,
         });
         self.add(at, block(DVec2::new(0.42, 0.36), bottom, top, brick, Finish::Plain(Vec3::splat(0.08))));
     }
@@ -151,6 +160,7 @@ fn facade(random: &mut Random, storeys: u32) -> Facade {
         window: DVec2::new(random.range(0.95, 1.25), random.range(1.2, 1.5)),
         shutters: random.chance(0.4).then(|| random.pick(&shutter)),
         sign: false,
+        alike: false,
     }
 }
 
@@ -167,8 +177,8 @@ fn tiles(random: &mut Random) -> impl Fn(bool, u32) -> Finish + use<> {
 }
 
 /// Adds a building on its footprint (walls' outline; the long side is x), with its floor at height `z`.
-pub(super) fn build(kind: Kind, plot: Footprint, z: f64, random: &mut Random, out: &mut Vec<Solid>) {
-    let mut b = Builder { origin: plot.centre.extend(z), yaw: plot.yaw, out };
+pub(super) fn build(kind: Kind, plot: Footprint, z: f64, effects: &Effects, random: &mut Random, out: &mut Vec<Solid>) {
+    let mut b = Builder { origin: plot.centre.extend(z), yaw: plot.yaw, effects, out };
     let half = plot.half;
     match kind {
         Kind::House => house(&mut b, half, random),
@@ -195,11 +205,11 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, random: &mut Random, ou
             b.gable_roof(DVec2::ZERO, half, 6.0, angle, [metal(0), metal(1)], DVec2::splat(0.3));
             // A lettered board along the ridge.
             let ridge = 6.0 + half.y * angle.tan();
-            let letters = Finish::Letters {
-                paint: Vec3::new(0.75, 0.72, 0.66),
-                back: Vec3::new(0.36, 0.05, 0.05),
-                glyph: 0.2,
-                seed: random.seed(),
+            let (back, seed) = (Vec3::new(0.36, 0.05, 0.05), random.seed());
+            let letters = if effects.text {
+                Finish::Letters { paint: Vec3::new(0.75, 0.72, 0.66), back, glyph: 0.2, seed }
+            } else {
+                Finish::Plain(back)
             };
             b.add(DVec2::ZERO, block(DVec2::new(0.62 * half.x, 0.08), ridge - 0.3, ridge + 1.75, letters, letters));
         }
@@ -231,6 +241,40 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, random: &mut Random, ou
             let copper = Finish::Tiles { colour: Vec3::new(0.16, 0.3, 0.24), seed: 4, panels: false };
             b.hip_roof(at, tower + 0.3, 15.0, 1.13, |_| copper);
         }
+        Kind::Terrace => terrace(&mut b, half, random),
+    }
+}
+
+/// Five houses wall to wall, with one look or with one each.
+fn terrace(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
+    const UNITS: u32 = 5;
+    let unit = DVec2::new(half.x / f64::from(UNITS), half.y);
+    let eaves = 6.2;
+    let angle = 0.7;
+    let mut looks = Vec::new();
+    for _ in 0..UNITS {
+        // All looks are drawn, also those that are not used, so that what comes after stays the same.
+        let walls = Facade { spacing: 1.9, ..facade(random, 2) };
+        looks.push((walls, tiles(random)));
+    }
+    for k in 0..UNITS {
+        let (walls, cover) = &looks[if b.effects.repeats { 0 } else { k as usize }];
+        let at = DVec2::new((2.0 * f64::from(k) + 1.0) * unit.x - half.x, 0.0);
+        b.walls(at, unit, eaves, *walls, Some(angle));
+        b.gable_roof(at, unit, eaves, angle, [cover(false, 0), cover(false, 1)], DVec2::new(0.0, 0.4));
+        let ridge = eaves + half.y * angle.tan();
+        b.chimney(at + DVec2::new(0.6 * unit.x, 0.25 * half.y), eaves, ridge + 0.8);
+        let porch = DVec2::new(at.x - 0.3 * unit.x, half.y + 0.9);
+        b.add(
+            porch,
+            block(
+                DVec2::new(0.8, 0.9),
+                -FOUNDATION,
+                2.5,
+                Finish::Plain(walls.colour),
+                Finish::Plain(Vec3::splat(0.25)),
+            ),
+        );
     }
 }
 
@@ -268,7 +312,8 @@ fn flats(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
     let storey = 3.1;
     let top = 0.3 + storey * f64::from(storeys);
     let base = facade(random, storeys);
-    let walls = Facade { wall: Wall::Panels, storey, spacing: 2.7, sign: true, shutters: None, ..base };
+    let (sign, alike) = (b.effects.text, b.effects.repeats);
+    let walls = Facade { wall: Wall::Panels, storey, spacing: 2.7, sign, alike, shutters: None, ..base };
     b.walls(DVec2::ZERO, half, top, walls, None);
     let rim = Finish::Plain(Vec3::splat(0.5));
     for s in [1.0, -1.0] {

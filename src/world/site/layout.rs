@@ -1,10 +1,10 @@
 //! Places everything.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::building::{self, Kind};
 use super::roads::Road;
-use super::{Footprint, Roads, plants, street};
+use super::{Footprint, Roads, plants, street, wires};
 use crate::world::WorldParams;
 use crate::world::geometry::{Solid, Terrain};
 use crate::world::random::{Random, fbm2, smoothstep};
@@ -18,6 +18,10 @@ const ROADS: u64 = 2;
 const BUILDINGS: u64 = 3;
 const PLANTS: u64 = 4;
 const STREET: u64 = 5;
+const POND: u64 = 6;
+const BOARDS: u64 = 7;
+/// Distance of the poles of a power line, metres.
+const SPAN: f64 = 24.0;
 
 /// All that stands on the site, and the ground below.
 pub(crate) struct Site {
@@ -42,32 +46,53 @@ impl Site {
         let half = 0.5 * params.extent;
         let seed = Random::new(params.seed, TERRAIN).seed();
         let cells = ((GROUND * params.extent / 1.25).ceil() as usize).min(1024);
-        // Hills of a few metres on the site that grow away from it.
-        let terrain = Terrain::new(0.5 * GROUND * params.extent, cells, |p| {
-            let hills = fbm2(p / 55.0, 3, seed) - 0.5;
-            let away = smoothstep(half, 2.0 * params.extent, p.length());
-            hills * (8.0 + 22.0 * away)
-        });
         let roads = Roads::new(params.extent, &mut Random::new(params.seed, ROADS));
+        // Hills of a few metres on the site that grow away from it.
+        let hills = |p: DVec2| {
+            let away = smoothstep(half, 2.0 * params.extent, p.length());
+            (fbm2(p / 55.0, 3, seed) - 0.5) * (8.0 + 22.0 * away)
+        };
+        let pond = pond(&roads, half, params.seed);
+        let level = pond.map(|pond| pond.outline().iter().map(|&c| hills(c)).fold(f64::MAX, f64::min) - 0.4);
+        let terrain = Terrain::new(0.5 * GROUND * params.extent, cells, |p| match (pond, level) {
+            (Some(pond), Some(level)) => {
+                let r = (pond.to_local(p) / pond.half).length();
+                level + (hills(p) - level) * smoothstep(1.25, 2.1, r)
+            }
+            _ => hills(p),
+        });
         let mut p = Planner {
             params,
             half,
             terrain,
             roads,
             plots: Vec::new(),
-            decals: Vec::new(),
+            decals: pond.map(|area| Decal { area, kind: DecalKind::Pond }).into_iter().collect(),
             solids: Vec::new(),
             crowns: Vec::new(),
         };
         p.buildings();
+        p.boards();
         if params.effects.vegetation {
             p.plants();
         }
         p.street();
+        p.thin();
         let areas = p.plots.clone();
-        let ground = GroundMap::new(p.roads, half, seed ^ 0x5eed, areas, p.decals, &p.crowns);
+        let ground = GroundMap::new(p.roads, half, seed ^ 0x5eed, areas, p.decals, &p.crowns, &params.effects);
         Self { terrain: p.terrain, solids: p.solids, ground }
     }
+}
+
+/// A place for a pond, clear of the roads.
+fn pond(roads: &Roads, half: f64, seed: u64) -> Option<Footprint> {
+    let mut random = Random::new(seed, POND);
+    (0..400).find_map(|_| {
+        let centre = DVec2::new(random.range(-0.85, 0.85), random.range(-0.85, 0.85)) * half;
+        let area = Footprint { centre, yaw: random.range(0.0, 3.0), half: DVec2::new(6.5, 4.6) };
+        let clear = area.outline().iter().chain([&centre]).all(|&c| roads.distance(c) > 2.0);
+        clear.then_some(area)
+    })
 }
 
 impl Planner<'_> {
@@ -97,19 +122,23 @@ impl Planner<'_> {
         let area = (self.params.extent / 80.0).powi(2);
         let count = |n: f64| (n * area).round().max(1.0) as usize;
         let roads: Vec<Road> = self.roads.iter().copied().collect();
+        let (ground, building) = (|k: DecalKind| (Some(k), None), |k: Kind| (None, Some(k)));
         // Large ones first, while there is room.
         let plan = [
-            (Some(Kind::Church), 1, DVec2::new(9.5, 4.6)),
-            (Some(Kind::Flats), count(3.0), DVec2::new(9.0, 5.5)),
-            (Some(Kind::Hall), count(1.0), DVec2::new(10.5, 7.0)),
-            (None, count(1.0), DVec2::new(13.5, 7.0)),
-            (None, count(1.0), DVec2::new(8.8, 7.6)),
-            (Some(Kind::Villa), count(7.0), DVec2::new(5.6, 4.6)),
-            (Some(Kind::House), count(26.0), DVec2::new(5.8, 4.2)),
+            (building(Kind::Church), 1, DVec2::new(9.5, 4.6)),
+            (ground(DecalKind::Meadow), count(1.0), DVec2::new(10.5, 7.5)),
+            (building(Kind::Terrace), count(1.0), DVec2::new(11.5, 4.3)),
+            (building(Kind::Flats), count(2.0), DVec2::new(9.0, 5.5)),
+            (building(Kind::Hall), count(1.0), DVec2::new(10.5, 7.0)),
+            (ground(DecalKind::Plaza), count(1.0), DVec2::new(7.0, 4.4)),
+            (ground(DecalKind::Court), count(0.6), DVec2::new(13.5, 7.0)),
+            (ground(DecalKind::Parking), count(1.0), DVec2::new(8.8, 7.6)),
+            (building(Kind::Villa), count(6.0), DVec2::new(5.6, 4.6)),
+            (building(Kind::House), count(26.0), DVec2::new(5.8, 4.2)),
         ];
-        for (number, (kind, wanted, size)) in plan.into_iter().enumerate() {
+        for ((ground, building), wanted, size) in plan {
             let mut built = 0;
-            for _ in 0..wanted * 60 {
+            for _ in 0..wanted * 60 + 200 {
                 if built == wanted {
                     break;
                 }
@@ -120,15 +149,69 @@ impl Planner<'_> {
                     continue;
                 }
                 built += 1;
-                match kind {
-                    Some(kind) => {
-                        let z = plot.outline().iter().map(|&c| self.height(c)).fold(f64::MIN, f64::max);
-                        building::build(kind, plot, z - 0.2, &mut random, &mut self.solids);
-                        self.plots.push(plot);
-                    }
-                    None => {
-                        let kind = if number == 3 { DecalKind::Court } else { DecalKind::Parking };
-                        self.decals.push(Decal { area: plot, kind });
+                if let Some(kind) = building {
+                    let z = plot.outline().iter().map(|&c| self.height(c)).fold(f64::MIN, f64::max);
+                    let effects = &self.params.effects;
+                    building::build(kind, plot, z - 0.2, effects, &mut random, &mut self.solids);
+                    self.plots.push(plot);
+                }
+                self.decals.extend(ground.map(|kind| Decal { area: plot, kind }));
+            }
+        }
+    }
+
+    /// Boards beside the roads.
+    fn boards(&mut self) {
+        let mut random = Random::new(self.params.seed, BOARDS);
+        let wanted = (4.0 * (self.params.extent / 80.0).powi(2)).round().max(1.0) as usize;
+        let roads: Vec<Road> = self.roads.iter().copied().collect();
+        let mut built = 0;
+        for _ in 0..wanted * 60 {
+            let road = random.pick(&roads);
+            let plot = self.beside(&road, DVec2::new(2.7, 0.3), &mut random);
+            if built < wanted && plot.centre.abs().max_element() < self.half && self.is_free(plot, 1.5) {
+                built += 1;
+                let at = plot.centre.extend(self.height(plot.centre));
+                street::board(at, plot.yaw, self.params.effects.text, &mut random, &mut self.solids);
+                self.plots.push(plot);
+            }
+        }
+    }
+
+    /// A power line along a road and beyond, and a mast with guys on each meadow.
+    fn thin(&mut self) {
+        let effects = &self.params.effects;
+        if !effects.masts {
+            return;
+        }
+        if let Some(road) = self.roads.iter().last().copied() {
+            let mut before: Option<[DVec3; 3]> = None;
+            let mut s = -1.7 * self.half;
+            while s < 1.7 * self.half {
+                let (p, heading) = road.place(s, -(road.half + 0.9));
+                if self.roads.distance(p) < 0.4 {
+                    s += 3.0;
+                    continue;
+                }
+                let hooks =
+                    wires::pole(p.extend(self.height(p)), heading + std::f64::consts::FRAC_PI_2, &mut self.solids);
+                if let (Some(before), true) = (before, effects.wires) {
+                    before.iter().zip(hooks).for_each(|(&a, b)| wires::line(a, b, &mut self.solids));
+                }
+                before = Some(hooks);
+                s += SPAN;
+            }
+        }
+        for d in self.decals.iter().filter(|d| d.kind == DecalKind::Meadow) {
+            let ground = |p: DVec2| p.extend(self.terrain.height(p.x, p.y));
+            let foot = ground(d.area.centre);
+            let height = wires::mast(foot, &mut self.solids);
+            for k in 0..3 {
+                let anchor =
+                    d.area.centre + DVec2::from_angle(d.area.yaw + 0.4 + 2.1 * f64::from(k)) * (0.9 * d.area.half.y);
+                if effects.wires {
+                    for share in [0.55, 0.95] {
+                        wires::guy(ground(anchor), foot + DVec3::Z * height * share, &mut self.solids);
                     }
                 }
             }

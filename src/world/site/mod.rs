@@ -1,4 +1,4 @@
-//! What stands where: roads, buildings, plants, cars, masts.
+//! What stands where: roads, buildings, plants, cars, masts, wires.
 
 mod building;
 mod footprint;
@@ -6,6 +6,7 @@ mod layout;
 mod plants;
 mod roads;
 mod street;
+mod wires;
 
 pub(crate) use footprint::Footprint;
 pub(crate) use layout::Site;

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use crate::world::Class;
 use crate::world::geometry::{Shape, Solid};
 use crate::world::random::Random;
 use crate::world::surface::Finish;
@@ -34,7 +35,7 @@ pub(super) fn broadleaf(at: DVec3, size: f64, random: &mut Random, out: &mut Vec
         let radii = DVec3::new(own, own * random.range(0.8, 1.1), own * random.range(0.65, 0.85));
         let tint = colour * random.range(0.82, 1.18) as f32;
         let finish = Finish::Leaves { colour: tint, seed: random.seed(), centre, radius: 1.2 * radius };
-        out.push(Solid::new(middle, random.range(0.0, 3.0), Shape::Ellipsoid(radii), finish));
+        out.push(Solid::new(middle, random.range(0.0, 3.0), Shape::Ellipsoid(radii), Class::Vegetation, finish));
     }
     radius * 1.25
 }
@@ -50,7 +51,7 @@ pub(super) fn conifer(at: DVec3, size: f64, random: &mut Random, out: &mut Vec<S
         let base = at + DVec3::Z * size * (0.12 + 0.75 * share);
         let shape = Shape::Cone { radius: own, height: size * 0.3 * (1.0 - 0.3 * share) };
         let finish = Finish::Leaves { colour, seed: random.seed(), centre: base, radius: own };
-        out.push(Solid::new(base, 0.0, shape, finish));
+        out.push(Solid::new(base, 0.0, shape, Class::Vegetation, finish));
     }
     radius
 }
@@ -62,7 +63,8 @@ pub(super) fn bush(at: DVec3, size: f64, random: &mut Random, out: &mut Vec<Soli
         let shift = DVec3::new(random.range(-0.5, 0.5), random.range(-0.5, 0.5), random.range(0.2, 0.5)) * size;
         let own = size * random.range(0.4, 0.65);
         let finish = Finish::Leaves { colour, seed: random.seed(), centre: at, radius: size };
-        out.push(Solid::new(at + shift, 0.0, Shape::Ellipsoid(DVec3::new(own, own, own * 0.8)), finish));
+        let shape = Shape::Ellipsoid(DVec3::new(own, own, own * 0.8));
+        out.push(Solid::new(at + shift, 0.0, shape, Class::Vegetation, finish));
     }
     size
 }
@@ -77,12 +79,12 @@ pub(super) fn hedge(from: DVec2, to: DVec2, ground: impl Fn(DVec2) -> f64, rando
         let radii = DVec3::new(random.range(0.5, 0.62), random.range(0.42, 0.55), random.range(0.75, 0.95));
         let at = p.extend(ground(p) + 0.35);
         let finish = Finish::Leaves { colour, seed: random.seed(), centre: at - DVec3::Z * 0.4, radius: 1.1 };
-        out.push(Solid::new(at, (to - from).to_angle(), Shape::Ellipsoid(radii), finish));
+        out.push(Solid::new(at, (to - from).to_angle(), Shape::Ellipsoid(radii), Class::Vegetation, finish));
     }
 }
 
 fn trunk(at: DVec3, height: f64, half: f64, out: &mut Vec<Solid>) {
     let bark = Finish::Plain(Vec3::new(0.13, 0.095, 0.07));
     let faces = block(DVec2::splat(half.max(0.1)), -1.0, height, bark, bark);
-    out.push(Solid::new(at, 0.4, Shape::Convex(faces.into_boxed_slice()), bark));
+    out.push(Solid::new(at, 0.4, Shape::Convex(faces.into_boxed_slice()), Class::Vegetation, bark));
 }

@@ -36,6 +36,8 @@ pub(crate) struct Facade {
     pub(crate) shutters: Option<Vec3>,
     /// A lettered band over the ground floor.
     pub(crate) sign: bool,
+    /// Whether all windows but those of the ground floor are alike.
+    pub(crate) alike: bool,
 }
 
 const SIGN_LOW: f64 = 2.55;
@@ -96,7 +98,10 @@ impl Facade {
         if columns < 1.0 || row < 0.0 || row >= f64::from(self.storeys) || column < 0.0 || column >= columns {
             return None;
         }
-        let (i, j) = (column.floor() as i32, row as i32);
+        let (mut i, mut j) = (column.floor() as i32, row as i32);
+        if self.alike && j > 0 {
+            (i, j) = (0, 1);
+        }
         let door = j == 0 && cell(i, 77, self.seed) < 0.16;
         if !door && cell(i, j, self.seed ^ 0x1f) < 0.06 {
             return None;

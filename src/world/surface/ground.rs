@@ -1,7 +1,9 @@
 //! The ground's appearance: roads and pavements, yards, lawns, marked courts, and fields beyond the site.
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
+use super::{Sample, decal};
+use crate::world::Effects;
 use crate::world::random::{cell, fbm2, noise2, smoothstep};
 use crate::world::site::{Footprint, Roads};
 
@@ -12,6 +14,12 @@ pub(crate) enum DecalKind {
     Court,
     /// Parking lot.
     Parking,
+    /// Evenly sown grass.
+    Meadow,
+    /// An elliptic pond.
+    Pond,
+    /// A paved place with lettering and a resolution star.
+    Plaza,
 }
 
 /// A rectangle painted on the ground.
@@ -44,6 +52,9 @@ pub(crate) struct GroundMap {
     half: f64,
     side: usize,
     tiles: Vec<Tile>,
+    plain: bool,
+    water: bool,
+    text: bool,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -61,6 +72,7 @@ impl GroundMap {
         buildings: Vec<Footprint>,
         decals: Vec<Decal>,
         crowns: &[(DVec2, f64)],
+        effects: &Effects,
     ) -> Self {
         let half = 1.5 * site;
         let side = (2.0 * half / TILE).ceil().max(1.0) as usize;
@@ -78,6 +90,9 @@ impl GroundMap {
             half,
             side,
             tiles: vec![Tile::default(); side * side],
+            plain: effects.plain,
+            water: effects.water,
+            text: effects.text,
         };
         for k in 0..map.buildings.len() {
             let (c, r) = (map.buildings[k].centre, map.buildings[k].reach() + YARD);
@@ -111,8 +126,18 @@ impl GroundMap {
         inside.then(|| &self.tiles[j as usize * self.side + i as usize])
     }
 
-    /// Albedo and openness to the sky.
-    pub(crate) fn sample(&self, p: DVec2) -> (Vec3, f32) {
+    /// Whether there is water.
+    pub(crate) fn is_water(&self, p: DVec2) -> bool {
+        let ponds = |t: &Tile| t.decals.iter().any(|&k| self.is_pond(&self.decals[k as usize], p));
+        self.water && self.tile(p).is_some_and(ponds)
+    }
+
+    fn is_pond(&self, d: &Decal, p: DVec2) -> bool {
+        d.kind == DecalKind::Pond && decal::pond_radius(d, p, self.seed) < 1.0
+    }
+
+    /// Appearance, given the normal for shading.
+    pub(crate) fn sample(&self, p: DVec2, normal: DVec3) -> Sample {
         let tile = self.tile(p);
         let mut openness = 1.0;
         let mut wall = f64::INFINITY;
@@ -127,19 +152,34 @@ impl GroundMap {
             }
             openness *= 0.62 + 0.38 * smoothstep(-0.1, 2.0, wall);
         }
-        (self.albedo(p, tile, wall), openness as f32)
+        let look = self.look(p, normal, tile, wall);
+        Sample { openness: look.openness * openness as f32, ..look }
     }
 
-    fn albedo(&self, p: DVec2, tile: Option<&Tile>, wall: f64) -> Vec3 {
+    fn look(&self, p: DVec2, normal: DVec3, tile: Option<&Tile>, wall: f64) -> Sample {
+        let matte = |albedo: Vec3| Sample::matte(albedo, normal);
         if let Some(colour) = self.roads.sample(p, self.seed) {
-            return colour;
+            return matte(colour);
         }
-        if let Some(t) = tile {
-            for &k in &t.decals {
-                let d = &self.decals[k as usize];
-                if d.area.distance(p) <= 0.0 {
-                    return decal(d, p, self.seed);
+        for &k in tile.map_or(&[][..], |t| &t.decals) {
+            let d = &self.decals[k as usize];
+            if d.area.distance(p) > 0.0 {
+                continue;
+            }
+            match d.kind {
+                DecalKind::Court => return matte(decal::court(d, p, self.seed)),
+                DecalKind::Parking => return matte(decal::parking(d, p, self.seed)),
+                DecalKind::Plaza => return matte(decal::plaza(d, p, self.seed, self.text)),
+                DecalKind::Meadow if self.plain => {
+                    return Sample { plain: true, ..matte(decal::meadow(p, self.seed)) };
                 }
+                DecalKind::Pond if self.water && decal::pond_radius(d, p, self.seed) < 1.0 => {
+                    return decal::water(p, normal, self.seed);
+                }
+                DecalKind::Pond if self.water && decal::pond_radius(d, p, self.seed) < 1.07 => {
+                    return matte(Vec3::new(0.24, 0.2, 0.14) * (0.7 + 0.5 * noise2(p * 5.0, self.seed) as f32));
+                }
+                DecalKind::Meadow | DecalKind::Pond => {}
             }
         }
         if wall < YARD {
@@ -147,12 +187,15 @@ impl GroundMap {
             let (i, j) = (slab.x.floor(), slab.y.floor());
             let joint = slab.x - i < 0.07 || slab.y - j < 0.07;
             let tint = 0.8 + 0.35 * cell(i as i32, j as i32, self.seed ^ 0x40) as f32;
-            return Vec3::new(0.36, 0.33, 0.29) * if joint { 0.5 } else { tint };
+            return matte(Vec3::new(0.36, 0.33, 0.29) * if joint { 0.5 } else { tint });
         }
         let outside = p.abs().max_element() - self.site * 1.02;
-        let lawn = self.lawn(p);
         let edge = outside + 10.0 * (fbm2(p / 14.0, 2, self.seed ^ 0x41) - 0.5);
-        if edge <= 0.0 { lawn } else { self.fields(p) }
+        if edge <= 0.0 {
+            return matte(self.lawn(p));
+        }
+        let (colour, plain) = self.fields(p);
+        Sample { plain, ..matte(colour) }
     }
 
     fn lawn(&self, p: DVec2) -> Vec3 {
@@ -166,8 +209,8 @@ impl GroundMap {
         colour.lerp(Vec3::new(0.2, 0.14, 0.09), soil) * (0.55 + 0.5 * tuft + 0.4 * blade) as f32
     }
 
-    /// Strips of crops with rows, each with its own colour.
-    fn fields(&self, p: DVec2) -> Vec3 {
+    /// Strips of crops, each with its own colour: with rows, or bare. And whether it is a bare one.
+    fn fields(&self, p: DVec2) -> (Vec3, bool) {
         let (sin, cos) = 0.35f64.sin_cos();
         let q = DVec2::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x);
         let column = (q.x / 46.0).floor();
@@ -177,7 +220,7 @@ impl GroundMap {
         let (du, dv) = (fu.min(46.0 - fu), fv.min(31.0 - fv));
         let tuft = (0.75 + 0.5 * noise2(p * 2.2, self.seed ^ 0x47)) as f32;
         if du.min(dv) < 0.9 {
-            return Vec3::new(0.2, 0.19, 0.09) * tuft;
+            return (Vec3::new(0.2, 0.19, 0.09) * tuft, false);
         }
         let crops = [
             (Vec3::new(0.36, 0.29, 0.13), 1.1),
@@ -188,51 +231,12 @@ impl GroundMap {
         ];
         let k = (cell(i, j, self.seed ^ 0x48) * crops.len() as f64) as usize % crops.len();
         let (colour, pitch) = crops[k];
+        if self.plain && cell(i, j, self.seed ^ 0x4b) < 0.6 {
+            return (colour * (0.98 + 0.04 * fbm2(p / 9.0, 2, self.seed ^ 0x4c)) as f32, true);
+        }
         let along = if cell(i, j, self.seed ^ 0x49) < 0.5 { q.x } else { q.y };
         let row = 0.8 + 0.4 * smoothstep(0.25, 0.6, ((along / pitch).rem_euclid(1.0) - 0.5).abs() * 2.0) as f32;
         let patch = (0.8 + 0.4 * fbm2(p / 6.0, 3, self.seed ^ 0x4a)) as f32;
-        colour * row * patch * tuft
-    }
-}
-
-fn decal(d: &Decal, p: DVec2, seed: u32) -> Vec3 {
-    let q = d.area.to_local(p);
-    let half = d.area.half;
-    let grain = (0.9 + 0.2 * noise2(p * 8.0, seed ^ 0x50)) as f32;
-    let stain = (0.85 + 0.3 * fbm2(p / 2.0, 4, seed ^ 0x51)) as f32;
-    let white = Vec3::splat(0.75) * grain;
-    match d.kind {
-        DecalKind::Court => {
-            // Lines of a tennis court: 23.77 m x 10.97 m, scaled to the patch.
-            let s = DVec2::new((half.x - 1.5) / 11.885, (half.y - 1.2) / 5.485);
-            let a = DVec2::new(q.x / s.x, q.y / s.y).abs();
-            let w = 0.09;
-            let on = |x: f64, at: f64| (x - at).abs() < w;
-            let inside = a.x < 11.885 + w && a.y < 5.485 + w;
-            let line = inside
-                && (on(a.x, 11.885)
-                    || on(a.y, 5.485)
-                    || on(a.y, 4.115)
-                    || (on(a.x, 6.4) && a.y < 4.115)
-                    || (a.y < w && a.x < 6.4));
-            if line {
-                white
-            } else if a.x < 0.06 {
-                Vec3::splat(0.08)
-            } else if inside {
-                Vec3::new(0.1, 0.2, 0.32) * stain * grain
-            } else {
-                Vec3::new(0.3, 0.13, 0.08) * stain * grain
-            }
-        }
-        DecalKind::Parking => {
-            let stall = (q.x / 2.5).rem_euclid(1.0) * 2.5;
-            let line = stall < 0.12 && q.y.abs() > half.y - 4.8;
-            if line && noise2(p * 5.0, seed ^ 0x52) > 0.2 {
-                white
-            } else {
-                Vec3::new(0.12, 0.12, 0.125) * stain * grain
-            }
-        }
+        (colour * row * patch * tuft, false)
     }
 }

@@ -3,6 +3,7 @@
 //! Patterns go down to a few centimetres; the photograph's supersampling filters what a pixel cannot show.
 
 mod building;
+mod decal;
 mod ground;
 mod plant;
 
@@ -30,6 +31,8 @@ pub(crate) enum Finish {
     Metal { colour: Vec3, seed: u32 },
     /// Gravel on a flat roof, with membrane seams.
     Gravel { seed: u32 },
+    /// A bare membrane: hardly any texture.
+    Smooth(Vec3),
     /// A lettered board.
     Letters { paint: Vec3, back: Vec3, glyph: f64, seed: u32 },
     /// Foliage: colour, seed, and the crown's centre and radius, whose inside is darker.
@@ -47,11 +50,13 @@ pub(crate) struct Sample {
     pub(crate) openness: f32,
     /// Share of mirror reflection at normal incidence; 0 for matte surfaces.
     pub(crate) gloss: f32,
+    /// Whether nothing here can be found again in another photograph.
+    pub(crate) plain: bool,
 }
 
 impl Sample {
     pub(crate) fn matte(albedo: Vec3, normal: DVec3) -> Self {
-        Self { albedo, normal, openness: 1.0, gloss: 0.0 }
+        Self { albedo, normal, openness: 1.0, gloss: 0.0, plain: false }
     }
 }
 
@@ -74,6 +79,10 @@ impl Finish {
             Finish::Tiles { colour, seed, panels } => building::tiles(uv, normal, colour, seed, panels),
             Finish::Metal { colour, seed } => building::metal(uv, normal, colour, seed),
             Finish::Gravel { seed } => building::gravel(uv, normal, seed),
+            Finish::Smooth(colour) => {
+                let aged = 0.985 + 0.03 * fbm2(uv / 4.0, 2, 13) as f32;
+                Sample { plain: true, ..Sample::matte(colour * aged, normal) }
+            }
             Finish::Letters { paint, back, glyph, seed } => {
                 Sample::matte(if letter(uv, glyph, seed) { paint } else { back }, normal)
             }

@@ -19,5 +19,5 @@ pub(super) fn leaves(point: DVec3, normal: DVec3, colour: Vec3, seed: u32, depth
     let sunny = Vec3::new(1.25, 1.1, 0.7);
     let albedo = colour * shade as f32 * Vec3::ONE.lerp(sunny, coarse as f32);
     let openness = (0.35 + 0.65 * smoothstep(0.35, 1.0, depth_share)) * (0.7 + 0.3 * smoothstep(-0.8, 0.5, normal.z));
-    Sample { albedo, normal: (normal + 1.1 * bump).normalize(), openness: openness as f32, gloss: 0.0 }
+    Sample { albedo, normal: (normal + 1.1 * bump).normalize(), openness: openness as f32, gloss: 0.0, plain: false }
 }

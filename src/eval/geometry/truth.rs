@@ -1,0 +1,150 @@
+//! The ground truth that lies beside a dataset.
+
+use std::path::{Path, PathBuf};
+
+use super::Closest;
+use crate::dataset::{self, Dataset, LoadOptions, Photograph, Role, Split};
+use crate::format;
+use crate::format::image_out::{read_depth, read_normals};
+use crate::format::ply::Mesh;
+use crate::scene::{Camera, Frame};
+
+/// Ground truth could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum GeometryError {
+    /// A file of it.
+    #[error(transparent)]
+    File(#[from] format::Error),
+    /// The off-path views.
+    #[error(transparent)]
+    Offpath(#[from] dataset::Error),
+    /// A map is not of its photograph.
+    #[error("{}: is {got:?} pixels, which is not the shape of the undistorted photograph, {view:?}", file.display())]
+    Shape {
+        /// The map.
+        file: PathBuf,
+        /// Its size.
+        got: (u32, u32),
+        /// The size that the photograph has in use.
+        view: (u32, u32),
+    },
+}
+
+/// The maps of a view.
+#[derive(Clone, Debug)]
+pub(super) struct Maps {
+    /// The camera in scene coordinates, at the size that is trained at.
+    camera: Camera,
+    depth: PathBuf,
+    normals: Option<PathBuf>,
+}
+
+/// A view that is not of the dataset itself.
+#[derive(Clone, Debug)]
+pub(super) struct Offpath {
+    /// The camera in scene coordinates.
+    pub(super) camera: Camera,
+    view: dataset::View,
+    pub(super) maps: Option<Maps>,
+}
+
+impl Offpath {
+    pub(super) fn photograph(&self) -> Result<Photograph, GeometryError> {
+        Ok(self.view.photograph()?)
+    }
+}
+
+/// Depths and normals of a view, at their own size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// The camera in scene coordinates, at the size of the maps.
+    pub camera: Camera,
+    /// Depth along the camera's axis in the dataset's units; not positive or not finite where none is known.
+    pub depth: Vec<f32>,
+    /// Unit normals in the camera frame, towards the camera; zero where none is known.
+    pub normals: Option<Vec<[f32; 3]>>,
+}
+
+/// The ground truth of a dataset: `depth/NAME.exr` and `normal/NAME.exr` of held-out views, for the pixels of their undistorted
+/// pictures, at any size; `offpath/`, a dataset in the same coordinates, with depth too; `surface.ply`. Any part may be absent.
+#[derive(Clone, Debug)]
+pub struct GeometryTruth {
+    pub(super) frame: Frame,
+    /// In the dataset's units.
+    pub(super) extent: f64,
+    pub(super) views: Vec<Maps>,
+    pub(super) offpath: Vec<Offpath>,
+    surface: Option<PathBuf>,
+}
+
+impl GeometryTruth {
+    /// Looks for ground truth in the folder of a dataset; `options` are those that it was loaded with.
+    pub fn find(dataset: &Dataset, options: &LoadOptions) -> Result<Self, GeometryError> {
+        let beside = |root: &Path, kind: &str, name: &str| {
+            Some(root.join(kind).join(Path::new(name).with_extension("exr"))).filter(|file| file.is_file())
+        };
+        let maps = |root: &Path, view: &dataset::View| {
+            let camera = dataset.frame.camera_to_scene(&view.camera);
+            let depth = beside(root, "depth", &view.name)?;
+            Some(Maps { camera, depth, normals: beside(root, "normal", &view.name) })
+        };
+        let folder = dataset.path.join("offpath");
+        let mut offpath = Vec::new();
+        if folder.is_dir() {
+            let options = LoadOptions { split: Split::None, format: None, images_folder: None, ..options.clone() };
+            let others = Dataset::load(&folder, &options)?;
+            offpath.extend(others.views.into_iter().map(|view| Offpath {
+                camera: dataset.frame.camera_to_scene(&view.camera),
+                maps: maps(&folder, &view),
+                view,
+            }));
+        }
+        Ok(Self {
+            frame: dataset.frame,
+            extent: dataset.extent,
+            views: dataset.views_of(Role::HeldOut).filter_map(|(_, view)| maps(&dataset.path, view)).collect(),
+            offpath,
+            surface: Some(dataset.path.join("surface.ply")).filter(|file| file.is_file()),
+        })
+    }
+
+    /// Whether there is nothing to compare with.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty() && self.offpath.is_empty() && self.surface.is_none()
+    }
+
+    /// Reads the surface.
+    pub(super) fn surface(&self) -> Result<Option<Closest>, GeometryError> {
+        self.surface.as_deref().map(|file| Ok(Closest::new(&Mesh::read(file)?))).transpose()
+    }
+}
+
+impl Maps {
+    /// Reads them.
+    pub(super) fn read(&self) -> Result<Known, GeometryError> {
+        let depth = read_depth(&self.depth)?;
+        let size = (depth.width, depth.height);
+        let camera = at_size(&self.camera, &self.depth, size)?;
+        let mut normals = None;
+        if let Some(file) = &self.normals {
+            let read = read_normals(file)?;
+            let got = (read.width, read.height);
+            if got != size {
+                return Err(GeometryError::Shape { file: file.clone(), got, view: size });
+            }
+            normals = Some(read.values);
+        }
+        Ok(Known { camera, depth: depth.values, normals })
+    }
+}
+
+/// The camera at the size of a map, which has to have the shape of its picture: sides may be rounded.
+fn at_size(camera: &Camera, file: &Path, (width, height): (u32, u32)) -> Result<Camera, GeometryError> {
+    let exact = f64::from(width) * f64::from(camera.height) / f64::from(camera.width);
+    let slack = 1.0 + f64::from(width) / f64::from(camera.width);
+    if (f64::from(height) - exact).abs() > slack {
+        let view = (camera.width, camera.height);
+        return Err(GeometryError::Shape { file: file.to_owned(), got: (width, height), view });
+    }
+    Ok(camera.resized(width, height))
+}
