@@ -107,7 +107,7 @@ pub(super) fn plan_offpath(
         let mut best: Option<(f64, Camera)> = None;
         for _ in 0..TRIES {
             let heading = DVec2::from_angle(random.range(0.0, std::f64::consts::TAU));
-            let (reach, forward) = if k % 2 == 0 { (0.36, DVec2::ZERO) } else { (0.2, heading) };
+            let (reach, forward) = if k.is_multiple_of(2) { (0.36, DVec2::ZERO) } else { (0.2, heading) };
             let target = DVec2::new(random.range(-reach, reach), random.range(-reach, reach)) * params.extent;
             let eye = (target - forward * height).extend(ground(target.x, target.y) + height);
             let camera = aim(params, eye, forward.extend(-1.0), heading.perp().extend(0.0) * -1.0);

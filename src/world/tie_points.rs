@@ -130,8 +130,7 @@ impl World {
                     let seen: Vec<(usize, DVec2)> = seen.into_iter().filter(free).collect();
                     (point, seen)
                 });
-                let (start, matched) =
-                    mismatched.filter(|(_, seen)| seen.len() >= min).unwrap_or_else(|| (surface, kept));
+                let (start, matched) = mismatched.filter(|(_, seen)| seen.len() >= min).unwrap_or((surface, kept));
                 let mut random = Random::new(seed, 13);
                 let noise = self.params().effects.observation_noise;
                 let mut noisy =
