@@ -1,5 +1,12 @@
 //! The report page and metrics.json.
 
+// Nothing of a test binary is reachable from outside.
+#![allow(unreachable_pub)]
+
+mod common;
+#[path = "report/geometry.rs"]
+mod geometry;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -38,6 +38,17 @@ impl Footprint {
             .map(|(x, y)| self.to_world(self.half * DVec2::new(x, y)))
     }
 
+    /// Points all around, at most `step` apart.
+    pub(crate) fn border(self, step: f64) -> impl Iterator<Item = DVec2> {
+        let side = move |from: DVec2, to: DVec2| {
+            let count = (from.distance(to) / step).ceil().max(1.0) as u32;
+            (0..count).map(move |k| from.lerp(to, f64::from(k) / f64::from(count)))
+        };
+        let corner = move |x: f64, y: f64| self.to_world(self.half * DVec2::new(x, y));
+        let round = [(1., 1.), (-1., 1.), (-1., -1.), (1., -1.), (1., 1.)].map(|(x, y)| corner(x, y));
+        (0..4).flat_map(move |k| side(round[k], round[k + 1]))
+    }
+
     /// Whether two rectangles come closer than `gap` (separating axes; the gap counts along the axes).
     pub(crate) fn overlaps(self, other: Self, gap: f64) -> bool {
         let delta = other.centre - self.centre;

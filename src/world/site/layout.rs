@@ -102,7 +102,7 @@ impl Planner<'_> {
 
     /// Whether a plot keeps `road` metres from every road and clear of all other plots.
     fn is_free(&self, plot: Footprint, road: f64) -> bool {
-        plot.outline().iter().all(|&c| self.roads.distance(c) > road)
+        plot.border(2.0).all(|c| self.roads.distance(c) > road)
             && self.roads.distance(plot.centre) > road
             && self.plots.iter().all(|&o| !plot.overlaps(o, 2.2))
             && self.decals.iter().all(|d| !plot.overlaps(d.area, 1.0))
@@ -319,6 +319,22 @@ impl Planner<'_> {
                     let yaw = d.area.yaw + side * std::f64::consts::FRAC_PI_2;
                     street::car(p.extend(self.height(p)), yaw, &mut random, &mut self.solids);
                 }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_site_has_a_meadow_a_pond_and_a_plaza() {
+        for seed in 0..6 {
+            let params = WorldParams { seed, ..WorldParams::default() };
+            let site = Site::new(&params);
+            for kind in [DecalKind::Meadow, DecalKind::Pond, DecalKind::Plaza] {
+                assert!(site.ground.has(kind), "seed {seed} has no {kind:?}");
             }
         }
     }

@@ -126,6 +126,12 @@ impl GroundMap {
         inside.then(|| &self.tiles[j as usize * self.side + i as usize])
     }
 
+    /// Whether there is a patch of a kind.
+    #[cfg(test)]
+    pub(crate) fn has(&self, kind: DecalKind) -> bool {
+        self.decals.iter().any(|d| d.kind == kind)
+    }
+
     /// Whether there is water.
     pub(crate) fn is_water(&self, p: DVec2) -> bool {
         let ponds = |t: &Tile| t.decals.iter().any(|&k| self.is_pond(&self.decals[k as usize], p));

@@ -1,0 +1,291 @@
+//! Geometry metrics against hand-made pictures and models with known errors.
+
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec3};
+use psrgs_vk::dataset::{Dataset, LoadOptions};
+use psrgs_vk::eval::geometry::{Agreement, Closest, Known, measure, off_surface};
+use psrgs_vk::eval::{Geometry, GeometryTruth};
+use psrgs_vk::format::image_out::{read_depth, read_normals};
+use psrgs_vk::format::ply::Mesh;
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::raster::{Picture, Shot, Viewer};
+use psrgs_vk::scene::{Camera, Frame, Gaussians};
+use psrgs_vk::vk::Gpu;
+use psrgs_vk::world::{Effects, WorldParams, generate};
+
+use crate::common;
+
+const CAMERA: Camera = Camera {
+    rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    translation: [0.0; 3],
+    fx: 5.0,
+    fy: 5.0,
+    cx: 2.5,
+    cy: 1.0,
+    width: 5,
+    height: 2,
+};
+
+/// Ten pixels with a truth for eight of them, one of these nearly transparent.
+#[test]
+fn pictures_with_known_errors_give_these_errors() {
+    let scale = 0.25;
+    let truth: Vec<f32> = vec![10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 0.0, f32::NAN];
+    // Relative errors; the last of the eight is not covered.
+    let errors: [f32; 10] = [0.001, -0.004, 0.0049, -0.006, 0.019, 0.03, -0.1, 0.0, 0.5, 0.5];
+    let degrees: [f64; 10] = [0.0, 2.0, 5.0, 9.0, 14.0, 60.0, 180.0, 90.0, 0.0, 0.0];
+    let opacity: [f32; 10] = [0.51, 0.6, 0.7, 0.8, 0.9, 0.99, 1.0, 0.49, 1.0, 1.0];
+    let (mut rgbt, mut aux, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..10 {
+        let w = opacity[k];
+        rgbt.extend([0.0, 0.0, 0.0, 1.0 - w]);
+        let z = if truth[k] > 0.0 { truth[k] * (1.0 + errors[k]) } else { 5.0 } * scale as f32;
+        let turn = degrees[k].to_radians();
+        // Normals that are neither of unit length nor weighted alike: only their directions count.
+        aux.extend([w * z, 0.3 * w * turn.sin() as f32, 0.0, -0.3 * w * turn.cos() as f32]);
+        normals.push([0.0, 0.0, -1.0]);
+    }
+    let picture = Picture { width: 5, height: 2, rgbt, aux: Some(aux) };
+    let known = Known { camera: CAMERA, depth: truth, normals: Some(normals) };
+    let mut agreement = Agreement::default();
+    assert_eq!((agreement.median_error(), agreement.within(0.005), agreement.coverage()), (None, None, None));
+    agreement.add(&picture, &known, scale);
+    // Of seven covered pixels the fourth by size.
+    assert!((agreement.median_error().unwrap() - 0.006).abs() < 1e-6);
+    assert_eq!(agreement.within(0.005), Some(3.0 / 8.0));
+    assert_eq!(agreement.within(0.02), Some(5.0 / 8.0));
+    assert_eq!(agreement.coverage(), Some(7.0 / 8.0));
+    assert!((agreement.median_degrees().unwrap() - 9.0).abs() < 1e-3);
+    // A picture at a wrong scale is wrong all over.
+    let mut other = Agreement::default();
+    other.add(&picture, &known, 1.0);
+    assert!((other.median_error().unwrap() - 0.75).abs() < 0.01 && other.within(0.02) == Some(0.0));
+}
+
+/// A square of 20 m at z = 3 in the dataset's units.
+fn square() -> Mesh {
+    let corner = |x: f64, y: f64| [100.0 + x, y, 3.0];
+    Mesh {
+        vertices: vec![corner(-10.0, -10.0), corner(10.0, -10.0), corner(10.0, 10.0), corner(-10.0, 10.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+    }
+}
+
+#[test]
+fn splats_at_known_distances_give_these_distances() {
+    let frame = Frame { offset: [100.0, 0.0, 0.0], scale: 0.5 };
+    // Height above the square in dataset units, opacity, the two larger standard deviations; the third is the smallest.
+    let splats = [
+        (0.00, 0.9, 0.2, 0.1),
+        (0.10, 0.8, 0.1, 0.1),
+        (-0.30, 0.6, 0.3, 0.2),
+        (0.49, 0.7, 0.1, 0.3),
+        (0.51, 0.4, 0.5, 0.5),
+        (7.00, 0.95, 0.1, 0.2),
+        (-2.00, 0.05, 2.0, 1.0),
+    ];
+    let mut model = Gaussians::zeros(splats.len());
+    for (i, (height, opacity, a, b)) in splats.into_iter().enumerate() {
+        let position = frame.to_scene([100.0 + i as f64, 1.0, 3.0 + height]);
+        (0..3).for_each(|k| model.means[3 * i + k] = position[k] as f32);
+        model.quats[4 * i] = 1.0;
+        model.opacities[i] = (opacity / (1.0 - opacity) as f64).ln() as f32;
+        // In any order of the axes.
+        for (k, s) in [a, b, 0.01f64].into_iter().enumerate() {
+            model.scales[3 * i + (k + i) % 3] = s.ln() as f32;
+        }
+    }
+    let mass = |i: usize| splats[i].1 * splats[i].2 * splats[i].3;
+    let off = off_surface(&model, &frame, 50.0, &Closest::new(&square()));
+    let total: f64 = (0..7).map(mass).sum();
+    let floating: f64 = [4, 5, 6].map(mass).iter().sum();
+    assert!((off.floaters.unwrap() - floating / total).abs() < 1e-6, "{off:?}");
+    // Opaque ones by distance: 0 (mass 0.018), 0.1 (0.008), 0.3 (0.036), 0.49 (0.021), 7 (0.019): half is reached at 0.3.
+    assert!((off.distance.unwrap() - 0.3).abs() < 1e-5, "{off:?}");
+    let nothing = off_surface(&model, &frame, 50.0, &Closest::new(&Mesh::default()));
+    assert_eq!((nothing.distance, nothing.floaters), (None, None));
+    let empty = off_surface(&Gaussians::zeros(0), &frame, 50.0, &Closest::new(&square()));
+    assert_eq!((empty.distance, empty.floaters), (None, None));
+}
+
+#[test]
+fn the_nearest_triangle_is_the_nearest_of_all() {
+    let mut state = 9u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 31)
+    };
+    let mut mesh = Mesh::default();
+    for k in 0..300u32 {
+        let middle = [0; 3].map(|_| 20.0 * random());
+        // Large, small, and some that are but a line.
+        let size = if k % 3 == 0 { 6.0 } else { 0.5 };
+        let mut corners = [[0.0; 3]; 3].map(|_: [f64; 3]| middle.map(|m| m + size * (random() - 0.5)));
+        if k % 17 == 0 {
+            corners[2] = corners[0];
+        }
+        mesh.triangles.push([3 * k, 3 * k + 1, 3 * k + 2]);
+        mesh.vertices.extend(corners);
+    }
+    let closest = Closest::new(&mesh);
+    for _ in 0..60 {
+        let p = [0; 3].map(|_| 30.0 * random() - 5.0);
+        // Points spread over each triangle, finer than `gap` wherever the point is.
+        let mut nearest = (f64::INFINITY, 0.0);
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|k| DVec3::from_array(mesh.vertices[k as usize]));
+            const N: u32 = 60;
+            let gap = a.distance(b).max(b.distance(c)).max(c.distance(a)) / f64::from(N);
+            for i in 0..=N {
+                for j in 0..=N - i {
+                    let (u, v) = (f64::from(i) / f64::from(N), f64::from(j) / f64::from(N));
+                    let d = (a + (b - a) * u + (c - a) * v).distance(DVec3::from_array(p));
+                    if d < nearest.0 {
+                        nearest = (d, gap);
+                    }
+                }
+            }
+        }
+        let got = closest.distance(p);
+        assert!(got <= nearest.0 + 1e-12 && got >= nearest.0 - nearest.1, "{p:?}: {got}, sampled {nearest:?}");
+    }
+}
+
+/// Flat splats on all that the training views see, a little larger than their pixels.
+fn model_of_the_truth(root: &Path, data: &Dataset) -> Gaussians {
+    let mut rows: Vec<(DVec3, DVec3, f64)> = Vec::new();
+    for view in &data.views {
+        let file = |kind: &str| root.join(kind).join(&view.name).with_extension("exr");
+        let (depth, normals) = (read_depth(&file("depth")).unwrap(), read_normals(&file("normal")).unwrap());
+        let camera = &view.camera;
+        let axes = camera.rotation.map(DVec3::from_array);
+        let back = DMat3::from_cols(axes[0], axes[1], axes[2]);
+        for (k, (z, n)) in depth.values.iter().zip(&normals.values).enumerate() {
+            let (x, y) = ((k as u32 % depth.width) as f64 + 0.5, (k as u32 / depth.width) as f64 + 0.5);
+            let ray = DVec3::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0);
+            let point = DVec3::from_array(camera.center()) + back * (ray * f64::from(*z));
+            rows.push((point, back * DVec3::from_array(n.map(f64::from)), f64::from(*z) / camera.fx));
+        }
+    }
+    let mut model = Gaussians::zeros(rows.len());
+    for (i, (point, normal, pixel)) in rows.into_iter().enumerate() {
+        let position = data.frame.to_scene(point.to_array());
+        (0..3).for_each(|k| model.means[3 * i + k] = position[k] as f32);
+        let q = DQuat::from_rotation_arc(DVec3::Z, normal);
+        [q.w, q.x, q.y, q.z].into_iter().enumerate().for_each(|(k, v)| model.quats[4 * i + k] = v as f32);
+        let side = (0.5 * pixel * data.frame.scale).ln() as f32;
+        model.scales[3 * i..3 * i + 3].copy_from_slice(&[side, side, side - 4.0]);
+        model.opacities[i] = 4.0;
+    }
+    model
+}
+
+fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
+    let mut viewer = Viewer::new(gpu);
+    let planes = viewer.upload(model).unwrap();
+    measure(truth, model, |camera| {
+        let shot = Shot { camera: *camera, projection: Projection::default(), background: [0.0; 3] };
+        anyhow::Ok(viewer.render(&planes, model.len() as u32, &shot, true)?)
+    })
+    .unwrap()
+}
+
+/// A model on the surface is right; lowered by a metre it is wrong by that in depth and distance; what is added to it high
+/// above floats.
+#[test]
+fn a_model_made_of_the_truth_is_right_and_one_that_was_moved_is_wrong_by_that() {
+    let Some(gpu) = common::gpu() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let params = WorldParams {
+        images: 9,
+        max_side: 96,
+        nadir_share: 1.0,
+        offpath: 2,
+        effects: Effects::none(),
+        supersample: 1,
+        ..WorldParams::default()
+    };
+    generate(&params, dir.path(), &mut |_| ()).unwrap();
+    let options = LoadOptions::default();
+    let data = Dataset::load(dir.path(), &options).unwrap();
+    let truth = GeometryTruth::find(&data, &options).unwrap();
+    assert!(!truth.is_empty());
+    let model = model_of_the_truth(dir.path(), &data);
+    let right = compare(&gpu, &truth, &model);
+    println!("{right:?}");
+    assert!(right.depth_median_error.unwrap() < 0.002 && right.depth_median_error_offpath.unwrap() < 0.01);
+    assert!(right.depth_coverage.unwrap() > 0.999 && right.depth_within_0_5_percent.unwrap() > 0.8);
+    assert!(right.normal_median_degrees.unwrap() < 1.0);
+    assert!(right.surface_distance.unwrap() < 1e-4 && right.floaters.unwrap() < 1e-3);
+
+    // The flight is 48 m high: a metre is 2.1 % of the depth of the ground, and a little more of the roofs'.
+    let mut lower = model.clone();
+    lower.means.chunks_exact_mut(3).for_each(|p| p[2] -= data.frame.scale as f32);
+    let moved = compare(&gpu, &truth, &lower);
+    println!("{moved:?}");
+    let error = moved.depth_median_error.unwrap();
+    assert!((1.0 / 49.5..1.0 / 46.0).contains(&error), "median error {error}");
+    assert!(moved.depth_within_0_5_percent.unwrap() < 0.1 && moved.psnr_offpath != right.psnr_offpath);
+    let distance = moved.surface_distance.unwrap();
+    assert!((distance - 1.0).abs() < 0.02, "{distance} m");
+    // Further than 1 % of the extent, but for what is now inside of something.
+    assert!(data.extent * 0.01 < 1.0 && moved.floaters.unwrap() > 0.8);
+
+    // Half of the splats once more, 30 m above: about a third of the mass floats.
+    let (n, mut more) = (model.len(), model.clone());
+    for plane in [&mut more.means, &mut more.quats, &mut more.scales, &mut more.opacities] {
+        plane.extend_from_within(..plane.len() / 2);
+    }
+    more.sh.iter_mut().for_each(|plane| plane.extend_from_within(..plane.len() / 2));
+    more.ids = (0..more.opacities.len() as u32).collect();
+    more.means[3 * n..].chunks_exact_mut(3).for_each(|p| p[2] += (30.0 * data.frame.scale) as f32);
+    let mass =
+        |g: &Gaussians, from: usize| -> f64 { (from..g.len()).map(|i| (2.0 * f64::from(g.scales[3 * i])).exp()).sum() };
+    let floating = mass(&more, n) / mass(&more, 0);
+    let with = compare(&gpu, &truth, &more);
+    assert!((with.floaters.unwrap() - floating).abs() < 2e-3 && floating > 0.2, "{with:?}, {floating}");
+    assert!(with.depth_median_error.unwrap() > 0.1, "what floats hides the ground");
+
+    // A dataset without any of it gives nothing.
+    for kind in ["depth", "normal", "offpath"] {
+        std::fs::remove_dir_all(dir.path().join(kind)).unwrap();
+    }
+    std::fs::remove_file(dir.path().join("surface.ply")).unwrap();
+    let none = GeometryTruth::find(&data, &options).unwrap();
+    assert!(none.is_empty() && compare(&gpu, &none, &model) == Geometry::default());
+    assert_eq!(serde_json::to_string(&Geometry::default()).unwrap(), "{}");
+}
+
+/// Ground truth of another size is compared at its own; of another shape it is refused.
+#[test]
+fn maps_of_another_size_are_used_and_of_another_shape_refused() {
+    let Some(gpu) = common::gpu() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let params = WorldParams {
+        images: 2,
+        max_side: 96,
+        nadir_share: 1.0,
+        offpath: 0,
+        effects: Effects::none(),
+        supersample: 1,
+        ..WorldParams::default()
+    };
+    generate(&params, dir.path(), &mut |_| ()).unwrap();
+    let full = Dataset::load(dir.path(), &LoadOptions::default()).unwrap();
+    let model = model_of_the_truth(dir.path(), &full);
+    let options = LoadOptions { max_side: Some(48), ..LoadOptions::default() };
+    let data = Dataset::load(dir.path(), &options).unwrap();
+    assert_eq!(data.views[0].camera.width, 48);
+    let half = compare(&gpu, &GeometryTruth::find(&data, &options).unwrap(), &model);
+    let whole = compare(&gpu, &GeometryTruth::find(&full, &LoadOptions::default()).unwrap(), &model);
+    assert_eq!(half.depth_median_error, whole.depth_median_error);
+    assert_eq!(half.depth_coverage, whole.depth_coverage);
+
+    let file = dir.path().join("depth/view_0000.exr");
+    psrgs_vk::format::image_out::write_depth(&file, 72, 96, &vec![1.0; 72 * 96]).unwrap();
+    let truth = GeometryTruth::find(&data, &options).unwrap();
+    let error = measure(&truth, &model, |_| -> anyhow::Result<Picture> { unreachable!("not of this shape") });
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("view_0000.exr") && error.contains("(72, 96)") && error.contains("shape"), "{error}");
+}
