@@ -156,8 +156,14 @@ fn what_is_not_live_is_refused() {
 /// A tiny dataset in a folder.
 fn dataset(folder: &Path) -> PathBuf {
     let data = folder.join("world");
-    let params =
-        WorldParams { images: 8, max_side: 64, supersample: 1, pixels_per_point: 10, ..WorldParams::default() };
+    let params = WorldParams {
+        images: 8,
+        max_side: 64,
+        supersample: 1,
+        pixels_per_point: 10,
+        offpath: 0,
+        ..WorldParams::default()
+    };
     world::generate(&params, &data, &mut |_| ()).expect("a world");
     data
 }

@@ -25,11 +25,15 @@ fn demo(out: &Path, more: &[&str]) -> Option<()> {
 fn a_small_demo_leaves_everything_it_promises() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("demo");
-    let small = ["--images", "9", "--max-side", "64", "--iterations", "40", "--max-splats", "3000"];
+    let small = "--images 9 --max-side 64 --pixels-per-point 20 --offpath 2 --iterations 40 --max-splats 3000";
+    let small: Vec<&str> = small.split_whitespace().collect();
     if demo(&out, &small).is_none() {
         return;
     }
-    for file in ["world.toml", "images", "depth", "sparse/0/cameras.bin"] {
+    for file in "world.toml images clean depth normal sparse/0/cameras.bin offpath/images offpath/sparse/0/cameras.bin \
+                 offpath/depth lidar.las lidar.ply surface.ply"
+        .split_whitespace()
+    {
         assert!(out.join(file).exists(), "no {file}");
     }
     let trained = out.join("trained");
@@ -40,7 +44,14 @@ fn a_small_demo_leaves_everything_it_promises() {
         serde_json::from_slice(&std::fs::read(trained.join("metrics.json")).unwrap()).unwrap();
     assert_eq!((metrics["iterations"].as_u64(), metrics["test_images"].as_u64()), (Some(40), Some(2)));
     assert!(metrics["splats"].as_u64().is_some_and(|n| n > 100 && n <= 3000), "{}", metrics["splats"]);
+    for key in "psnr_offpath depth_median_error depth_within_0_5_percent depth_within_2_percent normal_median_degrees \
+                surface_distance floaters"
+        .split_whitespace()
+    {
+        assert!(metrics[key].is_f64(), "{key}: {}", metrics[key]);
+    }
     let report = std::fs::read_to_string(trained.join("report.html")).unwrap();
+    assert!(report.contains("floaters") && report.contains("PSNR off the path"));
     assert!(report.contains("view_0008.jpg"), "the report does not show the held-out view");
 
     // Again into the same folder: that is what someone who tries an option does.
@@ -76,7 +87,11 @@ fn median(values: &[f64]) -> f64 {
 fn trained_depth_is_that_of_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("demo");
+    // As many points as there are cells to find them in, and cameras where they are: what is judged is the training.
     let args = ["--images", "40", "--max-side", "128", "--iterations", "800", "--max-splats", "8000"];
+    let scene =
+        ["--pixels-per-point", "40", "--without", "pose-noise,exposure,sensor-noise,outliers,water,plain,wires"];
+    let args = [args.as_slice(), &scene].concat();
     if demo(&out, &args).is_none() {
         return;
     }

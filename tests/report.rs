@@ -257,6 +257,9 @@ fn metrics_have_exactly_the_promised_keys() {
         "peak_device_bytes",
         "peak_host_bytes",
         "images",
+        // Of the geometry what is known.
+        "floaters",
+        "surface_distance",
     ];
     expected.sort_unstable();
     assert_eq!(keys, expected);

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 use psrgs_vk::scene::Camera;
-use psrgs_vk::world::{Effects, Progress, Ray, Shape, Solid, Stage, Surface, World, WorldError, WorldParams, generate};
+use psrgs_vk::world::{
+    Effects, LidarParams, Progress, Ray, Shape, Solid, Stage, Surface, World, WorldError, WorldParams, generate,
+};
 
 #[path = "world/lidar.rs"]
 mod lidar;
@@ -17,7 +19,8 @@ mod sparse;
 mod truth;
 
 pub(crate) fn small() -> WorldParams {
-    WorldParams { images: 8, max_side: 96, seed: 5, pixels_per_point: 40, offpath: 2, ..WorldParams::default() }
+    let lidar = LidarParams { density: 0.1, ..LidarParams::default() };
+    WorldParams { images: 8, max_side: 96, seed: 5, pixels_per_point: 40, offpath: 2, lidar, ..WorldParams::default() }
 }
 
 /// Numbers from 0 to 1.

@@ -73,7 +73,8 @@ fn a_scene_with_one_photograph_is_trained_but_not_scored() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (data, out) = (folder.path().join("one"), folder.path().join("run"));
-    generate(&WorldParams { images: 1, max_side: 64, ..WorldParams::default() }, &data, &mut |_| ()).expect("a scene");
+    generate(&WorldParams { images: 1, max_side: 64, offpath: 0, ..WorldParams::default() }, &data, &mut |_| ())
+        .expect("a scene");
     // One photograph makes no points.
     fails(&train(&data, &out), 3, &["no points", "--init"]);
 

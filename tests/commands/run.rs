@@ -101,7 +101,8 @@ pub fn shared() -> Option<&'static Shared> {
     let make = || {
         common::gpu()?;
         let shared = Shared { folder: tempfile::tempdir().expect("a temporary folder") };
-        let params = WorldParams { images: 9, max_side: 64, pixels_per_point: 16, ..WorldParams::default() };
+        let params =
+            WorldParams { images: 9, max_side: 64, pixels_per_point: 16, offpath: 2, ..WorldParams::default() };
         generate(&params, &shared.data(), &mut |_| ()).expect("a scene");
         let args = shared.train(&shared.run());
         works(&args.iter().map(String::as_str).collect::<Vec<_>>());

@@ -12,7 +12,7 @@ use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Shot, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::vk::Gpu;
-use psrgs_vk::world::{Effects, WorldParams, generate};
+use psrgs_vk::world::{Effects, LidarParams, WorldParams, generate};
 
 use crate::common;
 
@@ -204,6 +204,7 @@ fn a_model_made_of_the_truth_is_right_and_one_that_was_moved_is_wrong_by_that() 
         offpath: 2,
         effects: Effects::none(),
         supersample: 1,
+        lidar: LidarParams { density: 0.1, ..LidarParams::default() },
         ..WorldParams::default()
     };
     generate(&params, dir.path(), &mut |_| ()).unwrap();
@@ -269,6 +270,7 @@ fn maps_of_another_size_are_used_and_of_another_shape_refused() {
         offpath: 0,
         effects: Effects::none(),
         supersample: 1,
+        lidar: LidarParams { density: 0.1, ..LidarParams::default() },
         ..WorldParams::default()
     };
     generate(&params, dir.path(), &mut |_| ()).unwrap();
