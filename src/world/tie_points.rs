@@ -257,3 +257,38 @@ fn intersection(views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> DV
     }
     x
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Effects, LidarParams, WorldParams};
+    use super::*;
+
+    /// Without any noise points are where the rays of their observations end.
+    #[test]
+    fn no_point_is_on_what_has_no_texture() {
+        let effects = Effects { observation_noise: 0.0, outliers: 0.0, pose_noise: 0.0, ..Effects::default() };
+        let lidar = LidarParams { density: 0.1, ..LidarParams::default() };
+        let params =
+            WorldParams { images: 10, max_side: 96, pixels_per_point: 20, effects, lidar, ..Default::default() };
+        let world = World::new(&params).unwrap();
+        let shots: Vec<_> = (0..).zip(world.views()).map(|(k, view)| world.shot(view, k).photograph).collect();
+        let spots: Vec<_> = shots.iter().map(|photograph| world.spots(photograph)).collect();
+        let points = world.tie_points(world.views(), &spots);
+        let is_plain = |view: &View, pixel: DVec2| {
+            let ray = world.photograph_ray(view, pixel.x, pixel.y).unwrap();
+            let hit = world.trace(&ray).unwrap();
+            (world.appearance(ray.at(hit.t), &hit).plain, ray.at(hit.t))
+        };
+        for point in &points {
+            let (view, pixel) = point.track[0];
+            let (plain, surface) = is_plain(&world.views()[view as usize], DVec2::from_array(pixel));
+            assert!(!plain && surface.distance(DVec3::from_array(point.position)) < 1e-6, "{point:?}");
+            assert!(point.error < 1e-6 && point.track.len() >= 3);
+        }
+        let found = spots.iter().flatten().flatten().count();
+        let plain = spots.iter().zip(world.views()).flat_map(|(s, view)| s.iter().flatten().map(move |s| (view, s)));
+        let plain = plain.filter(|(view, spot)| is_plain(view, spot.pixel).0).count();
+        println!("{} points; {plain} of {found} textured spots are on plain surfaces", points.len());
+        assert!(points.len() > 200 && plain > 10, "noise gives plain surfaces some texture: {plain} of {found}");
+    }
+}

@@ -119,3 +119,35 @@ fn offpath_views_look_from_half_the_height_and_at_45_degrees() {
         assert!(apart.fold(f64::INFINITY, f64::min) > 8.0, "{}", view.name);
     }
 }
+
+/// Every file, byte by byte; with other noise only those that show it.
+#[test]
+fn equal_parameters_give_equal_files() {
+    let params = WorldParams { images: 2, max_side: 48, supersample: 1, ..small() };
+    let files = |params: &WorldParams| {
+        let dir = tempfile::tempdir().unwrap();
+        generate(params, dir.path(), &mut |_| ()).unwrap();
+        let (mut folders, mut found) = (vec![dir.path().to_owned()], std::collections::BTreeMap::new());
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else {
+                    let name = path.strip_prefix(dir.path()).unwrap().display().to_string();
+                    found.insert(name, std::fs::read(path).unwrap());
+                }
+            }
+        }
+        found
+    };
+    let (once, again) = (files(&params), files(&params));
+    assert!(once == again && once.len() > 20, "{:?}", once.keys());
+    let mut silent = params.clone();
+    silent.effects.sensor_noise = 0.0;
+    let other = files(&silent);
+    let changed: Vec<&str> =
+        once.iter().filter(|(name, bytes)| other[*name] != **bytes).map(|(n, _)| n.as_str()).collect();
+    let may = |name: &&str| name.starts_with("images/") || name.starts_with("sparse/") || *name == "world.toml";
+    assert!(changed.contains(&"images/view_0000.jpg") && changed.iter().all(|n| may(&n)), "{changed:?}");
+}
