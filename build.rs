@@ -1,9 +1,11 @@
 //! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in two forms:
-//! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`).
+//! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`); some in a third, with rows of
+//! buffers read as texels (`build/by_texels.rs`).
 //!
 //! A shader may be compiled several times: a line `//! variant NAME DEFINE DEFINE ...` in it adds a module called
 //! `file_NAME` with those preprocessor symbols set; without such lines there is one module named after the file.
 
+use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -13,12 +15,18 @@ use shaderc_link as _;
 
 #[path = "build/by_address.rs"]
 mod by_address;
+#[path = "build/by_texels.rs"]
+mod by_texels;
+#[path = "build/declaration.rs"]
+mod declaration;
 
 /// How a module reaches its buffers.
-#[derive(Clone, Copy, PartialEq)]
-enum Form {
+#[derive(Clone, Copy)]
+enum Form<'a> {
     Descriptors,
     Addresses,
+    /// With the buffers that have rows of three; notes what is read as texels.
+    Texels(&'a [String], &'a RefCell<Vec<by_texels::View>>),
 }
 
 fn main() {
@@ -47,21 +55,38 @@ fn build() -> Result<(), String> {
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader file name is not UTF-8")?.to_owned();
         for (name, defines) in variants(&stem, &text) {
-            for (form, suffix) in [(Form::Descriptors, "spv"), (Form::Addresses, "address.spv")] {
+            let made = |form: Form<'_>, suffix: &str| -> Result<String, String> {
                 let spirv = compile(&compiler, &path, &text, &defines, form)?;
                 let file = out.join(format!("{name}.{suffix}"));
                 fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
-            }
-            let bytes = |suffix| format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.{suffix}\"))");
-            let (descriptors, addresses) = (bytes("spv"), bytes("address.spv"));
+                Ok(format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.{suffix}\"))"))
+            };
+            let descriptors = made(Form::Descriptors, "spv")?;
+            let addresses = made(Form::Addresses, "address.spv")?;
+            let texels = match by_texels::asked(&text) {
+                Some(threes) => {
+                    let views = RefCell::default();
+                    let spirv = made(Form::Texels(&threes, &views), "texel.spv")?;
+                    format!("Some(Texels {{ spirv: {spirv}, views: &[{}] }})", list_of(&views.into_inner()))
+                }
+                None => "None".to_owned(),
+            };
             let _ = writeln!(
                 list,
-                "    (\"{name}\", Spirv {{ descriptors: {descriptors}, addresses: Some({addresses}) }}),"
+                "    (\"{name}\", Spirv {{ descriptors: {descriptors}, addresses: Some({addresses}), texels: {texels} }}),"
             );
         }
     }
     list.push_str("];\n");
     fs::write(out.join("shaders.rs"), list).map_err(|e| e.to_string())
+}
+
+/// The views as elements of an array in Rust.
+fn list_of(views: &[by_texels::View]) -> String {
+    let one = |v: &by_texels::View| {
+        format!("TexelView {{ binding: {}, at: {}, format: TexelFormat::{} }}, ", v.binding, v.at, v.format)
+    };
+    views.iter().map(one).collect()
 }
 
 fn variants(stem: &str, text: &str) -> Vec<(String, Vec<String>)> {
@@ -87,6 +112,9 @@ fn compile(
     let in_form = move |file: &Path, text: String| match form {
         Form::Descriptors => Ok(text),
         Form::Addresses => by_address::rewrite(&file.display().to_string(), &text),
+        Form::Texels(threes, views) => {
+            by_texels::rewrite(&file.display().to_string(), &text, threes, &mut views.borrow_mut())
+        }
     };
     let text = in_form(path, text.to_owned())?;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shader compiler: {e}"))?;
@@ -100,6 +128,9 @@ fn compile(
         let content = fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content: in_form(&file, content)? })
     });
+    if let Form::Texels(..) = form {
+        options.add_macro_definition("TEXELS", None);
+    }
     for define in defines {
         let (name, value) = define.split_once('=').map_or((define.as_str(), None), |(n, v)| (n, Some(v)));
         options.add_macro_definition(name, value);
@@ -109,6 +140,11 @@ fn compile(
         .map(|artifact| artifact.as_binary_u8().to_vec())
         .map_err(|e| match form {
             Form::Descriptors => e.to_string(),
+            Form::Texels(..) => {
+                format!(
+                    "with texels, where a row of a buffer is read by LOAD4 or LOAD3 (glsl/include/loads.glsl):\n{e}"
+                )
+            }
             Form::Addresses => {
                 format!(
                     "by address, where a buffer's member is a macro (nothing else may have its name after it):\n{e}"

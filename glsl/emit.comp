@@ -25,11 +25,9 @@ layout(push_constant) uniform Push {
     uint capacity;  // pairs that fit
 } push;
 
-// Tiles per turn of the loops. Lavapipe silently ends all loops of a thread after 65,535 turns in total, and a splat that covers a
-// picture of 3840x2160 has 129,600 tiles of 8x8: long rows take many at a time. Most splats touch one or two tiles of a row, and
-// there every store that is not made costs nearly as much as one that is: what is left of a row takes few at a time.
-const uint STRIDE = 16u;
-const uint FEW = 2u;
+// Tiles per turn of a loop: lavapipe silently ends all loops of a thread after 65,535 turns in total, and a splat that covers a
+// picture of 3840x2160 has 129,600 tiles of 8x8.
+const uint STRIDE = 8u;
 
 void put(uint slot, uint tile, uint splat) {
     pair_keys[slot] = tile;
@@ -52,14 +50,8 @@ void main() {
         splat2d[row + 5u], grid);
     for (uint y = e.row_begin; y < e.row_end; ++y) {
         const uvec2 columns = tile_row(e, y, grid);
-        uint x = columns.x;
-        for (; x + STRIDE <= columns.y; x += STRIDE) {
+        for (uint x = columns.x; x < columns.y; x += STRIDE) {
             [[unroll]] for (uint j = 0u; j < STRIDE; ++j) {
-                if (slot < end) put(slot++, y * tiles.x + x + j, splat);
-            }
-        }
-        for (; x < columns.y; x += FEW) {
-            [[unroll]] for (uint j = 0u; j < FEW; ++j) {
                 if (x + j < columns.y && slot < end) put(slot++, y * tiles.x + x + j, splat);
             }
         }

@@ -17,14 +17,7 @@ layout(set = 0, binding = 5) readonly buffer SlotNormals { vec4 slot_normals[]; 
 layout(set = 0, binding = 6) writeonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 7) writeonly buffer GradNormals { vec4 grad_normals[]; };
 
-// Slots per turn of the loops. Lavapipe ends an invocation's loops after 65,535 turns in all, and a splat may cover more tiles: many
-// at a time. Most splats have few slots, and a load that is not needed costs as much as one that is: what is left takes few at a time.
 const uint ROUND = 8u;
-const uint FEW = 2u;
-
-vec4 slot_row(uint slot, uint quad) {
-    return AUX != 0u && quad == 3u ? vec4(slot_normals[slot].xyz, 0.0) : slot_grads[3u * slot + quad];
-}
 
 void main() {
     const uint rank = global_index() / 4u;
@@ -34,13 +27,13 @@ void main() {
     const uint begin = pair_offsets[rank];
     const uint end = begin + tile_counts[splat];
     vec4 sum = vec4(0.0);
-    uint slot = begin;
-    for (; slot + ROUND <= end; slot += ROUND) {
-        [[unroll]] for (uint i = 0u; i < ROUND; ++i) sum += slot_row(slot + i, quad);
-    }
-    for (; slot < end; slot += FEW) {
-        [[unroll]] for (uint i = 0u; i < FEW; ++i) {
-            if (slot + i < end) sum += slot_row(slot + i, quad);
+    // Eight slots a round: lavapipe ends an invocation's loops after 65,535 rounds in all, and a splat may cover more tiles.
+    for (uint slot = begin; slot < end; slot += ROUND) {
+        [[unroll]] for (uint i = 0u; i < ROUND; ++i) {
+            if (slot + i < end) {
+                if (AUX != 0u && quad == 3u) sum.xyz += slot_normals[slot + i].xyz;
+                else sum += slot_grads[3u * (slot + i) + quad];
+            }
         }
     }
     if (AUX != 0u && quad == 3u) grad_normals[splat] = sum;

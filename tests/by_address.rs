@@ -1,10 +1,14 @@
-//! How `build.rs` makes the form of a shader in which buffers are reached by address.
+//! How `build.rs` makes the forms of a shader in which buffers are reached by address, and rows read as texels.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
 
 #[path = "../build/by_address.rs"]
 mod by_address;
+#[path = "../build/by_texels.rs"]
+mod by_texels;
+#[path = "../build/declaration.rs"]
+mod declaration;
 
 use by_address::rewrite;
 
@@ -79,4 +83,32 @@ fn what_is_not_understood_is_refused_with_file_and_line() {
         assert!(error.starts_with("glsl/bad.comp:3: "), "{line}: {error}");
         assert!(error.contains(line), "{error}");
     }
+}
+
+#[test]
+fn rows_of_four_and_the_named_ones_of_three_become_texels() {
+    let text = "\
+//! texels means
+layout(set = 0, binding = 0) readonly buffer Rows { vec4 rows[]; };
+layout(set = 0, binding = 1) buffer Means { float means[]; };
+layout(set = 0, binding = 2) buffer Words { uvec4 words[]; };
+layout(set = 0, binding = 3) readonly buffer Keys { uint keys[]; };
+layout(set = 0, binding = 4) writeonly buffer Out { vec4 results[]; };
+layout(set = 0, binding = 5) readonly buffer Other { float other[]; };
+";
+    let threes = by_texels::asked(text).expect("asked for");
+    assert_eq!(threes, ["means"]);
+    assert!(by_texels::asked("// texels means").is_none());
+    let mut views = Vec::new();
+    let found = by_texels::rewrite("a.comp", text, &threes, &mut views).unwrap();
+    let views: Vec<_> = views.iter().map(|v| (v.binding, v.at, v.format)).collect();
+    assert_eq!(views, [(0, 0, "Float4"), (1, 65, "Float3"), (2, 66, "Uint4")]);
+    // What is only read has no other descriptor; what is written keeps its own; the rest stays.
+    assert!(found.contains("layout(set = 0, binding = 0) uniform samplerBuffer rows_texels;\n#line 3"), "{found}");
+    assert!(!found.contains("buffer Rows"), "{found}");
+    for line in text.lines().skip(2) {
+        assert!(found.contains(line), "{line}: {found}");
+    }
+    assert!(found.contains("layout(set = 0, binding = 66) uniform usamplerBuffer words_texels;"), "{found}");
+    assert_eq!(found.matches("_texels").count(), 3, "{found}");
 }

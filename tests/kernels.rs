@@ -194,6 +194,31 @@ impl Reflection {
 }
 
 #[test]
+fn modules_with_texels_have_a_descriptor_for_every_buffer_and_view() {
+    let mut with_texels = 0;
+    for pass in pass::ALL {
+        let kernel = &pass.kernel;
+        let Some(texels) = kernel.spirv.texels else { continue };
+        with_texels += 1;
+        let spirv = Reflection::new(texels.spirv);
+        let bindings = |class| -> BTreeSet<u32> {
+            let of = |(variable, _)| word(&spirv.decoration(variable, Decoration::Binding).unwrap()[0]);
+            spirv.variables(class).into_iter().map(of).collect()
+        };
+        let (buffers, rows) = (bindings(StorageClass::StorageBuffer), bindings(StorageClass::UniformConstant));
+        let views: BTreeSet<u32> = texels.views.iter().map(|view| view.at).collect();
+        assert_eq!((rows, views.len()), (views.clone(), texels.views.len()), "{}: texels", kernel.name);
+        for (i, binding) in (0..).zip(kernel.bindings) {
+            let only_as_texels = views.contains(&i);
+            assert_eq!(buffers.contains(&i), !only_as_texels, "{}: {}", kernel.name, binding.name);
+            assert!(!only_as_texels || binding.access == Access::Read, "{}: {}", kernel.name, binding.name);
+        }
+        assert!(buffers.iter().all(|i| (*i as usize) < kernel.bindings.len()), "{}", kernel.name);
+    }
+    assert!(with_texels > 0);
+}
+
+#[test]
 fn modules_by_address_have_the_table_and_reach_what_is_declared() {
     let mut wrong = Vec::new();
     for pass in pass::ALL {

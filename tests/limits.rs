@@ -90,8 +90,8 @@ fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
         let at = state.ids.binary_search(id).unwrap();
         for (name, many, few) in [
             ("parameters", &state.params, &few_state.params),
-            ("first moments", &state.m, &few_state.m),
-            ("second moments", &state.v, &few_state.v),
+            ("first moments", &state.moments[0], &few_state.moments[0]),
+            ("second moments", &state.moments[1], &few_state.moments[1]),
         ] {
             for (p, (plane, row)) in raster::PLANES.into_iter().enumerate() {
                 let row = row as usize;

@@ -6,6 +6,7 @@ use common::plane_scene;
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{GradientSum, Variants};
 use psrgs_vk::train::schedule::DensityChange;
+use psrgs_vk::train::settings::Shortcuts;
 use psrgs_vk::train::{Engine, Event, Input, Kind, MemoryCost, Pacing, Schedule, Settings, StepPlan};
 use psrgs_vk::vk::Gpu;
 
@@ -46,6 +47,20 @@ fn training_keeps_to_its_bytes_per_splat_pair_and_pixel() {
         let unaccounted = allocated as i64 - memory.total as i64;
         assert!((0..6 << 20).contains(&unaccounted), "{unaccounted} of {allocated} bytes are in no term");
     }
+}
+
+/// With the shortcuts of `--fast`: 600 bytes per splat, and what slots cost beside it.
+#[test]
+fn shortcuts_keep_to_600_bytes_per_splat() {
+    let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
+    let input = plane_scene::input(2, 320, 240, 300);
+    let settings = Settings { shortcuts: Shortcuts::FAST, ..Settings::default() };
+    let variants = Variants::choose(&gpu, true);
+    let memory = Engine::new(&gpu, &input, &settings, variants, pacing(), None).expect("an engine").memory();
+    let full = engine(&gpu, &input, variants).memory();
+    assert!(memory.per_splat <= 600.0, "{memory:?}");
+    assert!((full.per_splat - memory.per_splat - 236.0).abs() < 1e-9, "{full:?} {memory:?}");
+    assert_eq!((memory.per_pair, memory.per_pixel), (full.per_pair, full.per_pixel));
 }
 
 fn density(engine: &mut Engine, step: u32) -> Vec<u32> {

@@ -35,7 +35,7 @@ fn trained(gpu: &Gpu) -> State {
 }
 
 fn bits(state: &State) -> Vec<u32> {
-    let floats = state.params.iter().chain(&state.m).chain(&state.v).flatten().chain(&state.stats);
+    let floats = state.params.iter().chain(state.moments.iter().flatten()).flatten().chain(&state.stats);
     floats.map(|v| v.to_bits()).chain(state.ids.iter().copied()).collect()
 }
 
@@ -46,7 +46,13 @@ fn timing_leaves_no_trace_in_the_training() {
     let memory = gpu.memory_use().current;
     let all = Variants::possible(&gpu);
     let times = tune::measure(&gpu, &input(), &settings(Tune::Again), &all).expect("timings");
-    assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), all);
+    // Both tiles are tried; those that are far slower need not be in all forms.
+    let tried: Vec<Variants> = times.iter().map(|t| t.0).collect();
+    assert!(tried.iter().all(|form| all.contains(form)) && tried[0] == all[0], "{tried:?}");
+    assert!(
+        [TileShape::Column, TileShape::Pixel].iter().all(|tile| tried.iter().any(|f| f.tile == *tile)),
+        "{tried:?}"
+    );
     assert!(times.iter().all(|t| t.1 > 0.0 && t.1.is_finite()), "{times:?}");
     assert!(gpu.memory_use().current <= memory + (8 << 20), "buffers of the timing are left");
     let after = trained(&gpu);
@@ -61,7 +67,7 @@ fn a_choice_is_kept_and_found_again_and_a_damaged_file_is_made_anew() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let cache = folder.path().join("not/there/yet");
     let tuned = |settings: &Settings| tune::tuned(&gpu, &input(), settings, Some(&cache)).expect("a choice");
-    let timed = |t: &Tuned| matches!(&t.why, Why::Timed(times) if times.len() == Variants::possible(&gpu).len());
+    let timed = |t: &Tuned| matches!(&t.why, Why::Timed(times) if times.len() >= 2);
     let auto = settings(Tune::Auto);
 
     let first = tuned(&auto);

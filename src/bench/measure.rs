@@ -14,6 +14,7 @@ use crate::raster::scan;
 use crate::raster::sort::Shape;
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
 use crate::train::schedule::DensityChange;
+use crate::train::settings::Shortcuts;
 use crate::train::{self, Engine, Event, Input, Kind, Outcome, Pacing, Schedule, Settings, StepPlan};
 use crate::vk::{Described, Gpu, PassTime, Recorder, Stats, Ticket};
 
@@ -92,6 +93,7 @@ struct Run<'a> {
     engine: Engine,
     schedule: Schedule,
     sh_degree: u32,
+    shortcuts: Shortcuts,
     views: usize,
     depth: usize,
     options: &'a Options,
@@ -133,6 +135,7 @@ impl<'a> Run<'a> {
             engine: Engine::new(gpu, input, &settings, variants, pacing, None)?,
             schedule: Schedule::new(&settings, views),
             sh_degree: settings.model.sh_degree,
+            shortcuts: settings.shortcuts.clone(),
             views,
             depth: pacing.events_in_flight,
             options,
@@ -312,6 +315,8 @@ impl<'a> Run<'a> {
             most_at_once: scan::most_at_once(self.gpu.caps().kind),
             tile_capacity,
             sh_degree: self.sh_degree,
+            sh_every: self.shortcuts.sh_every,
+            moment_words: self.shortcuts.moment_bits / 16,
             variants,
             shape,
             depth: shape.digits(DEPTH_BITS),

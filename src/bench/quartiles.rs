@@ -1,6 +1,6 @@
 //! Median and quartiles.
 
-/// A sample in three numbers.
+/// A sample in four numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Quartiles {
     /// A quarter of the sample is below.
@@ -9,6 +9,8 @@ pub struct Quartiles {
     pub median: f64,
     /// Three quarters are.
     pub q3: f64,
+    /// The arithmetic mean: what counts where steps differ by design.
+    pub mean: f64,
 }
 
 impl Quartiles {
@@ -24,7 +26,8 @@ impl Quartiles {
                 _ => 0.0,
             }
         };
-        Self { q1: at(0.25), median: at(0.5), q3: at(0.75) }
+        let mean = sorted.iter().sum::<f64>() / sorted.len().max(1) as f64;
+        Self { q1: at(0.25), median: at(0.5), q3: at(0.75), mean }
     }
 }
 
@@ -34,9 +37,9 @@ mod tests {
 
     #[test]
     fn between_values_is_linear() {
-        assert_eq!(Quartiles::of([4.0, 1.0, 3.0, 2.0]), Quartiles { q1: 1.75, median: 2.5, q3: 3.25 });
-        assert_eq!(Quartiles::of([5.0, 1.0, 3.0]), Quartiles { q1: 2.0, median: 3.0, q3: 4.0 });
-        assert_eq!(Quartiles::of([7.0]), Quartiles { q1: 7.0, median: 7.0, q3: 7.0 });
+        assert_eq!(Quartiles::of([4.0, 1.0, 3.0, 2.0]), Quartiles { q1: 1.75, median: 2.5, q3: 3.25, mean: 2.5 });
+        assert_eq!(Quartiles::of([5.0, 1.0, 3.0]), Quartiles { q1: 2.0, median: 3.0, q3: 4.0, mean: 3.0 });
+        assert_eq!(Quartiles::of([7.0]), Quartiles { q1: 7.0, median: 7.0, q3: 7.0, mean: 7.0 });
         assert_eq!(Quartiles::of([]), Quartiles::default());
     }
 }

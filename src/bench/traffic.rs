@@ -27,6 +27,10 @@ pub struct Work {
     pub tile_capacity: f64,
     /// Degree of the spherical harmonics in use.
     pub sh_degree: u32,
+    /// The coefficients above the constant one take every so many steps.
+    pub sh_every: u32,
+    /// Words in which the optimiser keeps both moments of a parameter: 2, or 1 where they are packed.
+    pub moment_words: u32,
     /// Forms of the passes.
     pub variants: Variants,
     /// Form of the sorts.
@@ -59,16 +63,18 @@ impl Work {
         }
     }
 
-    /// Floats of a splat that the fused optimiser step touches: those of harmonics above the degree in use it leaves out, by rows
-    /// of four.
+    /// Floats of a splat that the fused optimiser step touches, in the mean over steps: those of harmonics above the degree in use
+    /// it leaves out, by rows of four; between the steps of the view-dependent ones all but the constant.
     pub(super) fn stepped(&self) -> f64 {
-        GEOMETRY / 4.0
-            + match self.sh_degree {
-                0 => 4.0,
-                1 => 12.0,
-                2 => 28.0,
-                _ => 48.0,
-            }
+        let geometry = GEOMETRY / 4.0;
+        let all = match self.sh_degree {
+            0 => 4.0,
+            1 => 12.0,
+            2 => 28.0,
+            _ => 48.0,
+        };
+        let every = f64::from(self.sh_every.max(1));
+        geometry + (all + (every - 1.0) * 3.0) / every
     }
 
     /// Over all digits of both sorts: words of keys, and words of the tables of digit counts.
@@ -117,7 +123,7 @@ impl Work {
 /// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
 /// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
 /// | `slot_sum` | V (12 + 48) + 48 P |
-/// | `project_backward_adam` | N (4 count + 24 per parameter up to the degree in use: it and its moments read and written) + V (16 colour + 48 gradient) |
+/// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient) |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
 /// | `densify_stats` | 4 N + V (12 + 16 + 32) |
 /// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
@@ -133,7 +139,10 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let [at_once, in_blocks] = work.summed();
     // Longer names before those they begin with.
     let families: [(&str, f64); 21] = [
-        ("project_backward_adam", n * (4.0 + 24.0 * work.stepped()) + v * (16.0 + ROW_2D)),
+        (
+            "project_backward_adam",
+            n * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped()) + v * (16.0 + ROW_2D),
+        ),
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
         ("compact", 8.0 * n + 12.0 * v),

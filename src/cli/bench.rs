@@ -11,7 +11,7 @@ use psrgs_vk::bench::{self, Options};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::Frame;
-use psrgs_vk::train::settings::{DeviceChoice, Photographs};
+use psrgs_vk::train::settings::{DeviceChoice, Photographs, Shortcuts};
 use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
@@ -85,6 +85,11 @@ pub(crate) struct Args {
     pub(crate) json: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
+    /// Take the shortcuts of `train --fast`
+    #[arg(long, help_heading = "Shortcuts", conflicts_with_all = ["moment_bits", "sh_every"])]
+    pub(crate) fast: bool,
+    #[command(flatten)]
+    pub(crate) shortcuts: Shortcuts,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
 }
@@ -112,6 +117,7 @@ impl Args {
         settings.run.no_densify = true;
         settings.run.seed = self.seed;
         settings.model.sh_degree = self.sh_degree;
+        settings.shortcuts = if self.fast { Shortcuts::FAST } else { self.shortcuts.clone() };
         settings
     }
 

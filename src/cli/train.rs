@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::parser::ValueSource;
 use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::Shortcuts;
 
 use super::console::{self, Console};
 use super::exit::Failure;
@@ -14,6 +15,9 @@ use super::run_folder;
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
 const FREE_ON_RESUME: [&str; 6] =
     ["iterations", "checkpoint-every", "eval-every", "tune", "device", "max-device-memory"];
+
+/// Keys that `--fast` sets.
+const SHORTCUTS: [&str; 2] = ["moment-bits", "sh-every"];
 
 /// Train a model on posed photographs
 #[derive(clap::Args)]
@@ -40,6 +44,10 @@ pub(crate) struct Args {
     /// Replace the results of an earlier run in the --out folder
     #[arg(long, help_heading = "Run")]
     pub(crate) overwrite: bool,
+    /// Take the shortcuts that make steps cheaper and results a little different: --moment-bits 16 --sh-every 4; options given by
+    /// name win
+    #[arg(long, help_heading = "Shortcuts")]
+    pub(crate) fast: bool,
     /// Print the settings that would be used as a settings file, and stop
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
@@ -67,16 +75,23 @@ impl Args {
             let source = matches.value_source(&key.replace('-', "_"));
             matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
         };
+        let mut asked = self.settings.clone();
+        if self.fast {
+            let preset = Settings { shortcuts: Shortcuts::FAST, ..asked.clone() };
+            asked = asked.over(&preset, given)?;
+        }
+        // The preset counts as given by name.
+        let given = |key: &str| given(key) || self.fast && SHORTCUTS.contains(&key);
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
                 let before = Settings::read(&run.join(run_folder::SETTINGS))
                     .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
-                let resumed = self.settings.over(&before, given)?;
+                let resumed = asked.over(&before, given)?;
                 unchanged_on_resume(&before, &resumed)?;
                 resumed
             }
-            (None, Some(file)) => self.settings.over(&Settings::read(file)?, given)?,
-            (None, None) => self.settings.clone(),
+            (None, Some(file)) => asked.over(&Settings::read(file)?, given)?,
+            (None, None) => asked,
         };
         settings.check()?;
         let Some(data) = &settings.data else {

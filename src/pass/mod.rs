@@ -26,6 +26,7 @@ pub mod probe;
 pub mod project;
 pub mod project_backward;
 pub mod project_backward_adam;
+pub mod project_backward_adam_packed;
 pub mod radix;
 pub mod scan;
 mod shaders;
@@ -108,6 +109,7 @@ pub const ALL: &[&Pass] = &[
     &project::PASS,
     &project_backward::PASS,
     &project_backward_adam::PASS,
+    &project_backward_adam_packed::PASS,
     &radix::COUNT_GROUPS,
     &radix::COUNT_GROUPS_EMULATED,
     &radix::COUNT_RUNS,

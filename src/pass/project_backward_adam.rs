@@ -10,6 +10,9 @@ pub const STEPS_OPACITIES: u32 = 4;
 /// [`Push::flags`]: place of the degree of the spherical harmonics in use.
 pub const DEGREE_SHIFT: u32 = 8;
 
+/// [`Push::flags`]: place of the lower half of the number of the step, which keys the rounding of packed moments.
+pub const STEP_SHIFT: u32 = 16;
+
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
@@ -30,10 +33,12 @@ pub struct Rates {
 /// Optimiser steps that an element has taken, this one included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Steps {
-    /// All but the opacities.
+    /// All but the opacities and the view-dependent coefficients.
     pub most: u32,
     /// The opacities; `None` leaves them as they are.
     pub opacities: Option<u32>,
+    /// The view-dependent coefficients, in a step that has them.
+    pub rest: u32,
 }
 
 crate::push_constants! {
@@ -47,7 +52,8 @@ crate::push_constants! {
         pub row2: [f32; 4],
         /// Camera centre in the scene.
         pub center: [f32; 3],
-        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], and the degree of the spherical harmonics above [`DEGREE_SHIFT`].
+        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], the degree of the spherical harmonics from [`DEGREE_SHIFT`] on and the
+        /// step from [`STEP_SHIFT`] on.
         pub flags: u32,
         /// As in [`CameraPush`].
         pub limits: [f32; 4],
@@ -82,6 +88,10 @@ impl Push {
         let adam = |t: u32| adam::Push::new(settings, t, 1, 0, 0.0, 0.0);
         let (most, opacities) = (adam(steps.most), adam(steps.opacities.unwrap_or(1)));
         let stepped = if steps.opacities.is_some() { STEPS_OPACITIES } else { 0 };
+        // Their own bias correction, as a factor of the rate: it divides eps too, which is next to nothing beside the root.
+        let rest = adam(steps.rest);
+        let correction = |p: &adam::Push| f64::from(p.inv_bias1) / f64::from(p.inv_sqrt_bias2);
+        let of_rest = if steps.rest == steps.most { 1.0 } else { correction(&rest) / correction(&most) };
         let [x, y, z, _] = camera.center;
         let [fx, fy, ..] = camera.intrinsics;
         Self {
@@ -89,7 +99,7 @@ impl Push {
             row1: camera.row1,
             row2: camera.row2,
             center: [x, y, z],
-            flags: camera.flags | stepped | camera.sh_degree << DEGREE_SHIFT,
+            flags: camera.flags | stepped | camera.sh_degree.min(3) << DEGREE_SHIFT | steps.most << STEP_SHIFT,
             limits: camera.limits,
             focal: [fx, fy],
             lr_means: rates.means as f32,
@@ -97,7 +107,7 @@ impl Push {
             lr_scales: rates.scales as f32,
             lr_opacities: rates.opacities as f32,
             lr_sh_base: rates.sh_base as f32,
-            lr_sh_rest: rates.sh_rest as f32,
+            lr_sh_rest: (rates.sh_rest * of_rest) as f32,
             inv_bias1: most.inv_bias1,
             inv_sqrt_bias2: most.inv_sqrt_bias2,
             inv_bias1_opacities: opacities.inv_bias1,
@@ -107,8 +117,9 @@ impl Push {
 }
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
-/// are zero and a step would change nothing of them.
-pub fn constants(settings: &Settings, degree: u32, aux: bool) -> [(&'static str, u32); 7] {
+/// are zero and a step would change nothing of them. Without `rest` the step leaves the view-dependent coefficients and their moments
+/// as they are.
+pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> [(&'static str, u32); 8] {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
         ("AUX", u32::from(aux)),
@@ -118,8 +129,20 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool) -> [(&'static str,
         ("BETA2", adam.beta2.to_bits()),
         ("GAIN2", adam.gain2.to_bits()),
         ("EPS", adam.eps.to_bits()),
+        ("REST", u32::from(rest)),
     ]
 }
+
+pub(super) const CONSTANTS: &[Constant] = &[
+    Constant { id: 0, name: "AUX", default: 0 },
+    Constant { id: 1, name: "DEGREE", default: 3 },
+    Constant { id: 2, name: "BETA1", default: 0x3f66_6666 },
+    Constant { id: 3, name: "GAIN1", default: 0x3dcc_cccd },
+    Constant { id: 4, name: "BETA2", default: 0x3f7f_be77 },
+    Constant { id: 5, name: "GAIN2", default: 0x3a83_126f },
+    Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
+    Constant { id: 7, name: "REST", default: 1 },
+];
 
 /// The pass.
 pub const PASS: Pass = Pass {
@@ -158,20 +181,12 @@ pub const PASS: Pass = Pass {
             read_write("v_sh3"),
         ],
         push_bytes: Push::BYTES,
-        constants: &[
-            Constant { id: 0, name: "AUX", default: 0 },
-            Constant { id: 1, name: "DEGREE", default: 3 },
-            Constant { id: 2, name: "BETA1", default: 0x3f66_6666 },
-            Constant { id: 3, name: "GAIN1", default: 0x3dcc_cccd },
-            Constant { id: 4, name: "BETA2", default: 0x3f7f_be77 },
-            Constant { id: 5, name: "GAIN2", default: 0x3a83_126f },
-            Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
-        ],
+        constants: CONSTANTS,
         local_size: Some(64),
     },
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
           project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
-          zero. Spherical harmonics above DEGREE are not touched.",
+          zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one.",
     dispatch: "one thread per splat of the model",
     push: Push::FIELDS,
     twin: crate::twin::project_backward_adam::run,
@@ -187,7 +202,7 @@ mod tests {
     #[test]
     fn default_constants_are_the_default_settings() {
         for ((name, value), constant) in
-            constants(&Settings::default(), 3, false).into_iter().zip(PASS.kernel.constants)
+            constants(&Settings::default(), 3, false, true).into_iter().zip(PASS.kernel.constants)
         {
             assert_eq!((name, value), (constant.name, constant.default));
         }

@@ -1,6 +1,6 @@
 //! The SPIR-V modules that `build.rs` compiled into the binary.
 
-use crate::vk::Spirv;
+use crate::vk::{Spirv, TexelFormat, TexelView, Texels};
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 

@@ -72,9 +72,9 @@ pub struct Gradients<'a> {
 pub struct BackwardStep<'a> {
     /// The model that was rendered, and changes.
     pub model: &'a Planes,
-    /// First and second moments, which change with it.
-    pub moments: [&'a Planes; 2],
-    /// The pipeline of [`project_backward_adam`], with the optimiser's constants.
+    /// The first and second moments, or both in one, which change with it.
+    pub moments: &'a [Planes],
+    /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants.
     pub pipeline: &'a Pipeline,
     /// The optimiser's settings.
     pub settings: &'a adam::Settings,
@@ -323,7 +323,7 @@ impl Renderer {
         let [counts, splat2d, tile_counts, unused] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
         let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), unused];
-        for planes in [step.model].iter().chain(&step.moments) {
+        for planes in std::iter::once(step.model).chain(step.moments) {
             buffers.extend(planes.buffers().iter().map(BufferSlice::from));
         }
         recorder.dispatch(step.pipeline, &buffers, &push, self.per_splat())

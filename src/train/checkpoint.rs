@@ -9,6 +9,9 @@ use crate::format::checkpoint::Checkpoint;
 use crate::pass::counters;
 use crate::raster::{PLANES, Variants};
 
+/// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
+const MOMENTS: [&str; 2] = ["m_", "v_"];
+
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {
     /// Where to go on.
@@ -37,8 +40,9 @@ impl Checkpointed {
         out.put_values("stats", &state.stats);
         for (k, (name, _)) in PLANES.into_iter().enumerate() {
             out.put_values(name, &state.params[k]);
-            out.put_values(&format!("m_{name}"), &state.m[k]);
-            out.put_values(&format!("v_{name}"), &state.v[k]);
+            for (prefix, planes) in MOMENTS.into_iter().zip(&state.moments) {
+                out.put_values(&format!("{prefix}{name}"), &planes[k]);
+            }
         }
         Ok(out)
     }
@@ -72,8 +76,9 @@ impl Checkpointed {
         }
         let history: History = serde_json::from_str(file.text("history")?)?;
         let variants: Variants = serde_json::from_str(file.text("variants")?)?;
-        let state =
-            State { params: planes("")?, m: planes("m_")?, v: planes("v_")?, stats: rows("stats", 4)?, counters, ids };
+        let kept = |prefix: &&str| file.names().any(|name| name.starts_with(*prefix));
+        let moments = MOMENTS.into_iter().filter(kept).map(planes).collect::<Result<_, _>>()?;
+        let state = State { params: planes("")?, moments, stats: rows("stats", 4)?, counters, ids };
         Ok(Self {
             restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),

@@ -28,10 +28,10 @@ const OPACITIES: usize = 3;
 pub struct Model<'a> {
     /// The parameters.
     pub planes: &'a [Buffer; 8],
-    /// First moments of the optimiser.
+    /// First moments of the optimiser, or both where they share words.
     pub first_moments: &'a [Buffer; 8],
-    /// Second moments of the optimiser.
-    pub second_moments: &'a [Buffer; 8],
+    /// Second moments of the optimiser, where they have planes of their own.
+    pub second_moments: Option<&'a [Buffer; 8]>,
     /// Statistics, a vec4 per splat.
     pub stats: &'a Buffer,
     /// Persistent identities.
@@ -176,7 +176,7 @@ impl DensityControl {
             let mode = if p == SCALES { MODE_SHRINK } else { MODE_COPY };
             self.gather(rec, model, &parts, plane, width, mode)?;
         }
-        for moments in [model.first_moments, model.second_moments] {
+        for moments in [model.first_moments].into_iter().chain(model.second_moments) {
             for (plane, width) in moments.iter().zip(WIDTHS) {
                 self.gather(rec, model, &parts, plane, width, MODE_MOMENT)?;
             }
@@ -192,7 +192,8 @@ impl DensityControl {
         let push = plan::Push::unlimited(counters::SPLATS as u32, self.first_entry, &[Entry::items(64)]);
         rec.dispatch(&self.plan, &[model.counters, model.args], &push, Groups::Workgroups(1))?;
         let [plane, first, second] =
-            [model.planes, model.first_moments, model.second_moments].map(|planes| &planes[OPACITIES]);
+            [model.planes, model.first_moments, model.second_moments.unwrap_or(model.first_moments)]
+                .map(|planes| &planes[OPACITIES]);
         let push = opacity_reset::Push { logit_cap: logit(cap) };
         let rows = Groups::Indirect(model.args, Entry::offset(self.first_entry));
         rec.dispatch(&self.reset, &[model.counters, plane, first, second], &push, rows)

@@ -127,7 +127,7 @@ impl Engine {
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::new(gpu, "", splats)?,
-            optimiser: Optimiser::new(gpu, splats, needs.extent)?,
+            optimiser: Optimiser::new(gpu, splats, needs.extent, &needs.settings.shortcuts)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
             target: Target::new(gpu, "", pixels, false)?,
@@ -195,7 +195,7 @@ impl Engine {
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         self.model.write_rows(&self.gpu, &state.params)?;
-        self.optimiser.restore(&self.gpu, [&state.m, &state.v])?;
+        self.optimiser.restore(&self.gpu, &state.moments)?;
         if !state.ids.is_empty() {
             self.gpu.write(&self.ids, &state.ids)?;
             self.gpu.write(&self.stats, &state.stats)?;
@@ -315,8 +315,8 @@ impl Engine {
         let [rows, words] = self.renderer.idle();
         density::Model {
             planes: self.model.buffers(),
-            first_moments: self.optimiser.m.buffers(),
-            second_moments: self.optimiser.v.buffers(),
+            first_moments: self.optimiser.first().buffers(),
+            second_moments: self.optimiser.second().map(Planes::buffers),
             stats: &self.stats,
             ids: &self.ids,
             counters: &self.renderer.counters,
@@ -493,8 +493,7 @@ impl Engine {
         Ok(State {
             params: self.model.read(&self.gpu, n)?,
             ids,
-            m: self.optimiser.m.read(&self.gpu, n)?,
-            v: self.optimiser.v.read(&self.gpu, n)?,
+            moments: self.optimiser.read(&self.gpu, n)?,
             stats,
             counters,
         })

@@ -33,6 +33,16 @@ pub enum Error {
     /// A backward per splat was asked for in column tiles.
     #[error("--backward per-splat: only in tiles of 16x16; use --tile-shape pixel, or leave one of them out")]
     PerSplatInColumns,
+    /// A shortcut of the optimiser was asked for on a device that binds too few buffers to a pass.
+    #[error(
+        "--moment-bits 16, --sh-every: the optimiser needs {needed} storage buffers in a pass for them, this device has {limit}; leave them out"
+    )]
+    ShortcutBuffers {
+        /// Buffers of the pass.
+        needed: u32,
+        /// Buffers that the device binds.
+        limit: u32,
+    },
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,

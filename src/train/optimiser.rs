@@ -2,25 +2,30 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use super::Error;
 use super::schedule::{Adam, StepPlan};
-use crate::pass::{adam, project_backward_adam as fused};
+use super::settings::Shortcuts;
+use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
 use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot};
 use crate::vk::{self, Gpu, Pipeline, Recorder};
 
 /// How a step is taken.
 enum Form {
-    /// In one pass with the projection's backward, one pipeline per degree of the spherical harmonics.
-    Fused([Pipeline; 4]),
+    /// In one pass with the projection's backward.
+    Fused {
+        /// By the highest degree of the spherical harmonics that may have moments.
+        of_degree: [Pipeline; 4],
+        /// For steps that leave out the view-dependent coefficients.
+        without_rest: Pipeline,
+    },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients { adam: Pipeline, gradients: Planes },
 }
 
 /// Moments and the passes that use them.
 pub(super) struct Optimiser {
-    /// First moments.
-    pub(super) m: Planes,
-    /// Second moments.
-    pub(super) v: Planes,
+    /// First and second moments, or the words that hold both.
+    moments: Vec<Planes>,
     form: Form,
     settings: adam::Settings,
     extent: f64,
@@ -30,47 +35,72 @@ pub(super) struct Optimiser {
 
 impl Optimiser {
     /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means.
-    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64) -> Result<Self, vk::Error> {
+    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, shortcuts: &Shortcuts) -> Result<Self, Error> {
         let settings = adam::Settings::default();
-        let form = if gpu.caps().limits.storage_buffers >= fused::BINDINGS {
-            let of = |degree| gpu.pipeline(&fused::PASS.kernel, &fused::constants(&settings, degree, false));
-            Form::Fused([of(0)?, of(1)?, of(2)?, of(3)?])
+        let packs = shortcuts.moment_bits == 16;
+        let (kernel, needed) =
+            if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
+        let limit = gpu.caps().limits.storage_buffers;
+        let form = if limit >= needed {
+            let of = |degree, rest| gpu.pipeline(kernel, &fused::constants(&settings, degree, false, rest));
+            Form::Fused {
+                of_degree: [of(0, true)?, of(1, true)?, of(2, true)?, of(3, true)?],
+                without_rest: of(0, false)?,
+            }
+        } else if packs || shortcuts.sh_every > 1 {
+            return Err(Error::ShortcutBuffers { needed, limit });
         } else {
             let adam = gpu.pipeline(&adam::PASS.kernel, &[])?;
             Form::FromGradients { adam, gradients: Planes::new(gpu, "g_", capacity)? }
         };
-        Ok(Self {
-            m: Planes::new(gpu, "m_", capacity)?,
-            v: Planes::new(gpu, "v_", capacity)?,
-            form,
-            settings,
-            extent,
-            degree: AtomicU32::new(0),
-        })
+        let mut moments = vec![Planes::new(gpu, "m_", capacity)?];
+        if !packs {
+            moments.push(Planes::new(gpu, "v_", capacity)?);
+        }
+        Ok(Self { moments, form, settings, extent, degree: AtomicU32::new(0) })
+    }
+
+    /// First moments, or both.
+    pub(super) fn first(&self) -> &Planes {
+        &self.moments[0]
+    }
+
+    /// Second moments, where they have planes of their own.
+    pub(super) fn second(&self) -> Option<&Planes> {
+        self.moments.get(1)
     }
 
     /// Records setting every moment to zero.
     pub(super) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
-        self.m.clear(recorder)?;
-        self.v.clear(recorder)
+        self.moments.iter().try_for_each(|planes| planes.clear(recorder))
     }
 
-    /// Writes moments of an earlier run.
-    pub(super) fn restore(&self, gpu: &Gpu, [m, v]: [&[Vec<f32>; 8]; 2]) -> Result<(), vk::Error> {
-        self.m.write_rows(gpu, m)?;
-        self.v.write_rows(gpu, v)?;
-        let used = (1..=3).rev().find(|&degree| [m, v].iter().any(|planes| touches(planes, degree)));
+    /// Writes moments of an earlier run, which must be as many as these.
+    pub(super) fn restore(&self, gpu: &Gpu, moments: &[[Vec<f32>; 8]]) -> Result<(), Error> {
+        if moments.len() != self.moments.len() {
+            let (found, expected) = (moments.len(), self.moments.len());
+            return Err(Error::Checkpoint { section: "planes of moments".to_owned(), found, expected });
+        }
+        for (planes, values) in self.moments.iter().zip(moments) {
+            planes.write_rows(gpu, values)?;
+        }
+        let used = (1..=3).rev().find(|&degree| moments.iter().any(|planes| touches(planes, degree)));
         self.degree.fetch_max(used.unwrap_or(0), Ordering::Relaxed);
         Ok(())
+    }
+
+    /// The first `splats` rows of the moments. Blocks.
+    pub(super) fn read(&self, gpu: &Gpu, splats: u32) -> Result<Vec<[Vec<f32>; 8]>, vk::Error> {
+        self.moments.iter().map(|planes| planes.read(gpu, splats)).collect()
     }
 
     /// Bytes of its buffers.
     pub(super) fn bytes(&self) -> u64 {
         let gradients = match &self.form {
-            Form::Fused(_) => 0,
+            Form::Fused { .. } => 0,
             Form::FromGradients { gradients, .. } => gradients.bytes(),
         };
-        self.m.bytes() + self.v.bytes() + gradients
+        self.moments.iter().map(Planes::bytes).sum::<u64>() + gradients
     }
 
     /// Room for more, with the same moments; gradients are lost. Waits.
@@ -78,8 +108,7 @@ impl Optimiser {
         if let Form::FromGradients { gradients, .. } = &mut self.form {
             *gradients = Planes::new(gpu, "g_", 1)?;
         }
-        self.m.grow(gpu, capacity)?;
-        self.v.grow(gpu, capacity)?;
+        self.moments.iter_mut().try_for_each(|planes| planes.grow(gpu, capacity))?;
         if let Form::FromGradients { gradients, .. } = &mut self.form {
             *gradients = Planes::new(gpu, "g_", capacity)?;
         }
@@ -107,14 +136,16 @@ impl Optimiser {
             sh_rest: plan.rates.sh_rest,
         };
         let opacities = (plan.adam == Adam::All).then_some(plan.adam_steps_opacities);
-        let steps = fused::Steps { most: plan.adam_steps, opacities };
-        let degree = self.degree.fetch_max(plan.sh_degree, Ordering::Relaxed).max(plan.sh_degree);
+        let steps = fused::Steps { most: plan.adam_steps, opacities, rest: plan.sh_rest.unwrap_or(plan.adam_steps) };
+        // Steps without the coefficients leave no moments of theirs behind.
+        let used = if plan.sh_rest.is_some() { plan.sh_degree } else { 0 };
+        let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
         match &self.form {
-            Form::Fused(pipelines) => {
+            Form::Fused { of_degree, without_rest } => {
                 let step = BackwardStep {
                     model,
-                    moments: [&self.m, &self.v],
-                    pipeline: &pipelines[degree.min(3) as usize],
+                    moments: &self.moments,
+                    pipeline: if plan.sh_rest.is_some() { &of_degree[degree.min(3) as usize] } else { without_rest },
                     settings: &self.settings,
                     rates: &rates,
                     steps,
@@ -142,8 +173,9 @@ impl Optimiser {
             let rest = geometry.get(k).copied().unwrap_or(rates.sh_rest);
             let head = if k == SH0 { 3 } else { 0 };
             let push = adam::Push::new(&self.settings, count, row, head, rates.sh_base, rest);
-            let [g, p, m, v] = [gradients, params, &self.m, &self.v].map(|planes| &planes.buffers()[k]);
-            recorder.dispatch(pipeline, &[&renderer.counters, g, p, m, v], &push, renderer.per_float(row))?;
+            let mut buffers = vec![&renderer.counters];
+            buffers.extend([gradients, params].into_iter().chain(&self.moments).map(|planes| &planes.buffers()[k]));
+            recorder.dispatch(pipeline, &buffers, &push, renderer.per_float(row))?;
         }
         Ok(())
     }

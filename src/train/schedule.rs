@@ -68,6 +68,8 @@ pub struct StepPlan {
     pub reset_opacity: bool,
     /// What the optimiser steps.
     pub adam: Adam,
+    /// Whether the view-dependent coefficients take the step too, and how many they have taken with it.
+    pub sh_rest: Option<u32>,
     /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.
@@ -96,6 +98,7 @@ pub struct Schedule {
     /// Steps over which the learning rate of the means decays.
     pub lr_means_steps: u32,
     sh_degree: u32,
+    sh_every: u32,
     densify: bool,
     background: Background,
     rates: Rates,
@@ -137,6 +140,7 @@ impl Schedule {
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
             sh_degree: settings.model.sh_degree,
+            sh_every: settings.shortcuts.sh_every.max(1),
             densify: !run.no_densify,
             background: settings.model.background,
             rates: Rates {
@@ -170,6 +174,7 @@ impl Schedule {
                 (false, true) => Adam::AllButOpacities,
                 (false, false) => Adam::All,
             },
+            sh_rest: self.sh_rest(t),
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
         }
@@ -193,6 +198,16 @@ impl Schedule {
             order.swap(i, j);
         }
         order[position]
+    }
+
+    /// Steps of the view-dependent coefficients up to and including `t`, where `t` is one. Those that fall on a density change are
+    /// lost and counted all the same: over so many steps the bias correction is 1.
+    fn sh_rest(&self, t: u32) -> Option<u32> {
+        if self.sh_every == 1 {
+            return Some(self.adam_steps(t, false));
+        }
+        let before = t.saturating_sub(1);
+        before.is_multiple_of(self.sh_every).then_some(before / self.sh_every + 1)
     }
 
     /// Density changes up to and including step `t`.

@@ -205,6 +205,20 @@ group! {
 }
 
 group! {
+    /// Shortcuts that make steps cheaper and change results. All are off unless asked for.
+    pub struct Shortcuts("Shortcuts") {
+        /// Bits of each moment of the optimiser in memory: 32, or 16 with the second moment rounded at random
+        #[arg(value_name = "BITS")]
+        pub moment_bits: u32 = 32,
+        /// Step the view-dependent colours only in every Nth step
+        #[arg(value_name = "N")]
+        pub sh_every: u32 = 1,
+    }
+    flags {}
+    optional {}
+}
+
+group! {
     /// Where it runs.
     pub struct DeviceChoice("Device") {
     }
@@ -256,9 +270,17 @@ pub struct Settings {
     /// Growth and pruning.
     #[command(flatten)]
     pub density: Density,
+    /// What may be left out.
+    #[command(flatten)]
+    pub shortcuts: Shortcuts,
     /// The device.
     #[command(flatten)]
     pub device: DeviceChoice,
+}
+
+impl Shortcuts {
+    /// What `--fast` stands for; see `docs/PERFORMANCE.md` for what they save and cost.
+    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4 };
 }
 
 impl Settings {
@@ -289,6 +311,8 @@ impl Settings {
         ] {
             ok(rate >= 0.0 && rate.is_finite(), key, "a number that is not negative")?;
         }
+        ok(matches!(self.shortcuts.moment_bits, 16 | 32), "moment-bits", "16 or 32")?;
+        ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
         ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
         for (share, key) in [
             (density.grad_threshold, "grad-threshold"),

@@ -7,10 +7,8 @@ pub struct State {
     pub params: [Vec<f32>; 8],
     /// Identities of the splats.
     pub ids: Vec<u32>,
-    /// First moments of Adam.
-    pub m: [Vec<f32>; 8],
-    /// Second moments of Adam.
-    pub v: [Vec<f32>; 8],
+    /// Moments of Adam: the first and the second, or the words that hold both (see [`crate::pass::project_backward_adam_packed`]).
+    pub moments: Vec<[Vec<f32>; 8]>,
     /// Densification statistics, 4 floats per splat.
     pub stats: Vec<f32>,
     /// The counters.

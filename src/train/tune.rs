@@ -29,6 +29,8 @@ const ROUNDS: usize = 3;
 const WORTH_IT: f64 = 0.9;
 /// A form whose first step takes so many times the best median so far is not timed further.
 const HOPELESS: f64 = 1.5;
+/// Tiles whose first form takes so many times the best median so far are not tried in other forms: those differ by less.
+const HOPELESS_TILES: f64 = 3.0;
 /// Shorter trainings would not win back the time of timing.
 const FEWEST_STEPS: u32 = 1000;
 
@@ -129,10 +131,19 @@ pub fn measure(
     let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
     let input = Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent };
     let mut times: Vec<(Variants, f64)> = Vec::new();
+    let mut hopeless = Vec::new();
     for &variants in candidates {
+        if hopeless.contains(&variants.tile) {
+            continue;
+        }
         let best = times.iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
         match of_form(gpu, &input, settings, variants, best) {
-            Ok(seconds) => times.push((variants, seconds)),
+            Ok(seconds) => {
+                if seconds > HOPELESS_TILES * best {
+                    hopeless.push(variants.tile);
+                }
+                times.push((variants, seconds));
+            }
             Err(error) if memory::is_lack_of_memory(&error) && !times.is_empty() => {}
             Err(error) => return Err(error),
         }
@@ -147,16 +158,23 @@ fn of_form(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, be
     let schedule = Schedule::new(settings, views);
     let plan = StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, ..schedule.step(1) };
     let mut samples = vec![Vec::new(); views];
+    let mut uncounted = 0.0;
     for round in 0..=ROUNDS {
         for (view, samples) in samples.iter_mut().enumerate() {
             let seconds = step(gpu, &mut engine, &plan, view)?;
             if round > 0 {
                 samples.push(seconds);
+            } else {
+                uncounted += seconds;
             }
         }
         let first: f64 = samples.iter().filter_map(|s| s.first()).sum();
         if round == 1 && first > HOPELESS * best {
             break;
+        }
+        // The uncounted steps grow buffers and fill caches, which takes no several times as long as a step.
+        if round == 0 && uncounted > 2.0 * HOPELESS_TILES * best {
+            return Ok(uncounted);
         }
     }
     Ok(samples.into_iter().map(median).sum())

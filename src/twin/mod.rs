@@ -25,6 +25,7 @@ pub mod probe;
 pub mod project;
 pub mod project_backward;
 pub mod project_backward_adam;
+pub mod project_backward_adam_packed;
 pub mod projection;
 pub mod radix;
 pub mod random;

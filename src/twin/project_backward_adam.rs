@@ -35,7 +35,7 @@ pub fn view<R: Real>(push: &Push) -> View<R> {
         principal: [R::zero(); 2],
         limits: push.limits.map(r),
         size: [0; 2],
-        sh_degree: push.flags >> DEGREE_SHIFT,
+        sh_degree: push.flags >> DEGREE_SHIFT & 3,
         antialias: push.flags & ANTIALIAS != 0,
         reference_clamp: push.flags & REFERENCE_CLAMP != 0,
     }
@@ -61,50 +61,90 @@ fn within(degree: u32) -> usize {
     11 + 3 * (degree as usize + 1).pow(2)
 }
 
+/// Parameters that a step with these constants touches, but for the opacity.
+pub(super) fn touched(constants: &[u32]) -> usize {
+    within(if constants[7] == 0 { 0 } else { constants[1] })
+}
+
+/// The camera of a step with these constants: without REST the colour does not depend on the direction.
+pub(super) fn view_of_step<R: Real>(push: &Push, constants: &[u32]) -> View<R> {
+    let full = view(push);
+    View { sh_degree: if constants[7] == 0 { 0 } else { full.sh_degree }, ..full }
+}
+
 /// One step of one splat with the gradients of its parameters (zeros for a culled one).
 pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
     let (g, mut params) = (gradient.to_array(), state.splat.to_array());
     let (mut first, mut second) = (state.first.to_array(), state.second.to_array());
-    for k in (0..PARAMETERS).filter(|&k| k < within(constants[1]) && (k != 10 || push.flags & STEPS_OPACITIES != 0)) {
+    for k in (0..PARAMETERS).filter(|&k| k < touched(constants) && (k != 10 || push.flags & STEPS_OPACITIES != 0)) {
         let (numbers, lr) = of_parameter(push, constants, k);
         adam(&numbers, R::of(f64::from(lr)), g[k], (&mut params[k], &mut first[k], &mut second[k]));
     }
     Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
 }
 
+/// What a step reads beside the model and its moments, as the bound buffers have it.
+pub(super) struct Inputs {
+    /// Splats.
+    pub(super) n: usize,
+    view: View<f32>,
+    splat2d: Vec<[f32; 12]>,
+    tile_counts: Vec<u32>,
+    grad2d: Vec<[f32; 12]>,
+    grad_normals: Vec<[f32; 4]>,
+    aux: bool,
+}
+
+impl Inputs {
+    /// Bindings 0 to 4.
+    pub(super) fn new(call: &TwinCall<'_>, push: &Push) -> Self {
+        Self {
+            n: (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize),
+            view: view_of_step(push, call.constants),
+            splat2d: call.get(1),
+            tile_counts: call.get(2),
+            grad2d: call.get(3),
+            grad_normals: call.get(4),
+            aux: call.constants[0] != 0,
+        }
+    }
+
+    /// The gradient of splat `i`.
+    pub(super) fn gradient(&self, i: usize, splat: &Splat<f32>) -> Splat<f32> {
+        if self.tile_counts[i] == 0 {
+            return Splat::of(&Gaussians::zeros(1), 0);
+        }
+        let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
+        let color = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
+        project_backward(splat, &self.view, color, &Grad2d { row: self.grad2d[i], normal: [x, y, z] })
+    }
+}
+
+/// Writes a model's planes from binding `first` on.
+pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussians) {
+    call.set(first, &plane.means);
+    call.set(first + 1, &plane.quats);
+    call.set(first + 2, &plane.scales);
+    call.set(first + 3, &plane.opacities);
+    for (group, values) in plane.sh.iter().enumerate() {
+        call.set(first + 4 + group, values);
+    }
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
-    let view = view::<f32>(&push);
-    let n = (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize);
-    let splat2d = call.get::<[f32; 12]>(1);
-    let tile_counts = call.get::<u32>(2);
-    let grad2d = call.get::<[f32; 12]>(3);
-    let grad_normals = call.get::<[f32; 4]>(4);
-    let aux = call.constants[0] != 0;
-    let mut planes = [5, 13, 21].map(|first| model_of(call, first, n));
-    for i in 0..n {
+    let inputs = Inputs::new(call, &push);
+    let mut planes = [5, 13, 21].map(|first| model_of(call, first, inputs.n));
+    for i in 0..inputs.n {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
-        let state = Stepped { splat, first, second };
-        let gradient = if tile_counts[i] == 0 {
-            Splat::of(&Gaussians::zeros(1), 0)
-        } else {
-            let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
-            let color = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
-            project_backward(&state.splat, &view, color, &Grad2d { row: grad2d[i], normal: [x, y, z] })
-        };
-        let after = step(&push, call.constants, &state, &gradient);
+        let gradient = inputs.gradient(i, &splat);
+        let after = step(&push, call.constants, &Stepped { splat, first, second }, &gradient);
         for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
             values.store(plane, i);
         }
     }
     for (first, plane) in [5, 13, 21].into_iter().zip(&planes) {
-        call.set(first, &plane.means);
-        call.set(first + 1, &plane.quats);
-        call.set(first + 2, &plane.scales);
-        call.set(first + 3, &plane.opacities);
-        for (group, values) in plane.sh.iter().enumerate() {
-            call.set(first + 4 + group, values);
-        }
+        set_planes(call, first, plane);
     }
 }

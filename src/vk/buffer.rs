@@ -10,12 +10,22 @@ use ash::vk;
 use super::caps::Addresses;
 use super::device::{Device, lock};
 use super::error::{Error, Named, Result};
+use super::kernel::TexelFormat;
 use super::memory::{Block, Memory};
 
 /// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
 /// Bytes of the guard behind a buffer.
 pub(super) const GUARD: u64 = 256;
+
+/// The Vulkan format of a row.
+pub(super) fn texel_format(format: TexelFormat) -> vk::Format {
+    match format {
+        TexelFormat::Float3 => vk::Format::R32G32B32_SFLOAT,
+        TexelFormat::Float4 => vk::Format::R32G32B32A32_SFLOAT,
+        TexelFormat::Uint4 => vk::Format::R32G32B32A32_UINT,
+    }
+}
 
 /// Start of host-visible memory.
 #[derive(Clone, Copy)]
@@ -44,6 +54,8 @@ pub(super) struct BufferInner {
     pub(super) last_use: AtomicU64,
     mapped: Option<Mapped>,
     allocation: Mutex<Option<Block>>,
+    /// Views of its ranges as texels, made when they are first bound. They are few: of the whole, and of parts that stay.
+    views: Mutex<Vec<(u64, u64, TexelFormat, vk::BufferView)>>,
 }
 
 /// A storage buffer. Cloning it gives another handle to the same memory.
@@ -72,6 +84,9 @@ impl Buffer {
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
+        if device.caps.texels {
+            usage |= vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+        }
         if addressed {
             usage |= vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
         }
@@ -110,6 +125,7 @@ impl Buffer {
             last_use: AtomicU64::new(0),
             mapped: allocation.mapped().map(|p| Mapped(p.as_ptr().cast())),
             allocation: Mutex::new(Some(allocation)),
+            views: Mutex::default(),
         };
         if let Some(allocation) = lock(&inner.allocation).as_ref() {
             let (memory, offset) = allocation.place();
@@ -147,6 +163,7 @@ impl Buffer {
             last_use: AtomicU64::new(0),
             mapped: None,
             allocation: Mutex::new(None),
+            views: Mutex::default(),
         };
         Ok(Buffer { inner: Arc::new(inner) })
     }
@@ -193,6 +210,24 @@ impl Buffer {
         }
     }
 
+    /// The bytes as texels, without the incomplete one at the end.
+    pub(super) fn texels(&self, offset: u64, bytes: u64, format: TexelFormat) -> Result<vk::BufferView> {
+        let mut views = lock(&self.inner.views);
+        if let Some(&(.., view)) = views.iter().find(|&&(o, b, f, _)| (o, b, f) == (offset, bytes, format)) {
+            return Ok(view);
+        }
+        let info = vk::BufferViewCreateInfo::default()
+            .buffer(self.inner.raw)
+            .format(texel_format(format))
+            .offset(offset)
+            .range(bytes / format.bytes() * format.bytes());
+        // SAFETY: the range is inside the buffer, which was made for this use; alignment and number of texels were checked when the
+        // command was recorded.
+        let view = unsafe { self.inner.device.raw.create_buffer_view(&info, None) }.named("vkCreateBufferView")?;
+        views.push((offset, bytes, format, view));
+        Ok(view)
+    }
+
     /// Copies host bytes into mapped memory.
     pub(super) fn store(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.inside(offset, bytes.len() as u64)?;
@@ -226,7 +261,10 @@ impl Buffer {
 impl Drop for BufferInner {
     fn drop(&mut self) {
         // SAFETY: no handle is left, and the recorder holds one until every submit that uses the buffer has finished.
-        unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+        unsafe {
+            lock(&self.views).drain(..).for_each(|(.., view)| self.device.raw.destroy_buffer_view(view, None));
+            self.device.raw.destroy_buffer(self.raw, None);
+        }
         if let Some(allocation) = lock(&self.allocation).take()
             && let Some(pool) = lock(&self.device.memory).as_mut()
         {

@@ -39,6 +39,12 @@ pub struct Limits {
     pub storage_alignment: u64,
     /// Storage buffers of one kernel.
     pub storage_buffers: u32,
+    /// Texels of one texel buffer.
+    pub texels: u64,
+    /// Alignment of the offset of a texel buffer.
+    pub texel_alignment: u64,
+    /// Texel buffers of one kernel.
+    pub texel_buffers: u32,
     /// Bytes of push constants.
     pub push_bytes: u32,
     /// Bytes of shared memory of a workgroup.
@@ -123,6 +129,8 @@ pub struct Caps {
     pub shared_floats: FloatAtomics,
     /// When kernels reach their buffers by address.
     pub addresses: Addresses,
+    /// Kernels read rows of buffers as texels where they have that form.
+    pub texels: bool,
     /// Subgroup operations.
     pub subgroup: Subgroup,
     /// Smallest and largest width that a pipeline can require; equal where it cannot choose.

@@ -139,6 +139,8 @@ unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handle
     if barriers.is_empty() {
         return;
     }
+    // Whether a shader reads through one descriptor or the other is its form's business.
+    let texels = device.caps.texels;
     let list: Vec<vk::BufferMemoryBarrier2<'_>> = barriers
         .iter()
         .filter_map(|b| {
@@ -151,7 +153,11 @@ unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handle
                     .src_stage_mask(b.src_stage)
                     .src_access_mask(b.src_access)
                     .dst_stage_mask(b.dst_stage)
-                    .dst_access_mask(b.dst_access)
+                    .dst_access_mask(if texels && b.dst_access.contains(vk::AccessFlags2::SHADER_STORAGE_READ) {
+                        b.dst_access | vk::AccessFlags2::SHADER_SAMPLED_READ
+                    } else {
+                        b.dst_access
+                    })
                     .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
                     .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED),
             )
@@ -167,9 +173,8 @@ unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handle
 unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, command: &Command) -> Result<()> {
     let raw = &device.raw;
     match command {
-        Command::Dispatch { pipeline, buffers, table, push, counts } => {
-            let reach = if table.is_some() { Reach::Addresses } else { Reach::Descriptors };
-            let form = pipeline.inner.form(reach).ok_or_else(|| Error::Interface {
+        Command::Dispatch { pipeline, reach, buffers, table, push, counts } => {
+            let form = pipeline.inner.form(*reach).ok_or_else(|| Error::Interface {
                 kernel: pipeline.name(),
                 what: format!("its form by {reach:?} was not made"),
             })?;
@@ -180,17 +185,27 @@ unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, com
                 Some(table) => vec![info(&table.buffer, table.offset, table.bytes)],
                 None => buffers.iter().map(|b| info(&b.buffer, b.offset, b.bytes)).collect(),
             };
-            let writes: Vec<vk::WriteDescriptorSet<'_>> = infos
+            let views = match (reach, pipeline.inner.kernel.spirv.texels) {
+                (Reach::Texels, Some(texels)) => texels.views,
+                _ => &[],
+            };
+            let texels = views
                 .iter()
-                .enumerate()
-                .map(|(i, info)| {
-                    vk::WriteDescriptorSet::default()
-                        .dst_set(set)
-                        .dst_binding(i as u32)
-                        .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                        .buffer_info(std::slice::from_ref(info))
+                .map(|view| {
+                    let bound = &buffers[view.binding as usize];
+                    bound.buffer.texels(bound.offset, bound.bytes, view.format)
                 })
-                .collect();
+                .collect::<Result<Vec<vk::BufferView>>>()?;
+            let to = |binding: u32| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding);
+            let of_buffers =
+                infos.iter().zip(0..).filter(|(_, i)| !views.iter().any(|view| view.at == *i)).map(|(info, i)| {
+                    to(i).descriptor_type(vk::DescriptorType::STORAGE_BUFFER).buffer_info(std::slice::from_ref(info))
+                });
+            let of_texels = views.iter().zip(&texels).map(|(view, texels)| {
+                let texels = std::slice::from_ref(texels);
+                to(view.at).descriptor_type(vk::DescriptorType::UNIFORM_TEXEL_BUFFER).texel_buffer_view(texels)
+            });
+            let writes: Vec<vk::WriteDescriptorSet<'_>> = of_buffers.chain(of_texels).collect();
             // SAFETY: ranges were checked against buffers and limits when the command was recorded.
             unsafe {
                 raw.update_descriptor_sets(&writes, &[]);

@@ -1,4 +1,4 @@
-//! A kernel as the device has it: module, layouts and pipeline, in one of two forms.
+//! A kernel as the device has it: module, layouts and pipeline, in one of three forms.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use ash::vk;
 use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::features::Features;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, TexelView};
 
 /// How a kernel reaches its buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +17,8 @@ pub(super) enum Reach {
     Descriptors,
     /// One descriptor, for a table of addresses.
     Addresses,
+    /// A descriptor per buffer, or per buffer of texels, or both.
+    Texels,
 }
 
 /// One form of a pipeline.
@@ -38,11 +40,17 @@ impl Form {
         reach: Reach,
     ) -> Result<Form> {
         let bad = |what: String| Error::Interface { kernel: kernel.name, what };
+        let mut views: &[TexelView] = &[];
         let (spirv, descriptors) = match reach {
             Reach::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
             Reach::Addresses => {
                 let spirv = kernel.spirv.addresses.ok_or_else(|| bad("it has no form by address".into()))?;
                 (spirv, 1)
+            }
+            Reach::Texels => {
+                let texels = kernel.spirv.texels.ok_or_else(|| bad("it has no form with texels".into()))?;
+                views = texels.views;
+                (texels.spirv, kernel.bindings.len() as u32)
             }
         };
         let limits = &device.caps.limits;
@@ -75,11 +83,15 @@ impl Form {
         }
 
         let mut made = Partial { device, set_layout: None, layout: None, module: None };
-        let slots: Vec<vk::DescriptorSetLayoutBinding<'_>> = (0..descriptors)
-            .map(|binding| {
+        let buffers = (0..descriptors).filter(|binding| !views.iter().any(|view| view.at == *binding));
+        let texels = views.iter().map(|view| (view.at, vk::DescriptorType::UNIFORM_TEXEL_BUFFER));
+        let slots: Vec<vk::DescriptorSetLayoutBinding<'_>> = buffers
+            .map(|binding| (binding, vk::DescriptorType::STORAGE_BUFFER))
+            .chain(texels)
+            .map(|(binding, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_type(kind)
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })

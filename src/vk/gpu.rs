@@ -136,6 +136,7 @@ impl Gpu {
             profile: false,
             omit_barrier: None,
             addresses: None,
+            texels: None,
         })
     }
 

@@ -39,6 +39,52 @@ pub struct Spirv {
     /// Storage buffers reached by address: the only descriptor is binding 0, a table with the address of each in binding order
     /// (64 bits, low word first).
     pub addresses: Option<&'static [u8]>,
+    /// Rows of buffers read as texels, which is what a software rasterizer reads fastest.
+    pub texels: Option<Texels>,
+}
+
+/// A form of a module that reads rows of some buffers as texels.
+#[derive(Clone, Copy, Debug)]
+pub struct Texels {
+    /// SPIR-V words as bytes.
+    pub spirv: &'static [u8],
+    /// What is read as texels.
+    pub views: &'static [TexelView],
+}
+
+/// A buffer as a uniform texel buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TexelView {
+    /// The buffer: its place in [`Kernel::bindings`].
+    pub binding: u32,
+    /// Descriptor of the texels. Where it is that of the buffer, the buffer has no other.
+    pub at: u32,
+    /// What a texel is.
+    pub format: TexelFormat,
+}
+
+/// A row of a buffer as a texel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TexelFormat {
+    /// Three floats.
+    Float3,
+    /// Four floats.
+    Float4,
+    /// Four unsigned integers.
+    Uint4,
+}
+
+impl TexelFormat {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Float3, Self::Float4, Self::Uint4];
+
+    /// Bytes of a texel.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Float3 => 12,
+            Self::Float4 | Self::Uint4 => 16,
+        }
+    }
 }
 
 /// A compute shader and its interface.

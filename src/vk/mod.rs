@@ -43,7 +43,7 @@ pub use error::{Error, Result};
 pub use features::{FeatureStructures, Features, REQUIRED, USEFUL_EXTENSIONS, required_features};
 pub use gpu::Gpu;
 pub use host_commands::{Done, Executed, HostRecording};
-pub use kernel::{Access, Binding, Constant, Kernel, Spirv, read, read_write, write};
+pub use kernel::{Access, Binding, Constant, Kernel, Spirv, TexelFormat, TexelView, Texels, read, read_write, write};
 pub use memory::{Memory, MemoryUse};
 pub use options::{FloatAtomics, OpenOptions, Validation};
 pub use order::{HostSemaphore, SubmitOrder};

@@ -46,6 +46,9 @@ pub struct OpenOptions {
     /// Reach buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a descriptor's range.
     /// Never, too, on a device without the feature.
     pub addresses: Option<bool>,
+    /// Read rows of buffers as texels always (`true`) or never (`false`); `None` does so on CPU devices. Never, too, on a device
+    /// without the formats.
+    pub texels: Option<bool>,
     /// Bind no more storage buffers to one pass than this, where the device takes more.
     pub max_storage_buffers: Option<u32>,
     /// Folder of the pipeline cache; `None` keeps it in memory only.
@@ -65,6 +68,7 @@ impl Default for OpenOptions {
             max_device_memory: None,
             storage_range: None,
             addresses: None,
+            texels: None,
             max_storage_buffers: None,
             pipeline_cache: None,
         }
@@ -75,7 +79,7 @@ impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
     /// `PSRGS_VALIDATION=1`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
     /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
-    /// `PSRGS_ADDRESSES=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
+    /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
     /// `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
     pub fn from_env() -> Self {
         let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
@@ -96,15 +100,20 @@ impl OpenOptions {
                 .filter(|width| [8, 16, 32, 64].contains(width)),
             max_device_memory: get("PSRGS_MAX_DEVICE_MEMORY").and_then(|value| value.parse().ok()),
             storage_range: get("PSRGS_STORAGE_RANGE").and_then(|value| value.parse().ok()),
-            addresses: get("PSRGS_ADDRESSES").and_then(|value| match value.as_str() {
-                "always" => Some(true),
-                "never" => Some(false),
-                _ => None,
-            }),
+            addresses: get("PSRGS_ADDRESSES").and_then(|value| always_or_never(&value)),
+            texels: get("PSRGS_TEXELS").and_then(|value| always_or_never(&value)),
             max_storage_buffers: get("PSRGS_STORAGE_BUFFERS").and_then(|value| value.parse().ok()),
             pipeline_cache: get("PSRGS_CACHE").map(PathBuf::from).or_else(cache_folder),
             ..base
         }
+    }
+}
+
+fn always_or_never(value: &str) -> Option<bool> {
+    match value {
+        "always" => Some(true),
+        "never" => Some(false),
+        _ => None,
     }
 }
 

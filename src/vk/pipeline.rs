@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use ash::vk;
 
-use super::caps::Addresses;
+use super::caps::{Addresses, Caps};
 use super::device::Device;
 use super::error::{Error, Result};
 use super::form::{Form, Reach};
@@ -17,6 +17,7 @@ pub(super) struct PipelineInner {
     /// Each made when it is first needed.
     descriptors: OnceLock<Form>,
     addresses: OnceLock<Form>,
+    texels: OnceLock<Form>,
 }
 
 /// A compute pipeline. Cheap to clone.
@@ -53,12 +54,18 @@ impl PipelineInner {
         match reach {
             Reach::Descriptors => &self.descriptors,
             Reach::Addresses => &self.addresses,
+            Reach::Texels => &self.texels,
         }
     }
 
     /// A form that [`Pipeline::make`] has made.
     pub(super) fn form(&self, reach: Reach) -> Option<&Form> {
         self.slot(reach).get()
+    }
+
+    /// Whether the kernel can read rows as texels on this device at all.
+    pub(super) fn has_texels(&self, caps: &Caps) -> bool {
+        self.kernel.spirv.texels.is_some_and(|texels| texels.views.len() as u64 <= u64::from(caps.limits.texel_buffers))
     }
 
     /// Whether the kernel can reach its buffers by address at all.
@@ -111,10 +118,16 @@ impl Pipeline {
             workgroup_size,
             descriptors: OnceLock::new(),
             addresses: OnceLock::new(),
+            texels: OnceLock::new(),
         };
         let always = device.caps.addresses == Addresses::Always && inner.by_address();
+        let first = match () {
+            () if always => Reach::Addresses,
+            () if device.caps.texels && inner.has_texels(&device.caps) => Reach::Texels,
+            () => Reach::Descriptors,
+        };
         let pipeline = Pipeline { inner: Arc::new(inner) };
-        pipeline.make(device, cache, if always { Reach::Addresses } else { Reach::Descriptors })?;
+        pipeline.make(device, cache, first)?;
         Ok(pipeline)
     }
 

@@ -7,7 +7,7 @@ use super::caps::Addresses;
 use super::error::{Error, Result};
 use super::form::Reach;
 use super::gpu::Gpu;
-use super::kernel::Access;
+use super::kernel::{Access, TexelView};
 use super::pipeline::Pipeline;
 
 /// Workgroups along one axis that every device takes.
@@ -51,9 +51,28 @@ pub(super) struct Table {
 }
 
 pub(super) enum Command {
-    Dispatch { pipeline: Pipeline, buffers: Vec<Bound>, table: Option<Table>, push: Vec<u8>, counts: Counts },
-    Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
-    Copy { from: Buffer, from_offset: u64, to: Buffer, to_offset: u64, bytes: u64, staged: bool },
+    Dispatch {
+        pipeline: Pipeline,
+        reach: Reach,
+        buffers: Vec<Bound>,
+        table: Option<Table>,
+        push: Vec<u8>,
+        counts: Counts,
+    },
+    Fill {
+        buffer: Buffer,
+        offset: u64,
+        bytes: u64,
+        value: u32,
+    },
+    Copy {
+        from: Buffer,
+        from_offset: u64,
+        to: Buffer,
+        to_offset: u64,
+        bytes: u64,
+        staged: bool,
+    },
 }
 
 impl Command {
@@ -128,6 +147,7 @@ pub struct Recorder {
     pub(super) profile: bool,
     pub(super) omit_barrier: Option<usize>,
     pub(super) addresses: Option<bool>,
+    pub(super) texels: Option<bool>,
 }
 
 impl Recorder {
@@ -249,7 +269,7 @@ impl Recorder {
         self.gpu.make_form(pipeline, reach)?;
         let table = if reach == Reach::Addresses { Some(self.table(&bound)?) } else { None };
         let (pipeline, push) = (pipeline.clone(), push.to_vec());
-        self.commands.push(Command::Dispatch { pipeline, buffers: bound, table, push, counts });
+        self.commands.push(Command::Dispatch { pipeline, reach, buffers: bound, table, push, counts });
         Ok(())
     }
 
@@ -263,11 +283,25 @@ impl Recorder {
         let wanted = self.addresses.unwrap_or(caps.addresses == Addresses::Always);
         match beyond {
             _ if possible && (wanted || beyond.is_some()) => Ok(Reach::Addresses),
+            None if self.as_texels(pipeline, slices) => Ok(Reach::Texels),
             None => Ok(Reach::Descriptors),
             Some(BufferSlice { buffer, bytes, .. }) => {
                 Err(Error::BindingTooLarge { buffer: buffer.name().to_owned(), bytes: *bytes, limit })
             }
         }
+    }
+
+    /// Whether a dispatch reads rows as texels: where the kernel does, and every buffer concerned can be seen so.
+    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> bool {
+        let caps = self.gpu.caps();
+        let Some(texels) = pipeline.inner.kernel.spirv.texels else { return false };
+        let seen = |view: &TexelView| {
+            slices.get(view.binding as usize).is_some_and(|slice| {
+                let count = slice.bytes / view.format.bytes();
+                (1..=caps.limits.texels).contains(&count) && slice.offset % caps.limits.texel_alignment == 0
+            })
+        };
+        self.texels.unwrap_or(caps.texels) && pipeline.inner.has_texels(caps) && texels.views.iter().all(seen)
     }
 
     fn table(&mut self, bound: &[Bound]) -> Result<Table> {
@@ -282,6 +316,12 @@ impl Recorder {
     #[doc(hidden)]
     pub fn force_addresses(&mut self, addresses: Option<bool>) {
         self.addresses = addresses;
+    }
+
+    /// Reads rows as texels in the dispatches to come, or not, where the device was opened for it: for tests that compare the two.
+    #[doc(hidden)]
+    pub fn force_texels(&mut self, texels: Option<bool>) {
+        self.texels = texels.filter(|_| self.gpu.caps().texels);
     }
 
     /// Takes timestamps around every command; [`Gpu::timings`] has them after the ticket has passed.

@@ -4,10 +4,11 @@ use std::ffi::CStr;
 
 use ash::vk;
 
-use super::buffer::REFERENCE_ALIGNMENT;
+use super::buffer::{REFERENCE_ALIGNMENT, texel_format};
 use super::caps::{Addresses, Caps, Choice, DeviceKind, Heap, Limits, Subgroup};
 use super::error::{Error, Result};
 use super::features::{Features, REQUIRED, USEFUL_EXTENSIONS};
+use super::kernel::TexelFormat;
 use super::options::{FloatAtomics, OpenOptions};
 
 /// What a physical device reports.
@@ -19,6 +20,8 @@ pub(super) struct Reported {
     pub(super) features: Features,
     pub(super) extensions: Vec<String>,
     limits: Limits,
+    /// Rows of every kind can be read as texels.
+    texel_formats: bool,
     heaps: Vec<Heap>,
     budget: Option<u64>,
     cache_id: [u8; 16],
@@ -94,6 +97,11 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
     let timestamps =
         families.iter().any(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.timestamp_valid_bits > 0);
     let l = properties.limits;
+    let texel_formats = TexelFormat::ALL.iter().all(|&format| {
+        // SAFETY: as above.
+        let known = unsafe { instance.get_physical_device_format_properties(physical, texel_format(format)) };
+        known.buffer_features.contains(vk::FormatFeatureFlags::UNIFORM_TEXEL_BUFFER)
+    });
     Ok(Reported {
         device: text(&properties.device_name),
         driver: format!("{} {}", text(&v12.driver_name), text(&v12.driver_info)).trim().to_owned(),
@@ -127,6 +135,9 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
             storage_range: u64::from(l.max_storage_buffer_range),
             storage_alignment: l.min_storage_buffer_offset_alignment.max(REFERENCE_ALIGNMENT),
             storage_buffers: l.max_per_stage_descriptor_storage_buffers,
+            texels: u64::from(l.max_texel_buffer_elements),
+            texel_alignment: l.min_texel_buffer_offset_alignment.max(REFERENCE_ALIGNMENT),
+            texel_buffers: l.max_per_stage_descriptor_sampled_images,
             push_bytes: l.max_push_constants_size,
             shared_bytes: l.max_compute_shared_memory_size,
             workgroup_size: l.max_compute_work_group_invocations.min(l.max_compute_work_group_size[0]),
@@ -138,6 +149,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
             }),
             timestamp_ns: if timestamps { l.timestamp_period } else { 0.0 },
         },
+        texel_formats,
         heaps,
         budget,
         cache_id: properties.pipeline_cache_uuid,
@@ -235,6 +247,14 @@ impl Reported {
             Addresses::Always => "always".to_owned(),
         };
         note("buffers by address", shown, why.to_owned());
+        let (texels, why) = match (options.texels, self.texel_formats) {
+            (Some(false), _) => (false, "forced"),
+            (_, false) => (false, "a format of texel buffers is missing"),
+            (Some(true), true) => (true, "forced"),
+            (None, true) if self.kind == DeviceKind::Cpu => (true, "the device is a CPU"),
+            (None, true) => (false, "the device is no CPU"),
+        };
+        note("rows read as texels", yes(texels), why.to_owned());
         let why = match options.max_storage_buffers {
             Some(most) if most < limits.storage_buffers => {
                 limits.storage_buffers = most;
@@ -266,6 +286,7 @@ impl Reported {
             buffer_floats,
             shared_floats,
             addresses,
+            texels,
             subgroup,
             subgroup_range: self.subgroup_range,
             subgroup_operations: operations

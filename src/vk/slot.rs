@@ -71,10 +71,8 @@ impl Slot {
         loop {
             let fresh = self.current == self.descriptor_pools.len();
             if fresh {
-                let sizes = [vk::DescriptorPoolSize {
-                    ty: vk::DescriptorType::STORAGE_BUFFER,
-                    descriptor_count: BUFFERS_PER_POOL,
-                }];
+                let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
+                    .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: BUFFERS_PER_POOL });
                 let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
                 // SAFETY: valid description.
                 let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;

@@ -58,7 +58,7 @@ impl OnDevice {
         DeviceModel {
             planes: &self.planes,
             first_moments: &self.first_moments,
-            second_moments: &self.second_moments,
+            second_moments: Some(&self.second_moments),
             stats: &self.stats,
             ids: &self.ids,
             counters: &self.counters,

@@ -1,4 +1,4 @@
-//! Runs a pass on the device, in both of its forms, and its twin on the CPU, on the same buffers.
+//! Runs a pass on the device, in each of its forms, and its twin on the CPU, on the same buffers.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -49,7 +49,17 @@ pub fn bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     bytemuck::cast_slice(values).to_vec()
 }
 
-/// What the device leaves in copies of `buffers` that it reaches by address, or through descriptors.
+/// How a dispatch reaches its buffers.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    /// As training does.
+    Usual,
+    ByAddress,
+    /// With a descriptor per buffer even where the device reads rows as texels.
+    WithoutTexels,
+}
+
+/// What the device leaves in copies of `buffers`.
 fn dispatch<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,
@@ -57,7 +67,7 @@ fn dispatch<P: bytemuck::NoUninit>(
     buffers: &[Vec<u8>],
     push: &P,
     groups: u32,
-    by_address: bool,
+    way: Way,
 ) -> Vec<Vec<u8>> {
     let pipeline = gpu.pipeline(&pass.kernel, given).unwrap();
     let mut recorder = gpu.recorder(pass.kernel.name).unwrap();
@@ -68,7 +78,9 @@ fn dispatch<P: bytemuck::NoUninit>(
         bound.push(buffer);
     }
     let all: Vec<_> = bound.iter().collect();
+    let by_address = way == Way::ByAddress;
     recorder.force_addresses(Some(by_address));
+    recorder.force_texels((way == Way::WithoutTexels).then_some(false));
     recorder.dispatch(&pipeline, &all, push, Groups::Workgroups(u64::from(groups))).unwrap();
     let before = gpu.stats().by_address;
     recorder.submit().unwrap();
@@ -83,9 +95,9 @@ fn repeats(pass: &Pass) -> bool {
     !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
 }
 
-/// Whether a pass is run by address with these constants: with the first two sets of them that it is run with. Every set is a
+/// Whether a pass is run in its other forms with these constants: with the first two sets of them that it is run with. Every set is a
 /// pipeline that takes a driver on a CPU up to seconds to make, and where buffers are does not depend on constants.
-fn runs_by_address(pass: &Pass, given: &[(&str, u32)]) -> bool {
+fn runs_in_all_forms(pass: &Pass, given: &[(&str, u32)]) -> bool {
     static SETS: Mutex<BTreeMap<&str, Vec<String>>> = Mutex::new(BTreeMap::new());
     let set = format!("{given:?}");
     let mut all = SETS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -96,7 +108,7 @@ fn runs_by_address(pass: &Pass, given: &[(&str, u32)]) -> bool {
     sets.contains(&set)
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Fails unless both forms of the pass leave the
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Fails unless all forms of the pass leave the
 /// same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
 pub fn run<P: bytemuck::NoUninit>(
     gpu: &Gpu,
@@ -106,11 +118,17 @@ pub fn run<P: bytemuck::NoUninit>(
     push: &P,
     groups: u32,
 ) -> Outcome {
-    let device = dispatch(gpu, pass, given, buffers, push, groups, false);
-    let by_address = runs_by_address(pass, given).then(|| dispatch(gpu, pass, given, buffers, push, groups, true));
-    if let (Some(by_address), true) = (&by_address, repeats(pass)) {
-        for (i, (device, by_address)) in device.iter().zip(by_address).enumerate() {
-            assert!(device == by_address, "{}: by address, buffer {i} has other bits", pass.kernel.name);
+    let on_device = |way| dispatch(gpu, pass, given, buffers, push, groups, way);
+    let device = on_device(Way::Usual);
+    let all_forms = runs_in_all_forms(pass, given);
+    let by_address = all_forms.then(|| on_device(Way::ByAddress));
+    let plain =
+        (all_forms && gpu.caps().texels && pass.kernel.spirv.texels.is_some()).then(|| on_device(Way::WithoutTexels));
+    for (form, other) in [("by address", &by_address), ("without texels", &plain)] {
+        if let (Some(other), true) = (other, repeats(pass)) {
+            for (i, (device, other)) in device.iter().zip(other).enumerate() {
+                assert!(device == other, "{}: {form}, buffer {i} has other bits", pass.kernel.name);
+            }
         }
     }
 

@@ -30,6 +30,7 @@ mod probe;
 mod project;
 mod project_backward;
 mod project_backward_adam;
+mod project_backward_adam_packed;
 mod projection_scene;
 mod radix;
 mod scan;
@@ -72,6 +73,7 @@ cases! {
     project: "project";
     project_backward: "project_backward";
     project_backward_adam: "project_backward_adam";
+    project_backward_adam_packed: "project_backward_adam_packed";
     radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"

@@ -75,10 +75,11 @@ pub(super) fn text(report: &Report) -> String {
         number(rates.gops_per_s),
         number(rates.gexp2_per_s),
     );
-    let heads = ["pass", "calls", "ms", "q1", "q3", "share", "MB", "GB/s", "bytes floor", "sums floor", "x floor"];
+    let heads =
+        ["pass", "calls", "ms", "q1", "q3", "mean", "share", "MB", "GB/s", "bytes floor", "sums floor", "x floor"];
     let mut rows = vec![heads.map(str::to_owned).to_vec()];
     let row = |name: &str, calls: String, ms: Quartiles, share: String| {
-        vec![name.to_owned(), calls, number(ms.median), number(ms.q1), number(ms.q3), share]
+        vec![name.to_owned(), calls, number(ms.median), number(ms.q1), number(ms.q3), number(ms.mean), share]
     };
     for pass in &report.passes {
         let mut cells = row(&pass.pass, format!("{}", pass.calls), pass.ms, percent(pass.share));
@@ -92,9 +93,9 @@ pub(super) fn text(report: &Report) -> String {
     text += &table(&rows);
     text.push('\n');
 
-    let mut rows = vec![["stage", "ms", "q1", "q3", "share"].map(str::to_owned).to_vec()];
+    let mut rows = vec![["stage", "ms", "q1", "q3", "mean", "share"].map(str::to_owned).to_vec()];
     let row = |name: &str, ms: Quartiles, share: String| {
-        vec![name.to_owned(), number(ms.median), number(ms.q1), number(ms.q3), share]
+        vec![name.to_owned(), number(ms.median), number(ms.q1), number(ms.q3), number(ms.mean), share]
     };
     rows.extend(report.stages.iter().map(|stage| row(stage.stage, stage.ms, percent(stage.share))));
     rows.push(row("device", report.device_ms, percent(1.0)));

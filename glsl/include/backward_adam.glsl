@@ -1,0 +1,149 @@
+// The body of project_backward_adam and of its form with packed moments (PACKED), for a step of all parameters or of all but the
+// view-dependent coefficients (REST).
+#include "adam.glsl"
+#include "common.glsl"
+#include "counters.glsl"
+#include "loads.glsl"
+#include "splat_gradient.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint AUX = 0u;
+// Coefficients of the spherical harmonics above this degree never had a gradient: their moments are zero, a step would leave
+// them as they are, and they are not touched.
+layout(constant_id = 1) const uint DEGREE = 3u;
+// Floats as bits.
+layout(constant_id = 2) const uint BETA1 = 0x3f666666u;  // 0.9
+layout(constant_id = 3) const uint GAIN1 = 0x3dcccccdu;  // 1 - beta1
+layout(constant_id = 4) const uint BETA2 = 0x3f7fbe77u;  // 0.999
+layout(constant_id = 5) const uint GAIN2 = 0x3a83126fu;  // 1 - beta2
+layout(constant_id = 6) const uint EPS = 0x26901d7du;    // 1e-15
+// 0: a step between those of the view-dependent coefficients. They and their moments are not touched, and what the colour's
+// change with the direction says about the mean is left out.
+layout(constant_id = 7) const uint REST = 1u;
+layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
+layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
+layout(set = 0, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 3) readonly buffer Grad2d { vec4 grad2d[]; };
+layout(set = 0, binding = 4) readonly buffer GradNormals { vec4 grad_normals[]; };
+layout(set = 0, binding = 5) buffer Means { float means[]; };
+layout(set = 0, binding = 6) buffer Quats { vec4 quats[]; };
+layout(set = 0, binding = 7) buffer Scales { float scales[]; };
+layout(set = 0, binding = 8) buffer Opacities { float opacities[]; };
+layout(set = 0, binding = 9) buffer Sh0 { vec4 sh0[]; };
+layout(set = 0, binding = 10) buffer Sh1 { vec4 sh1[]; };
+layout(set = 0, binding = 11) buffer Sh2 { vec4 sh2[]; };
+layout(set = 0, binding = 12) buffer Sh3 { vec4 sh3[]; };
+layout(push_constant) uniform Push {
+    vec4 row0;    // rotation row 0 | translation x (scene to camera)
+    vec4 row1;
+    vec4 row2;
+    vec3 center;  // of the camera, in the scene
+    uint flags;   // VIEW_*, FLAG_STEPS_OPACITIES; bits 8 and 9 the degree of the spherical harmonics in use; from bit 16 on the step
+    vec4 limits;  // as in camera_push.glsl
+    vec2 focal;   // pixels
+    float lr_means;
+    float lr_quats;
+    float lr_scales;
+    float lr_opacities;
+    float lr_sh_base;  // the constant harmonic
+    float lr_sh_rest;
+    float inv_bias1;   // see AdamStep
+    float inv_sqrt_bias2;
+    float inv_bias1_opacities;
+    float inv_sqrt_bias2_opacities;
+} push;
+
+const uint FLAG_STEPS_OPACITIES = 4u;
+
+vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 v) {
+    return vec4(adam(step, lr.x, g.x, param.x, m.x, v.x), adam(step, lr.y, g.y, param.y, m.y, v.y),
+                adam(step, lr.z, g.z, param.z, m.z, v.z), adam(step, lr.w, g.w, param.w, m.w, v.w));
+}
+
+#ifdef PACKED
+#include "packed_moments.glsl"
+#else
+#include "moments.glsl"
+#endif
+
+#define LOAD_SH(plane, group)                           \
+    splat.sh[3 * group] = LOAD4(plane, s);              \
+    splat.sh[3 * group + 1] = LOAD4(plane, s + 1u);     \
+    splat.sh[3 * group + 2] = LOAD4(plane, s + 2u);
+#define STEP_SH(plane, first, second, group, element, basis)                                                      \
+    STEP4(plane, first, second, s, element, rest, sh_outer0(basis, g.rgb), splat.sh[3 * group])                   \
+    STEP4(plane, first, second, s + 1u, element + 4u, rest, sh_outer1(basis, g.rgb), splat.sh[3 * group + 1])     \
+    STEP4(plane, first, second, s + 2u, element + 8u, rest, sh_outer2(basis, g.rgb), splat.sh[3 * group + 2])
+
+void main() {
+    const uint i = global_index();
+    if (i >= counters[COUNTER_SPLATS]) return;
+    const uint s = 3u * i;
+    const uint degree = REST != 0u ? (push.flags >> 8u) & 3u : 0u;
+    SplatParams splat;
+    splat.mean = LOAD3(means, i);
+    splat.quat = LOAD4(quats, i);
+    splat.log_scale = LOAD3(scales, i);
+    splat.logit = opacities[i];
+    splat.sh[0] = LOAD4(sh0, s);
+    if (REST != 0u && DEGREE >= 1u) {
+        splat.sh[1] = LOAD4(sh0, s + 1u);
+        splat.sh[2] = LOAD4(sh0, s + 2u);
+    }
+    if (REST != 0u && DEGREE >= 2u) {
+        LOAD_SH(sh1, 1)
+        LOAD_SH(sh2, 2)
+    }
+    if (REST != 0u && DEGREE >= 3u) {
+        LOAD_SH(sh3, 3)
+    }
+
+    SplatGradient g = no_gradient();
+    if (tile_counts[i] != 0u) {
+        const Camera camera =
+            Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
+                   0.0, push.focal, vec2(0.0), push.limits);
+        const vec3 normal = AUX != 0u ? LOAD4(grad_normals, i).xyz : vec3(0.0);
+        const Gradient2d up = Gradient2d(LOAD4(grad2d, s), LOAD4(grad2d, s + 1u), LOAD4(grad2d, s + 2u), normal);
+        g = splat_gradient(camera, degree, push.flags, splat, LOAD4(splat2d, s + 2u).xyz, up, AUX != 0u);
+    }
+
+    AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
+                             uintBitsToFloat(EPS), push.inv_bias1, push.inv_sqrt_bias2);
+    STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)
+    STEP4(quats, m_quats, v_quats, i, 3u, vec4(push.lr_quats), g.quat, splat.quat)
+    STEP3(scales, m_scales, v_scales, 7u, push.lr_scales, g.log_scale, splat.log_scale)
+    const vec4 rest = vec4(push.lr_sh_rest);
+    const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
+    const vec4 basis0 = sh_basis0(g.dir, degree);
+    const vec4 g_head = sh_outer0(basis0, g.rgb);
+    if (REST != 0u) {
+        STEP4(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
+    } else {
+        // The fourth of the row belongs to the coefficients that rest.
+        STEP_HEAD(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
+    }
+    if (REST != 0u && DEGREE >= 1u) {
+        STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, sh_outer1(basis0, g.rgb), splat.sh[1])
+        STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, sh_outer2(basis0, g.rgb), splat.sh[2])
+    }
+    if (REST != 0u && DEGREE >= 2u) {
+        const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
+        STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1)
+        const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
+        STEP4(sh2, m_sh2, v_sh2, s, 35u, rest, sh_outer0(basis2, g.rgb), splat.sh[6])
+        // The fifth coefficient of degree 2 stands alone in its group.
+        if (REST != 0u && DEGREE >= 3u) {
+            STEP4(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, sh_outer1(basis2, g.rgb), splat.sh[7])
+            STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, sh_outer2(basis2, g.rgb), splat.sh[8])
+        }
+    }
+    if (REST != 0u && DEGREE >= 3u) {
+        const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
+        STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3)
+    }
+    if ((push.flags & FLAG_STEPS_OPACITIES) != 0u) {
+        step.inv_bias1 = push.inv_bias1_opacities;
+        step.inv_sqrt_bias2 = push.inv_sqrt_bias2_opacities;
+        STEP1(opacities, m_opacities, v_opacities, i, 10u, step, push.lr_opacities, g.logit, splat.logit)
+    }
+}
