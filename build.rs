@@ -63,7 +63,7 @@ fn build() -> Result<(), String> {
             };
             let descriptors = made(Form::Descriptors, "spv")?;
             let addresses = made(Form::Addresses, "address.spv")?;
-            let texels = match by_texels::asked(&text) {
+            let texels = match by_texels::asked(&text, &defines) {
                 Some(threes) => {
                     let views = RefCell::default();
                     let spirv = made(Form::Texels(&threes, &views), "texel.spv")?;

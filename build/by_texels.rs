@@ -21,9 +21,15 @@ pub(crate) struct View {
     pub(crate) format: &'static str,
 }
 
-/// The buffers with rows of three that a shader's line `//! texels NAME ...` names; `None` without such a line.
-pub(crate) fn asked(text: &str) -> Option<Vec<String>> {
-    let names = text.lines().find_map(|line| line.strip_prefix("//! texels"))?;
+/// The buffers with rows of three that a shader's line `//! texels NAME ...` names. `None` without such a line, and where it is
+/// `//! texels(SYMBOL) NAME ...` for variants without that symbol.
+pub(crate) fn asked(text: &str, defines: &[String]) -> Option<Vec<String>> {
+    let line = text.lines().find_map(|line| line.strip_prefix("//! texels"))?;
+    let names = match line.strip_prefix('(').and_then(|rest| rest.split_once(')')) {
+        Some((symbol, names)) if defines.iter().any(|define| define == symbol) => names,
+        Some(_) => return None,
+        None => line,
+    };
     Some(names.split_whitespace().map(str::to_owned).collect())
 }
 

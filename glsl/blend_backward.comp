@@ -12,6 +12,7 @@
 //! variant pixel_atomic PIXEL ATOMIC WITH_SUBGROUPS
 //! variant pixel_cas PIXEL CAS WITH_SUBGROUPS
 //! variant pixel_emulated_cas PIXEL CAS WITH_SUBGROUPS SUBGROUP_EMULATED
+//! texels(COLUMN)
 #extension GL_GOOGLE_include_directive : require
 #ifdef ATOMIC
 #extension GL_EXT_shader_atomic_float : require

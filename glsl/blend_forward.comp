@@ -5,6 +5,7 @@
 //! variant column COLUMN
 //! variant column_emulated COLUMN SUBGROUP_EMULATED
 //! variant pixel PIXEL
+//! texels(COLUMN)
 #extension GL_GOOGLE_include_directive : require
 #ifdef COLUMN
 #include "blend_column.glsl"
@@ -23,11 +24,11 @@ layout(set = 0, binding = 6) writeonly buffer Last { uint last_places[]; };
 layout(set = 0, binding = 7) buffer PairCounts { uint pair_counts[]; };
 
 Splat load_splat(uint i) {
-    const vec4 p = splat2d[3u * i];
-    const vec4 q = splat2d[3u * i + 1u];
-    const vec4 color = splat2d[3u * i + 2u];
+    const vec4 p = LOAD4(splat2d, 3u * i);
+    const vec4 q = LOAD4(splat2d, 3u * i + 1u);
+    const vec4 color = LOAD4(splat2d, 3u * i + 2u);
     const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
-    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? normals[i].xyz : vec3(0.0));
+    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // A pixel on its way through the list. Its transmittance is kept with a minus sign once it has stopped.
@@ -150,7 +151,7 @@ void main() {
         if (local_index() < n) batch[local_index()] = load_splat(sorted_splats[base + local_index()]);
         if (BLOCK != 0u && local_index() % BATCH < n) {
             const uint splat = sorted_splats[base + local_index() % BATCH];
-            touch_blocks(splat2d[3u * splat], splat2d[3u * splat + 1u], corner);
+            touch_blocks(LOAD4(splat2d, 3u * splat), LOAD4(splat2d, 3u * splat + 1u), corner);
         }
         barrier();
         if (going_on == 0u) break;

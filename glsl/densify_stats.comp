@@ -2,14 +2,16 @@
 // densify_stats: after a view's backward pass, adds what density control wants to know of every splat on screen.
 // One thread owns one splat and its row of `stats`; one workgroup owns 64 consecutive splats.
 // 3DGS judges gradients in normalised device coordinates, where the image is 2 wide: pixels' gradients times W/2 and H/2.
+//! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
+#include "loads.glsl"
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer TileCounts { uint tile_counts[]; };
-layout(set = 0, binding = 2) readonly buffer Splat2d { float splat2d[]; };
-layout(set = 0, binding = 3) readonly buffer Grad2d { float grad2d[]; };
+layout(set = 0, binding = 2) readonly buffer Splat2d { vec4 splat2d[]; };
+layout(set = 0, binding = 3) readonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 4) buffer Stats { vec4 stats[]; };
 layout(push_constant) uniform Push { float half_width; float half_height; } push;
 
@@ -23,12 +25,13 @@ float screen_radius(float a, float b, float c) {
 void main() {
     const uint i = global_index();
     if (i >= counters[COUNTER_SPLATS] || tile_counts[i] == 0u) return;
-    const uint row = 12u * i;
+    const uint row = 3u * i;
     const vec2 half_size = vec2(push.half_width, push.half_height);
-    const vec2 signed_gradient = vec2(grad2d[row], grad2d[row + 1u]) * half_size;
-    const vec2 absolute_gradient = vec2(grad2d[row + 10u], grad2d[row + 11u]) * half_size;
-    const float radius = screen_radius(splat2d[row + 2u], splat2d[row + 3u], splat2d[row + 4u]);
-    vec4 s = stats[i];
+    const vec2 signed_gradient = LOAD4(grad2d, row).xy * half_size;
+    const vec2 absolute_gradient = LOAD4(grad2d, row + 2u).zw * half_size;
+    const vec2 ab = LOAD4(splat2d, row).zw;
+    const float radius = screen_radius(ab.x, ab.y, LOAD4(splat2d, row + 1u).x);
+    vec4 s = LOAD4(stats, i);
     s.x += sqrt(dot(signed_gradient, signed_gradient));
     s.y += sqrt(dot(absolute_gradient, absolute_gradient));
     s.z += 1.0;

@@ -4,12 +4,14 @@
 // The tiles come from the same code on the same bits as the counts. Should a compiler make them differ all the same, a thread
 // writes no slot that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
 #extension GL_EXT_control_flow_attributes : require
+//! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
+#include "loads.glsl"
 #include "tile.glsl"
 layout(local_size_x = 64) in;
-layout(set = 0, binding = 0) readonly buffer Splat2d { float splat2d[]; };
+layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 1) readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 2) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; };
@@ -43,11 +45,9 @@ void main() {
     const uint end = slot + min(tile_counts[splat], push.capacity - slot);
     const TileGrid grid = TileGrid(uvec2(push.width, push.height), uvec2(push.tile_width, push.tile_height));
     const uvec2 tiles = tile_counts_of(grid);
-    const uint row = splat * 12u;
-    const TileEllipse e = tile_ellipse(
-        vec2(splat2d[row], splat2d[row + 1u]),
-        vec3(splat2d[row + 2u], splat2d[row + 3u], splat2d[row + 4u]),
-        splat2d[row + 5u], grid);
+    const vec4 p = LOAD4(splat2d, 3u * splat);
+    const vec4 q = LOAD4(splat2d, 3u * splat + 1u);
+    const TileEllipse e = tile_ellipse(p.xy, vec3(p.zw, q.x), q.y, grid);
     for (uint y = e.row_begin; y < e.row_end; ++y) {
         const uvec2 columns = tile_row(e, y, grid);
         for (uint x = columns.x; x < columns.y; x += STRIDE) {

@@ -3,6 +3,7 @@
 // One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
+//! texels red_planes green_planes blue_planes
 #extension GL_GOOGLE_include_directive : require
 #include "loss.glsl"
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
@@ -22,12 +23,10 @@ Derivatives derivatives_at(uint column, uint row) {
     Derivatives d;
     [[unroll]] for (uint c = 0u; c < 3u; ++c) d.of[c] = vec4(0.0);
     if (column < push.width && row < push.height) {
-        const uint k = 3u * (row * push.width + column);
-        [[unroll]] for (uint j = 0u; j < 3u; ++j) {
-            d.of[0][j] = red_planes[k + j];
-            d.of[1][j] = green_planes[k + j];
-            d.of[2][j] = blue_planes[k + j];
-        }
+        const uint k = row * push.width + column;
+        d.of[0].xyz = LOAD3(red_planes, k);
+        d.of[1].xyz = LOAD3(green_planes, k);
+        d.of[2].xyz = LOAD3(blue_planes, k);
     }
     return d;
 }
@@ -52,7 +51,7 @@ void main() {
             const uint k = row * push.width + column;
             const uint photograph = target[k];
             const vec3 y = unpackUnorm4x8(photograph).rgb;
-            const vec3 x = masked(photograph) ? y : image[k].rgb;
+            const vec3 x = masked(photograph) ? y : LOAD4(image, k).rgb;
             const vec3 d = x - y;
             sum += abs(d.x) + abs(d.y) + abs(d.z);
             vec3 grad = of_l1 * sign(d);

@@ -3,6 +3,7 @@
 // One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them, and walks down it; one thread owns a column.
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
+//! texels
 #extension GL_GOOGLE_include_directive : require
 #include "loss.glsl"
 layout(constant_id = 1) const uint SEGMENT = 64u;
@@ -29,7 +30,7 @@ Moments moments_at(uint column, uint row) {
         const uint photograph = target[k];
         moments.counts = !masked(photograph);
         y = unpackUnorm4x8(photograph).rgb;
-        x = moments.counts ? image[k].rgb : y;
+        x = moments.counts ? LOAD4(image, k).rgb : y;
     }
     [[unroll]] for (uint c = 0u; c < 3u; ++c) {
         const float d = x[c] - y[c];

@@ -2,10 +2,12 @@
 // project: the 2D Gaussian of every splat (EWA), its colour from spherical harmonics, and the number of tiles it touches.
 // One thread owns one splat; one workgroup owns 64 consecutive splats.
 // A culled splat (behind the near plane, off screen, too faint, not finite) gets a tile count of 0 and nothing else is written.
+//! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #include "camera_push.glsl"
 #include "common.glsl"
 #include "counters.glsl"
+#include "loads.glsl"
 #include "projection.glsl"
 #include "sh.glsl"
 #include "tile.glsl"
@@ -35,9 +37,9 @@ void main() {
     const uint i = global_index();
     if (i >= counters[COUNTER_SPLATS]) return;
 
-    const vec3 mean = vec3(means[3u * i], means[3u * i + 1u], means[3u * i + 2u]);
-    const vec4 quat = quats[i];
-    const vec3 log_scale = vec3(scales[3u * i], scales[3u * i + 1u], scales[3u * i + 2u]);
+    const vec3 mean = LOAD3(means, i);
+    const vec4 quat = LOAD4(quats, i);
+    const vec3 log_scale = LOAD3(scales, i);
     const float logit = opacities[i];
     if (!(finite(mean) && finite(quat) && finite(log_scale) && finite(logit))) {
         cull(i, true);
@@ -67,12 +69,12 @@ void main() {
     const uint degree = push.sh_degree;
     const vec3 dir = normalize(mean - camera.center);
     const uint s = 3u * i;
-    vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), sh0[s], sh0[s + 1u], sh0[s + 2u]);
+    vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD4(sh0, s), LOAD4(sh0, s + 1u), LOAD4(sh0, s + 2u));
     if (degree >= 2u) {
-        color += sh_sum(sh_basis1(dir), sh1[s], sh1[s + 1u], sh1[s + 2u]);
-        color += sh_sum(sh_basis2(dir, degree), sh2[s], sh2[s + 1u], sh2[s + 2u]);
+        color += sh_sum(sh_basis1(dir), LOAD4(sh1, s), LOAD4(sh1, s + 1u), LOAD4(sh1, s + 2u));
+        color += sh_sum(sh_basis2(dir, degree), LOAD4(sh2, s), LOAD4(sh2, s + 1u), LOAD4(sh2, s + 2u));
     }
-    if (degree >= 3u) color += sh_sum(sh_basis3(dir), sh3[s], sh3[s + 1u], sh3[s + 2u]);
+    if (degree >= 3u) color += sh_sum(sh_basis3(dir), LOAD4(sh3, s), LOAD4(sh3, s + 1u), LOAD4(sh3, s + 2u));
     if (!finite(color)) {
         cull(i, true);
         return;

@@ -2,10 +2,12 @@
 // slot_sum: adds up the slots of each visible splat, one after the other, into its rows of grad2d and grad_normals.
 // One thread owns four columns of one visible splat: quads 0 to 2 are grad2d's, quad 3 is the normal's (AUX). A workgroup of 64
 // threads owns 16 consecutive ranks of the depth order.
+//! texels
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"
 #include "counters.glsl"
+#include "loads.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
@@ -31,8 +33,8 @@ void main() {
     for (uint slot = begin; slot < end; slot += ROUND) {
         [[unroll]] for (uint i = 0u; i < ROUND; ++i) {
             if (slot + i < end) {
-                if (AUX != 0u && quad == 3u) sum.xyz += slot_normals[slot + i].xyz;
-                else sum += slot_grads[3u * (slot + i) + quad];
+                if (AUX != 0u && quad == 3u) sum.xyz += LOAD4(slot_normals, slot + i).xyz;
+                else sum += LOAD4(slot_grads, 3u * (slot + i) + quad);
             }
         }
     }

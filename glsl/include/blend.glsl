@@ -4,6 +4,7 @@
 
 #include "alpha.glsl"
 #include "common.glsl"
+#include "loads.glsl"
 
 layout(constant_id = 0) const uint AUX = 0u;    // 1: blend depth and normal too
 layout(constant_id = 1) const uint COUNT = 0u;  // 1: count evaluated and blended pixel-splats

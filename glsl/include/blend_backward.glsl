@@ -35,11 +35,11 @@ layout(set = 0, binding = 10) buffer PairCounts { uint pair_counts[]; };
 const float LN_2 = 0.69314718;
 
 Splat load_splat(uint i) {
-    const vec4 p = splat2d[3u * i];
-    const vec4 q = splat2d[3u * i + 1u];
-    const vec4 color = splat2d[3u * i + 2u];
+    const vec4 p = LOAD4(splat2d, 3u * i);
+    const vec4 q = LOAD4(splat2d, 3u * i + 1u);
+    const vec4 color = LOAD4(splat2d, 3u * i + 2u);
     const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
-    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? normals[i].xyz : vec3(0.0));
+    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // The row that the sums of a pair go to: its slot's, or its splat's.
@@ -97,11 +97,11 @@ Pixel load_pixel(uvec2 at, bool inside) {
     Pixel pixel = Pixel(1.0, 0.0, vec3(0.0), vec4(0.0), 0u);
     if (inside) {
         const uint k = at.y * push.width + at.x;
-        const vec4 grad = grad_image[k];
-        pixel.transmittance = image[k].w;
+        const vec4 grad = LOAD4(grad_image, k);
+        pixel.transmittance = LOAD4(image, k).w;
         pixel.grad = grad.rgb;
         pixel.behind = dot(grad.rgb, vec3(push.red, push.green, push.blue)) + grad.w;
-        if (AUX != 0u) pixel.grad_aux = grad_aux_image[k];
+        if (AUX != 0u) pixel.grad_aux = LOAD4(grad_aux_image, k);
         pixel.last = last_places[k];
     }
     return pixel;

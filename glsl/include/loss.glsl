@@ -15,6 +15,7 @@
 #endif
 #include "subgroup.glsl"
 #include "common.glsl"
+#include "loads.glsl"
 #include "window.glsl"
 
 #ifdef SUBGROUP_EMULATED

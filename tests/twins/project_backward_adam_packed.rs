@@ -64,7 +64,8 @@ pub fn run(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = (projection.sh_degree + u32::from(k >= 4)).min(3);
         let opacities = (k % 3 != 2).then_some(4);
-        let form = Form { aux: k % 2 == 1, steps: Steps { opacities, ..steps }, rest: k % 2 == 0 || k == 5, poison: k == 5 };
+        let form =
+            Form { aux: k % 2 == 1, steps: Steps { opacities, ..steps }, rest: k % 2 == 0 || k == 5, poison: k == 5 };
         let case = case(&scene::ordinary(600, 60 + k as u64), &projection, most, form, kept);
         let what = format!("{projection:?}, {form:?}");
         assert!(case.seen() > 250, "{what}: {} seen", case.seen());
