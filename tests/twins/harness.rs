@@ -95,17 +95,17 @@ fn repeats(pass: &Pass) -> bool {
     !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
 }
 
-/// Whether a pass is run in its other forms with these constants: with the first two sets of them that it is run with. Every set is a
+/// Place of these constants among the sets that a pass is run with. It is run in its other forms with the first ones only. Every set is a
 /// pipeline that takes a driver on a CPU up to seconds to make, and where buffers are does not depend on constants.
-fn runs_in_all_forms(pass: &Pass, given: &[(&str, u32)]) -> bool {
+fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     static SETS: Mutex<BTreeMap<&str, Vec<String>>> = Mutex::new(BTreeMap::new());
     let set = format!("{given:?}");
     let mut all = SETS.lock().unwrap_or_else(PoisonError::into_inner);
     let sets = all.entry(pass.kernel.name).or_default();
-    if !sets.contains(&set) && sets.len() < 2 {
-        sets.push(set.clone());
-    }
-    sets.contains(&set)
+    sets.iter().position(|s| *s == set).unwrap_or_else(|| {
+        sets.push(set);
+        sets.len() - 1
+    })
 }
 
 /// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Fails unless all forms of the pass leave the
@@ -120,10 +120,10 @@ pub fn run<P: bytemuck::NoUninit>(
 ) -> Outcome {
     let on_device = |way| dispatch(gpu, pass, given, buffers, push, groups, way);
     let device = on_device(Way::Usual);
-    let all_forms = runs_in_all_forms(pass, given);
-    let by_address = all_forms.then(|| on_device(Way::ByAddress));
+    let place = place_of_set(pass, given);
+    let by_address = (place < 2).then(|| on_device(Way::ByAddress));
     let plain =
-        (all_forms && gpu.caps().texels && pass.kernel.spirv.texels.is_some()).then(|| on_device(Way::WithoutTexels));
+        (place < 1 && gpu.caps().texels && pass.kernel.spirv.texels.is_some()).then(|| on_device(Way::WithoutTexels));
     for (form, other) in [("by address", &by_address), ("without texels", &plain)] {
         if let (Some(other), true) = (other, repeats(pass)) {
             for (i, (device, other)) in device.iter().zip(other).enumerate() {
