@@ -4,7 +4,7 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::pass::fill;
-use psrgs_vk::raster::{GradientSum, PLANES, Variants, most_pairs, most_splats};
+use psrgs_vk::raster::{GradientSum, Variants, most_pairs, most_splats};
 use psrgs_vk::train::{self, Message, Pacing, Settings, State, Trainer};
 use psrgs_vk::vk::{Addresses, Error, Gpu, Groups, Memory, OpenOptions};
 
@@ -139,9 +139,11 @@ fn train(gpu: &Gpu, settings: &Settings, pacing: Pacing) -> Result<(State, Told,
 fn assert_same(a: &State, b: &State) {
     assert_eq!((&a.ids, &a.counters), (&b.ids, &b.counters));
     let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    for (name, x, y) in [("parameters", &a.params, &b.params), ("m", &a.m, &b.m), ("v", &a.v, &b.v)] {
-        for (k, (plane, _)) in PLANES.into_iter().enumerate() {
-            assert_eq!(bits(&x[k]), bits(&y[k]), "{plane} of the {name}");
+    let planes =
+        |s: &State| -> Vec<[Vec<f32>; 8]> { [s.params.clone()].into_iter().chain(s.moments.clone()).collect() };
+    for (n, (x, y)) in planes(a).iter().zip(planes(b)).enumerate() {
+        for k in 0..8 {
+            assert!(bits(&x[k]) == bits(&y[k]), "plane {k} of {}", ["the parameters", "m", "v"][n]);
         }
     }
     assert_eq!(bits(&a.stats), bits(&b.stats));
