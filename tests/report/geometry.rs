@@ -90,7 +90,8 @@ fn splats_at_known_distances_give_these_distances() {
         let position = frame.to_scene([100.0 + i as f64, 1.0, 3.0 + height]);
         (0..3).for_each(|k| model.means[3 * i + k] = position[k] as f32);
         model.quats[4 * i] = 1.0;
-        model.opacities[i] = (opacity / (1.0 - opacity) as f64).ln() as f32;
+        let odds: f64 = opacity / (1.0 - opacity);
+        model.opacities[i] = odds.ln() as f32;
         // In any order of the axes.
         for (k, s) in [a, b, 0.01f64].into_iter().enumerate() {
             model.scales[3 * i + (k + i) % 3] = s.ln() as f32;
