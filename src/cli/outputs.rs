@@ -96,6 +96,10 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     if let (Some(psnr), Some(ssim)) = (data.metrics.psnr, data.metrics.ssim) {
         console.say(format_args!("held out: PSNR {psnr:.2} dB, SSIM {ssim:.4}"));
     }
+    let known: Vec<String> = geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
+    if !known.is_empty() {
+        console.say(format_args!("against the ground truth: {}", known.join("; ")));
+    }
     console.say(format_args!("{} splats in {}; report: {}", model.len(), file.display(), report.display()));
     Ok(())
 }

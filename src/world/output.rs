@@ -66,6 +66,8 @@ pub struct Summary {
 /// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other places, without noise;
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
+///
+/// Where there is a `world.toml` already, what its world left in these folders is removed first.
 pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Summary, WorldError> {
     let world = World::new(params)?;
     // What an earlier world left in a folder would be taken for a part of this one; photographs of others are left alone.
