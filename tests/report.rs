@@ -29,6 +29,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         device: "llvmpipe (LLVM 15.0.6, 256 bits)".into(),
         forms: None,
         psnr: None,
+        psnr_cc: None,
         ssim: None,
         splats: 48_213,
         bytes: 11_957_120,
@@ -59,11 +60,12 @@ fn example(views: usize, side: u32) -> ReportData {
                 render,
                 depth: Some(DepthMap { width, height, values }),
                 psnr: 24.31 - 1.2 * k as f64,
+                psnr_cc: 24.9 - 1.1 * k as f64,
                 ssim: 0.831 - 0.02 * k as f64,
             }
         })
         .collect();
-    let scores = panels.iter().map(|p| ImageScore { name: p.name.clone(), psnr: p.psnr, ssim: p.ssim }).collect();
+    let scores = panels.iter().map(ViewPanel::score).collect();
     let wobble = |k: u32| f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65_536.0;
     let loss = (1..=1500).map(|k| {
         let s = f64::from(k);
@@ -189,6 +191,7 @@ fn pages_stay_small() {
             render: b.clone(),
             depth: None,
             psnr: 8.0,
+            psnr_cc: 8.5,
             ssim: 0.0,
         })
         .collect();
@@ -231,7 +234,7 @@ fn sizes_that_differ_are_refused() {
 fn metrics_have_exactly_the_promised_keys() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("metrics.json");
-    let score = |name: &str, psnr, ssim| ImageScore { name: name.into(), psnr, ssim };
+    let score = |name: &str, psnr, ssim| ImageScore { name: name.into(), psnr, psnr_cc: psnr + 2.0, ssim };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
     m.write(&path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
@@ -249,6 +252,7 @@ fn metrics_have_exactly_the_promised_keys() {
         "seed",
         "device",
         "psnr",
+        "psnr_cc",
         "ssim",
         "splats",
         "bytes",
@@ -264,6 +268,7 @@ fn metrics_have_exactly_the_promised_keys() {
     expected.sort_unstable();
     assert_eq!(keys, expected);
     assert_eq!((json["psnr"].as_f64(), json["ssim"].as_f64()), (Some(21.5), Some(0.6)));
+    assert_eq!((json["psnr_cc"].as_f64(), json["images"][0]["psnr_cc"].as_f64()), (Some(23.5), Some(22.0)));
     assert_eq!(json["images"][1]["name"], "b.jpg");
     assert_eq!(Metrics::read(&path).unwrap(), m);
 

@@ -2,6 +2,8 @@
 //! too small, and stops and resumes without a trace.
 
 mod common;
+#[path = "training/exposures.rs"]
+mod exposures;
 
 use common::plane_scene;
 use psrgs_vk::scene::Gaussians;

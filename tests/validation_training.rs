@@ -6,6 +6,7 @@ mod common;
 use common::plane_scene;
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::raster::Variants;
+use psrgs_vk::train::settings::Exposure;
 use psrgs_vk::train::{Engine, Event, Input, Kind, Message, Pacing, Restart, Schedule, Settings, Trainer, prepare};
 use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 
@@ -112,6 +113,7 @@ fn every_form_trains_without_a_message() {
     let input = plane_scene::input(3, 40, 30, 60);
     for variants in Variants::possible(&gpu) {
         let mut settings = short();
+        settings.optimiser.exposure = Exposure::Affine;
         settings.device.tile_shape = Some(variants.tile);
         settings.device.gradient_sum = Some(variants.gradients);
         settings.device.backward = Some(variants.backward);
@@ -128,16 +130,19 @@ fn every_form_trains_without_a_message() {
 #[test]
 fn checker_misses_every_barrier_of_every_event() {
     let Some(gpu) = common::gpu_with(watch) else { return };
-    let settings = short();
+    let mut settings = short();
     let input = plane_scene::input(3, 40, 30, 60);
     let schedule = Schedule::new(&settings, input.train.len());
-    for variants in Variants::possible(&gpu) {
+    for (i, variants) in Variants::possible(&gpu).into_iter().enumerate() {
+        // Every other one with exposures.
+        settings.optimiser.exposure = [Exposure::Off, Exposure::Affine][i % 2];
         let pacing = Pacing::default();
         let mut engine = Engine::new(&gpu, &input, &settings, variants, pacing, None).unwrap();
         // Twice, so that the second time every event has barriers against the events before.
         for step in [3, 4] {
             for kind in [Kind::Step, Kind::Density, Kind::Reset] {
-                let (event, plan) = (Event { step, kind }, schedule.step(3));
+                // The plan of a step that the optimiser takes, and of one with a density change.
+                let (event, plan) = (Event { step, kind }, schedule.step(if kind == Kind::Step { 2 } else { 3 }));
                 let mut recorder = gpu.recorder("event").unwrap();
                 engine.record(&mut recorder, event, &plan, 0).unwrap();
                 let (total, unmissed) = gpu.missed_barriers(&recorder);

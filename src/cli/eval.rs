@@ -75,6 +75,7 @@ struct Scores<'a> {
     bytes: u64,
     /// Means, as in `metrics.json`.
     psnr: Option<f64>,
+    psnr_cc: Option<f64>,
     ssim: Option<f64>,
     #[serde(flatten)]
     geometry: Geometry,
@@ -142,6 +143,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             splats: model.splats(),
             bytes: model.bytes,
             psnr: mean(images.iter().map(|i| i.psnr)),
+            psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
             ssim: mean(images.iter().map(|i| i.ssim)),
             geometry,
             images: &images,
@@ -162,6 +164,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             device: gpu.caps().device.clone(),
             forms: None,
             psnr: None,
+            psnr_cc: None,
             ssim: None,
             splats: model.splats(),
             bytes: model.bytes,
@@ -209,10 +212,13 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 /// Each photograph and the means.
 fn table(images: &[ImageScore]) -> String {
     let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
-    let mut rows = vec![["photograph", "PSNR, dB", "SSIM"].map(str::to_owned).to_vec()];
-    rows.extend(images.iter().map(|i| vec![i.name.clone(), decibels(i.psnr), format!("{:.4}", i.ssim)]));
-    if let (Some(psnr), Some(ssim)) = (mean(images.iter().map(|i| i.psnr)), mean(images.iter().map(|i| i.ssim))) {
-        rows.push(vec!["mean".to_owned(), decibels(psnr), format!("{ssim:.4}")]);
+    let row =
+        |name: &str, psnr, fitted, ssim| vec![name.to_owned(), decibels(psnr), decibels(fitted), format!("{ssim:.4}")];
+    let mut rows = vec![["photograph", "PSNR, dB", "colours fitted", "SSIM"].map(str::to_owned).to_vec()];
+    rows.extend(images.iter().map(|i| row(&i.name, i.psnr, i.psnr_cc, i.ssim)));
+    let mean_of = |value: fn(&ImageScore) -> f64| mean(images.iter().map(value));
+    if let (Some(psnr), Some(ssim)) = (mean_of(|i| i.psnr), mean_of(|i| i.ssim)) {
+        rows.push(row("mean", psnr, mean_of(|i| i.psnr_cc).unwrap_or(f64::INFINITY), ssim));
     }
     console::table(&rows)
 }

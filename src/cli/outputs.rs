@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{self, Curve, Geometry, GeometryTruth, Metrics, ReportData, geometry};
-use psrgs_vk::format::{FRAME_FILE, FrameFile, ply};
+use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{History, Trainer, prepare};
 use psrgs_vk::vk::Gpu;
@@ -41,6 +41,10 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     let file = run.folder.file(MODEL);
     ply::save(&file, &model, &frame, settings.model.antialias)?;
     FrameFile::new(frame).write(&run.folder.file(FRAME_FILE))?;
+    let exposures = trainer.exposures()?;
+    if let Some(exposures) = &exposures {
+        ExposureFile { photographs: exposures.iter().cloned().collect() }.write(&run.folder.file(EXPOSURE_FILE))?;
+    }
     let bytes = fs::metadata(&file).map(|m| m.len()).unwrap_or(0);
 
     let views = trainer.held_out().to_vec();
@@ -70,6 +74,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         device: run.gpu.caps().device.clone(),
         forms: Some(trainer.variants().to_string()),
         psnr: None,
+        psnr_cc: None,
         ssim: None,
         splats: model.len(),
         bytes,
@@ -87,14 +92,15 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         title: format!("{} on {}", metrics.method, metrics.scene),
         settings: named_settings(&settings.to_toml()?),
         curves: curves(trainer.history()),
-        files: files(),
+        files: files(exposures.is_some()),
         notes: run.dataset.warnings.iter().map(ToString::to_string).collect(),
         views: panels,
         metrics,
     };
     eval::write_report(&data, &report)?;
     if let (Some(psnr), Some(ssim)) = (data.metrics.psnr, data.metrics.ssim) {
-        console.say(format_args!("held out: PSNR {psnr:.2} dB, SSIM {ssim:.4}"));
+        let fitted = data.metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
+        console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}"));
     }
     let known: Vec<String> = geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     if !known.is_empty() {
@@ -148,13 +154,15 @@ fn curves(history: &History) -> Vec<Curve> {
     ]
 }
 
-fn files() -> Vec<(String, String)> {
-    [
+fn files(exposures: bool) -> Vec<(String, String)> {
+    let mut files = vec![
         (MODEL, "the model, for any viewer of Gaussian splats"),
         (METRICS, "the numbers of this page"),
         ("settings.toml", "repeats this run: psrgs-vk train --config settings.toml"),
         (RENDERS, "held-out views: renders, photographs, depth and normals"),
-    ]
-    .map(|(file, what)| (file.to_owned(), what.to_owned()))
-    .to_vec()
+    ];
+    if exposures {
+        files.push((EXPOSURE_FILE, "how each photograph that was trained on differs in colour from the model"));
+    }
+    files.into_iter().map(|(file, what)| (file.to_owned(), what.to_owned())).collect()
 }

@@ -61,9 +61,9 @@ impl Pictures {
         self.rgb(at, "render", size, &rgb)?;
         self.rgb(at, "photograph", size, &truth)?;
         let depth = self.geometry(at, picture)?;
-        let ImageScore { name, psnr, ssim } = score(view, &rgb);
+        let ImageScore { name, psnr, psnr_cc, ssim } = score(view, &rgb);
         let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
-        Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, ssim })
+        Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, psnr_cc, ssim })
     }
 
     fn file(&self, view: usize, kind: &str, extension: &str) -> PathBuf {

@@ -14,6 +14,10 @@ pub struct ImageScore {
     /// Peak signal-to-noise ratio over all pixels and channels, decibels. Infinite for equal images, `null` in JSON.
     #[serde(serialize_with = "finite_or_null", deserialize_with = "null_is_infinite")]
     pub psnr: f64,
+    /// The same after an affine fit of the render's colours to the photograph's ([`super::psnr_cc`]). NaN
+    /// where a file does not have it.
+    #[serde(default = "not_known", serialize_with = "finite_or_null", deserialize_with = "null_is_infinite")]
+    pub psnr_cc: f64,
     /// Structural similarity.
     pub ssim: f64,
 }
@@ -44,6 +48,9 @@ pub struct Metrics {
     pub forms: Option<String>,
     /// Mean of the views' PSNR; `null` without held-out views (or when a render equals its photograph).
     pub psnr: Option<f64>,
+    /// Mean of the views' PSNR after a colour fit for each, beside `psnr` and not in its place.
+    #[serde(default)]
+    pub psnr_cc: Option<f64>,
     /// Mean of the views' SSIM; `null` without held-out views.
     pub ssim: Option<f64>,
     /// Gaussians of the final model.
@@ -91,6 +98,7 @@ impl Metrics {
     pub fn with_images(mut self, images: Vec<ImageScore>) -> Self {
         self.test_images = images.len();
         self.psnr = mean(images.iter().map(|i| i.psnr));
+        self.psnr_cc = mean(images.iter().map(|i| i.psnr_cc));
         self.ssim = mean(images.iter().map(|i| i.ssim));
         self.images = images;
         self
@@ -135,6 +143,10 @@ fn finite_or_null<S: Serializer>(value: &f64, s: S) -> Result<S::Ok, S::Error> {
 
 fn null_is_infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::INFINITY))
+}
+
+fn not_known() -> f64 {
+    f64::NAN
 }
 
 #[cfg(test)]

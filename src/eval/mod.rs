@@ -1,12 +1,14 @@
 //! Quality and cost of a model: metrics, colour maps, the report.
 
 pub mod colormap;
+mod colour_fit;
 pub mod geometry;
 mod metrics;
 mod quality;
 mod report;
 mod ssim;
 
+pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
 pub use quality::Quality;

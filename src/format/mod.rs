@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod checkpoint;
 mod error;
+mod exposure_file;
 mod frame_file;
 pub mod image_out;
 pub mod ply;
@@ -10,5 +11,6 @@ pub(crate) mod source;
 mod transform_file;
 
 pub use error::{At, Error};
+pub use exposure_file::{EXPOSURE_FILE, ExposureFile};
 pub use frame_file::{FRAME_FILE, FrameFile};
 pub use transform_file::read_transform;

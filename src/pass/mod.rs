@@ -16,6 +16,7 @@ pub mod densify_map;
 pub mod densify_means;
 pub mod densify_stats;
 pub mod emit;
+pub mod exposure;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
@@ -93,6 +94,9 @@ pub const ALL: &[&Pass] = &[
     &densify_means::PASS,
     &densify_stats::PASS,
     &emit::PASS,
+    &exposure::APPLY,
+    &exposure::BACKWARD,
+    &exposure::STEP,
     &fill::PASS,
     &finish::PASS,
     &gather_counts::PASS,

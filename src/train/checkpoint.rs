@@ -11,6 +11,8 @@ use crate::raster::{PLANES, Variants};
 
 /// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
 const MOMENTS: [&str; 2] = ["m_", "v_"];
+/// Section of the exposures, where there are any.
+const EXPOSURES: &str = "exposures";
 
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {
@@ -38,6 +40,9 @@ impl Checkpointed {
         out.put_values("counters", &state.counters);
         out.put_values("ids", &state.ids);
         out.put_values("stats", &state.stats);
+        if !state.exposures.is_empty() {
+            out.put_values(EXPOSURES, &state.exposures);
+        }
         for (k, (name, _)) in PLANES.into_iter().enumerate() {
             out.put_values(name, &state.params[k]);
             for (prefix, planes) in MOMENTS.into_iter().zip(&state.moments) {
@@ -78,7 +83,9 @@ impl Checkpointed {
         let variants: Variants = serde_json::from_str(file.text("variants")?)?;
         let kept = |prefix: &&str| file.names().any(|name| name.starts_with(*prefix));
         let moments = MOMENTS.into_iter().filter(kept).map(planes).collect::<Result<_, _>>()?;
-        let state = State { params: planes("")?, moments, stats: rows("stats", 4)?, counters, ids };
+        let exposures = if file.names().any(|name| name == EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
+        let (params, stats) = (planes("")?, rows("stats", 4)?);
+        let state = State { params, moments, stats, counters, ids, exposures };
         Ok(Self {
             restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),

@@ -6,12 +6,13 @@ use super::Error;
 use super::cost::MemoryCost;
 use super::density::{self, DensityControl, DensityRules, Scratch};
 use super::event::{Event, Kind};
+use super::exposures::{self, ExposureMatrix, Exposures, Turn};
 use super::input::{Input, View};
 use super::losses::Losses;
 use super::memory::Needs;
 use super::optimiser::Optimiser;
-use super::schedule::StepPlan;
-use super::settings::Settings;
+use super::schedule::{Adam, StepPlan};
+use super::settings::{Exposure, Settings};
 use super::state::State;
 use super::trainer::Pacing;
 use crate::pass::camera::{NEAR, Projection};
@@ -55,6 +56,7 @@ pub struct Engine {
     stats: Buffer,
     target: Target,
     losses: Losses,
+    exposures: Option<Exposures>,
     density: DensityControl,
     accumulate: Pipeline,
     finish: Pipeline,
@@ -121,6 +123,10 @@ impl Engine {
         let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
         let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
         let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
+        let exposures = match needs.settings.optimiser.exposure {
+            Exposure::Off => None,
+            Exposure::Affine => Some(Exposures::new(gpu, cameras.len(), pixels)?),
+        };
         let size = Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true };
         Ok(Self {
             gpu: gpu.clone(),
@@ -132,6 +138,7 @@ impl Engine {
             stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
             target: Target::new(gpu, "", pixels, false)?,
             losses: Losses::new(gpu, &sizes, needs.settings.optimiser.lambda_dssim)?,
+            exposures,
             density: DensityControl::new(gpu, splats, DENSITY_ENTRY)?,
             accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
@@ -185,6 +192,9 @@ impl Engine {
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
         recorder.fill(&self.stats, 0)?;
+        if let Some(exposures) = &self.exposures {
+            exposures.clear(&mut recorder)?;
+        }
         let mut words = vec![0u32; counters::COUNT];
         words[counters::SPLATS] = n;
         words[counters::NEXT_ID] = initial.ids.last().map_or(0, |id| id + 1);
@@ -199,6 +209,9 @@ impl Engine {
         if !state.ids.is_empty() {
             self.gpu.write(&self.ids, &state.ids)?;
             self.gpu.write(&self.stats, &state.stats)?;
+        }
+        if let Some(exposures) = &self.exposures {
+            exposures.restore(&self.gpu, &state.exposures)?;
         }
         self.gpu.write(&self.renderer.counters, &state.counters)?;
         Ok(())
@@ -272,14 +285,18 @@ impl Engine {
         let renderer = &self.renderer;
         let shot = self.shot(*camera, plan);
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
-        self.losses.record(
-            recorder,
-            &self.target.image,
-            &photograph.pixels,
-            camera.width,
-            camera.height,
-            photograph.values,
-        )?;
+        let turn = Turn { view, pixels: camera.width * camera.height, seen: plan.seen, rate: plan.lr_exposure };
+        let image = &self.target.image;
+        let shown = match &self.exposures {
+            Some(exposures) => exposures.record_apply(recorder, image, turn)?,
+            None => image,
+        };
+        let (width, height) = (camera.width, camera.height);
+        self.losses.record(recorder, shown, &photograph.pixels, width, height, photograph.values)?;
+        if let Some(exposures) = &self.exposures {
+            let once = (plan.adam != Adam::None).then(|| renderer.once());
+            exposures.record_backward(recorder, image, self.losses.grad_image(), turn, once)?;
+        }
         renderer.record_blend_backward(recorder, &lists, self.losses.grad_image(), &shot, &self.target)?;
         if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
             let push =
@@ -425,10 +442,11 @@ impl Engine {
     pub fn memory(&self) -> MemoryCost {
         let of_splats =
             [self.model.bytes(), self.optimiser.bytes(), self.ids.size(), self.stats.size(), self.density.bytes()];
+        let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
         let own = Held {
             splats: of_splats.iter().sum(),
-            pixels: self.target.bytes() + self.losses.bytes(),
-            fixed: self.ring.size(),
+            pixels: self.target.bytes() + self.losses.bytes() + of_exposures[0],
+            fixed: self.ring.size() + of_exposures[1],
             ..Held::default()
         };
         let photographs = self.photographs.iter().map(|p| p.pixels.size()).sum();
@@ -496,7 +514,14 @@ impl Engine {
             moments: self.optimiser.read(&self.gpu, n)?,
             stats,
             counters,
+            exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
         })
+    }
+
+    /// The photographs' exposures in the order of the views; `None` where they are off. Waits.
+    pub fn exposures(&self) -> Result<Option<Vec<ExposureMatrix>>, Error> {
+        let Some(exposures) = &self.exposures else { return Ok(None) };
+        Ok(Some(exposures::matrices(&exposures.state(&self.gpu)?)))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Error;
 use super::engine::Engine;
 use super::input::View;
-use crate::eval::{ImageScore, Quality, psnr, psnr_where, ssim, ssim_where};
+use crate::eval::{ImageScore, Quality, psnr, psnr_cc, psnr_cc_where, psnr_where, ssim, ssim_where};
 
 /// Renders every view and compares it with its photograph, both rounded to 8 bits.
 pub(super) fn quality(
@@ -24,11 +24,13 @@ pub(super) fn quality(
 pub fn score(view: &View, rgb: &[u8]) -> ImageScore {
     let truth: Vec<u8> = view.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-    let (psnr, ssim) = if view.masked() == 0 {
-        (psnr(rgb, &truth), ssim(rgb, &truth, width, height))
+    let (psnr, fitted, ssim) = if view.masked() == 0 {
+        (psnr(rgb, &truth), psnr_cc(rgb, &truth), ssim(rgb, &truth, width, height))
     } else {
         let counts: Vec<bool> = view.rgba.chunks_exact(4).map(|p| p[3] != 0).collect();
-        (psnr_where(rgb, &truth, &counts), ssim_where(rgb, &truth, &counts, width, height))
+        let fitted = psnr_cc_where(rgb, &truth, &counts);
+        (psnr_where(rgb, &truth, &counts), fitted, ssim_where(rgb, &truth, &counts, width, height))
     };
-    ImageScore { name: view.name.clone(), psnr: psnr.unwrap_or(f64::NAN), ssim: ssim.unwrap_or(f64::NAN) }
+    let [psnr, psnr_cc, ssim] = [psnr, fitted, ssim].map(|value| value.unwrap_or(f64::NAN));
+    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim }
 }

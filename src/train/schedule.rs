@@ -74,6 +74,10 @@ pub struct StepPlan {
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.
     pub adam_steps: u32,
+    /// Learning rate of the photograph's exposure.
+    pub lr_exposure: f64,
+    /// How often the step's photograph has been looked at, this step included.
+    pub seen: u32,
 }
 
 /// The schedule of a run.
@@ -103,6 +107,8 @@ pub struct Schedule {
     background: Background,
     rates: Rates,
     lr_means_final: f64,
+    /// At step 0 and at the last.
+    lr_exposure: [f64; 2],
     seed: u64,
     views: usize,
 }
@@ -152,6 +158,7 @@ impl Schedule {
                 sh_rest: optimiser.lr_sh_rest,
             },
             lr_means_final: optimiser.lr_means_final,
+            lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],
             seed: run.seed,
             views,
         }
@@ -177,13 +184,19 @@ impl Schedule {
             sh_rest: self.sh_rest(t),
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
+            lr_exposure: self.lr_exposure(t),
+            seen: t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1,
         }
     }
 
     /// Learning rate of the means at `t`, per unit of the scene's extent: log-linear between its two ends.
     pub fn lr_means(&self, t: u32) -> f64 {
-        let u = (f64::from(t) / f64::from(self.lr_means_steps)).min(1.0);
-        ((1.0 - u) * self.rates.means.ln() + u * self.lr_means_final.ln()).exp()
+        log_linear([self.rates.means, self.lr_means_final], t, self.lr_means_steps)
+    }
+
+    /// Learning rate of the exposures at `t`: log-linear over the run.
+    fn lr_exposure(&self, t: u32) -> f64 {
+        log_linear(self.lr_exposure, t, self.iterations.max(1))
     }
 
     /// The training photograph of step `t`, as an index below the number of training views: shuffled passes, each over all
@@ -261,6 +274,12 @@ impl Schedule {
             }),
         }
     }
+}
+
+/// From one rate to another over so many steps.
+fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
+    let u = (f64::from(t) / f64::from(steps)).min(1.0);
+    ((1.0 - u) * first.ln() + u * last.ln()).exp()
 }
 
 /// What a random number is for: streams of one seed are independent.

@@ -5,7 +5,7 @@ mod file;
 mod values;
 
 pub use file::SettingsError;
-pub use values::{Background, ByteSize, Format, MaskIgnores, Method, Split, Tune};
+pub use values::{Background, ByteSize, Exposure, Format, MaskIgnores, Method, Split, Tune};
 
 use std::path::PathBuf;
 
@@ -163,6 +163,16 @@ group! {
         /// Learning rate of the rotations
         #[arg(value_name = "LR")]
         pub lr_rotations: f64 = 1e-3,
+        /// What each photograph may differ in from the render: off (nothing) or affine (a colour map per photograph, the identity
+        /// in the mean over all; held-out photographs are compared without)
+        #[arg(value_name = "KIND")]
+        pub exposure: Exposure = Exposure::Off,
+        /// Learning rate of the exposures at step 0
+        #[arg(value_name = "LR")]
+        pub lr_exposure: f64 = 0.01,
+        /// Learning rate of the exposures at the last step
+        #[arg(value_name = "LR")]
+        pub lr_exposure_final: f64 = 1e-3,
     }
     flags {}
     optional {}
@@ -302,6 +312,10 @@ impl Settings {
             "a positive number",
         )?;
         ok(optimiser.lr_means_steps >= 1, "lr-means-steps", "at least 1")?;
+        for (rate, key) in [(optimiser.lr_exposure, "lr-exposure"), (optimiser.lr_exposure_final, "lr-exposure-final")]
+        {
+            ok(rate > 0.0 && rate.is_finite(), key, "a positive number")?;
+        }
         for (rate, key) in [
             (optimiser.lr_sh_base, "lr-sh-base"),
             (optimiser.lr_sh_rest, "lr-sh-rest"),

@@ -13,6 +13,8 @@ pub struct State {
     pub stats: Vec<f32>,
     /// The counters.
     pub counters: Vec<u32>,
+    /// Exposures of the photographs with their moments ([`crate::pass::exposure`]); empty where they are off.
+    pub exposures: Vec<f32>,
 }
 
 impl State {

@@ -9,6 +9,7 @@ use super::checkpoint::Checkpointed;
 use super::cost::MemoryCost;
 use super::engine::{Engine, MOST_IN_FLIGHT, Outcome};
 use super::event::{Event, Kind};
+use super::exposures::ExposureMatrix;
 use super::history::History;
 use super::input::{Input, View};
 use super::message::Message;
@@ -59,6 +60,8 @@ pub struct Trainer {
     pub(super) schedule: Schedule,
     pub(super) settings: Settings,
     held_out: Vec<View>,
+    /// Names of the photographs to train on.
+    names: Vec<String>,
     pacing: Pacing,
     pub(super) next: Event,
     pub(super) in_flight: VecDeque<(Event, Ticket)>,
@@ -106,6 +109,7 @@ impl Trainer {
             engine,
             schedule,
             settings: settings.clone(),
+            names: input.train.into_iter().map(|view| view.name).collect(),
             held_out: input.held_out,
             pacing,
             next: Event::of_step(step + 1),
@@ -385,6 +389,12 @@ impl Trainer {
     pub fn model(&mut self) -> Result<Gaussians, Error> {
         self.settle()?;
         self.engine.model()
+    }
+
+    /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
+    pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
+        self.settle()?;
+        Ok(self.engine.exposures()?.map(|all| self.names.iter().cloned().zip(all).collect()))
     }
 
     /// Everything that a restart needs: the last step done, seconds so far, and the device's state.

@@ -15,6 +15,7 @@ pub mod densify_map;
 pub mod densify_means;
 pub mod densify_stats;
 pub mod emit;
+pub mod exposure;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;

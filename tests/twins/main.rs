@@ -23,6 +23,7 @@ mod density_model;
 mod density_reference;
 mod density_twin;
 mod emit;
+mod exposure;
 mod fill;
 mod loss;
 mod plan;
@@ -66,6 +67,7 @@ cases! {
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_stats" "opacity_reset";
     emit: "emit";
+    exposure: "exposure_apply" "exposure_backward" "exposure_step";
     fill: "fill";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
     plan: "plan" "finish";

@@ -52,6 +52,8 @@ pub struct ViewPanel {
     pub depth: Option<DepthMap>,
     /// PSNR in decibels.
     pub psnr: f64,
+    /// PSNR in decibels after a colour fit.
+    pub psnr_cc: f64,
     /// SSIM.
     pub ssim: f64,
 }
@@ -78,7 +80,7 @@ pub struct ReportData {
 impl ViewPanel {
     /// The view's numbers.
     pub fn score(&self) -> ImageScore {
-        ImageScore { name: self.name.clone(), psnr: self.psnr, ssim: self.ssim }
+        ImageScore { name: self.name.clone(), psnr: self.psnr, psnr_cc: self.psnr_cc, ssim: self.ssim }
     }
 }
 
@@ -226,6 +228,7 @@ fn numbers(m: &Metrics) -> String {
         ("seed", m.seed.to_string()),
         ("device", m.device.clone()),
         ("PSNR", format!("{} dB", decibels(m.psnr))),
+        ("PSNR, colours fitted", format!("{} dB", decibels(m.psnr_cc))),
         ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.4}"))),
         ("splats", grouped(m.splats as u64)),
         ("model file", bytes(m.bytes)),
@@ -256,16 +259,18 @@ fn scores(m: &Metrics) -> String {
             let share = if share.is_nan() { 100.0 } else { share };
             format!(
                 "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td class=\"bar\" aria-hidden=\"true\">\
-                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{:.4}</td></tr>",
+                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td class=\"number\">{:.4}</td></tr>",
                 escape(&i.name),
                 decibels(Some(i.psnr)),
+                decibels(Some(i.psnr_cc).filter(|p| !p.is_nan())),
                 i.ssim
             )
         })
         .collect();
     format!(
         "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
-         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">SSIM</th>\
+         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">colours fitted</th>\
+         <th scope=\"col\" class=\"number\">SSIM</th>\
          </tr></thead><tbody>{body}</tbody></table>"
     )
 }

@@ -90,7 +90,7 @@ fn parse_error(error: &toml::de::Error, text: &str, path: &Path) -> SettingsErro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::settings::{Background, ByteSize, Split};
+    use crate::train::settings::{Background, ByteSize, Exposure, Split};
 
     fn unusual() -> Settings {
         let mut s = Settings { data: Some("some where/fox".into()), ..Settings::default() };
@@ -101,6 +101,7 @@ mod tests {
         s.photographs.images = Some("images_4".into());
         s.model.background = Background::Random;
         s.optimiser.lr_means = 1.0 / 3.0;
+        s.optimiser.exposure = Exposure::Affine;
         s.density.max_splats = Some(70_000);
         s.device.device = Some("llvmpipe".into());
         s.device.max_device_memory = Some(ByteSize(6 << 30));

@@ -125,6 +125,38 @@ impl FromStr for Tune {
 
 as_word!(Tune);
 
+/// What stands between the render and a photograph in training.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exposure {
+    /// Nothing.
+    #[default]
+    Off,
+    /// An affine map of colours for each photograph, the identity in the mean over them.
+    Affine,
+}
+
+impl fmt::Display for Exposure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::Affine => "affine",
+        })
+    }
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "off" => Ok(Self::Off),
+            "affine" => Ok(Self::Affine),
+            _ => Err(format!("no exposure `{word}`: it is off or affine")),
+        }
+    }
+}
+
+as_word!(Exposure);
+
 impl fmt::Display for MaskIgnores {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -1,0 +1,65 @@
+#version 460
+// exposure_step: adds up the parts of the gradient of a photograph's 12 numbers, takes a step of Adam with them, and the mean over all
+// photographs anew.
+// One workgroup. Thread t below 60 owns number t % 12, of which it adds up every 5th part and every 5th photograph, in their order;
+// thread t below 12 owns the number's step and mean.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "adam.glsl"
+#include "exposure.glsl"
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) readonly buffer ExposureParts { float exposure_parts[]; };
+layout(set = 0, binding = 1) buffer Exposures { float exposures[]; };
+layout(push_constant) uniform Push {
+    uint parts;  // rows of 12 in exposure_parts
+    uint view;   // row of the photograph
+    uint views;  // photographs
+    float lr;
+    float beta1;
+    float gain1;           // 1 - beta1, rounded from double precision
+    float beta2;
+    float gain2;
+    float eps;
+    float inv_bias1;       // 1 / (1 - beta1^t)
+    float inv_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
+} push;
+
+shared float sums[64];
+shared float stepped[12];
+
+void main() {
+    const uint t = local_index();
+    const uint k = t % EXPOSURE_NUMBERS;
+    const uint run = t / EXPOSURE_NUMBERS;
+    const bool owner = t < EXPOSURE_NUMBERS && group_index() == 0u;
+    const uint end = run < 5u ? 1u : 0u;
+    float sum = 0.0;
+    for (uint i = run; i < push.parts * end; i += 5u) sum += exposure_parts[EXPOSURE_NUMBERS * i + k];
+    sums[t] = sum;
+    barrier();
+    if (owner) {
+        float grad = 0.0;
+        for (uint i = 0u; i < 5u; ++i) grad += sums[EXPOSURE_NUMBERS * i + t];
+        const AdamStep step = AdamStep(push.beta1, push.gain1, push.beta2, push.gain2, push.eps, push.inv_bias1, push.inv_sqrt_bias2);
+        const uint at = EXPOSURE_ROW * push.view + t;
+        float m = exposures[at + EXPOSURE_NUMBERS];
+        float v = exposures[at + 2u * EXPOSURE_NUMBERS];
+        const float moved = adam(step, push.lr, grad, exposures[at], m, v);
+        exposures[at] = moved;
+        exposures[at + EXPOSURE_NUMBERS] = m;
+        exposures[at + 2u * EXPOSURE_NUMBERS] = v;
+        stepped[t] = moved;
+    }
+    barrier();
+    sum = 0.0;
+    for (uint i = run; i < push.views * end; i += 5u) {
+        sum += i == push.view ? stepped[k] : exposures[EXPOSURE_ROW * i + k];
+    }
+    sums[t] = sum;
+    barrier();
+    if (owner) {
+        float total = 0.0;
+        for (uint i = 0u; i < 5u; ++i) total += sums[EXPOSURE_NUMBERS * i + t];
+        exposures[EXPOSURE_ROW * push.views + t] = total / float(push.views);
+    }
+}

@@ -1,0 +1,128 @@
+//! The photographs' exposures on the device: between the blend and the loss, and their own optimiser.
+
+use super::Error;
+use crate::pass::adam;
+use crate::pass::exposure::{self, NUMBERS, ROW};
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+
+/// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1).
+pub type ExposureMatrix = [[f64; 4]; 3];
+
+/// One photograph's turn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    /// The photograph.
+    pub(super) view: usize,
+    /// Its pixels.
+    pub(super) pixels: u32,
+    /// How often it has been looked at, this time included.
+    pub(super) seen: u32,
+    /// Learning rate.
+    pub(super) rate: f64,
+}
+
+/// Matrices and moments of every photograph, and the passes that use them; see [`exposure`].
+pub(super) struct Exposures {
+    views: u32,
+    rows: Buffer,
+    parts: Buffer,
+    exposed: Buffer,
+    apply: Pipeline,
+    backward: Pipeline,
+    step: Pipeline,
+    settings: adam::Settings,
+}
+
+impl Exposures {
+    /// For so many photographs of at most `pixels` pixels; contents undefined.
+    pub(super) fn new(gpu: &Gpu, views: usize, pixels: u32) -> Result<Self, vk::Error> {
+        let buffer = |name, bytes| gpu.buffer(name, bytes, Memory::Device);
+        Ok(Self {
+            views: views as u32,
+            rows: buffer("exposures", 4 * exposure::floats(views) as u64)?,
+            parts: buffer("exposure_parts", 4 * NUMBERS as u64 * u64::from(exposure::parts(pixels)))?,
+            exposed: buffer("exposed", 16 * u64::from(pixels))?,
+            apply: gpu.pipeline(&exposure::APPLY.kernel, &[])?,
+            backward: gpu.pipeline(&exposure::BACKWARD.kernel, &[])?,
+            step: gpu.pipeline(&exposure::STEP.kernel, &[])?,
+            settings: adam::Settings::default(),
+        })
+    }
+
+    /// Records setting every matrix to the identity, and the moments to zero.
+    pub(super) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+        recorder.fill(&self.rows, 0)
+    }
+
+    fn push(&self, turn: Turn) -> exposure::Push {
+        exposure::Push { pixels: turn.pixels, view: turn.view as u32, views: self.views }
+    }
+
+    fn groups(turn: Turn) -> Groups<'static> {
+        Groups::Workgroups(u64::from(exposure::parts(turn.pixels)))
+    }
+
+    /// Records the render as the photograph shows it: what the loss compares.
+    pub(super) fn record_apply(
+        &self,
+        recorder: &mut Recorder,
+        image: &Buffer,
+        turn: Turn,
+    ) -> Result<&Buffer, vk::Error> {
+        let buffers = [image, &self.rows, &self.exposed];
+        recorder.dispatch(&self.apply, &buffers, &self.push(turn), Self::groups(turn))?;
+        Ok(&self.exposed)
+    }
+
+    /// Records, after the loss, the gradient of the render in place of that of what the loss has seen, and a step of the
+    /// photograph's matrix by as many workgroups as `once` says: one, or none when the event is lost.
+    pub(super) fn record_backward(
+        &self,
+        recorder: &mut Recorder,
+        image: &Buffer,
+        grad_image: &Buffer,
+        turn: Turn,
+        once: Option<Groups<'_>>,
+    ) -> Result<(), vk::Error> {
+        let buffers = [image, &self.rows, grad_image, &self.parts];
+        recorder.dispatch(&self.backward, &buffers, &self.push(turn), Self::groups(turn))?;
+        let Some(once) = once else { return Ok(()) };
+        let (view, views) = (turn.view as u32, self.views);
+        let push = exposure::StepPush::new(&self.settings, turn.pixels, view, views, turn.seen, turn.rate);
+        recorder.dispatch(&self.step, &[&self.parts, &self.rows], &push, once)
+    }
+
+    /// Bytes per pixel and other bytes of its buffers.
+    pub(super) fn bytes(&self) -> [u64; 2] {
+        [self.exposed.size() + self.parts.size(), self.rows.size()]
+    }
+
+    /// Everything that a restart needs. Waits.
+    pub(super) fn state(&self, gpu: &Gpu) -> Result<Vec<f32>, vk::Error> {
+        gpu.read_at(&self.rows, 0, exposure::floats(self.views as usize))
+    }
+
+    /// Writes what an earlier run had.
+    pub(super) fn restore(&self, gpu: &Gpu, state: &[f32]) -> Result<(), Error> {
+        let expected = exposure::floats(self.views as usize);
+        if state.len() != expected {
+            return Err(Error::Checkpoint { section: "exposures".to_owned(), found: state.len(), expected });
+        }
+        Ok(gpu.write(&self.rows, state)?)
+    }
+}
+
+/// The photographs' matrices from what [`Exposures::state`] gives.
+pub(super) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
+    let views = (state.len() / ROW).saturating_sub(1);
+    let matrix = |v: usize| {
+        std::array::from_fn(|row| {
+            std::array::from_fn(|column| {
+                let k = 4 * row + column;
+                let identity = if row == column { 1.0 } else { 0.0 };
+                identity + f64::from(state[ROW * v + k]) - f64::from(state[ROW * views + k])
+            })
+        })
+    };
+    (0..views).map(matrix).collect()
+}
