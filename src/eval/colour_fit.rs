@@ -52,19 +52,21 @@ fn fitted(render: &[u8], photograph: &[u8], counts: impl Fn(usize) -> bool) -> O
     // Colours that do not vary in some direction say nothing of the map there: it stays the identity.
     let ridge = 1e-9 * (n + of_x[0][0] + of_x[1][1] + of_x[2][2]);
     (0..3).for_each(|i| of_x[i][i] += ridge);
-    let map = solve(of_x, of_r);
+    let l = triangle(&of_x);
+    // What each channel of the photograph takes of the render's.
+    let map: [[f64; 3]; 3] = std::array::from_fn(|j| substitute(&l, of_r.map(|row| row[j])));
     let mut squares = 0.0;
     for (x, r) in pixels() {
         for j in 0..3 {
-            let mapped: f64 = (0..3).map(|i| (x[i] - mean_x[i]) * map[i][j]).sum();
+            let mapped: f64 = (0..3).map(|i| (x[i] - mean_x[i]) * map[j][i]).sum();
             squares += (r[j] - mean_r[j] - mapped).powi(2);
         }
     }
     Some(-10.0 * (squares / (3.0 * n) / (255.0 * 255.0)).log10())
 }
 
-/// Solves `a x = b` for a symmetric positive definite `a`, by Cholesky's decomposition.
-fn solve(a: [[f64; 3]; 3], b: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+/// The lower triangle l with `l l^T = a`, of a symmetric positive definite matrix (Cholesky).
+fn triangle(a: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let mut l = [[0.0; 3]; 3];
     for i in 0..3 {
         for j in 0..=i {
@@ -72,14 +74,17 @@ fn solve(a: [[f64; 3]; 3], b: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
             l[i][j] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / l[j][j] };
         }
     }
+    l
+}
+
+/// Solves `l l^T x = b`.
+fn substitute(l: &[[f64; 3]; 3], b: [f64; 3]) -> [f64; 3] {
     let mut x = b;
-    for c in 0..3 {
-        for i in 0..3 {
-            x[i][c] = (x[i][c] - (0..i).map(|k| l[i][k] * x[k][c]).sum::<f64>()) / l[i][i];
-        }
-        for i in (0..3).rev() {
-            x[i][c] = (x[i][c] - (i + 1..3).map(|k| l[k][i] * x[k][c]).sum::<f64>()) / l[i][i];
-        }
+    for i in 0..3 {
+        x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
+    }
+    for i in (0..3).rev() {
+        x[i] = (x[i] - (i + 1..3).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
     }
     x
 }
