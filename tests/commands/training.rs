@@ -1,6 +1,6 @@
 //! `train`: files, repetition, interruption.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use crate::run::{OPTIONS, STEPS, Shared, command, psrgs, shared, stderr, text, works};
 
-const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr ssim splats bytes seconds \
+const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim splats bytes seconds \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images \
                     psnr_offpath depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
                     depth_median_error_offpath normal_median_degrees floaters";
@@ -36,6 +36,8 @@ fn a_training_leaves_every_file_that_is_promised() {
     assert_eq!(images.len(), 2);
     let mean = images.iter().map(|i| i["psnr"].as_f64().expect("a number")).sum::<f64>() / 2.0;
     assert!((mean - metrics["psnr"].as_f64().expect("a number")).abs() < 1e-9);
+    assert!(images.iter().all(|i| i["psnr_cc"].as_f64() >= i["psnr"].as_f64()), "a colour fit never costs");
+    assert!(!run.join("exposures.json").exists(), "exposures are off unless asked for");
 }
 
 /// Trains in `out` and compares the model with the shared one.
@@ -52,7 +54,7 @@ fn settings_repeat_a_run_bit_for_bit() {
     let out = folder.path().join("again");
     works(&["train", "--config", text(&shared.run().join("settings.toml")), "--out", text(&out), "-q"]);
     same_model(shared, &out, "repeated from settings.toml");
-    // The comparison can tell: another seed gives another model.
+    // The comparison can tell: another seed, and exposures, give another model.
     let other = folder.path().join("other");
     works(&[
         "train",
@@ -63,8 +65,13 @@ fn settings_repeat_a_run_bit_for_bit() {
         "-q",
         "--seed",
         "4",
+        "--exposure",
+        "affine",
     ]);
     assert!(fs::read(shared.model()).ok() != fs::read(other.join("point_cloud.ply")).ok());
+    let exposures = fs::read_to_string(other.join("exposures.json")).expect("exposures");
+    let exposures: BTreeMap<String, [[f64; 4]; 3]> = serde_json::from_str(&exposures).expect("a matrix each");
+    assert_eq!(exposures.len(), 7, "one for each photograph that was trained on");
 }
 
 /// Starts a training and sends it a signal once it has said `word`; gives its exit code and what it said.
