@@ -106,6 +106,7 @@ macro_rules! pairs {
 
 pairs! {
     vkCreateBuffer vkDestroyBuffer;
+    vkCreateBufferView vkDestroyBufferView;
     vkCreateSemaphore vkDestroySemaphore;
     vkCreateCommandPool vkDestroyCommandPool;
     vkCreateDescriptorPool vkDestroyDescriptorPool;
