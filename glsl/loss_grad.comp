@@ -13,6 +13,7 @@ layout(set = 0, binding = 3) readonly buffer GreenPlanes { float green_planes[];
 layout(set = 0, binding = 4) readonly buffer BluePlanes { float blue_planes[]; };
 layout(set = 0, binding = 5) writeonly buffer GradImage { vec4 grad_image[]; };
 layout(set = 0, binding = 6) writeonly buffer L1Parts { float l1_parts[]; };
+#include "photograph.glsl"
 
 // Per channel what multiplies 1, x - y and x - pivot.
 struct Derivatives {
@@ -49,16 +50,16 @@ void main() {
         [[unroll]] for (uint c = 0u; c < 3u; ++c) spread[c] = window_across(left.of[c], here.of[c], right.of[c]);
         if (column < push.width && row < push.height) {
             const uint k = row * push.width + column;
-            const uint photograph = target[k];
-            const vec3 y = unpackUnorm4x8(photograph).rgb;
-            const vec3 x = masked(photograph) ? y : LOAD4(image, k).rgb;
+            const Seen seen = photograph_at(k);
+            const vec3 y = seen.color;
+            const vec3 x = seen.counts ? LOAD4(image, k).rgb : y;
             const vec3 d = x - y;
             sum += abs(d.x) + abs(d.y) + abs(d.z);
             vec3 grad = of_l1 * sign(d);
             [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                 grad[c] += of_ssim * (spread[c].x + d[c] * spread[c].y + (x[c] - PIVOT) * spread[c].z);
             }
-            grad_image[k] = masked(photograph) ? vec4(0.0) : vec4(grad, 0.0);
+            grad_image[k] = seen.counts ? vec4(grad, 0.0) : vec4(0.0);
         }
         left = here;
         here = right;

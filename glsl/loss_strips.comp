@@ -13,6 +13,7 @@ layout(set = 0, binding = 2) writeonly buffer RedPlanes { float red_planes[]; };
 layout(set = 0, binding = 3) writeonly buffer GreenPlanes { float green_planes[]; };
 layout(set = 0, binding = 4) writeonly buffer BluePlanes { float blue_planes[]; };
 layout(set = 0, binding = 5) writeonly buffer SsimParts { float ssim_parts[]; };
+#include "photograph.glsl"
 
 // Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
 struct Moments {
@@ -27,10 +28,10 @@ Moments moments_at(uint column, uint row) {
     moments.counts = false;
     if (column < push.width && row < push.height) {
         const uint k = row * push.width + column;
-        const uint photograph = target[k];
-        moments.counts = !masked(photograph);
-        y = unpackUnorm4x8(photograph).rgb;
-        x = moments.counts ? LOAD4(image, k).rgb : y;
+        const Seen seen = photograph_at(k);
+        moments.counts = seen.counts;
+        y = seen.color;
+        x = seen.counts ? LOAD4(image, k).rgb : y;
     }
     [[unroll]] for (uint c = 0u; c < 3u; ++c) {
         const float d = x[c] - y[c];

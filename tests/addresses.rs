@@ -5,7 +5,7 @@ mod common;
 use common::plane_scene;
 use psrgs_vk::pass::fill;
 use psrgs_vk::raster::{GradientSum, Variants, most_pairs, most_splats};
-use psrgs_vk::train::{self, Message, Pacing, Settings, State, Trainer};
+use psrgs_vk::train::{self, Message, Pacing, Residency, Settings, State, Trainer};
 use psrgs_vk::vk::{Addresses, Error, Gpu, Groups, Memory, OpenOptions};
 
 /// Bytes that one descriptor covers in these tests.
@@ -150,7 +150,14 @@ fn assert_same(a: &State, b: &State) {
 }
 
 /// Small at first, so that it grows across the range while it runs.
-const SMALL: Pacing = Pacing { events_in_flight: 4, splat_capacity: 320, pair_capacity: 1000 };
+const SMALL: Pacing = Pacing {
+    events_in_flight: 4,
+    splat_capacity: 320,
+    pair_capacity: 1000,
+    photographs: Residency::Auto,
+    decoded_ahead: 4,
+    decoders: 0,
+};
 
 #[test]
 fn training_by_address_and_across_a_descriptors_range_is_that_through_descriptors() {

@@ -7,7 +7,9 @@ use common::plane_scene;
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::raster::Variants;
 use psrgs_vk::train::settings::Exposure;
-use psrgs_vk::train::{Engine, Event, Input, Kind, Message, Pacing, Restart, Schedule, Settings, Trainer, prepare};
+use psrgs_vk::train::{
+    Engine, Event, Input, Kind, Message, Pacing, Residency, Restart, Schedule, Settings, Trainer, prepare,
+};
 use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 
 const STEPS: u32 = 40;
@@ -52,7 +54,9 @@ fn train(
     seen: &mut Seen,
 ) -> Restart {
     // As many splats as there are and next to no pairs: both must grow, with events in flight.
-    let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
+    // And photographs in both places: uploaded in their steps after a restart.
+    let photographs = if restart.is_some() { Residency::Streamed } else { Residency::Auto };
+    let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, photographs, ..Pacing::default() };
     let mut trainer = Trainer::new(gpu, input.clone(), settings, pacing, restart).unwrap();
     while let Some(message) = trainer.next_message().unwrap() {
         match message {
@@ -134,9 +138,10 @@ fn checker_misses_every_barrier_of_every_event() {
     let input = plane_scene::input(3, 40, 30, 60);
     let schedule = Schedule::new(&settings, input.train.len());
     for (i, variants) in Variants::possible(&gpu).into_iter().enumerate() {
-        // Every other one with exposures.
+        // Every other one with exposures, every other two with photographs uploaded in their steps.
         settings.optimiser.exposure = [Exposure::Off, Exposure::Affine][i % 2];
-        let pacing = Pacing::default();
+        let photographs = [Residency::Streamed, Residency::Resident][i / 2 % 2];
+        let pacing = Pacing { photographs, ..Pacing::default() };
         let mut engine = Engine::new(&gpu, &input, &settings, variants, pacing, None).unwrap();
         // Twice, so that the second time every event has barriers against the events before.
         for step in [3, 4] {

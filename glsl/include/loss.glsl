@@ -35,8 +35,6 @@ layout(push_constant) uniform Push {
     float values;  // channels times pixels that are not masked
 } push;
 
-bool masked(uint photograph) { return photograph >> 24 == 0u; }
-
 // The number of this subgroup in the dispatch: what it owns follows from it.
 uint owner() { return group_index() * subgroup_count() + subgroup_number(); }
 

@@ -121,7 +121,9 @@ impl<'a> Run<'a> {
             (number - 1) * views / all != number * views / all
         });
         if let Some(side) = options.side {
-            input.train.iter_mut().for_each(|view| enlarge(view, side));
+            for view in &mut input.train {
+                enlarge(view, side).map_err(train::Error::from)?;
+            }
         }
         let mut settings = settings.clone();
         settings.run.no_densify = true;

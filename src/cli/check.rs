@@ -1,39 +1,48 @@
 //! `psrgs-vk check`: what a dataset holds, and what is wrong with it, before anything is trained.
 
+mod training;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, Reference, Role, Sight};
-use psrgs_vk::scene::SH_GROUP_FLOATS;
-use psrgs_vk::train::prepare;
-use psrgs_vk::train::settings::Photographs;
+use psrgs_vk::dataset::{self, Dataset, Format, Reference, Role};
+use psrgs_vk::train::settings::{DeviceChoice, Photographs, Preset};
+use psrgs_vk::train::{Settings, prepare};
 
-use super::console;
+use super::console::{self, Console};
 use super::exit::Failure;
+use super::presets;
+use super::train::named;
+use training::Training;
 
-/// A view with fewer points than this hardly takes part in the reconstruction.
-const FEW_POINTS: usize = 20;
-/// Views are named up to this many.
-const NAMED: usize = 5;
-
-/// Look at a dataset: what was found, and what is wrong with it
+/// Look at a dataset: what was found, what training takes, and what is wrong
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   psrgs-vk check fox
+  psrgs-vk check fox --preset standard --host-memory 4GiB
   psrgs-vk check fox --max-side 640 --json
 
 Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the share of its
-points that another one has in view too, the one with the most of them. Exit code 0: nothing is wrong; 7: problems are listed,
-and training would begin all the same; 3: it could not begin.")]
+points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options;
+for the time a few steps are taken on two of the photographs. Exit code 0: nothing is wrong; 7: problems are listed, and training
+would begin all the same; 3: it could not begin.")]
 pub(crate) struct Args {
     /// Dataset
     pub(crate) data: PathBuf,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+    /// As that of `train`
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Option<Preset>,
+    /// Training steps
+    #[arg(long, value_name = "N")]
+    pub(crate) iterations: Option<u32>,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
+    #[command(flatten)]
+    pub(crate) device: DeviceChoice,
 }
 
 /// What `--json` prints.
@@ -45,6 +54,8 @@ struct Found {
     held_out: usize,
     folder: Option<PathBuf>,
     cameras: Vec<CameraGroup>,
+    /// What is done with photographs of more than 8 bits per channel.
+    deep: Vec<String>,
     points: usize,
     /// Of the training cameras, in the dataset's units.
     extent: f64,
@@ -54,9 +65,12 @@ struct Found {
     /// Medians over the views.
     points_in_view: Option<f64>,
     overlap: Option<f64>,
-    /// Bytes of device memory: photographs, and the model at the beginning with gradients and moments.
+    /// Bytes of the photographs to train on, decoded.
     photograph_bytes: u64,
-    model_bytes: u64,
+    preset: Option<Preset>,
+    iterations: u32,
+    /// What training takes, where there is a device.
+    training: Option<Training>,
     problems: Vec<String>,
 }
 
@@ -70,8 +84,11 @@ struct CameraGroup {
     views: usize,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut options = prepare::load_options(&args.photographs);
+pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
+    let mut settings = args.settings();
+    let preset = presets::apply(&mut settings, |key| named(matches, key));
+    settings.check()?;
+    let mut options = prepare::load_options(&settings.photographs);
     let (dataset, missing) = match Dataset::load(&args.data, &options) {
         Ok(dataset) => (dataset, None),
         Err(error @ (dataset::Error::MissingPhotographs { .. } | dataset::Error::NoPhotographs { .. })) => {
@@ -81,9 +98,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
         Err(error) => return Err(error.into()),
     };
-    let mut found = found(&dataset);
+    let mut found = found(&dataset, &settings);
     if let Some(error) = &missing {
         found.problems.insert(0, error.to_string());
+    } else {
+        found.training = training::plan(&dataset, &settings, &mut found.problems, console)?;
+    }
+    if let Some(preset) = preset {
+        console.say(preset);
     }
     let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { told(&found) };
     console::print(&text)?;
@@ -95,10 +117,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
+impl Args {
+    fn settings(&self) -> Settings {
+        let (photographs, device) = (self.photographs.clone(), self.device.clone());
+        let mut settings = Settings { photographs, device, ..Settings::default() };
+        settings.run.preset = self.preset;
+        settings.run.iterations = self.iterations.unwrap_or(settings.run.iterations);
+        settings
+    }
+}
+
 /// What a group has in common: model, whether it is undistorted, size on disk and size.
 type Key<'a> = (&'a str, bool, (u32, u32), (u32, u32));
 
-fn found(dataset: &Dataset) -> Found {
+fn found(dataset: &Dataset, settings: &Settings) -> Found {
     let sights = dataset.sights();
     let mut groups: BTreeMap<Key<'_>, usize> = BTreeMap::new();
     for view in &dataset.views {
@@ -112,10 +144,6 @@ fn found(dataset: &Dataset) -> Found {
         size,
         views,
     };
-    let pixels = |size: (u32, u32)| u64::from(size.0) * u64::from(size.1);
-    let trained = dataset.views_of(Role::Train).map(|(_, v)| 4 * pixels((v.camera.width, v.camera.height)));
-    // Means, rotations, scales, opacity and four planes of spherical harmonics; values, gradients and two moments of each.
-    let floats = (3 + 4 + 3 + 1 + 4 * SH_GROUP_FLOATS) as u64;
     Found {
         format: dataset.format,
         photographs: dataset.views.len(),
@@ -123,6 +151,7 @@ fn found(dataset: &Dataset) -> Found {
         held_out: dataset.views_of(Role::HeldOut).count(),
         folder: dataset.images.as_ref().map(|folder| folder.path.clone()),
         cameras: groups.into_iter().map(group).collect(),
+        deep: dataset.deep_photographs(),
         points: dataset.points.len(),
         extent: dataset.extent,
         center: dataset.frame.offset,
@@ -130,34 +159,12 @@ fn found(dataset: &Dataset) -> Found {
         masks: dataset.masks.as_ref().map(|masks| masks.matched),
         points_in_view: median(sights.iter().map(|s| s.points as f64).collect()),
         overlap: median(sights.iter().filter_map(|s| s.overlap).collect()),
-        photograph_bytes: trained.sum(),
-        model_bytes: 16 * floats * dataset.points.len() as u64,
-        problems: problems(dataset, &sights),
+        photograph_bytes: dataset.views_of(Role::Train).map(|(_, view)| view.pixel_bytes()).sum(),
+        preset: settings.run.preset,
+        iterations: settings.run.iterations,
+        training: None,
+        problems: dataset.problems(&sights),
     }
-}
-
-fn problems(dataset: &Dataset, sights: &[Sight]) -> Vec<String> {
-    let mut problems: Vec<String> = dataset.warnings.iter().map(ToString::to_string).collect();
-    if dataset.points.is_empty() {
-        return problems;
-    }
-    let named = |wanted: &dyn Fn(usize) -> bool| -> Vec<&str> {
-        dataset.views.iter().zip(sights).filter(|(_, s)| wanted(s.points)).map(|(v, _)| v.name.as_str()).collect()
-    };
-    for (names, what) in [
-        (named(&|n| n == 0), "without any point in view: their poses are wrong, or nothing was reconstructed there"),
-        (named(&|n| n > 0 && n < FEW_POINTS), "with fewer than 20 points in view"),
-    ] {
-        if !names.is_empty() {
-            let more = if names.len() > NAMED { ", ..." } else { "" };
-            problems.push(format!(
-                "{} views {what}: {}{more}",
-                names.len(),
-                names[..names.len().min(NAMED)].join(", ")
-            ));
-        }
-    }
-    problems
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -179,6 +186,7 @@ fn told(found: &Found) -> String {
         };
         rows.push(("camera", format!("{}, {}x{}{how}: {} views", group.model, disk.0, disk.1, group.views)));
     }
+    rows.extend(found.deep.iter().map(|line| ("depth", line.clone())));
     rows.push(("points", found.points.to_string()));
     if let (Some(points), Some(overlap)) = (found.points_in_view, found.overlap) {
         let text = format!("{points:.0} points, {:.0} % of them shared with another view (medians)", 100.0 * overlap);
@@ -192,15 +200,10 @@ fn told(found: &Found) -> String {
     if let Some(masks) = found.masks {
         rows.push(("masks", format!("{masks} of {}", found.photographs)));
     }
-    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    rows.push((
-        "device memory",
-        format!(
-            "{:.1} MiB for the photographs, {:.1} MiB for the first splats with gradients and moments",
-            mebibytes(found.photograph_bytes),
-            mebibytes(found.model_bytes)
-        ),
-    ));
+    if let Some(preset) = found.preset {
+        rows.push(("preset", format!("{preset}, {} steps", found.iterations)));
+    }
+    rows.extend(found.training.iter().flat_map(Training::rows));
     let mut text: String = rows.iter().map(|(name, value)| format!("{name:<14}{value}\n")).collect();
     match found.problems.as_slice() {
         [] => text.push_str("no problems\n"),

@@ -59,7 +59,13 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     }
     let out = args.out.join(TRAINED);
     train_run::train(
-        &train::Plan { settings: settings(args, params.seed)?, out: out.clone(), resume: false, overwrite: true },
+        &train::Plan {
+            settings: settings(args, params.seed)?,
+            out: out.clone(),
+            resume: false,
+            overwrite: true,
+            preset: None,
+        },
         console,
         started,
     )?;

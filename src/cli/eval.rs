@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::dataset::{Dataset, HostShare, Role};
 use psrgs_vk::eval::{
     self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean,
 };
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
-use psrgs_vk::train::{View, prepare, score};
+use psrgs_vk::train::{HostMemory, View, prepare, score};
 
 use super::colour::Colour;
 use super::console::{self, Console};
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
-    let views = prepare::views(&dataset, Role::HeldOut)?;
+    let mut share = host_share(&dataset, &args.device);
+    let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     tell(args, &dataset, &views, console);
     let gpu = device::open(&args.device, false, console)?;
@@ -108,7 +109,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
                 images.push(panel.score());
                 panels.push(panel);
             }
-            None => images.push(score(view, &picture.rgb8())),
+            None => images.push(score(view, &*view.photograph.pixels()?, &picture.rgb8())),
         }
         bar.inc(1);
     }
@@ -182,6 +183,12 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     Ok(())
 }
 
+/// What photographs may take of the host's memory.
+fn host_share(dataset: &Dataset, device: &DeviceChoice) -> HostShare {
+    let decoding = dataset.views_of(Role::HeldOut).map(|(_, view)| view.decoding_bytes()).max();
+    HostMemory::new(device.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
+}
+
 /// Which photographs the model is compared with.
 fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
     let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
@@ -196,6 +203,9 @@ fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
         args.photographs.split,
         args.background
     ));
+    for line in dataset.deep_photographs() {
+        console.say(format_args!("{line}; scores are those of 8 bits"));
+    }
     for warning in &dataset.warnings {
         console.warn(warning);
     }

@@ -17,6 +17,7 @@ mod model_frame;
 mod outputs;
 mod passes;
 mod pictures;
+mod presets;
 mod progress;
 mod render;
 mod run_folder;
@@ -94,13 +95,14 @@ pub(crate) fn main() -> ExitCode {
 }
 
 fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
+    let own = matches.subcommand().map_or(matches, |(_, of)| of);
     match command {
-        Command::Train(args) => train::run(args, matches.subcommand().map_or(matches, |(_, of)| of), console, started),
+        Command::Train(args) => train::run(args, own, console, started),
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
         Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
-        Command::Check(args) => check::run(args),
+        Command::Check(args) => check::run(args, own, console),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),

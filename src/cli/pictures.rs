@@ -57,11 +57,12 @@ impl Pictures {
     /// Writes a held-out view's pictures, its photograph too, and compares the two.
     pub(crate) fn held_out(&self, at: usize, view: &View, picture: &Picture) -> anyhow::Result<ViewPanel> {
         let size = (picture.width, picture.height);
-        let (rgb, truth) = (picture.rgb8(), without_alpha(&view.rgba));
+        let photograph = view.photograph.pixels()?;
+        let (rgb, truth) = (picture.rgb8(), photograph.rgb8());
         self.rgb(at, "render", size, &rgb)?;
         self.rgb(at, "photograph", size, &truth)?;
         let depth = self.geometry(at, picture)?;
-        let ImageScore { name, psnr, psnr_cc, ssim } = score(view, &rgb);
+        let ImageScore { name, psnr, psnr_cc, ssim } = score(view, &photograph, &rgb);
         let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
         Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, psnr_cc, ssim })
     }
@@ -71,10 +72,6 @@ impl Pictures {
         let dot = if kind.is_empty() { "" } else { "." };
         self.folder.join(format!("{name}{dot}{kind}.{extension}"))
     }
-}
-
-fn without_alpha(rgba: &[u8]) -> Vec<u8> {
-    rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect()
 }
 
 /// A file name for each view: its own without the extension and with `_` for folders, or with a number where that would make

@@ -111,7 +111,7 @@ mod tests {
     use psrgs_vk::train::Settings;
 
     fn plan(out: &Path) -> Plan {
-        Plan { settings: Settings::default(), out: out.to_owned(), resume: false, overwrite: false }
+        Plan { settings: Settings::default(), out: out.to_owned(), resume: false, overwrite: false, preset: None }
     }
 
     fn refused(plan: &Plan) -> (u8, String) {

@@ -10,11 +10,11 @@ use psrgs_vk::train::settings::Shortcuts;
 
 use super::console::{self, Console};
 use super::exit::Failure;
-use super::run_folder;
+use super::{presets, run_folder};
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
-const FREE_ON_RESUME: [&str; 6] =
-    ["iterations", "checkpoint-every", "eval-every", "tune", "device", "max-device-memory"];
+const FREE_ON_RESUME: [&str; 7] =
+    ["iterations", "checkpoint-every", "eval-every", "tune", "device", "max-device-memory", "host-memory"];
 
 /// Keys that `--fast` sets.
 const SHORTCUTS: [&str; 2] = ["moment-bits", "sh-every"];
@@ -24,7 +24,8 @@ const SHORTCUTS: [&str; 2] = ["moment-bits", "sh-every"];
 #[command(after_help = "\
 Examples:
   psrgs-vk train fox --out fox-model
-  psrgs-vk train fox --out quick --max-side 640 --iterations 2000 --scale-schedule
+  psrgs-vk train fox --out quick --preset quick
+  psrgs-vk train fox --out small --max-side 640 --iterations 2000 --scale-schedule
   psrgs-vk train fox --out again --config fox-model/settings.toml --seed 1
   psrgs-vk train --resume fox-model
   psrgs-vk train fox --iterations 7000 --print-settings > my.toml
@@ -66,22 +67,22 @@ pub(crate) struct Plan {
     pub(crate) resume: bool,
     /// Whether `out` may hold an earlier run.
     pub(crate) overwrite: bool,
+    /// What to say of the preset that holds.
+    pub(crate) preset: Option<String>,
 }
 
 impl Args {
     /// The run that the options describe; `matches` tell which were given by name.
     pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<Plan> {
-        let given = |key: &str| {
-            let source = matches.value_source(&key.replace('-', "_"));
-            matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
-        };
+        let given = |key: &str| named(matches, key);
         let mut asked = self.settings.clone();
         if self.fast {
-            let preset = Settings { shortcuts: Shortcuts::FAST, ..asked.clone() };
-            asked = asked.over(&preset, given)?;
+            let shortcuts = Settings { shortcuts: Shortcuts::FAST, ..asked.clone() };
+            asked = asked.over(&shortcuts, given)?;
         }
-        // The preset counts as given by name.
+        // The shortcuts count as given by name.
         let given = |key: &str| given(key) || self.fast && SHORTCUTS.contains(&key);
+        let mut preset = None;
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
                 let before = Settings::read(&run.join(run_folder::SETTINGS))
@@ -90,8 +91,19 @@ impl Args {
                 unchanged_on_resume(&before, &resumed)?;
                 resumed
             }
-            (None, Some(file)) => asked.over(&Settings::read(file)?, given)?,
-            (None, None) => asked,
+            (None, Some(file)) => {
+                let mut settings = asked.over(&Settings::read(file)?, given)?;
+                let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
+                if let Some(chosen) = settings.run.preset {
+                    chosen.apply(&mut settings, false, |key| given(key) || written.iter().any(|k| k == key));
+                }
+                settings
+            }
+            (None, None) => {
+                let mut settings = asked;
+                preset = presets::apply(&mut settings, given);
+                settings
+            }
         };
         settings.check()?;
         let Some(data) = &settings.data else {
@@ -104,8 +116,14 @@ impl Args {
         let out = self.resume.clone().or_else(|| self.out.clone()).unwrap_or_else(|| default_out(data, &settings));
         settings.data = Some(absolute(data)?);
         settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
-        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite })
+        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite, preset })
     }
+}
+
+/// Whether an option was given by name, on the command line or in the environment.
+pub(crate) fn named(matches: &clap::ArgMatches, key: &str) -> bool {
+    let source = matches.value_source(&key.replace('-', "_"));
+    matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
 }
 
 fn default_out(data: &Path, settings: &Settings) -> PathBuf {

@@ -6,8 +6,10 @@ use anyhow::Context as _;
 use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::checkpoint;
+use psrgs_vk::raster::Variants;
 use psrgs_vk::train::{
-    Checkpointed, Input, MemoryPlan, Message, Pacing, Settings, Trainer, chosen_variants, prepare, tune,
+    Checkpointed, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Message, Pacing, Settings, Trainer,
+    chosen_variants, prepare, tune,
 };
 use psrgs_vk::vk::Gpu;
 
@@ -16,9 +18,12 @@ use super::device;
 use super::exit::Failure;
 use super::interrupt::Interrupt;
 use super::outputs::{self, Finished};
-use super::progress::Progress;
+use super::progress::{Progress, duration};
 use super::run_folder::RunFolder;
 use super::train::Plan;
+
+/// Steps of a training from which on a few more are taken before it to tell its time.
+const WORTH_TIMING: u32 = 1000;
 
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
@@ -26,12 +31,19 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let interrupt = Interrupt::listen()?;
     let settings = &plan.settings;
     let data = settings.data.as_deref().context("no dataset")?;
+    if let Some(preset) = &plan.preset {
+        console.say(preset);
+    }
     let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
     tell(&dataset, console);
     let before = if plan.resume { resumed(&folder, console)? } else { None };
     let gpu = device::open(&settings.device, false, console)?;
     let mut settings = settings.clone();
-    let input = prepare::input(&dataset, &settings)?;
+    let initial = prepare::initial(&dataset, settings.run.init.as_deref(), settings.run.seed)?;
+    let splats = before.as_ref().map_or(initial.len() as u32, |b| b.restart.state.splats());
+    let host = host_plan(&gpu, &dataset, &settings, splats)?;
+    console.say(host);
+    let input = prepare::input_within(&dataset, initial, host.share)?;
     if before.is_none() {
         choose_forms(&gpu, &input, &mut settings, &folder, console)?;
     }
@@ -51,14 +63,38 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         Some(restart) => restart.variants,
         None => chosen_variants(&gpu, settings)?,
     };
-    let splats = restart.as_ref().map_or(input.initial.len() as u32, |r| r.state.splats());
-    console.say(MemoryPlan::new(&gpu, &input, settings, variants, Pacing::default(), splats)?);
+    console.say(MemoryPlan::new(&gpu, &input, settings, variants, host.pacing, splats)?);
     let done = restart.as_ref().map_or(0, |r| r.step);
-    let mut trainer = Trainer::new(&gpu, input, settings, Pacing::default(), restart)?;
+    if settings.run.iterations - done.min(settings.run.iterations) >= WORTH_TIMING {
+        estimate(&gpu, &input, settings, variants, done, console);
+    }
+    let mut trainer = Trainer::new(&gpu, input, settings, host.pacing, restart)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
+    if let Some(counts) = trainer.feed_counts() {
+        console.detail(format_args!(
+            "photographs: {} uploaded in their steps, {} of them waited for; {} decoded",
+            counts.asked, counts.waited, counts.decoded
+        ));
+    }
     let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
     outputs::write(&finished, &mut trainer, console)
+}
+
+/// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.
+fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, done: u32, console: &Console) {
+    if let Ok(Some(estimate)) = Estimate::measure(gpu, input, settings, variants) {
+        let seconds = estimate.seconds(settings.run.iterations.saturating_sub(done));
+        console.say(format_args!("time: about {}: {estimate}", duration(seconds)));
+    }
+}
+
+/// How the training shares the host's memory.
+pub(crate) fn host_plan(gpu: &Gpu, dataset: &Dataset, settings: &Settings, splats: u32) -> anyhow::Result<HostPlan> {
+    let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
+    let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
+    let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
+    Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan))
 }
 
 /// Chooses the forms of the passes and keeps them with the settings where a repetition needs them: where they belong to equal
@@ -108,8 +144,11 @@ fn tell(dataset: &Dataset, console: &Console) {
     if let Some(masks) = &dataset.masks {
         console.say(format_args!("masks: {} of {} (from {})", masks.matched, masks.of, masks.place.display()));
     }
-    for warning in &dataset.warnings {
-        console.warn(warning);
+    for line in dataset.deep_photographs() {
+        console.say(line);
+    }
+    for problem in dataset.problems(&dataset.sights()) {
+        console.warn(problem);
     }
 }
 

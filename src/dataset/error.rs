@@ -118,17 +118,6 @@ pub enum Error {
         /// Its complaint.
         problem: String,
     },
-    /// The photograph has other than 8 bits per channel.
-    #[error(
-        "{}: pixels are {pixels}; only 8 bits per channel are supported. Convert the photograph to 8-bit PNG or JPEG",
-        file.display()
-    )]
-    UnsupportedPixels {
-        /// The photograph.
-        file: PathBuf,
-        /// Its pixel type.
-        pixels: String,
-    },
     /// The photograph changed between loading the dataset and reading the pixels.
     #[error(
         "{}: the photograph is {}x{} now and was {}x{} when the dataset was loaded",

@@ -6,6 +6,7 @@ use image::GrayImage;
 
 use super::error::Error;
 use super::photograph;
+use super::pixels::Sample;
 
 /// The folder of masks, beside that of the photographs.
 pub(super) const FOLDER: &str = "masks";
@@ -42,7 +43,7 @@ pub(super) fn beside(folder: &Path, name: &str) -> Option<PathBuf> {
 
 /// Refuses a mask whose shape is not that of its photograph; one of another size but of the same shape is resized.
 pub(super) fn check_size(file: &Path, photograph: (u32, u32)) -> Result<(), Error> {
-    let mask = photograph::size_on_disk(file)?;
+    let mask = photograph::header(file)?.size;
     if photograph::same_shape(mask, photograph) {
         return Ok(());
     }
@@ -51,7 +52,7 @@ pub(super) fn check_size(file: &Path, photograph: (u32, u32)) -> Result<(), Erro
 
 /// Makes the pixels of a photograph (RGBA) transparent that a mask leaves out. What is brighter than half of the mask's
 /// brightest value is white: masks of 0 and 1 are as common as those of 0 and 255.
-pub(super) fn apply(rgba: &mut [u8], width: u32, height: u32, mask: &GrayImage, ignores: MaskIgnores) {
+pub(super) fn apply<T: Sample>(rgba: &mut [T], width: u32, height: u32, mask: &GrayImage, ignores: MaskIgnores) {
     let brightest = mask.pixels().map(|p| p.0[0]).max().unwrap_or(0);
     let nearest = |at: u32, size: u32, of: u32| {
         // The mask's pixel that holds the centre of the photograph's.
@@ -63,7 +64,7 @@ pub(super) fn apply(rgba: &mut [u8], width: u32, height: u32, mask: &GrayImage, 
         let value = mask.get_pixel(nearest(x, width, mask.width()), nearest(y, height, mask.height())).0[0];
         let white = value > brightest / 2;
         if white == (ignores == MaskIgnores::White) {
-            pixel[3] = 0;
+            pixel[3] = T::default();
         }
     }
 }

@@ -8,6 +8,7 @@ mod error;
 mod extent;
 mod folder;
 mod jpeg_end;
+mod jpeg_reduced;
 mod json;
 pub mod lens;
 mod masks;
@@ -15,12 +16,15 @@ mod model;
 mod nerfstudio;
 mod opensfm;
 mod photograph;
+mod pixels;
 mod points_ply;
 mod random_points;
 mod rotation;
 mod sizing;
 mod split;
+mod supply;
 mod survey;
+mod tone;
 mod undistort;
 mod warning;
 
@@ -34,15 +38,20 @@ pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, Masks};
 pub use model::{Format, Reference};
 pub use photograph::Photograph;
+pub use pixels::{Depth, Pixels};
 pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
+pub(crate) use supply::cores;
+pub use supply::{HostShare, Supply};
 pub use survey::Sight;
+pub use tone::{Samples, Tone, Transfer};
 pub use warning::Warning;
 
 use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
+use photograph::Header;
 
 /// What to load and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +70,8 @@ pub struct LoadOptions {
     pub format: Option<Format>,
     /// Which colour of masks leaves pixels out.
     pub mask_ignores: MaskIgnores,
+    /// What the numbers of photographs with more than 8 bits per channel mean.
+    pub tone: Tone,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
 }
@@ -75,6 +86,7 @@ impl Default for LoadOptions {
             split: Split::Test,
             format: None,
             mask_ignores: MaskIgnores::Black,
+            tone: Tone::default(),
             photographs: true,
         }
     }
@@ -105,6 +117,12 @@ pub struct View {
     pub mask_ignores: MaskIgnores,
     /// Width and height of the file.
     pub size_on_disk: (u32, u32),
+    /// Whether the file is of the kind that can be decoded at a fraction of its size.
+    pub jpeg: bool,
+    /// The kind of numbers in the file.
+    pub samples: Samples,
+    /// What they mean.
+    pub tone: Tone,
     /// What the view is used for.
     pub role: Role,
 }
@@ -163,10 +181,14 @@ impl Dataset {
             .zip(roles)
             .map(|(shot, role)| {
                 let photograph = images.as_ref().map(|folder| folder.path.join(&shot.name));
-                let size_on_disk = match &photograph {
-                    Some(file) => photograph::size_on_disk(file)?,
-                    None => (shot.lens.size[0], shot.lens.size[1]),
+                let header = match &photograph {
+                    Some(file) => photograph::header(file)?,
+                    None => {
+                        Header { size: (shot.lens.size[0], shot.lens.size[1]), samples: Samples::Bits8, jpeg: false }
+                    }
                 };
+                let Header { size: size_on_disk, samples, jpeg } = header;
+                let tone = options.tone;
                 let path = photograph.unwrap_or_default();
                 check_aspect(&path, shot, size_on_disk)?;
                 let (lens, camera) = at_size(&path, shot, size_on_disk, sizing, options.rounding)?;
@@ -176,7 +198,20 @@ impl Dataset {
                     masks::check_size(mask, size_on_disk)?;
                 }
                 let (name, model, mask_ignores) = (shot.name.clone(), shot.model.clone(), options.mask_ignores);
-                Ok(View { name, path, camera, lens, model, mask, mask_ignores, size_on_disk, role })
+                Ok(View {
+                    name,
+                    path,
+                    camera,
+                    lens,
+                    model,
+                    mask,
+                    mask_ignores,
+                    size_on_disk,
+                    jpeg,
+                    samples,
+                    tone,
+                    role,
+                })
             })
             .collect::<Vec<Result<View, Error>>>();
         // In the order of the names, so that of several problems always the same one is told.

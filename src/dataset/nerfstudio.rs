@@ -119,7 +119,7 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
             Some(side) => return Err(wrong(key, format!("is {side}")).into()),
             // instant-ngp's files for made-up scenes leave the size to the photographs.
             None => {
-                let found = photograph::size_on_disk(&dataset.join(name))?;
+                let found = photograph::header(&dataset.join(name))?.size;
                 [found.0, found.1][axis]
             }
         };

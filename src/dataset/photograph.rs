@@ -5,11 +5,13 @@ use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, ImageDecoder, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::error::Error;
 use super::lens::{Distortion, Lens};
-use super::{View, jpeg_end, masks, undistort};
+use super::pixels::{Pixels, Sample};
+use super::tone::Samples;
+use super::{View, jpeg_end, jpeg_reduced, masks, undistort};
 use crate::format;
 
 /// An image in memory.
@@ -19,26 +21,52 @@ pub struct Photograph {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Rows from the top, four bytes per pixel: red, green, blue (as encoded in the file, sRGB as a rule), alpha (the file's,
-    /// 255 where it has none; 0 where a mask leaves the pixel out and where the lens has no picture).
-    pub rgba: Vec<u8>,
+    /// Red, green, blue (as encoded in the file, sRGB as a rule; with more than 8 bits as [`super::Tone`] says), alpha (the
+    /// file's, opaque where it has none; 0 where a mask leaves the pixel out and where the lens has no picture).
+    pub pixels: Pixels,
+    /// Pixels of the file that are brighter than the white level.
+    pub clipped: u64,
 }
 
-/// Width and height from the header; the pixels are not decoded.
-pub(super) fn size_on_disk(file: &Path) -> Result<(u32, u32), Error> {
+impl Photograph {
+    /// RGBA with 8 bits per channel, rounded where there are more.
+    pub fn rgba8(&self) -> std::borrow::Cow<'_, [u8]> {
+        self.pixels.rgba8()
+    }
+}
+
+/// What the header of a photograph says; the pixels are not decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    pub(super) size: (u32, u32),
+    pub(super) samples: Samples,
+    pub(super) jpeg: bool,
+}
+
+/// Reads a header.
+pub(super) fn header(file: &Path) -> Result<Header, Error> {
     let mut reader = BufReader::new(File::open(file).map_err(format::Error::io(file, "open"))?);
-    let found = ImageReader::new(&mut reader)
-        .with_guessed_format()
-        .map_err(format::Error::io(file, "read"))?
-        .into_dimensions()
+    let guessed = ImageReader::new(&mut reader).with_guessed_format().map_err(format::Error::io(file, "read"))?;
+    let jpeg = guessed.format() == Some(ImageFormat::Jpeg);
+    let found = guessed
+        .into_decoder()
+        .map(|decoder| (decoder.dimensions(), samples(decoder.color_type())))
         .map_err(|e| e.to_string());
     let at = reader.stream_position().unwrap_or(0);
     match found {
-        Ok((width, height)) if width > 0 && height > 0 => Ok((width, height)),
-        Ok((width, height)) => {
+        Ok((size, samples)) if size.0 > 0 && size.1 > 0 => Ok(Header { size, samples, jpeg }),
+        Ok(((width, height), _)) => {
             Err(Error::undecodable(file, "header", at, format_args!("the size is {width}x{height}")))
         }
         Err(problem) => Err(Error::undecodable(file, "header", at, problem)),
+    }
+}
+
+fn samples(color: image::ColorType) -> Samples {
+    match color.bytes_per_pixel() / color.channel_count().max(1) {
+        1 => Samples::Bits8,
+        2 => Samples::Bits16,
+        _ => Samples::Float,
     }
 }
 
@@ -54,64 +82,109 @@ pub(super) fn same_shape(copy: (u32, u32), of: (u32, u32)) -> bool {
 /// because COLMAP does not either: its cameras are those of the pixels as they are stored.
 ///
 /// Downscaling uses Catmull-Rom bicubic interpolation with its support widened by the reduction, on the encoded values: the
-/// same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses.
+/// same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is decoded at a
+/// half, a quarter or an eighth of its size first, where at least 1.5 times the pixels that are wanted are left.
 pub(super) fn decode(view: &View) -> Result<Photograph, Error> {
+    decode_bytes(view, &read(&view.path)?)
+}
+
+/// The file as it is.
+pub(super) fn read(file: &Path) -> Result<Vec<u8>, Error> {
+    Ok(std::fs::read(file).map_err(format::Error::io(file, "read"))?)
+}
+
+/// [`decode`] of a file that was read before.
+pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Error> {
     let (width, height) = (view.camera.width, view.camera.height);
-    let image = pixels(&view.path)?;
-    let now = (image.width(), image.height());
-    if now != view.size_on_disk {
-        return Err(Error::Changed { file: view.path.clone(), now, before: view.size_on_disk });
-    }
-    if view.lens.is_none() && view.mask.is_none() && (now == (width, height) || !image.color().has_alpha()) {
-        let image = if now == (width, height) {
-            image.into_rgba8()
-        } else {
-            DynamicImage::ImageRgb8(imageops::resize(&image.into_rgb8(), width, height, FilterType::CatmullRom))
-                .into_rgba8()
-        };
-        return Ok(Photograph { width, height, rgba: image.into_raw() });
-    }
-    let mut rgba = image.into_rgba8().into_raw();
-    if let Some(file) = &view.mask {
-        let mask = pixels(file)?.into_luma8();
-        let size = (mask.width(), mask.height());
-        if !same_shape(size, now) {
-            return Err(Error::MaskSize { file: file.clone(), mask: size, photograph: now });
+    check_whole(&view.path, bytes)?;
+    let image = match jpeg_reduced::decode(bytes, view.size_on_disk, jpeg_reduced::divisor(view)) {
+        Some(reduced) => reduced,
+        None => {
+            let image = picture(&view.path, bytes)?;
+            let now = (image.width(), image.height());
+            if now != view.size_on_disk {
+                return Err(Error::Changed { file: view.path.clone(), now, before: view.size_on_disk });
+            }
+            image
         }
-        masks::apply(&mut rgba, now.0, now.1, &mask, view.mask_ignores);
+    };
+    let deep = samples(image.color()) != Samples::Bits8;
+    let (image, clipped) = if deep { view.tone.applied(image) } else { (image, 0) };
+    let now = (image.width(), image.height());
+    let pixels = if view.lens.is_none() && view.mask.is_none() && (now == (width, height) || !image.color().has_alpha())
+    {
+        reduced(image, deep, width, height)
+    } else {
+        let mask = view.mask.as_deref().map(|file| read_mask(file, now)).transpose()?;
+        match deep {
+            false => Pixels::Rgba8(resampled(image.into_rgba8().into_raw(), now, mask.as_ref(), view)),
+            true => Pixels::Rgba16(resampled(image.into_rgba16().into_raw(), now, mask.as_ref(), view)),
+        }
+    };
+    Ok(Photograph { width, height, pixels, clipped })
+}
+
+/// An opaque picture, or one that keeps its size, with alpha.
+fn reduced(image: DynamicImage, deep: bool, width: u32, height: u32) -> Pixels {
+    let same = (image.width(), image.height()) == (width, height);
+    let kernel = FilterType::CatmullRom;
+    match (deep, same) {
+        (false, true) => Pixels::Rgba8(image.into_rgba8().into_raw()),
+        (false, false) => {
+            let small = imageops::resize(&image.into_rgb8(), width, height, kernel);
+            Pixels::Rgba8(DynamicImage::ImageRgb8(small).into_rgba8().into_raw())
+        }
+        (true, true) => Pixels::Rgba16(image.into_rgba16().into_raw()),
+        (true, false) => {
+            let small = imageops::resize(&image.into_rgb16(), width, height, kernel);
+            Pixels::Rgba16(DynamicImage::ImageRgb16(small).into_rgba16().into_raw())
+        }
     }
-    if view.lens.is_none() && now == (width, height) {
-        return Ok(Photograph { width, height, rgba });
+}
+
+/// A picture with its mask in its alpha, seen by the view's camera.
+fn resampled<T: Sample>(mut rgba: Vec<T>, now: (u32, u32), mask: Option<&image::GrayImage>, view: &View) -> Vec<T> {
+    if let Some(mask) = mask {
+        masks::apply(&mut rgba, now.0, now.1, mask, view.mask_ignores);
+    }
+    if view.lens.is_none() && now == (view.camera.width, view.camera.height) {
+        return rgba;
     }
     let straight = || {
         let full = view.camera.resized(now.0, now.1);
         let none = Distortion::brown([0.0; 3], [0.0; 2]);
         Lens::new([full.fx, full.fy], [full.cx, full.cy], [now.0, now.1], none)
     };
-    let lens = view.lens.unwrap_or_else(straight);
-    Ok(Photograph { width, height, rgba: undistort::resample(&rgba, &lens, &view.camera) })
+    let lens = match view.lens {
+        Some(lens) if now == view.size_on_disk => lens,
+        Some(lens) => lens.resized(now.0, now.1),
+        None => straight(),
+    };
+    undistort::resample(&rgba, &lens, &view.camera)
+}
+
+fn read_mask(file: &Path, photograph: (u32, u32)) -> Result<image::GrayImage, Error> {
+    let bytes = read(file)?;
+    check_whole(file, &bytes)?;
+    let mask = picture(file, &bytes)?.into_luma8();
+    let size = (mask.width(), mask.height());
+    if !same_shape(size, photograph) {
+        return Err(Error::MaskSize { file: file.to_owned(), mask: size, photograph });
+    }
+    Ok(mask)
+}
+
+fn check_whole(file: &Path, bytes: &[u8]) -> Result<(), Error> {
+    if jpeg_end::is_whole(bytes) {
+        return Ok(());
+    }
+    Err(Error::undecodable(file, "pixels", bytes.len() as u64, "the file ends before the picture does"))
 }
 
 /// The picture in a file.
-fn pixels(file: &Path) -> Result<DynamicImage, Error> {
-    let bytes = std::fs::read(file).map_err(format::Error::io(file, "read"))?;
-    if !jpeg_end::is_whole(&bytes) {
-        return Err(Error::undecodable(file, "pixels", bytes.len() as u64, "the file ends before the picture does"));
-    }
-    let mut cursor = Cursor::new(bytes.as_slice());
-    let decoded = decoded(file, &mut cursor);
-    decoded?.map_err(|e| Error::undecodable(file, "pixels", cursor.position(), e))
-}
-
-fn decoded(file: &Path, cursor: &mut Cursor<&[u8]>) -> Result<Result<DynamicImage, image::ImageError>, Error> {
-    let reader = ImageReader::new(cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
-    let decoder = match reader.into_decoder() {
-        Ok(decoder) => decoder,
-        Err(e) => return Ok(Err(e)),
-    };
-    let color = decoder.color_type();
-    if color.bytes_per_pixel() != color.channel_count() {
-        return Err(Error::UnsupportedPixels { file: file.to_owned(), pixels: format!("{color:?}") });
-    }
-    Ok(DynamicImage::from_decoder(decoder))
+fn picture(file: &Path, bytes: &[u8]) -> Result<DynamicImage, Error> {
+    let mut cursor = Cursor::new(bytes);
+    let reader = ImageReader::new(&mut cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
+    let decoded = reader.into_decoder().and_then(DynamicImage::from_decoder);
+    decoded.map_err(|e| Error::undecodable(file, "pixels", cursor.position(), e))
 }

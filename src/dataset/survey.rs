@@ -2,10 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::{Dataset, random_points};
+use super::{Dataset, Samples, random_points};
 
 /// Pairs of views are compared by at most this many points.
 const COMPARED: usize = 20_000;
+/// A view with fewer points than this hardly takes part in the reconstruction.
+const FEW_POINTS: usize = 20;
+/// Views are named up to this many.
+const NAMED: usize = 5;
 
 /// What one view has in view, hidden by something or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,5 +49,40 @@ impl Dataset {
             Sight { points: *points, overlap }
         };
         seen.par_iter().enumerate().map(sight).collect()
+    }
+
+    /// What is wrong with the dataset, `sights` being those of its views: its warnings, and views that see no points or hardly any.
+    pub fn problems(&self, sights: &[Sight]) -> Vec<String> {
+        let mut problems: Vec<String> = self.warnings.iter().map(ToString::to_string).collect();
+        if self.points.is_empty() {
+            return problems;
+        }
+        let named = |wanted: &dyn Fn(usize) -> bool| -> Vec<&str> {
+            self.views.iter().zip(sights).filter(|(_, s)| wanted(s.points)).map(|(v, _)| v.name.as_str()).collect()
+        };
+        for (names, what) in [
+            (
+                named(&|n| n == 0),
+                "without any point in view: their poses are wrong, or nothing was reconstructed there",
+            ),
+            (named(&|n| n > 0 && n < FEW_POINTS), "with fewer than 20 points in view"),
+        ] {
+            if !names.is_empty() {
+                let more = if names.len() > NAMED { ", ..." } else { "" };
+                let shown = names[..names.len().min(NAMED)].join(", ");
+                problems.push(format!("{} views {what}: {shown}{more}", names.len()));
+            }
+        }
+        problems
+    }
+
+    /// How many photographs have more than 8 bits per channel, and what is done with them: a line for each kind of file.
+    pub fn deep_photographs(&self) -> Vec<String> {
+        let of = |samples: Samples| {
+            let mut views = self.views.iter().filter(|view| view.samples == samples);
+            let first = views.next()?;
+            Some(format!("{} photographs: {}", 1 + views.count(), first.tone.of(samples)))
+        };
+        [Samples::Bits16, Samples::Float].into_iter().filter_map(of).collect()
     }
 }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::lens::Lens;
+use super::pixels::Sample;
 use crate::scene::Camera;
 
 /// What Catmull-Rom's kernel reaches on each side, in pixels of the coarser of the two pictures.
@@ -14,9 +15,9 @@ const REACH: f64 = 2.0;
 /// is widened along rows and columns where neighbouring rays land more than a pixel apart: undistorting and reducing are one
 /// interpolation. Colours are weighted with their alpha, so that masked ones do not bleed. Alpha is 0 where the ray has no place
 /// in the photograph.
-pub(super) fn resample(photograph: &[u8], lens: &Lens, camera: &Camera) -> Vec<u8> {
+pub(super) fn resample<T: Sample>(photograph: &[T], lens: &Lens, camera: &Camera) -> Vec<T> {
     let width = camera.width as usize;
-    let mut out = vec![0; 4 * width * camera.height as usize];
+    let mut out = vec![T::default(); 4 * width * camera.height as usize];
     out.par_chunks_exact_mut(4 * width).enumerate().for_each(|(j, row)| {
         let (mut columns, mut rows) = (Taps::default(), Taps::default());
         for (i, pixel) in row.chunks_exact_mut(4).enumerate() {
@@ -65,7 +66,7 @@ fn catmull_rom(x: f64) -> f64 {
     }
 }
 
-fn weighted(photograph: &[u8], width: usize, columns: &Taps, rows: &Taps) -> [u8; 4] {
+fn weighted<T: Sample>(photograph: &[T], width: usize, columns: &Taps, rows: &Taps) -> [T; 4] {
     // Sums of the weights, of weight times alpha, of colours with either.
     let (mut whole, mut opaque, mut colors, mut all_colors) = (0.0_f32, 0.0_f32, [0.0_f32; 3], [0.0_f32; 3]);
     for (k, down) in rows.weights.iter().enumerate() {
@@ -73,18 +74,17 @@ fn weighted(photograph: &[u8], width: usize, columns: &Taps, rows: &Taps) -> [u8
         let line = photograph.get(start..).unwrap_or_default();
         for (pixel, across) in line.chunks_exact(4).zip(&columns.weights) {
             let weight = down * across;
-            let alpha = weight * f32::from(pixel[3]) * (1.0 / 255.0);
+            let alpha = weight * pixel[3].number() * (1.0 / T::WHITE);
             whole += weight;
             opaque += alpha;
             for c in 0..3 {
-                colors[c] += alpha * f32::from(pixel[c]);
-                all_colors[c] += weight * f32::from(pixel[c]);
+                colors[c] += alpha * pixel[c].number();
+                all_colors[c] += weight * pixel[c].number();
             }
         }
     }
-    let rounded = |value: f32| value.round().clamp(0.0, 255.0) as u8;
     // Almost nothing opaque: a quotient of two small numbers would be no colour.
     let (sums, by) = if opaque > 0.01 * whole { (colors, opaque) } else { (all_colors, whole) };
-    let [r, g, b] = sums.map(|sum| rounded(sum / by));
-    [r, g, b, rounded(255.0 * opaque / whole)]
+    let [r, g, b] = sums.map(|sum| T::rounded(sum / by));
+    [r, g, b, T::rounded(T::WHITE * opaque / whole)]
 }

@@ -20,6 +20,13 @@ pub enum Warning {
         /// The view.
         name: String,
     },
+    /// Photographs have pixels above the white level, which are white.
+    BrighterThanWhite {
+        /// Photographs that have such pixels.
+        photographs: usize,
+        /// Such pixels in all of them.
+        pixels: u64,
+    },
     /// The folder has files of several formats.
     SeveralFormats {
         /// The one that was read.
@@ -66,6 +73,11 @@ impl fmt::Display for Warning {
                 "the training cameras ({cameras}) are all at one place: the scene's extent is taken from the points ({extent} units)"
             ),
             Self::AllMasked { name } => write!(f, "'{name}': every pixel is masked; it is left out"),
+            Self::BrighterThanWhite { photographs, pixels } => write!(
+                f,
+                "{photographs} photographs have pixels brighter than white ({pixels} in all), which are made white; \
+                 --white-level says what is"
+            ),
             Self::NothingHeldOut { views } => {
                 write!(
                     f,

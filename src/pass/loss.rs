@@ -53,11 +53,6 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
-/// Whether a pixel of a photograph, packed with red in the lowest bits, is masked: it is when its alpha is 0.
-pub fn masked(photograph: u32) -> bool {
-    photograph >> 24 == 0
-}
-
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -111,6 +106,8 @@ impl Layout {
 const LOCAL_SIZE: Constant = Constant { id: 0, name: "LOCAL_SIZE", default: 8 };
 const SEGMENT: Constant = Constant { id: 1, name: "SEGMENT", default: 64 };
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: EMULATED_LANES };
+/// Bits per channel of the photograph, 8 or 16.
+const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
 const STRIPS: &[Binding] = &[
     read("image"),
@@ -157,14 +154,15 @@ const fn grad(
 }
 
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
-pub const STRIPS_SUBGROUP: Pass = strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT], None);
+pub const STRIPS_SUBGROUP: Pass = strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS], None);
 /// The same without subgroup operations.
-pub const STRIPS_EMULATED: Pass = strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT], Some(EMULATED_LOCAL_SIZE));
+pub const STRIPS_EMULATED: Pass =
+    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS], Some(EMULATED_LOCAL_SIZE));
 /// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
-pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE], None, twin::run_grad);
+pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS], None, twin::run_grad);
 /// The same without subgroup operations.
 pub const GRAD_EMULATED: Pass =
-    grad("loss_grad_emulated", &[EMULATED_WIDTH], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
+    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
 
 /// The parts of the loss added up, in a fixed order.
 pub const SUM: Pass = Pass {

@@ -2,32 +2,38 @@
 
 use super::Error;
 use super::engine::Engine;
+use super::feed::Feed;
 use super::input::View;
+use crate::dataset::Pixels;
 use crate::eval::{ImageScore, Quality, psnr, psnr_cc, psnr_cc_where, psnr_where, ssim, ssim_where};
 
 /// Renders every view and compares it with its photograph, both rounded to 8 bits.
 pub(super) fn quality(
     engine: &mut Engine,
     views: &[View],
+    photographs: &Feed,
     sh_degree: u32,
     background: [f32; 3],
 ) -> Result<Quality, Error> {
     let mut images = Vec::with_capacity(views.len());
-    for view in views {
+    for (i, view) in views.iter().enumerate() {
+        photographs.look_ahead(&(i..views.len().min(i + photographs.ahead())).collect::<Vec<_>>());
         let picture = engine.picture(&view.camera, sh_degree, background, false)?;
-        images.push(score(view, &picture.rgb8()));
+        images.push(score(view, &*photographs.get(i)?, &picture.rgb8()));
     }
+    // Nothing stays decoded until the next time.
+    photographs.look_ahead(&[]);
     Ok(Quality::of(images))
 }
 
-/// Compares 8-bit RGB with a view's photograph, where that is not masked.
-pub fn score(view: &View, rgb: &[u8]) -> ImageScore {
-    let truth: Vec<u8> = view.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+/// Compares 8-bit RGB with a view's photograph, rounded to 8 bits as well, where that is not masked.
+pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
+    let truth = photograph.rgb8();
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let (psnr, fitted, ssim) = if view.masked() == 0 {
         (psnr(rgb, &truth), psnr_cc(rgb, &truth), ssim(rgb, &truth, width, height))
     } else {
-        let counts: Vec<bool> = view.rgba.chunks_exact(4).map(|p| p[3] != 0).collect();
+        let counts = photograph.counting();
         let fitted = psnr_cc_where(rgb, &truth, &counts);
         (psnr_where(rgb, &truth, &counts), fitted, ssim_where(rgb, &truth, &counts, width, height))
     };

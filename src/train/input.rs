@@ -1,5 +1,6 @@
 //! What a training is given: views with their photographs, and a first model.
 
+use crate::dataset::{Depth, Pixels, Supply};
 use crate::scene::{Camera, Gaussians};
 
 /// A photograph with its camera in scene coordinates.
@@ -7,16 +8,21 @@ use crate::scene::{Camera, Gaussians};
 pub struct View {
     /// Name of the photograph.
     pub name: String,
-    /// Camera, of the size of `rgba`.
+    /// Camera, of the size of the photograph.
     pub camera: Camera,
-    /// 8-bit RGBA, row-major. Where alpha is 0 the pixel is masked: it has no part in losses and metrics.
-    pub rgba: Vec<u8>,
+    /// The pixels. Where alpha is 0 a pixel is masked: it has no part in losses and metrics.
+    pub photograph: Supply,
 }
 
 impl View {
+    /// With a photograph that is in memory. Pixels less than half opaque are masked.
+    pub fn new(name: &str, camera: Camera, pixels: Pixels) -> Self {
+        Self { name: name.to_owned(), camera, photograph: Supply::of(pixels) }
+    }
+
     /// Number of masked pixels.
     pub fn masked(&self) -> u32 {
-        self.rgba.chunks_exact(4).filter(|p| p[3] == 0).count() as u32
+        self.photograph.masked()
     }
 }
 
@@ -31,4 +37,38 @@ pub struct Input {
     pub initial: Gaussians,
     /// Extent of the training cameras in scene units (1.1 x the largest distance from their mean).
     pub extent: f32,
+}
+
+impl Input {
+    /// What memory depends on.
+    pub fn outline(&self) -> Outline {
+        Outline {
+            train: self.train.iter().map(|view| (view.camera, view.photograph.depth())).collect(),
+            held_out: self.held_out.iter().map(|view| (view.camera, view.photograph.depth())).collect(),
+            extent: self.extent,
+        }
+    }
+}
+
+/// Sizes and depths of the photographs of a training: what its memory depends on, known before any is decoded.
+#[derive(Clone, Debug)]
+pub struct Outline {
+    /// Views to train on.
+    pub train: Vec<(Camera, Depth)>,
+    /// Views to evaluate on.
+    pub held_out: Vec<(Camera, Depth)>,
+    /// As that of [`Input`].
+    pub extent: f32,
+}
+
+impl Outline {
+    /// Bytes of photographs, decoded.
+    pub fn bytes(views: &[(Camera, Depth)]) -> u64 {
+        views.iter().map(|(c, depth)| u64::from(c.width) * u64::from(c.height) * depth.bytes_per_pixel()).sum()
+    }
+
+    /// Bytes of the largest photograph, decoded.
+    pub fn largest(&self) -> u64 {
+        self.train.iter().chain(&self.held_out).map(|view| Self::bytes(std::slice::from_ref(view))).max().unwrap_or(0)
+    }
 }

@@ -1,5 +1,7 @@
 //! The image loss on the device.
 
+use super::photographs::Shown;
+use crate::dataset::Depth;
 use crate::pass::loss::{self, Layout, Push, SumPush};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
 
@@ -7,8 +9,9 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup}
 pub(super) struct Losses {
     lambda: f32,
     lanes: u32,
-    strips: Pipeline,
-    grad: Pipeline,
+    /// For photographs with 8 bits per channel, and with 16 where there are any.
+    eight: Passes,
+    sixteen: Option<Passes>,
     sum: Pipeline,
     planes: [Buffer; 3],
     ssim_parts: Buffer,
@@ -17,9 +20,16 @@ pub(super) struct Losses {
     result: Buffer,
 }
 
+/// The passes for one depth of photographs.
+struct Passes {
+    strips: Pipeline,
+    grad: Pipeline,
+}
+
 impl Losses {
-    /// For images of the given sizes; `lambda` is the weight of 1 - SSIM, L1 has the rest.
-    pub(super) fn new(gpu: &Gpu, sizes: &[(u32, u32)], lambda: f64) -> Result<Self, vk::Error> {
+    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel; `lambda` is the weight of 1 - SSIM, L1
+    /// has the rest.
+    pub(super) fn new(gpu: &Gpu, sizes: &[(u32, u32)], deep: bool, lambda: f64) -> Result<Self, vk::Error> {
         let (strips, grad, constant, lanes) = match gpu.caps().subgroup {
             Subgroup::Hardware(width) if width >= loss::LEAST_LANES => {
                 (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
@@ -28,6 +38,14 @@ impl Losses {
                 let width = loss::EMULATED_LANES;
                 (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED, "EMULATED_WIDTH", width)
             }
+        };
+        let passes = |depth: Depth| -> Result<Passes, vk::Error> {
+            let (lanes, bits) = ((constant, lanes), ("PHOTOGRAPH_BITS", depth.bits()));
+            let segment = ("SEGMENT", Layout::segment_for(lanes.1));
+            Ok(Passes {
+                strips: gpu.pipeline(&strips.kernel, &[lanes, segment, bits])?,
+                grad: gpu.pipeline(&grad.kernel, &[lanes, bits])?,
+            })
         };
         let most = |f: &dyn Fn(Layout) -> u64| {
             let layouts = sizes.iter().map(|&(width, height)| Layout::new(width, height, lanes));
@@ -38,8 +56,8 @@ impl Losses {
         Ok(Self {
             lambda: lambda as f32,
             lanes,
-            strips: gpu.pipeline(&strips.kernel, &[(constant, lanes), ("SEGMENT", Layout::segment_for(lanes))])?,
-            grad: gpu.pipeline(&grad.kernel, &[(constant, lanes)])?,
+            eight: passes(Depth::Eight)?,
+            sixteen: if deep { Some(passes(Depth::Sixteen)?) } else { None },
             sum: gpu.pipeline(&loss::SUM.kernel, &[])?,
             planes: [plane("red_planes")?, plane("green_planes")?, plane("blue_planes")?],
             ssim_parts: gpu.buffer("ssim_parts", 4 * most(&|l| u64::from(l.ssim_parts())), Memory::Device)?,
@@ -49,24 +67,26 @@ impl Losses {
         })
     }
 
-    /// Records the loss of `image` against `photograph` (RGBA8, alpha 0 is masked), both of the given size, over that many
-    /// `values`: see [`loss::values`].
+    /// Records the loss of `image` against `photograph`, both of the given size.
     pub(super) fn record(
         &self,
         recorder: &mut Recorder,
         image: &Buffer,
-        photograph: &Buffer,
-        width: u32,
-        height: u32,
-        values: f32,
+        photograph: &Shown<'_>,
+        (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
         let layout = Layout::new(width, height, self.lanes);
+        let Shown { buffer: photograph, values, depth } = *photograph;
+        let passes = match (depth, &self.sixteen) {
+            (Depth::Sixteen, Some(passes)) => passes,
+            _ => &self.eight,
+        };
         let push = Push { width, height, lambda: self.lambda, values };
         let [red, green, blue] = &self.planes;
         let buffers = [image, photograph, red, green, blue, &self.ssim_parts];
-        recorder.dispatch(&self.strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
+        recorder.dispatch(&passes.strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
         let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts];
-        recorder.dispatch(&self.grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
+        recorder.dispatch(&passes.grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
         let push = SumPush {
             values,
             ssim_count: layout.ssim_parts(),

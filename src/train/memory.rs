@@ -5,9 +5,11 @@ use std::fmt;
 
 use super::Error;
 use super::engine::Engine;
-use super::input::Input;
+use super::input::{Input, Outline};
+use super::pacing::Pacing;
+use super::photographs::{Photographs, Residency};
 use super::settings::Settings;
-use super::trainer::Pacing;
+use crate::dataset::Depth;
 use crate::raster::{Variants, Viewer, most_pairs, most_splats};
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Memory};
@@ -25,41 +27,77 @@ const STAGING: u64 = 4 << 20;
 #[derive(Clone)]
 pub(super) struct Needs {
     pub(super) gpu: Gpu,
-    pub(super) cameras: Vec<Camera>,
+    pub(super) views: Vec<(Camera, Depth)>,
     pub(super) settings: Settings,
     pub(super) extent: f64,
     /// Whether held-out photographs are rendered on the way.
     pub(super) pictures: bool,
     /// Bytes that the training may use.
     pub(super) room: u64,
+    /// Where the photographs are.
+    pub(super) residency: Residency,
+    /// Where they are taken to be when the most splats are counted, which must not depend on how much memory the host has to
+    /// spare today.
+    counted: Residency,
+    in_flight: usize,
 }
 
 impl Needs {
-    pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Settings) -> Self {
+    pub(super) fn new(gpu: &Gpu, outline: &Outline, settings: &Settings, pacing: Pacing) -> Result<Self, Error> {
         let tally = gpu.memory_use();
-        Self {
+        let mut needs = Self {
             gpu: gpu.clone(),
-            cameras: input.train.iter().map(|v| v.camera).collect(),
+            views: outline.train.clone(),
             settings: settings.clone(),
-            extent: f64::from(input.extent),
-            pictures: !input.held_out.is_empty(),
+            extent: f64::from(outline.extent),
+            pictures: !outline.held_out.is_empty(),
             room: tally.limit.saturating_sub(tally.current.next_multiple_of(GRAIN)),
+            residency: pacing.photographs,
+            counted: pacing.photographs,
+            in_flight: pacing.events_in_flight(),
+        };
+        let usual = needs.usual_residency()?;
+        if needs.residency == Residency::Auto {
+            needs.residency = usual;
         }
+        // Streaming takes less than what is set aside so.
+        needs.counted = if usual == Residency::Resident { usual } else { needs.residency };
+        Ok(needs)
     }
 
-    /// Bytes of the buffers of a training with room for so many splats and pairs.
-    fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+    /// On the device where that takes little of it, or less than streaming.
+    fn usual_residency(&self) -> Result<Residency, Error> {
+        let resident = self.of_photographs(Residency::Resident)?;
+        let little = resident <= self.room / 2 || resident <= self.of_photographs(Residency::Streamed)?;
+        Ok(if little { Residency::Resident } else { Residency::Streamed })
+    }
+
+    /// Bytes of the buffers of the photographs.
+    pub(super) fn of_photographs(&self, residency: Residency) -> Result<u64, Error> {
         let counting = self.gpu.planning();
-        let photographs = self.photographs(&counting)?;
-        Engine::allocate(&counting, &self.cameras, photographs, self, variants, (splats, pairs))?;
+        self.photographs(&counting, residency)?;
         Ok(counting.planned_bytes())
     }
 
-    /// The same with what comes and goes on the way: pictures of held-out views, what is read back for a checkpoint, staging.
-    pub(super) fn bytes(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+    /// Bytes of the buffers of a training with room for so many splats and pairs, photographs apart.
+    pub(super) fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         let counting = self.gpu.planning();
+        let photographs = Photographs::allocate(&self.gpu.planning(), &[], Residency::Resident, 1)?;
+        Engine::allocate(&counting, photographs, self, variants, (splats, pairs))?;
+        Ok(counting.planned_bytes())
+    }
+
+    /// The same with the photographs and with what comes and goes on the way: pictures of held-out views, what is read back for a
+    /// checkpoint, staging.
+    pub(super) fn bytes(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+        Ok(self.of_photographs(self.residency)? + self.without_photographs(variants, splats, pairs)?)
+    }
+
+    fn without_photographs(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
+        let counting = self.gpu.planning();
+        let cameras = self.views.iter().map(|(camera, _)| camera);
         if self.pictures
-            && let Some(largest) = self.cameras.iter().max_by_key(|c| u64::from(c.width) * u64::from(c.height))
+            && let Some(largest) = cameras.max_by_key(|c| u64::from(c.width) * u64::from(c.height))
         {
             Viewer::new(&counting).reserve(splats, largest.width, largest.height)?;
         }
@@ -68,12 +106,9 @@ impl Needs {
         Ok(self.training(variants, splats, pairs)? + counting.planned_bytes())
     }
 
-    /// Buffers of the photographs, RGBA8.
-    pub(super) fn photographs(&self, gpu: &Gpu) -> Result<Vec<vk::Buffer>, Error> {
-        let buffer = |(i, c): (usize, &Camera)| {
-            gpu.buffer(&format!("photograph {i}"), 4 * u64::from(c.width) * u64::from(c.height), Memory::Device)
-        };
-        Ok(self.cameras.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?)
+    /// Buffers of the photographs.
+    pub(super) fn photographs(&self, gpu: &Gpu, residency: Residency) -> Result<Photographs, Error> {
+        Photographs::allocate(gpu, &self.views, residency, self.in_flight)
     }
 
     fn fits(&self, variants: Variants, splats: u32, pairs: u32) -> bool {
@@ -83,7 +118,7 @@ impl Needs {
     /// Pairs to have room for with so many splats.
     fn pairs_for(&self, variants: Variants, splats: u32) -> u32 {
         let side = variants.tile.size();
-        let tiles = self.cameras.iter().map(|c| c.width.div_ceil(side) * c.height.div_ceil(side)).max().unwrap_or(1);
+        let tiles = self.views.iter().map(|(c, _)| c.width.div_ceil(side) * c.height.div_ceil(side)).max().unwrap_or(1);
         let pairs = tiles.saturating_mul(PAIRS_PER_TILE).max(splats.saturating_mul(PAIRS_PER_SPLAT));
         pairs.min(most_pairs(&self.gpu, variants))
     }
@@ -92,7 +127,11 @@ impl Needs {
     /// resumed run has the same. `None` when memory is not what limits them.
     pub(super) fn most_splats(&self, variants: Variants) -> Option<u32> {
         let most = most_splats(&self.gpu);
-        let fits = |splats| self.fits(variants, splats, self.pairs_for(variants, splats));
+        let room = self.room.saturating_sub(self.of_photographs(self.counted).unwrap_or(u64::MAX));
+        let fits = |splats| {
+            let pairs = self.pairs_for(variants, splats);
+            self.without_photographs(variants, splats, pairs).is_ok_and(|bytes| bytes <= room)
+        };
         if fits(most) { None } else { Some(largest(0, most, fits).unwrap_or(0)) }
     }
 
@@ -172,6 +211,8 @@ pub struct MemoryPlan {
     pub limit: u64,
     /// Photographs to train on, and their bytes.
     pub photographs: (usize, u64),
+    /// Whether these are all on the device, or those of the next steps.
+    pub residency: Residency,
     /// Bytes per splat of the capacity.
     pub per_splat: f64,
     /// Bytes per (splat, tile) pair of the capacity.
@@ -196,23 +237,34 @@ impl MemoryPlan {
         pacing: Pacing,
         splats: u32,
     ) -> Result<Self, Error> {
-        let needs = Needs::new(gpu, input, settings);
+        Self::of(gpu, &input.outline(), settings, variants, pacing, splats)
+    }
+
+    /// The same, before any photograph is decoded.
+    pub fn of(
+        gpu: &Gpu,
+        outline: &Outline,
+        settings: &Settings,
+        variants: Variants,
+        pacing: Pacing,
+        splats: u32,
+    ) -> Result<Self, Error> {
+        let needs = Needs::new(gpu, outline, settings, pacing)?;
         let capacities = needs.at_start(variants, splats, pacing)?;
-        let counting = gpu.planning();
-        needs.photographs(&counting)?;
-        let photographs = (needs.cameras.len(), counting.planned_bytes());
+        let photographs = (needs.views.len(), needs.of_photographs(needs.residency)?);
         // Differences of large numbers: tables of the sorts grow in steps.
         let (n, more) = (1 << 19, 1 << 20);
         let bytes = |splats, pairs| needs.training(variants, splats, pairs).map(|b| b as f64);
         let base = bytes(n, n)?;
         let per = |with: f64| (with - base) / f64::from(more - n);
-        let fewest = Needs { cameras: needs.cameras.iter().map(|c| c.resized(8, 8)).collect(), ..needs.clone() };
-        let pixels = needs.cameras.iter().map(|c| f64::from(c.width) * f64::from(c.height)).fold(1.0, f64::max);
-        let of_pixels = base - fewest.training(variants, n, n)? as f64 - photographs.1 as f64;
+        let fewest = Needs { views: needs.views.iter().map(|(c, d)| (c.resized(8, 8), *d)).collect(), ..needs.clone() };
+        let pixels = needs.views.iter().map(|(c, _)| f64::from(c.width) * f64::from(c.height)).fold(1.0, f64::max);
+        let of_pixels = base - fewest.training(variants, n, n)? as f64;
         let most = needs.most_splats(variants);
         Ok(Self {
             limit: gpu.memory_use().limit,
             photographs,
+            residency: needs.residency,
             per_splat: per(bytes(more, n)?),
             per_pair: per(bytes(n, more)?),
             per_pixel: of_pixels / pixels,
@@ -245,10 +297,11 @@ impl fmt::Display for MemoryPlan {
         let (most, by_memory) = self.most_splats;
         write!(
             f,
-            "device memory: {} for {} photographs, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; {} at the \
+            "device memory: {} for {} photographs{}, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; {} at the \
              start, with room for {splats} splats and {pairs} pairs; of the {} that may be used, {}",
             readable(self.photographs.1),
             self.photographs.0,
+            if self.residency == Residency::Streamed { ", uploaded in their steps" } else { "" },
             self.per_splat,
             self.per_pair,
             self.per_pixel,

@@ -4,9 +4,9 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use super::Error;
-use super::input::{Input, View};
+use super::input::{Input, Outline, View};
 use super::settings::{self, Settings};
-use crate::dataset::{Dataset, LoadOptions, Role, Warning};
+use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
 use crate::format::ply;
 use crate::scene::{Frame, Gaussians, init};
 
@@ -18,31 +18,41 @@ pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
         split: photographs.split,
         format: photographs.format,
         mask_ignores: photographs.mask_ignores,
+        tone: Tone { white_level: photographs.white_level, transfer: photographs.transfer },
         ..LoadOptions::default()
     }
 }
 
-/// The views of a role with their photographs decoded, cameras in scene coordinates. Pixels less than half opaque are masked;
-/// a photograph without any other is left out: see [`left_out`].
-pub fn views(dataset: &Dataset, role: Role) -> Result<Vec<View>, Error> {
-    let photographs = dataset.photographs(role)?;
+/// The views of a role with their photographs, cameras in scene coordinates. Every photograph is decoded once and kept as `share`
+/// allows, which what is kept is taken off. Pixels less than half opaque are masked; a photograph without any other is left out:
+/// see [`left_out`].
+pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<Vec<View>, Error> {
+    let photographs = dataset.take_in(role, share)?;
     let views = dataset.views_of(role).zip(photographs);
-    Ok(views
-        .filter_map(|((index, view), photograph)| {
-            let camera = dataset.scene_camera(index)?;
-            let mut rgba = photograph.rgba;
-            rgba.chunks_exact_mut(4).for_each(|p| p[3] = if p[3] < 128 { 0 } else { 255 });
-            Some(View { name: view.name.clone(), camera, rgba })
-        })
-        .filter(|view| view.rgba.chunks_exact(4).any(|p| p[3] != 0))
-        .collect())
+    let view = |((index, view), photograph): ((usize, &crate::dataset::View), _)| {
+        Some(View { name: view.name.clone(), camera: dataset.scene_camera(index)?, photograph: photograph? })
+    };
+    Ok(views.filter_map(view).collect())
 }
 
-/// What to tell of the views of a role that [`views`] has left out.
+/// What to tell of the views of a role: those that [`views`] has left out, and those whose white is cut.
 pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     let kept: HashSet<&str> = views.iter().map(|view| view.name.as_str()).collect();
     let gone = dataset.views_of(role).filter(|(_, view)| !kept.contains(view.name.as_str()));
-    gone.map(|(_, view)| Warning::AllMasked { name: view.name.clone() }).collect()
+    let masked = gone.map(|(_, view)| Warning::AllMasked { name: view.name.clone() });
+    let clipped: Vec<u64> = views.iter().map(|view| view.photograph.clipped()).filter(|n| *n > 0).collect();
+    let clipped = (!clipped.is_empty())
+        .then(|| Warning::BrighterThanWhite { photographs: clipped.len(), pixels: clipped.iter().sum() });
+    masked.chain(clipped).collect()
+}
+
+/// Sizes and depths of the photographs, before any is decoded.
+pub fn outline(dataset: &Dataset) -> Outline {
+    let of = |role| {
+        let views = dataset.views_of(role);
+        views.filter_map(|(i, view)| Some((dataset.scene_camera(i)?, view.samples.depth()))).collect()
+    };
+    Outline { train: of(Role::Train), held_out: of(Role::HeldOut), extent: Frame::EXTENT as f32 }
 }
 
 /// The first model: from `--init`, or from the reconstructed points, or where there are none from random ones.
@@ -59,12 +69,19 @@ pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result
     }
 }
 
-/// Decodes the photographs and makes the first model. Held-out photographs are decoded too, for evaluation only.
+/// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation
+/// only.
 pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
+    let initial = initial(dataset, settings.run.init.as_deref(), settings.run.seed)?;
+    input_within(dataset, initial, HostShare::unlimited())
+}
+
+/// The same for a model to begin with, photographs being kept as `share` allows: those to train on first.
+pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare) -> Result<Input, Error> {
     Ok(Input {
-        train: views(dataset, Role::Train)?,
-        held_out: views(dataset, Role::HeldOut)?,
-        initial: initial(dataset, settings.run.init.as_deref(), settings.run.seed)?,
+        train: views(dataset, Role::Train, &mut share)?,
+        held_out: views(dataset, Role::HeldOut, &mut share)?,
+        initial,
         extent: Frame::EXTENT as f32,
     })
 }

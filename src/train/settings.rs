@@ -2,10 +2,11 @@
 //! configuration are the same fields with the same names and defaults.
 
 mod file;
+mod preset;
 mod values;
 
 pub use file::SettingsError;
-pub use values::{Background, ByteSize, Exposure, Format, MaskIgnores, Method, Split, Tune};
+pub use values::{Background, ByteSize, Exposure, Format, MaskIgnores, Method, Preset, Split, Transfer, Tune};
 
 use std::path::PathBuf;
 
@@ -81,6 +82,10 @@ group! {
         pub no_densify,
     }
     optional {
+        /// Resolution, steps and schedule: quick (640 pixels, 2000 steps, scaled), standard (1600 pixels, 30000 steps) or full (the
+        /// photographs' size, 30000 steps); options given by name win [default: quick on a CPU device, else standard]
+        #[arg(value_name = "NAME")]
+        pub preset: Preset,
         /// Start from the splats of this PLY file instead of the points of the dataset
         #[arg(value_name = "FILE.ply")]
         pub init: PathBuf,
@@ -101,6 +106,10 @@ group! {
         /// Which colour of the masks in DATA/masks means that a pixel is left out
         #[arg(value_name = "COLOUR")]
         pub mask_ignores: MaskIgnores = MaskIgnores::Black,
+        /// Curve of photographs with more than 8 bits per channel: `srgb` takes their numbers as encoded, `linear` encodes them;
+        /// `auto` takes whole numbers (PNG) as encoded and floating-point ones (OpenEXR) as linear
+        #[arg(value_name = "CURVE")]
+        pub transfer: Transfer = Transfer::Auto,
     }
     flags {}
     optional {
@@ -110,6 +119,10 @@ group! {
         /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
         #[arg(value_name = "FOLDER")]
         pub images: String,
+        /// The number that is white in photographs with more than 8 bits per channel; larger ones are cut [default: 65535 in PNG,
+        /// 1 in OpenEXR]
+        #[arg(value_name = "V")]
+        pub white_level: f64,
     }
 }
 
@@ -241,6 +254,10 @@ group! {
         /// device reports, or PSRGS_MAX_DEVICE_MEMORY]
         #[arg(value_name = "BYTES")]
         pub max_device_memory: ByteSize,
+        /// Memory of this machine that may be used, such as 2GiB: photographs beyond it are kept compressed or read again [default:
+        /// half of what is free]
+        #[arg(value_name = "BYTES")]
+        pub host_memory: ByteSize,
         /// How the blending passes share a tile among threads [default: what suits the device]
         #[arg(value_name = "SHAPE", value_enum)]
         pub tile_shape: crate::raster::TileShape,
@@ -302,6 +319,8 @@ impl Settings {
         let (run, density, optimiser) = (&self.run, &self.density, &self.optimiser);
         ok(run.iterations >= 1, "iterations", "at least 1")?;
         ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
+        let white = self.photographs.white_level;
+        ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;
         ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
         ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
         ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;

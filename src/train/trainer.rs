@@ -1,44 +1,32 @@
 //! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
 //! when a buffer turned out too small.
 
+mod recovery;
+
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::checkpoint::Checkpointed;
+use super::choice::chosen_variants;
 use super::cost::MemoryCost;
-use super::engine::{Engine, MOST_IN_FLIGHT, Outcome};
+use super::engine::{Engine, Outcome};
 use super::event::{Event, Kind};
 use super::exposures::ExposureMatrix;
+use super::feed::{Feed, FeedCounts};
 use super::history::History;
 use super::input::{Input, View};
 use super::message::Message;
+use super::pacing::Pacing;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::state::State;
 use super::{Error, evaluate};
 use crate::format::checkpoint;
 use crate::pass::counters;
-use crate::raster::{Backward, GradientSum, Picture, TileShape, Variants};
+use crate::raster::{Picture, Variants};
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{FloatAtomics, Gpu, SubmitOrder, Ticket};
-
-/// How far the host may run ahead of the device, and how large the buffers start.
-#[derive(Clone, Copy, Debug)]
-pub struct Pacing {
-    /// Events submitted and not yet looked at, from 1 to 32. From 3 on, looking at the oldest never drains the device.
-    pub events_in_flight: usize,
-    /// Splats that fit before the first growth; 0 chooses.
-    pub splat_capacity: u32,
-    /// (splat, tile) pairs that fit before the first growth; 0 chooses.
-    pub pair_capacity: u32,
-}
-
-impl Default for Pacing {
-    fn default() -> Self {
-        Self { events_in_flight: 4, splat_capacity: 0, pair_capacity: 0 }
-    }
-}
+use crate::vk::{Gpu, SubmitOrder, Ticket};
 
 /// What a resumed training begins with.
 pub struct Restart {
@@ -62,6 +50,8 @@ pub struct Trainer {
     held_out: Vec<View>,
     /// Names of the photographs to train on.
     names: Vec<String>,
+    /// Their photographs.
+    truth: Feed,
     pacing: Pacing,
     pub(super) next: Event,
     pub(super) in_flight: VecDeque<(Event, Ticket)>,
@@ -105,12 +95,14 @@ impl Trainer {
         };
         let engine = Engine::new(gpu, &input, settings, variants, pacing, state)?;
         let last_splats = engine.initial_splats();
+        let truth = input.held_out.iter().map(|view| view.photograph.clone()).collect();
         Ok(Self {
             engine,
             schedule,
             settings: settings.clone(),
             names: input.train.into_iter().map(|view| view.name).collect(),
             held_out: input.held_out,
+            truth: Feed::new(truth, pacing.decoded_ahead, pacing.decoders()),
             pacing,
             next: Event::of_step(step + 1),
             in_flight: VecDeque::new(),
@@ -172,16 +164,26 @@ impl Trainer {
 
     /// Another event may be submitted before the oldest is looked at.
     pub(super) fn has_room(&self) -> bool {
-        self.in_flight.len() < self.pacing.events_in_flight.clamp(1, MOST_IN_FLIGHT)
+        self.in_flight.len() < self.pacing.events_in_flight()
     }
 
     /// Submits the next event.
     pub(super) fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
         let plan = self.schedule.step(self.next.step);
+        self.look_ahead();
         let ticket = self.engine.submit_with(self.next, &plan, self.schedule.view_at(self.next.step), order)?;
         self.in_flight.push_back((self.next, ticket));
         self.next = self.next.next(&self.schedule);
         Ok(ticket)
+    }
+
+    /// Has the photographs of the next steps decoded.
+    fn look_ahead(&self) {
+        let (ahead, step) = (self.engine.ahead() as u32, self.next.step);
+        if ahead > 0 && self.next.kind == Kind::Step {
+            let steps = step..step.saturating_add(ahead).min(self.schedule.iterations + 1);
+            self.engine.look_ahead(&steps.map(|t| self.schedule.view_at(t)).collect::<Vec<_>>());
+        }
     }
 
     fn seconds(&self) -> f64 {
@@ -273,52 +275,6 @@ impl Trainer {
         }
     }
 
-    /// Drains, grows what was too small, clears the status and goes back to the first event that was lost.
-    fn recover(&mut self) -> Result<(), Error> {
-        self.in_flight.clear();
-        let (done, grown) = match self.engine.grow() {
-            Ok(grown) => grown,
-            Err(error) => return Err(self.saved_before(error)),
-        };
-        self.next = Event::after(done, &self.schedule);
-        for (what, capacity) in grown {
-            self.tell(Message::Grown { what, capacity, replay_from: self.next.step });
-        }
-        Ok(())
-    }
-
-    /// Saves what was trained before an error that ends the training, where checkpoints are kept and the last step is whole.
-    fn saved_before(&mut self, error: Error) -> Error {
-        if self.checkpoints.is_none() {
-            return error;
-        }
-        let Ok(done) = self.engine.give_up_growing() else { return error };
-        self.next = Event::after(done, &self.schedule);
-        if self.next.kind != Kind::Step || self.next.step <= 1 {
-            return error;
-        }
-        match (self.save_checkpoint(), error) {
-            (Ok((_, file)), Error::MemoryLimit { what, wanted, needed, room, in_use, limit, .. }) => {
-                Error::MemoryLimit { what, wanted, needed, room, in_use, limit, saved: Some(file) }
-            }
-            (_, error) => error,
-        }
-    }
-
-    /// Says once that growth has come to the end of the memory.
-    fn warn_of_full_memory(&mut self, step: u32, splats: u32) {
-        let Some(most) = self.engine.most_splats() else { return };
-        let asked = self.settings.density.max_splats.is_some_and(|max| max <= most);
-        if self.told_full || asked || splats < most {
-            return;
-        }
-        self.told_full = true;
-        self.tell(Message::Warning(format!(
-            "step {step}: growth stops at {splats} splats, because the device memory that may be used has room for no more; \
-             --max-device-memory gives more, a smaller --max-side leaves more of it"
-        )));
-    }
-
     fn attend(&mut self, stop: u32) -> Result<(), Error> {
         self.attended = stop;
         if self.saves_at(stop) {
@@ -365,7 +321,13 @@ impl Trainer {
 
     fn quality(&mut self, step: u32) -> Result<crate::eval::Quality, Error> {
         let plan = self.schedule.step(step.max(1));
-        evaluate::quality(&mut self.engine, &self.held_out, plan.sh_degree, self.settings.model.background.evaluated())
+        evaluate::quality(
+            &mut self.engine,
+            &self.held_out,
+            &self.truth,
+            plan.sh_degree,
+            self.settings.model.background.evaluated(),
+        )
     }
 
     /// Renders the model as it is, depth and normals too.
@@ -421,30 +383,13 @@ impl Trainer {
         self.engine.memory()
     }
 
+    /// How photographs came to their steps; `None` when all are on the device.
+    pub fn feed_counts(&self) -> Option<FeedCounts> {
+        self.engine.feed_counts()
+    }
+
     /// The schedule in force.
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
-}
-
-/// The forms that the settings ask for, and what suits the device where they ask for nothing.
-pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
-    let run = &settings.run;
-    let device = &settings.device;
-    let variants = Variants::choose(gpu, run.deterministic).with(
-        device.tile_shape,
-        device.gradient_sum,
-        device.backward,
-        device.culling,
-    );
-    if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
-        return Err(Error::PerSplatInColumns);
-    }
-    if run.deterministic && variants.gradients != GradientSum::Slots {
-        return Err(Error::NotDeterministic);
-    }
-    if variants.gradients == GradientSum::Atomic && gpu.caps().buffer_floats != FloatAtomics::Native {
-        return Err(Error::NoFloatAtomics);
-    }
-    Ok(variants)
 }

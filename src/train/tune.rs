@@ -10,12 +10,13 @@ pub use cache::SizeClass;
 use std::fmt;
 use std::path::Path;
 
+use super::choice::chosen_variants;
 use super::engine::Engine;
 use super::event::Event;
 use super::input::Input;
+use super::pacing::Pacing;
 use super::schedule::{Adam, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
-use super::trainer::{Pacing, chosen_variants};
 use super::{Error, memory};
 use crate::pass::counters;
 use crate::raster::Variants;
@@ -126,10 +127,7 @@ pub fn measure(
     settings: &Settings,
     candidates: &[Variants],
 ) -> Result<Vec<(Variants, f64)>, Error> {
-    let all = input.train.len();
-    let views = all.min(VIEWS);
-    let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
-    let input = Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent };
+    let input = thinned(input);
     let mut times: Vec<(Variants, f64)> = Vec::new();
     let mut hopeless = Vec::new();
     for &variants in candidates {
@@ -137,7 +135,7 @@ pub fn measure(
             continue;
         }
         let best = times.iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
-        match of_form(gpu, &input, settings, variants, best) {
+        match of_form(gpu, &input, settings, variants, best, ROUNDS) {
             Ok(seconds) => {
                 if seconds > HOPELESS_TILES * best {
                     hopeless.push(variants.tile);
@@ -151,7 +149,34 @@ pub fn measure(
     Ok(times)
 }
 
-fn of_form(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, best: f64) -> Result<f64, Error> {
+/// Two of the views, spread over the training views.
+fn thinned(input: &Input) -> Input {
+    let all = input.train.len();
+    let views = all.min(VIEWS);
+    let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
+    Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent }
+}
+
+/// Seconds of a forward and backward, as the mean over two views, each looked at twice.
+pub(super) fn seconds_per_step(
+    gpu: &Gpu,
+    input: &Input,
+    settings: &Settings,
+    variants: Variants,
+) -> Result<f64, Error> {
+    let input = thinned(input);
+    let seconds = of_form(gpu, &input, settings, variants, f64::INFINITY, 1)?;
+    Ok(seconds / input.train.len().max(1) as f64)
+}
+
+fn of_form(
+    gpu: &Gpu,
+    input: &Input,
+    settings: &Settings,
+    variants: Variants,
+    best: f64,
+    rounds: usize,
+) -> Result<f64, Error> {
     let mut engine = Engine::new(gpu, input, settings, variants, Pacing::default(), None)?;
     let views = input.train.len();
     // Every band in use, as in most steps; nothing of the model changes, so that all forms work on the same.
@@ -159,7 +184,7 @@ fn of_form(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, be
     let plan = StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, ..schedule.step(1) };
     let mut samples = vec![Vec::new(); views];
     let mut uncounted = 0.0;
-    for round in 0..=ROUNDS {
+    for round in 0..=rounds {
         for (view, samples) in samples.iter_mut().enumerate() {
             let seconds = step(gpu, &mut engine, &plan, view)?;
             if round > 0 {

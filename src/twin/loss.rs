@@ -1,7 +1,7 @@
 //! Twins of `glsl/loss_*.comp`, and the loss as its definition reads, with all 121 taps of the window.
 
 use super::{Real, TwinCall};
-use crate::pass::loss::{Push, SLOT_FLOATS, SumPush, masked};
+use crate::pass::loss::{Push, SLOT_FLOATS, SumPush};
 
 const RADIUS: usize = 5;
 const C1: f64 = 1e-4;
@@ -117,14 +117,24 @@ pub fn loss<R: Real>(
     out
 }
 
-/// The photograph's channels from packed RGBA.
-pub fn unpack<R: Real>(target: &[u32]) -> Vec<[R; 3]> {
-    target.iter().map(|&t| std::array::from_fn(|c| R::of(f64::from(t >> (8 * c) & 255)) / R::of(255.0))).collect()
+/// Red, green, blue and alpha of a photograph's pixels, packed with 8 bits per channel (red lowest) or 16 (two words per pixel).
+pub fn codes(target: &[u32], bits: u32) -> Vec<[u32; 4]> {
+    match bits {
+        16 => target.chunks_exact(2).map(|t| [t[0] & 0xffff, t[0] >> 16, t[1] & 0xffff, t[1] >> 16]).collect(),
+        _ => target.iter().map(|t| t.to_le_bytes().map(u32::from)).collect(),
+    }
+}
+
+/// The photograph's channels from 0 to 1.
+pub fn unpack<R: Real>(target: &[u32], bits: u32) -> Vec<[R; 3]> {
+    let white = R::of(f64::from((1_u32 << bits) - 1));
+    let color = |p: [u32; 4]| std::array::from_fn(|c| R::of(f64::from(p[c])) / white);
+    codes(target, bits).into_iter().map(color).collect()
 }
 
 /// Which pixels of a photograph count: those whose alpha is not 0.
-pub fn counting(target: &[u32]) -> Vec<bool> {
-    target.iter().map(|&t| !masked(t)).collect()
+pub fn counting(target: &[u32], bits: u32) -> Vec<bool> {
+    codes(target, bits).into_iter().map(|p| p[3] != 0).collect()
 }
 
 /// The window along a line of `n` values, `outside` where there are none.
@@ -217,10 +227,11 @@ pub fn grad<R: Real>(
 type Channel = (Vec<f32>, Vec<f32>);
 
 /// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked; which count.
-fn channels(call: &TwinCall<'_>, push: &Push) -> ([Channel; 3], Vec<bool>) {
+fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<bool>) {
     let pixels = (push.width * push.height) as usize;
     let (image, target) = (call.get::<[f32; 4]>(0), call.get::<u32>(1));
-    let (photo, counts) = (unpack::<f32>(&target[..pixels]), counting(&target[..pixels]));
+    let target = &target[..pixels * bits as usize / 8];
+    let (photo, counts) = (unpack::<f32>(target, bits), counting(target, bits));
     let shown = |k: usize, c: usize| if counts[k] { image[k][c] } else { photo[k][c] };
     let one = |c| ((0..pixels).map(|k| shown(k, c)).collect(), photo.iter().map(|p| p[c]).collect());
     ([one(0), one(1), one(2)], counts)
@@ -231,7 +242,7 @@ pub fn run_strips(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
     let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * width];
-    let (channels, counts) = channels(call, &push);
+    let (channels, counts) = channels(call, &push, call.constants[2]);
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let (planes, values) = strips(&x, &y, &counts, width);
         for (k, value) in values.into_iter().enumerate() {
@@ -248,7 +259,7 @@ pub fn run_grad(call: &mut TwinCall<'_>) {
     let (width, lanes) = (push.width as usize, call.constants[0] as usize);
     let mut parts = vec![0.0f32; push.height as usize * lanes];
     let mut out = vec![[0.0f32; 4]; width * push.height as usize];
-    let (channels, counts) = channels(call, &push);
+    let (channels, counts) = channels(call, &push, call.constants[1]);
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let planes = call.get::<[f32; 3]>(2 + c);
         let of_channel = grad(&planes[..x.len()], &x, &y, &counts, width, push.lambda, push.values);

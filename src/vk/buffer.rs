@@ -232,8 +232,11 @@ impl Buffer {
     pub(super) fn store(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.inside(offset, bytes.len() as u64)?;
         let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, 0, "it is not host-visible"))?;
-        // SAFETY: the range is inside the mapping, which lives as long as the buffer. The caller owns the range: staging
-        // memory is handed to one recorder at a time and reused only after its ticket has passed.
+        // One writer at a time.
+        let _held = lock(&self.inner.allocation);
+        // SAFETY: the range is inside the mapping, which lives as long as the buffer. No other thread writes while the lock is
+        // held, and nothing reads through the mapping. The device does not read: staging memory is handed to one recorder at a
+        // time, and what is written straight is written after the ticket of its last use has passed.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.0.add(offset as usize), bytes.len()) };
         Ok(())
     }

@@ -183,6 +183,17 @@ pub(super) struct Parts {
     pub(super) owned: bool,
 }
 
+/// The kind of the device that would be opened: the default one, or one named as in [`OpenOptions::device`].
+pub fn device_kind(device: Option<&str>) -> Result<super::DeviceKind> {
+    let (_entry, instance, _, _) = create_instance(Validation::Off)?;
+    let found = enumerate(&instance);
+    // SAFETY: physical devices are not owned, and nothing else was made from the instance.
+    unsafe { instance.destroy_instance(None) };
+    let found = found?;
+    let index = choose(&found, device)?;
+    found.get(index).map(|(_, reported)| reported.kind).ok_or(Error::NoVulkan("no device".into()))
+}
+
 /// Every Vulkan device of this machine, in the order that `--device` counts them.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     let (_entry, instance, _, _) = create_instance(Validation::Off)?;

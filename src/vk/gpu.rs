@@ -212,6 +212,19 @@ impl Gpu {
         recorder.submit().map(|_| ())
     }
 
+    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]: what is submitted from then on sees them. Waits for
+    /// the last submit that uses the buffer where that has not finished yet; nobody else may submit one meanwhile.
+    pub fn store(&self, buffer: &Buffer, bytes: &[u8]) -> Result<()> {
+        if buffer.memory() != Memory::Upload {
+            return Err(buffer.bad_range(0, bytes.len() as u64, "only memory for uploads is written straight"));
+        }
+        let last = Ticket(buffer.inner.last_use.load(Ordering::Acquire));
+        if !self.is_done(last)? {
+            self.wait(last)?;
+        }
+        buffer.store(0, bytes)
+    }
+
     /// Counters since the device was opened.
     pub fn stats(&self) -> Stats {
         lock(&self.inner.state).stats

@@ -38,7 +38,7 @@ pub use ash;
 pub use buffer::{Buffer, BufferSlice};
 pub use caps::{Addresses, Caps, Choice, DeviceKind, Heap, Limits, Subgroup};
 pub use describe::{Described, Wait};
-pub use device::{DeviceInfo, devices};
+pub use device::{DeviceInfo, device_kind, devices};
 pub use error::{Error, Result};
 pub use features::{FeatureStructures, Features, REQUIRED, USEFUL_EXTENSIONS, required_features};
 pub use gpu::Gpu;

@@ -1,5 +1,6 @@
 //! A tiny scene in memory: a textured ground plane z = 0 photographed from a ring of oblique cameras.
 
+use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::{Input, View};
 
@@ -85,7 +86,7 @@ pub fn splats(n: usize) -> Gaussians {
 pub fn input(views: usize, width: u32, height: u32, n: usize) -> Input {
     let view = |name: String, angle: f64, up: f64| {
         let camera = look_at([4.2 * angle.cos(), 4.2 * angle.sin(), up], width, height);
-        View { name, camera, rgba: photograph(&camera) }
+        View::new(&name, camera, Pixels::Rgba8(photograph(&camera)))
     };
     let ring = |i: usize, of: usize| std::f64::consts::TAU * i as f64 / of as f64;
     Input {

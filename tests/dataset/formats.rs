@@ -417,8 +417,8 @@ fn masks_that_frames_name_are_used() {
     let dataset = load(root.path()).expect("loads");
     let masks = dataset.masks.as_ref().expect("masks");
     assert_eq!((masks.matched, masks.of), (1, 3));
-    assert!(dataset.views[1].photograph().expect("decodes").rgba.chunks_exact(4).all(|p| p[3] == 0));
-    assert!(dataset.views[0].photograph().expect("decodes").rgba.chunks_exact(4).all(|p| p[3] == 255));
+    assert!(dataset.views[1].photograph().expect("decodes").rgba8().chunks_exact(4).all(|p| p[3] == 0));
+    assert!(dataset.views[0].photograph().expect("decodes").rgba8().chunks_exact(4).all(|p| p[3] == 255));
 }
 
 #[test]

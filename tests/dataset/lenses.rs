@@ -137,7 +137,8 @@ fn deviations(case: &Case, rays: &[Option<[f64; 2]>], camera: &Camera, axis: usi
     let view = first(root.path(), None);
     assert_eq!(view.camera, *camera);
     let photograph = view.photograph().expect("decodes");
-    let pixels = photograph.rgba.chunks_exact(4).enumerate();
+    let rgba = photograph.rgba8();
+    let pixels = rgba.chunks_exact(4).enumerate();
     let deviation = |(k, p): (usize, &[u8])| {
         let ray = ray(camera, k as u32 % camera.width, k as u32 / camera.width);
         let [u, v] = case.pixel(ray[0], ray[1]);
@@ -180,7 +181,7 @@ fn pixels_without_a_source_are_masked_and_no_others() {
             let camera = views[1].camera;
             let photograph = views[1].photograph().expect("decodes");
             let mut empty = 0;
-            for (k, p) in photograph.rgba.chunks_exact(4).enumerate() {
+            for (k, p) in photograph.rgba8().chunks_exact(4).enumerate() {
                 let (i, j) = (k as u32 % camera.width, k as u32 / camera.width);
                 let ray = ray(&camera, i, j);
                 let [u, v] = case.pixel(ray[0], ray[1]);
@@ -273,7 +274,7 @@ fn frames_keep_the_middle_and_what_reaches_the_sides() {
             assert!((found - want).abs() < 1e-6, "{k}: {found} instead of {want}");
         }
         let photograph = view.photograph().expect("decodes");
-        assert_eq!(photograph.rgba[3] == 0, corners_empty);
+        assert_eq!(photograph.rgba8()[3] == 0, corners_empty);
         assert!(camera.width.max(camera.height) <= SIZE[0]);
         assert!((camera.fx / camera.fy - 1.0).abs() < 0.01, "pixels stay square up to the rounding of the size");
         let want = if k > 0.0 { 130.0..131.0 } else { 110.0..130.0 };

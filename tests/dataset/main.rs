@@ -4,10 +4,12 @@
 mod colmap_folder;
 #[path = "../common/mod.rs"]
 mod common;
+mod depths;
 mod formats;
 mod frame;
 mod lenses;
 mod masks;
+mod supplies;
 
 use std::fs;
 use std::path::Path;
@@ -61,9 +63,9 @@ fn photographs_are_decoded_by_role_and_in_order() {
     fs::write(&file, &bytes[..60]).expect("truncated");
     let dataset = load(root.path()).expect("loads");
     let train = dataset.photographs(Role::Train).expect("training photographs");
-    assert_eq!(train.iter().map(|p| p.rgba[0]).collect::<Vec<_>>(), [1, 2]);
-    assert_eq!((train[0].width, train[0].height, train[0].rgba.len()), (24, 16, 24 * 16 * 4));
-    assert_eq!(train[0].rgba[4 * (24 + 2)..][..4], [1, 18, 13, 255]);
+    assert_eq!(train.iter().map(|p| p.rgba8()[0]).collect::<Vec<_>>(), [1, 2]);
+    assert_eq!((train[0].width, train[0].height, train[0].rgba8().len()), (24, 16, 24 * 16 * 4));
+    assert_eq!(train[0].rgba8()[4 * (24 + 2)..][..4], [1, 18, 13, 255]);
     let error = dataset.photographs(Role::HeldOut).expect_err("truncated").to_string();
     assert!(error.contains("a.png: pixels at byte"), "{error}");
 }
@@ -81,7 +83,7 @@ fn max_side_reduces_the_photograph_and_its_camera() {
     assert_eq!((photograph.width, photograph.height), (12, 8));
     // A linear ramp of slope 9 stays one of slope 18 whose pixel centres lie between those of the original.
     for x in 2..10 {
-        let green = f64::from(photograph.rgba[4 * (3 * 12 + x) + 1]);
+        let green = f64::from(photograph.rgba8()[4 * (3 * 12 + x) + 1]);
         assert!((green - (18.0 * x as f64 + 4.5)).abs() <= 1.0, "{x}: {green}");
     }
     assert!(matches!(
@@ -100,7 +102,7 @@ fn transparent_pixels_do_not_bleed_when_reduced() {
         .expect("photograph");
     let options = LoadOptions { max_side: Some(12), ..LoadOptions::default() };
     let photograph = Dataset::load(root.path(), &options).expect("loads").views[1].photograph().expect("decodes");
-    for pixel in photograph.rgba.chunks_exact(4) {
+    for pixel in photograph.rgba8().chunks_exact(4) {
         assert!((100..156).contains(&pixel[3]), "{pixel:?}");
         assert!(pixel[0].abs_diff(200) <= 3 && pixel[1].abs_diff(10) <= 3, "{pixel:?}");
     }
@@ -191,16 +193,13 @@ fn missing_photographs_are_named() {
 }
 
 #[test]
-fn photographs_of_other_depths_are_refused() {
+fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     let folder = Folder::ring(&NAMES, [0.0; 3]);
     let root = folder.dataset(false);
     let file = root.path().join("images/b.png");
-    image::ImageBuffer::<image::Rgb<u16>, _>::new(24, 16).save(&file).expect("16-bit photograph");
-    let error = load(root.path()).expect("headers are fine").photographs(Role::Train).expect_err("16 bits");
-    assert!(matches!(&error, Error::UnsupportedPixels { pixels, .. } if pixels == "Rgb16"), "{error}");
     image::GrayImage::from_pixel(24, 16, image::Luma([77])).save(&file).expect("grey photograph");
     let grey = load(root.path()).expect("loads").views[1].photograph().expect("decodes");
-    assert_eq!(grey.rgba[..4], [77, 77, 77, 255]);
+    assert_eq!(grey.rgba8()[..4], [77, 77, 77, 255]);
     fs::write(&file, b"not a picture at all").expect("written");
     let error = load(root.path()).expect_err("foreign").to_string();
     assert!(error.contains("b.png: header at byte"), "{error}");

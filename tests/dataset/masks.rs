@@ -23,7 +23,7 @@ fn load(root: &Path, mask_ignores: MaskIgnores) -> Result<Dataset, Error> {
 fn counting(dataset: &Dataset, view: usize) -> Vec<usize> {
     let photograph = dataset.views[view].photograph().expect("decodes");
     let width = photograph.width as usize;
-    let alpha = |x: usize, y: usize| photograph.rgba[4 * (y * width + x) + 3];
+    let alpha = |x: usize, y: usize| photograph.rgba8()[4 * (y * width + x) + 3];
     assert!((0..photograph.height as usize).all(|y| (0..width).all(|x| alpha(x, y) == alpha(x, 0))));
     (0..width).filter(|x| alpha(*x, 0) == 255).collect()
 }
@@ -97,7 +97,7 @@ fn masks_reach_through_the_lens_and_through_reduction() {
         let view = &dataset.views[1];
         let (lens, camera) = (view.lens.expect("a lens"), view.camera);
         let photograph = view.photograph().expect("decodes");
-        for (k, p) in photograph.rgba.chunks_exact(4).enumerate() {
+        for (k, p) in photograph.rgba8().chunks_exact(4).enumerate() {
             let (i, j) = (k as u32 % camera.width, k as u32 / camera.width);
             let ray = [(f64::from(i) + 0.5 - camera.cx) / camera.fx, (f64::from(j) + 0.5 - camera.cy) / camera.fy];
             let (place, _) = lens.project(ray).expect("inside");
@@ -121,7 +121,7 @@ fn transparent_pixels_are_left_out_and_keep_their_colours() {
     assert_eq!(counting(&dataset, 1), (10..24).collect::<Vec<_>>());
     let reduced = LoadOptions { max_side: Some(12), ..LoadOptions::default() };
     let photograph = Dataset::load(root.path(), &reduced).expect("loads").views[1].photograph().expect("decodes");
-    for (k, p) in photograph.rgba.chunks_exact(4).enumerate() {
+    for (k, p) in photograph.rgba8().chunks_exact(4).enumerate() {
         assert_eq!(p[..3], [40, 90, 200], "also where nothing is opaque: windows of SSIM reach there");
         match k % 12 {
             0..=2 => assert_eq!(p[3], 0),

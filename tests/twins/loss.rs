@@ -14,6 +14,21 @@ struct Pictures {
     height: usize,
     image: Vec<[f32; 4]>,
     target: Vec<u32>,
+    /// Of a channel of the target.
+    bits: u32,
+}
+
+impl Pictures {
+    /// The same with 16 bits per channel, of which 257 times an 8-bit number says the same, plus `lower`.
+    fn deep(&self, mut lower: impl FnMut() -> u32) -> Self {
+        let wide = |v: u8, lower: u32| (257 * u32::from(v) + lower).min(0xffff);
+        let mut words = |p: [u8; 4]| {
+            let [r, g, b] = [p[0], p[1], p[2]].map(|v| wide(v, lower()));
+            [r | g << 16, b | 257 * u32::from(p[3]) << 16]
+        };
+        let target = self.target.iter().map(|t| t.to_le_bytes()).flat_map(&mut words).collect();
+        Self { name: self.name, width: self.width, height: self.height, image: self.image.clone(), target, bits: 16 }
+    }
 }
 
 fn pictures(
@@ -30,7 +45,7 @@ fn pictures(
             target.push(u32::from_le_bytes([p, q, s, 200]));
         }
     }
-    Pictures { name, width, height, image, target }
+    Pictures { name, width, height, image, target, bits: 8 }
 }
 
 /// The subgroup's width, and the hardware's passes or the emulated ones, which run everywhere.
@@ -94,10 +109,11 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
     let l1 = make("l1_parts", &garbage(layout.l1_parts() as usize));
     let ring = make("loss", &garbage(12));
     let [strips, gradient] = with.passes();
-    let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment)]).unwrap();
-    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant()]).unwrap();
+    let bits = ("PHOTOGRAPH_BITS", p.bits);
+    let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment), bits]).unwrap();
+    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant(), bits]).unwrap();
     let sum = gpu.pipeline(&passes::SUM.kernel, &[]).unwrap();
-    let masked = p.target.iter().filter(|t| passes::masked(**t)).count() as u32;
+    let masked = counting(&p.target, p.bits).into_iter().filter(|counts| !counts).count() as u32;
     let values = passes::values(width, height, masked);
     let push = Push { width, height, lambda, values };
     let [red, green, blue] = &planes;
@@ -120,7 +136,7 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
 
 fn reference(p: &Pictures, lambda: f32) -> Loss<f64> {
     let image: Vec<[f64; 4]> = p.image.iter().map(|v| v.map(f64::from)).collect();
-    loss(&image, &unpack::<f64>(&p.target), &counting(&p.target), p.width, p.height, f64::from(lambda))
+    loss(&image, &unpack::<f64>(&p.target, p.bits), &counting(&p.target, p.bits), p.width, p.height, f64::from(lambda))
 }
 
 fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
@@ -139,10 +155,10 @@ fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
     Guards::of(bound).check(&format!("{}: gradient", p.name), flat.len(), &grad, &flat);
 }
 
-fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize, height: usize) {
+fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, height): (usize, usize), bits: u32) {
     let pixels = width * height;
     let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.0)).collect();
-    let target = random.words(pixels);
+    let target = random.words(pixels * bits as usize / 8);
     let planes: Vec<f32> = (0..3 * pixels).map(|_| random.between(0.1, 0.6)).collect();
     let close = |what: &str, outcome: &harness::Outcome, buffer: usize, bound: f32| {
         let (device, twin) = (outcome.device::<f32>(buffer), outcome.twin::<f32>(buffer));
@@ -158,7 +174,8 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize
     let empty = || garbage(3 * pixels);
     let parts = garbage(layout.ssim_parts() as usize);
     let buffers = [bytes(&image), bytes(&target), empty(), empty(), empty(), parts];
-    let given = [with.constant(), ("SEGMENT", 7)];
+    let bits = ("PHOTOGRAPH_BITS", bits);
+    let given = [with.constant(), ("SEGMENT", 7), bits];
     let outcome = harness::run(gpu, strips, &given, &buffers, &push, groups(layout.strip_threads()));
     for plane in 2..5 {
         // Derivatives go up to 2 / C2, and B carries the rounding of about 1 in E[x^2 + y^2] over C2.
@@ -168,7 +185,7 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, width: usize
     let parts = garbage(layout.l1_parts() as usize);
     let plane = || bytes(&planes);
     let buffers = [bytes(&image), bytes(&target), plane(), plane(), plane(), garbage(4 * pixels), parts];
-    let outcome = harness::run(gpu, grad, &[with.constant()], &buffers, &push, groups(layout.grad_threads()));
+    let outcome = harness::run(gpu, grad, &[with.constant(), bits], &buffers, &push, groups(layout.grad_threads()));
     close("grad", &outcome, 5, 1e-6);
     close("grad", &outcome, 6, 1e-5);
 }
@@ -188,8 +205,11 @@ pub fn run(gpu: &Gpu) {
 
 fn run_with(gpu: &Gpu, with: With) {
     let mut random = Random(3);
-    for (width, height) in [(1, 1), (8, 8), (31, 9), (32, 7), (33, 15), (65, 3)] {
-        passes_against_twins(gpu, with, &mut random, width, height);
+    for size in [(1, 1), (8, 8), (31, 9), (32, 7), (33, 15), (65, 3)] {
+        passes_against_twins(gpu, with, &mut random, size, 8);
+    }
+    for size in [(1, 1), (33, 15), (65, 3)] {
+        passes_against_twins(gpu, with, &mut random, size, 16);
     }
     for (width, height) in [(1, 1), (5, 3), (11, 11), (64, 7), (75, 37)] {
         let noise = pictures("noise", width, height, |_, _| {
@@ -250,12 +270,30 @@ fn masked_pixels_have_no_part(gpu: &Gpu, with: With, random: &mut Random) {
             }
         }
         let (_, grad) = on_device(gpu, with, &noise, 0.2);
-        for (k, t) in noise.target.iter().enumerate().filter(|(_, t)| passes::masked(**t)) {
+        for (k, t) in noise.target.iter().enumerate().filter(|(_, t)| **t >> 24 == 0) {
             assert_eq!(grad[4 * k..4 * k + 4], [0.0; 4], "gradient at masked pixel {k}, {t:x}");
         }
         for lambda in [0.0, 0.2, 1.0] {
             chain(gpu, with, &noise, lambda, 2e-6);
         }
+        sixteen_bits_are_eight_where_they_say_the_same(gpu, with, &noise, random);
+    }
+}
+
+/// 65535 = 255 * 257, and a quotient of floats is the one nearest to the true one: the same numbers, so the same bits of the loss
+/// wherever a device divides so. With lower digits it is another picture, and still the definition's.
+fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: &Pictures, random: &mut Random) {
+    let (values, grad) = on_device(gpu, with, eight, 0.2);
+    let (wide_values, wide_grad) = on_device(gpu, with, &eight.deep(|| 0), 0.2);
+    for (got, want) in wide_values.iter().zip(&values) {
+        assert!((got - want).abs() <= 2e-6, "{}: {got} with 16 bits, {want} with 8", eight.name);
+    }
+    let flat: Vec<f64> = grad.iter().map(|g| f64::from(*g)).collect();
+    Guards::of(2e-4).check("gradient with 16 bits", flat.len(), &wide_grad, &flat);
+    let deep = eight.deep(|| random.word() % 200);
+    assert_ne!(on_device(gpu, with, &deep, 0.2).0, wide_values, "the lower digits count");
+    for lambda in [0.0, 0.2, 1.0] {
+        chain(gpu, with, &deep, lambda, 2e-6);
     }
 }
 

@@ -57,6 +57,17 @@ impl Settings {
         Self::from_toml(&text, path)
     }
 
+    /// The keys that a settings file has, in all of its groups.
+    pub fn keys(path: &Path) -> Result<Vec<String>, SettingsError> {
+        let text = fs::read_to_string(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
+        let table: toml::Table = toml::from_str(&text).map_err(|error| parse_error(&error, &text, path))?;
+        let keys = |(key, value): (&String, &toml::Value)| match value {
+            toml::Value::Table(group) => group.keys().cloned().collect(),
+            _ => vec![key.clone()],
+        };
+        Ok(table.iter().flat_map(keys).collect())
+    }
+
     /// These settings where `given` says that a key was named by the user, and `file`'s otherwise.
     /// Keys are passed as in the file (`max-side`).
     pub fn over(&self, file: &Self, given: impl Fn(&str) -> bool) -> Result<Self, SettingsError> {

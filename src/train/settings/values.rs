@@ -3,7 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-pub use crate::dataset::{Format, MaskIgnores, Split};
+pub use super::preset::Preset;
+pub use crate::dataset::{Format, MaskIgnores, Split, Transfer};
 
 /// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
 macro_rules! as_word {
@@ -173,6 +174,30 @@ impl FromStr for MaskIgnores {
             "black" => Ok(Self::Black),
             "white" => Ok(Self::White),
             _ => Err(format!("no colour `{word}` of masks: it is black or white")),
+        }
+    }
+}
+
+as_word!(Preset);
+
+impl fmt::Display for Transfer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Srgb => "srgb",
+            Self::Linear => "linear",
+        })
+    }
+}
+
+impl FromStr for Transfer {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "auto" => Ok(Self::Auto),
+            "srgb" => Ok(Self::Srgb),
+            "linear" => Ok(Self::Linear),
+            _ => Err(format!("no transfer curve `{word}`: it is auto, srgb or linear")),
         }
     }
 }

@@ -1,0 +1,109 @@
+//! What training a dataset takes: memory of the device and of the host, and time.
+
+use psrgs_vk::dataset::{Dataset, Role, Supply};
+use psrgs_vk::train::{
+    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, prepare,
+};
+use psrgs_vk::vk::{self, Gpu};
+
+use super::super::console::Console;
+use super::super::{device, progress};
+
+/// What `--json` prints of it.
+#[derive(serde::Serialize)]
+pub(super) struct Training {
+    device: String,
+    /// Bytes of device memory at the start and at most, and the splats that fit.
+    device_bytes: u64,
+    device_limit: u64,
+    most_splats: u32,
+    /// Bytes of host memory: what may be used, what is set aside for the training, what is kept of photographs, what is missing.
+    host_budget: u64,
+    host_training: u64,
+    host_photographs: u64,
+    host_short_by: u64,
+    photographs: Residency,
+    estimate: Option<Estimate>,
+    #[serde(skip)]
+    text: [String; 2],
+}
+
+/// Plans the training. What would keep it from beginning is added to the problems; `None` where there is no device to ask.
+pub(super) fn plan(
+    dataset: &Dataset,
+    settings: &Settings,
+    problems: &mut Vec<String>,
+    console: &Console,
+) -> anyhow::Result<Option<Training>> {
+    let gpu = match device::open(&settings.device, false, console) {
+        Ok(gpu) => gpu,
+        Err(error) if error.downcast_ref::<vk::Error>().is_some() => {
+            console.warn(format_args!("neither memory nor time can be told: {error}"));
+            return Ok(None);
+        }
+        Err(error) => return Err(error),
+    };
+    match planned(&gpu, dataset, settings, problems) {
+        Ok(training) => Ok(Some(training)),
+        Err(error) => {
+            problems.push(error.to_string());
+            Ok(None)
+        }
+    }
+}
+
+fn planned(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    settings: &Settings,
+    problems: &mut Vec<String>,
+) -> Result<Training, psrgs_vk::train::Error> {
+    let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
+    let initial = prepare::initial(dataset, None, settings.run.seed)?;
+    let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
+    let splats = initial.len() as u32;
+    let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
+    let host = HostPlan::new(gpu, memory, dataset, &outline, &plan);
+    if host.short_by > 0 {
+        problems.push(host.to_string());
+    }
+    // Two photographs are enough for the time.
+    let views: Vec<_> = dataset.views_of(Role::Train).collect();
+    let mut train = Vec::new();
+    for (index, view) in [views.len() / 4, 3 * views.len() / 4].into_iter().filter_map(|at| views.get(at).copied()) {
+        let photograph = Supply::of(view.photograph()?.pixels);
+        if let Some(camera) = dataset.scene_camera(index) {
+            train.push(View { name: view.name.clone(), camera, photograph });
+        }
+    }
+    let input = Input { train, held_out: Vec::new(), initial, extent: outline.extent };
+    let estimate = Estimate::measure(gpu, &input, settings, variants)?;
+    Ok(Training {
+        device: gpu.caps().device.clone(),
+        device_bytes: plan.at_start,
+        device_limit: plan.limit,
+        most_splats: plan.most_splats.0,
+        host_budget: host.memory.budget,
+        host_training: host.training,
+        host_photographs: host.decoded.min(host.share.keep),
+        host_short_by: host.short_by,
+        photographs: host.pacing.photographs,
+        estimate,
+        text: [plan.to_string(), host.to_string()],
+    })
+}
+
+impl Training {
+    /// As rows of the table.
+    pub(super) fn rows(&self) -> Vec<(&'static str, String)> {
+        let [device, host] = &self.text;
+        let plain = |text: &str| text.split_once(": ").map_or(text, |(_, rest)| rest).to_owned();
+        let mut rows =
+            vec![("device", self.device.clone()), ("device memory", plain(device)), ("host memory", plain(host))];
+        if let Some(estimate) = &self.estimate {
+            let seconds = estimate.seconds(estimate.steps);
+            rows.push(("time", format!("about {}: {estimate}", progress::duration(seconds))));
+        }
+        rows
+    }
+}

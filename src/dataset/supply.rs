@@ -1,0 +1,345 @@
+//! Photographs that are asked for again and again, kept within a share of the host's memory: decoded where all fit, else
+//! compressed as far as they fit, else read again.
+
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
+
+use super::error::Error;
+use super::photograph::{self, Photograph};
+use super::pixels::{Depth, Pixels};
+use super::{Dataset, Role, Samples, View, jpeg_reduced};
+
+/// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted size
+/// rather than as their file: decoding them again would cost as much again.
+const COSTLY: f64 = 1.5;
+/// A photograph packed without loss takes about this share of its pixels' bytes or more: below, packing is not tried.
+const PACKED_SHARE: f64 = 0.25;
+
+/// What photographs may take of the host's memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HostShare {
+    /// Bytes for those that are kept, decoded or compressed. What is kept is taken off.
+    pub keep: u64,
+    /// Bytes for those that are being decoded at one time; one always is.
+    pub decoding: u64,
+    /// Threads that decode.
+    pub threads: usize,
+}
+
+impl HostShare {
+    /// No limit, on every core.
+    pub fn unlimited() -> Self {
+        Self { keep: u64::MAX, decoding: u64::MAX, threads: cores() }
+    }
+}
+
+/// Threads that this machine runs at a time.
+pub(crate) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Where the pixels of a photograph come from when they are asked for. Cloning gives another handle. Alpha is 0 (masked) or full.
+#[derive(Clone, Debug)]
+pub struct Supply {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    place: Place,
+    depth: Depth,
+    masked: u32,
+    clipped: u64,
+}
+
+#[derive(Debug)]
+enum Place {
+    Decoded(Arc<Pixels>),
+    /// As a PNG file.
+    Packed(Vec<u8>),
+    /// Its own file, in memory.
+    Held(Box<View>, Vec<u8>),
+    /// Read again each time.
+    File(Box<View>),
+}
+
+impl Supply {
+    /// Of pixels that stay in memory. Alpha is masked or full from here on.
+    pub fn of(mut pixels: Pixels) -> Self {
+        pixels.harden_alpha();
+        let (depth, masked) = (pixels.depth(), pixels.masked());
+        Self { inner: Arc::new(Inner { place: Place::Decoded(Arc::new(pixels)), depth, masked, clipped: 0 }) }
+    }
+
+    /// The pixels: at once where they are kept decoded, else decoded now.
+    pub fn pixels(&self) -> Result<Arc<Pixels>, Error> {
+        let hardened = |photograph: Photograph| {
+            let mut pixels = photograph.pixels;
+            pixels.harden_alpha();
+            Arc::new(pixels)
+        };
+        match &self.inner.place {
+            Place::Decoded(pixels) => Ok(pixels.clone()),
+            Place::Packed(bytes) => unpack(bytes, self.inner.depth).map(Arc::new),
+            Place::Held(view, bytes) => photograph::decode_bytes(view, bytes).map(hardened),
+            Place::File(view) => photograph::decode(view).map(hardened),
+        }
+    }
+
+    /// The file it comes from, for messages.
+    pub fn file(&self) -> &Path {
+        match &self.inner.place {
+            Place::Held(view, _) | Place::File(view) => &view.path,
+            Place::Decoded(_) | Place::Packed(_) => Path::new("(kept in memory)"),
+        }
+    }
+
+    /// Bits per channel.
+    pub fn depth(&self) -> Depth {
+        self.inner.depth
+    }
+
+    /// Number of masked pixels.
+    pub fn masked(&self) -> u32 {
+        self.inner.masked
+    }
+
+    /// Pixels of the file that are brighter than the white level.
+    pub fn clipped(&self) -> u64 {
+        self.inner.clipped
+    }
+
+    /// Whether [`Self::pixels`] has nothing to do.
+    pub fn is_decoded(&self) -> bool {
+        matches!(self.inner.place, Place::Decoded(_))
+    }
+
+    /// Bytes that are kept for it.
+    pub fn kept_bytes(&self) -> u64 {
+        match &self.inner.place {
+            Place::Decoded(pixels) => pixels.bytes().len() as u64,
+            Place::Packed(bytes) | Place::Held(_, bytes) => bytes.len() as u64,
+            Place::File(_) => 0,
+        }
+    }
+
+    /// Bytes of another photograph's memory that decoding it takes, about.
+    pub fn decoding_bytes(&self) -> u64 {
+        match &self.inner.place {
+            Place::Decoded(_) => 0,
+            Place::Packed(bytes) => bytes.len() as u64,
+            Place::Held(view, _) | Place::File(view) => view.decoding_bytes(),
+        }
+    }
+}
+
+impl View {
+    /// Bytes of the decoded photograph at the camera's size.
+    pub fn pixel_bytes(&self) -> u64 {
+        u64::from(self.camera.width) * u64::from(self.camera.height) * self.samples.depth().bytes_per_pixel()
+    }
+
+    /// Bytes that decoding it takes at its peak, the result included, about: the file, its pixels in two forms, and the rows that
+    /// are reduced along columns already.
+    pub fn decoding_bytes(&self) -> u64 {
+        let divisor = jpeg_reduced::divisor(self);
+        let (width, height) = (u64::from(self.size_on_disk.0 / divisor), u64::from(self.size_on_disk.1 / divisor));
+        let per_pixel = match self.samples {
+            Samples::Bits8 => 3 + 4,
+            Samples::Bits16 => 6 + 8,
+            Samples::Float => 16 + 8 + 8,
+        };
+        let rows = if self.lens.is_none() { 16 * width * u64::from(self.camera.height) } else { 0 };
+        let file = u64::from(self.size_on_disk.0) * u64::from(self.size_on_disk.1);
+        file + per_pixel * width * height + rows + self.pixel_bytes()
+    }
+
+    fn is_costly(&self) -> bool {
+        let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
+        let larger = pixels(self.size_on_disk) > COSTLY * pixels((self.camera.width, self.camera.height));
+        larger || self.lens.is_some() || self.mask.is_some() || self.samples == Samples::Float
+    }
+}
+
+impl Dataset {
+    /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows; what is kept is taken off it.
+    /// In the order of [`Dataset::views_of`]; `None` where every pixel is masked. No photograph of another role is read.
+    pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
+        let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
+        let all: u64 = views.iter().map(|view| view.pixel_bytes()).sum();
+        let intake = Intake {
+            decoded: all <= share.keep,
+            left: Mutex::new(share.keep),
+            decoding: Gate::new(share.decoding),
+            next: AtomicUsize::new(0),
+            found: Mutex::new((0..views.len()).map(|_| None).collect()),
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..share.threads.clamp(1, views.len().max(1)) {
+                scope.spawn(|| intake.work(&views));
+            }
+        });
+        share.keep = *lock(&intake.left);
+        // In the order of the names, so that of several problems always the same one is told.
+        let found = intake.found.into_inner().unwrap_or_else(PoisonError::into_inner);
+        found.into_iter().map(|supply| supply.unwrap_or(Ok(None))).collect()
+    }
+}
+
+type Found = Option<Result<Option<Supply>, Error>>;
+
+/// Threads of its own rather than a pool's: one that waits for memory would wait for a task that it has to run itself.
+struct Intake {
+    decoded: bool,
+    left: Mutex<u64>,
+    decoding: Gate,
+    next: AtomicUsize,
+    found: Mutex<Vec<Found>>,
+}
+
+impl Intake {
+    fn work(&self, views: &[&View]) {
+        loop {
+            let at = self.next.fetch_add(1, Ordering::Relaxed);
+            let Some(view) = views.get(at) else { return };
+            let supply = {
+                let _room = self.decoding.enter(view.decoding_bytes());
+                self.one(view)
+            };
+            if let Some(place) = lock(&self.found).get_mut(at) {
+                *place = Some(supply);
+            }
+        }
+    }
+
+    fn one(&self, view: &View) -> Result<Option<Supply>, Error> {
+        let file = photograph::read(&view.path)?;
+        let Photograph { mut pixels, clipped, .. } = photograph::decode_bytes(view, &file)?;
+        pixels.harden_alpha();
+        let (depth, masked) = (pixels.depth(), pixels.masked());
+        if masked as usize == pixels.len() {
+            return Ok(None);
+        }
+        let place = self.place(view, file, pixels);
+        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped }) }))
+    }
+
+    fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {
+        let raw = pixels.bytes().len() as u64;
+        if self.decoded && self.reserve(raw) {
+            return Place::Decoded(Arc::new(pixels));
+        }
+        if view.is_costly() {
+            if (PACKED_SHARE * raw as f64) as u64 <= *lock(&self.left)
+                && let Some(packed) = pack(&pixels, view)
+                && self.reserve(packed.len() as u64)
+            {
+                return Place::Packed(packed);
+            }
+        } else if self.reserve(file.len() as u64) {
+            file.shrink_to_fit();
+            return Place::Held(Box::new(view.clone()), file);
+        }
+        Place::File(Box::new(view.clone()))
+    }
+
+    fn reserve(&self, bytes: u64) -> bool {
+        let mut left = lock(&self.left);
+        match left.checked_sub(bytes) {
+            Some(rest) => {
+                *left = rest;
+                true
+            }
+            None => false,
+        }
+    }
+}
+
+/// Lets in what fits beside what is inside already, and always one.
+struct Gate {
+    most: u64,
+    inside: Mutex<(u64, usize)>,
+    left: Condvar,
+}
+
+struct Inside<'a>(&'a Gate, u64);
+
+impl Gate {
+    fn new(most: u64) -> Self {
+        Self { most, inside: Mutex::new((0, 0)), left: Condvar::new() }
+    }
+
+    fn enter(&self, bytes: u64) -> Inside<'_> {
+        let full = |(inside, count): &mut (u64, usize)| *count > 0 && inside.saturating_add(bytes) > self.most;
+        let mut inside = self.left.wait_while(lock(&self.inside), full).unwrap_or_else(PoisonError::into_inner);
+        inside.0 += bytes;
+        inside.1 += 1;
+        Inside(self, bytes)
+    }
+}
+
+impl Drop for Inside<'_> {
+    fn drop(&mut self) {
+        let mut inside = lock(&self.0.inside);
+        inside.0 -= self.1;
+        inside.1 -= 1;
+        self.0.left.notify_all();
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Without loss.
+fn pack(pixels: &Pixels, view: &View) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let kind = match pixels.depth() {
+        Depth::Eight => ExtendedColorType::Rgba8,
+        Depth::Sixteen => ExtendedColorType::Rgba16,
+    };
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Paeth)
+        .write_image(pixels.bytes(), view.camera.width, view.camera.height, kind)
+        .ok()?;
+    bytes.shrink_to_fit();
+    Some(bytes)
+}
+
+fn unpack(bytes: &[u8], depth: Depth) -> Result<Pixels, Error> {
+    let failed =
+        |problem: &dyn std::fmt::Display| Error::undecodable("(kept in memory)".as_ref(), "pixels", 0, problem);
+    let reader = ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
+    let decoder = reader.into_decoder().map_err(|e| failed(&e))?;
+    match (depth, DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?) {
+        (Depth::Eight, image) => Ok(Pixels::Rgba8(image.into_rgba8().into_raw())),
+        (Depth::Sixteen, image) => Ok(Pixels::Rgba16(image.into_rgba16().into_raw())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gate_lets_one_in_and_no_more_than_fit() {
+        let gate = Gate::new(10);
+        let large = gate.enter(100);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let _a = gate.enter(4);
+                let _b = gate.enter(6);
+                sender.send(*lock(&gate.inside)).expect("heard");
+            });
+            assert!(receiver.try_recv().is_err(), "nothing fits beside what is too large");
+            drop(large);
+            assert_eq!(receiver.recv().expect("let in"), (10, 2));
+        });
+        assert_eq!(*lock(&gate.inside), (0, 0));
+    }
+}

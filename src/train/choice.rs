@@ -1,0 +1,28 @@
+//! The forms of the passes that a training runs with.
+
+use super::Error;
+use super::settings::Settings;
+use crate::raster::{Backward, GradientSum, TileShape, Variants};
+use crate::vk::{FloatAtomics, Gpu};
+
+/// The forms that the settings ask for, and what suits the device where they ask for nothing.
+pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
+    let run = &settings.run;
+    let device = &settings.device;
+    let variants = Variants::choose(gpu, run.deterministic).with(
+        device.tile_shape,
+        device.gradient_sum,
+        device.backward,
+        device.culling,
+    );
+    if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
+        return Err(Error::PerSplatInColumns);
+    }
+    if run.deterministic && variants.gradients != GradientSum::Slots {
+        return Err(Error::NotDeterministic);
+    }
+    if variants.gradients == GradientSum::Atomic && gpu.caps().buffer_floats != FloatAtomics::Native {
+        return Err(Error::NoFloatAtomics);
+    }
+    Ok(variants)
+}

@@ -1,0 +1,103 @@
+//! Larger buffers, when an event has found one too small.
+
+use super::{DENSITY_ENTRY, Engine, Growth};
+use crate::pass::counters;
+use crate::raster::{Renderer, Size, Variants, grown, most_pairs, most_splats};
+use crate::train::Error;
+use crate::train::density::DensityControl;
+
+impl Engine {
+    /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
+    /// event done, and what grew to which capacity: nothing where splats would have to grow past what fits, which
+    /// [`Self::most_splats`] then says. On an error the training can still be saved, after [`Self::give_up_growing`].
+    pub fn grow(&mut self) -> Result<(u32, Growth), Error> {
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let status = words[counters::STATUS];
+        let mut grown = Vec::new();
+        let mut size = self.size;
+        let mut variants = self.renderer.variants();
+        if status & counters::PAIRS_BIT != 0 {
+            let wanted = words[counters::WANT_PAIRS];
+            if wanted > most_pairs(&self.gpu, variants) && !self.settings.run.deterministic {
+                variants = variants.without_slots(&self.gpu);
+            }
+            let limit = most_pairs(&self.gpu, variants);
+            let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
+            size.pairs = self.needs.pairs(variants, size.splats, wanted, planned)?;
+            grown.push(("pairs", u64::from(size.pairs)));
+        }
+        if status & counters::SPLATS_BIT != 0 {
+            let limit = most_splats(&self.gpu);
+            let wanted = words[counters::WANT_SPLATS];
+            let planned = larger(wanted, size.splats, limit, "splats", "--max-splats")?;
+            let planned = planned.min(self.most_splats.unwrap_or(u32::MAX));
+            match self.needs.splats(variants, size.pairs, wanted, planned) {
+                Some(splats) => {
+                    size.splats = splats;
+                    grown.push(("splats", u64::from(splats)));
+                }
+                // Pairs have taken more than was set aside for them.
+                None => self.most_splats = Some(size.splats),
+            }
+        }
+        words[counters::STATUS] = 0;
+        let splats = size.splats;
+        if splats > self.size.splats {
+            // What nothing outlives a step in goes before larger planes come.
+            self.density = DensityControl::new(&self.gpu, 1, DENSITY_ENTRY)?;
+            self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, &words)?;
+            self.grow_planes(splats)?;
+            self.density = DensityControl::new(&self.gpu, splats, DENSITY_ENTRY)?;
+        }
+        self.rebuild(variants, size, &words)?;
+        Ok((words[counters::DONE], grown))
+    }
+
+    /// After a failed [`Self::grow`]: clears the status, so that the state can be saved. Gives the number of the last event done.
+    pub fn give_up_growing(&mut self) -> Result<u32, Error> {
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        words[counters::STATUS] = 0;
+        self.gpu.write(&self.renderer.counters, &words)?;
+        Ok(words[counters::DONE])
+    }
+
+    fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
+        // The old buffers go before the new ones come: nothing in them outlives a step. The counters do, and are never lost. They
+        // stay where they are with the planes that they count, for whoever looks at these from outside.
+        let kept = (size.splats == self.size.splats).then(|| self.renderer.counters.clone());
+        self.renderer = Renderer::new(&self.gpu, variants, Size { splats: 1, pairs: 1, tiles: 1, ..size })?;
+        self.gpu.write(&self.renderer.counters, counters)?;
+        let mut renderer = Renderer::new(&self.gpu, variants, size)?;
+        if let Some(kept) = kept {
+            renderer.counters = kept;
+        }
+        self.gpu.write(&renderer.counters, counters)?;
+        self.renderer = renderer;
+        self.size = size;
+        Ok(())
+    }
+
+    /// From now on steps also count evaluated and blended pixel-splats into [`Renderer::pair_counts`], which is slower. Waits.
+    pub fn count_pixel_splats(&mut self) -> Result<(), Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        self.rebuild(self.variants(), Size { count: true, ..self.size }, &words)
+    }
+
+    /// Plane by plane, so that only one of them is held twice.
+    fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
+        self.ids = grown(&self.gpu, &self.ids, 4 * u64::from(splats))?;
+        self.stats = grown(&self.gpu, &self.stats, 16 * u64::from(splats))?;
+        self.model.grow(&self.gpu, splats)?;
+        self.optimiser.grow(&self.gpu, splats)?;
+        Ok(())
+    }
+}
+
+/// A capacity for `wanted` elements with room to spare, at most `most`.
+fn larger(wanted: u32, now: u32, most: u32, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
+    if wanted > most {
+        return Err(Error::TooMany { what, wanted: u64::from(wanted), limit: u64::from(most), remedy });
+    }
+    let next = (u64::from(wanted) + u64::from(wanted) / 4).max(u64::from(now) + 64);
+    Ok(next.min(u64::from(most)) as u32)
+}

@@ -1,0 +1,131 @@
+//! What goes into an engine at the beginning, and what is read back of it.
+
+use super::Engine;
+use crate::pass::camera::{NEAR, Projection};
+use crate::pass::counters;
+use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of};
+use crate::scene::{Camera, Gaussians};
+use crate::train::cost::MemoryCost;
+use crate::train::exposures::{self, ExposureMatrix, Exposures};
+use crate::train::{Error, State};
+
+impl Engine {
+    pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
+        let n = initial.len() as u32;
+        self.model.write(&self.gpu, initial)?;
+        if n > 0 {
+            self.gpu.write(&self.ids, &initial.ids)?;
+        }
+        let mut recorder = self.gpu.recorder("begin")?;
+        self.optimiser.clear(&mut recorder)?;
+        recorder.fill(&self.stats, 0)?;
+        if let Some(exposures) = &self.exposures {
+            exposures.clear(&mut recorder)?;
+        }
+        let mut words = vec![0u32; counters::COUNT];
+        words[counters::SPLATS] = n;
+        words[counters::NEXT_ID] = initial.ids.last().map_or(0, |id| id + 1);
+        recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
+        self.last = Some(recorder.submit()?);
+        Ok(())
+    }
+
+    pub(super) fn restore(&mut self, state: &State) -> Result<(), Error> {
+        self.model.write_rows(&self.gpu, &state.params)?;
+        self.optimiser.restore(&self.gpu, &state.moments)?;
+        if !state.ids.is_empty() {
+            self.gpu.write(&self.ids, &state.ids)?;
+            self.gpu.write(&self.stats, &state.stats)?;
+        }
+        if let Some(exposures) = &self.exposures {
+            exposures.restore(&self.gpu, &state.exposures)?;
+        }
+        self.gpu.write(&self.renderer.counters, &state.counters)?;
+        Ok(())
+    }
+
+    /// What the buffers cost.
+    pub fn memory(&self) -> MemoryCost {
+        let of_splats =
+            [self.model.bytes(), self.optimiser.bytes(), self.ids.size(), self.stats.size(), self.density.bytes()];
+        let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
+        let own = Held {
+            splats: of_splats.iter().sum(),
+            pixels: self.target.bytes() + self.losses.bytes() + of_exposures[0],
+            fixed: self.ring.size() + of_exposures[1],
+            ..Held::default()
+        };
+        MemoryCost::new(
+            own + self.renderer.held(),
+            [self.size.splats, self.size.pairs, self.target.pixels],
+            self.photographs.bytes(),
+        )
+    }
+
+    /// The model, read back. Waits.
+    pub fn model(&self) -> Result<Gaussians, Error> {
+        let n = self.splats()?;
+        let ids = if n > 0 { self.gpu.read_at(&self.ids, 0, n as usize)? } else { Vec::new() };
+        Ok(gaussians_of(self.model.read(&self.gpu, n)?, ids))
+    }
+
+    /// Renders the model as it is, with every band of the spherical harmonics in use at `sh_degree`. Waits.
+    pub fn picture(
+        &mut self,
+        camera: &Camera,
+        sh_degree: u32,
+        background: [f32; 3],
+        aux: bool,
+    ) -> Result<Picture, Error> {
+        let splats = self.splats()?;
+        let shot = self.view_shot(camera, sh_degree, background);
+        Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
+    }
+
+    /// How a camera sees the model outside of training steps.
+    pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> Shot {
+        let projection = Projection { sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: false };
+        Shot { camera: *camera, projection, background }
+    }
+
+    /// The model's planes.
+    pub fn planes(&self) -> &Planes {
+        &self.model
+    }
+
+    /// A handle of the model for others to look at.
+    pub fn live_model(&self) -> LiveModel {
+        LiveModel::new(self.model.clone(), self.renderer.counters.clone())
+    }
+
+    /// Splats in the model. Waits.
+    pub fn splats(&self) -> Result<u32, Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        Ok(words[counters::SPLATS])
+    }
+
+    /// Everything a restart needs, read back. Waits.
+    pub fn state(&self) -> Result<State, Error> {
+        let counters: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let n = counters[counters::SPLATS];
+        let (ids, stats) = if n > 0 {
+            (self.gpu.read_at(&self.ids, 0, n as usize)?, self.gpu.read_at(&self.stats, 0, 4 * n as usize)?)
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Ok(State {
+            params: self.model.read(&self.gpu, n)?,
+            ids,
+            moments: self.optimiser.read(&self.gpu, n)?,
+            stats,
+            counters,
+            exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
+        })
+    }
+
+    /// The photographs' exposures in the order of the views; `None` where they are off. Waits.
+    pub fn exposures(&self) -> Result<Option<Vec<ExposureMatrix>>, Error> {
+        let Some(exposures) = &self.exposures else { return Ok(None) };
+        Ok(Some(exposures::matrices(&exposures.state(&self.gpu)?)))
+    }
+}

@@ -1,0 +1,58 @@
+//! The time of a training, told before it begins.
+
+use std::fmt;
+
+use super::Error;
+use super::input::Input;
+use super::settings::Settings;
+use super::tune;
+use crate::raster::Variants;
+use crate::vk::Gpu;
+
+/// What a training takes at the speed of its first splats.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Estimate {
+    /// Steps to take.
+    pub steps: u32,
+    /// Splats that were timed: those to begin with.
+    pub splats: usize,
+    /// Seconds that the device worked on a step with them, as the mean over two views.
+    pub seconds_per_step: f64,
+    /// Whether splats are to become more, and steps slower with them.
+    pub grows: bool,
+}
+
+impl Estimate {
+    /// Times two views of `input` on this device, in steps that change nothing and of an engine of their own. `None` where the
+    /// device cannot tell times.
+    pub fn measure(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants) -> Result<Option<Self>, Error> {
+        if gpu.caps().limits.timestamp_ns <= 0.0 || input.train.is_empty() {
+            return Ok(None);
+        }
+        let seconds_per_step = tune::seconds_per_step(gpu, input, settings, variants)?;
+        Ok(Some(Self {
+            steps: settings.run.iterations,
+            splats: input.initial.len(),
+            seconds_per_step,
+            grows: !settings.run.no_densify,
+        }))
+    }
+
+    /// Seconds for `steps` steps.
+    pub fn seconds(&self, steps: u32) -> f64 {
+        self.seconds_per_step * f64::from(steps)
+    }
+}
+
+impl fmt::Display for Estimate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let each = self.seconds_per_step;
+        let each = if each < 1.0 { format!("{:.3} ms", 1e3 * each) } else { format!("{each:.2} s") };
+        write!(
+            f,
+            "{} steps of {each}, as timed on this device with the {} splats to begin with",
+            self.steps, self.splats
+        )?;
+        if self.grows { f.write_str("; more splats take longer, often several times as long") } else { Ok(()) }
+    }
+}

@@ -1,0 +1,51 @@
+//! How far the host runs ahead of the device.
+
+use super::photographs::Residency;
+
+/// Most events in flight.
+pub(super) const MOST_IN_FLIGHT: usize = 32;
+/// Most threads that decode photographs during a training: more are never needed for the next step's.
+const MOST_DECODERS: usize = 8;
+
+/// How far the host may run ahead of the device, how large the buffers start, and where the photographs are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pacing {
+    /// Events submitted and not yet looked at, from 1 to 32. From 3 on, looking at the oldest never drains the device.
+    pub events_in_flight: usize,
+    /// Splats that fit before the first growth; 0 chooses.
+    pub splat_capacity: u32,
+    /// (splat, tile) pairs that fit before the first growth; 0 chooses.
+    pub pair_capacity: u32,
+    /// Where the photographs are.
+    pub photographs: Residency,
+    /// Photographs decoded ahead of their steps, at least 1, where they are not kept decoded.
+    pub decoded_ahead: usize,
+    /// Threads that decode them; 0 takes as many as there are cores, at most 8.
+    pub decoders: usize,
+}
+
+impl Default for Pacing {
+    fn default() -> Self {
+        Self {
+            events_in_flight: 4,
+            splat_capacity: 0,
+            pair_capacity: 0,
+            photographs: Residency::Auto,
+            decoded_ahead: 4,
+            decoders: 0,
+        }
+    }
+}
+
+impl Pacing {
+    pub(super) fn events_in_flight(self) -> usize {
+        self.events_in_flight.clamp(1, MOST_IN_FLIGHT)
+    }
+
+    pub(super) fn decoders(self) -> usize {
+        match self.decoders {
+            0 => crate::dataset::cores().min(MOST_DECODERS),
+            given => given,
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! The photographs of a training on the device: all of them, or those of the next steps.
+
+use super::Error;
+use super::feed::{Feed, FeedCounts};
+use super::input::View;
+use super::pacing::Pacing;
+use crate::dataset::Depth;
+use crate::pass::loss;
+use crate::scene::Camera;
+use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
+
+/// Where the photographs of a training are while it goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub enum Residency {
+    /// On the device where they take at most half of what the training may use, else streamed.
+    #[default]
+    Auto,
+    /// All on the device from the beginning.
+    Resident,
+    /// Each is uploaded in the step that looks at it, from memory that the host fills some steps ahead.
+    Streamed,
+}
+
+/// Photographs that are uploaded to in turn, so that an upload need not wait for the step before.
+pub(super) const LANDINGS: usize = 2;
+
+/// Buffers of the photographs, and what is known of each.
+pub(super) struct Photographs {
+    views: Vec<Known>,
+    place: Place,
+}
+
+struct Known {
+    name: String,
+    pixels: u64,
+    depth: Depth,
+    /// What the means of the loss are taken over.
+    values: f32,
+}
+
+enum Place {
+    /// One buffer each.
+    Resident(Vec<Buffer>),
+    Streamed(Stream),
+}
+
+/// Memory that is mapped all the time, one for each event in flight and one more, and where its content lands.
+struct Stream {
+    staging: Vec<Buffer>,
+    landings: Vec<Buffer>,
+    feed: Feed,
+}
+
+/// A photograph as the loss takes it.
+pub(super) struct Shown<'a> {
+    pub(super) buffer: &'a Buffer,
+    pub(super) depth: Depth,
+    pub(super) values: f32,
+}
+
+impl Photographs {
+    /// Buffers for photographs of these cameras; contents undefined.
+    pub(super) fn allocate(
+        gpu: &Gpu,
+        views: &[(Camera, Depth)],
+        residency: Residency,
+        in_flight: usize,
+    ) -> Result<Self, Error> {
+        let known: Vec<Known> = views
+            .iter()
+            .map(|(c, depth)| Known {
+                name: String::new(),
+                pixels: u64::from(c.width) * u64::from(c.height),
+                depth: *depth,
+                values: 0.0,
+            })
+            .collect();
+        let bytes = |known: &Known| known.pixels * known.depth.bytes_per_pixel();
+        let place = if residency == Residency::Streamed {
+            let largest = known.iter().map(bytes).max().unwrap_or(0);
+            let buffers = |name: &str, count: usize, memory| {
+                (0..count)
+                    .map(|i| gpu.buffer(&format!("{name} {i}"), largest, memory))
+                    .collect::<Result<_, vk::Error>>()
+            };
+            Place::Streamed(Stream {
+                staging: buffers("photographs on their way", in_flight + 1, Memory::Upload)?,
+                landings: buffers("photograph", LANDINGS, Memory::Device)?,
+                feed: Feed::new(Vec::new(), 0, 0),
+            })
+        } else {
+            let buffer = |(i, k)| gpu.buffer(&format!("photograph {i}"), bytes(k), Memory::Device);
+            Place::Resident(known.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?)
+        };
+        Ok(Self { views: known, place })
+    }
+
+    /// Uploads the photographs, or begins to decode those that are looked at first.
+    pub(super) fn fill(&mut self, gpu: &Gpu, views: &[View], pacing: Pacing) -> Result<(), Error> {
+        for (known, view) in self.views.iter_mut().zip(views) {
+            known.name.clone_from(&view.name);
+            known.values = loss::values(view.camera.width, view.camera.height, view.masked());
+        }
+        let supplies = views.iter().map(|view| view.photograph.clone()).collect();
+        let feed = Feed::new(supplies, pacing.decoded_ahead, pacing.decoders());
+        match &mut self.place {
+            Place::Streamed(stream) => stream.feed = feed,
+            Place::Resident(buffers) => {
+                for (i, (known, buffer)) in self.views.iter().zip(buffers).enumerate() {
+                    feed.look_ahead(&(i..views.len().min(i + feed.ahead())).collect::<Vec<_>>());
+                    let pixels = feed.get(i)?;
+                    known.check(pixels.bytes().len())?;
+                    gpu.write(buffer, pixels.bytes())?;
+                    // So that only one is held twice.
+                    gpu.wait(gpu.last_ticket())?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How many views [`Self::look_ahead`] has a use for.
+    pub(super) fn ahead(&self) -> usize {
+        if let Place::Streamed(stream) = &self.place { stream.feed.ahead() } else { 0 }
+    }
+
+    /// The views of the next steps.
+    pub(super) fn look_ahead(&self, views: &[usize]) {
+        if let Place::Streamed(stream) = &self.place {
+            stream.feed.look_ahead(views);
+        }
+    }
+
+    /// A photograph for a recording: as it lies on the device, or with its upload at this place of the recording. `number` counts
+    /// recordings, so that none writes into memory of one that is still in flight.
+    pub(super) fn record(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        view: usize,
+        number: u64,
+    ) -> Result<Shown<'_>, Error> {
+        let known = self.views.get(view).ok_or(Error::NoViews)?;
+        let buffer = match &self.place {
+            Place::Resident(buffers) => buffers.get(view).ok_or(Error::NoViews)?,
+            Place::Streamed(stream) => {
+                let of = |buffers: &[Buffer]| (number % buffers.len().max(1) as u64) as usize;
+                let staging = &stream.staging[of(&stream.staging)];
+                let landing = &stream.landings[of(&stream.landings)];
+                let pixels = stream.feed.get(view)?;
+                known.check(pixels.bytes().len())?;
+                gpu.store(staging, pixels.bytes())?;
+                recorder.copy(staging, 0, landing, 0, pixels.bytes().len() as u64)?;
+                landing
+            }
+        };
+        Ok(Shown { buffer, depth: known.depth, values: known.values })
+    }
+
+    /// How the photographs of the steps so far came; `None` when all are on the device.
+    pub(super) fn counts(&self) -> Option<FeedCounts> {
+        if let Place::Streamed(stream) = &self.place { Some(stream.feed.counts()) } else { None }
+    }
+
+    /// Bytes of the buffers.
+    pub(super) fn bytes(&self) -> u64 {
+        match &self.place {
+            Place::Resident(buffers) => buffers.iter().map(Buffer::size).sum(),
+            Place::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(Buffer::size).sum(),
+        }
+    }
+}
+
+impl Known {
+    fn check(&self, found: usize) -> Result<(), Error> {
+        let expected = (self.pixels * self.depth.bytes_per_pixel()) as usize;
+        if found != expected || expected == 0 {
+            return Err(Error::PhotographSize { name: self.name.clone(), found, expected });
+        }
+        Ok(())
+    }
+}

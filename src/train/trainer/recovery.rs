@@ -1,0 +1,53 @@
+//! What a trainer does when something did not fit.
+
+use super::Trainer;
+use crate::train::event::{Event, Kind};
+use crate::train::{Error, Message};
+
+impl Trainer {
+    /// Drains, grows what was too small, clears the status and goes back to the first event that was lost.
+    pub(super) fn recover(&mut self) -> Result<(), Error> {
+        self.in_flight.clear();
+        let (done, grown) = match self.engine.grow() {
+            Ok(grown) => grown,
+            Err(error) => return Err(self.saved_before(error)),
+        };
+        self.next = Event::after(done, &self.schedule);
+        for (what, capacity) in grown {
+            self.tell(Message::Grown { what, capacity, replay_from: self.next.step });
+        }
+        Ok(())
+    }
+
+    /// Saves what was trained before an error that ends the training, where checkpoints are kept and the last step is whole.
+    fn saved_before(&mut self, error: Error) -> Error {
+        if self.checkpoints.is_none() {
+            return error;
+        }
+        let Ok(done) = self.engine.give_up_growing() else { return error };
+        self.next = Event::after(done, &self.schedule);
+        if self.next.kind != Kind::Step || self.next.step <= 1 {
+            return error;
+        }
+        match (self.save_checkpoint(), error) {
+            (Ok((_, file)), Error::MemoryLimit { what, wanted, needed, room, in_use, limit, .. }) => {
+                Error::MemoryLimit { what, wanted, needed, room, in_use, limit, saved: Some(file) }
+            }
+            (_, error) => error,
+        }
+    }
+
+    /// Says once that growth has come to the end of the memory.
+    pub(super) fn warn_of_full_memory(&mut self, step: u32, splats: u32) {
+        let Some(most) = self.engine.most_splats() else { return };
+        let asked = self.settings.density.max_splats.is_some_and(|max| max <= most);
+        if self.told_full || asked || splats < most {
+            return;
+        }
+        self.told_full = true;
+        self.tell(Message::Warning(format!(
+            "step {step}: growth stops at {splats} splats, because the device memory that may be used has room for no more; \
+             --max-device-memory gives more, a smaller --max-side leaves more of it"
+        )));
+    }
+}

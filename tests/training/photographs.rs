@@ -1,0 +1,217 @@
+//! Photographs on the device, or uploaded in the steps that look at them, from memory, compressed or from files: the same training.
+
+use psrgs_vk::dataset::{Dataset, Depth, HostShare, LoadOptions, Pixels, Supply};
+use psrgs_vk::train::{Input, Message, Pacing, Residency, Settings, Trainer, View, prepare};
+use psrgs_vk::vk::Gpu;
+use psrgs_vk::world::{WorldParams, generate};
+
+use crate::common::{self, plane_scene};
+use crate::{assert_same, run, settings};
+
+fn streamed(events_in_flight: usize) -> Pacing {
+    Pacing { events_in_flight, photographs: Residency::Streamed, decoded_ahead: 2, decoders: 2, ..Pacing::default() }
+}
+
+/// The view with 16 bits per channel, and other digits behind the first eight than zeros.
+fn deepened(view: &View, lower: u16) -> View {
+    let pixels = view.photograph.pixels().expect("in memory");
+    let wide = |(k, v): (usize, &u8)| (257 * u16::from(*v)).saturating_add(if k % 4 < 3 { lower } else { 0 });
+    let values: Vec<u16> = pixels.rgba8().iter().enumerate().map(wide).collect();
+    View::new(&view.name, view.camera, Pixels::Rgba16(values))
+}
+
+#[test]
+fn streamed_photographs_train_to_the_same_bits() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut input = plane_scene::input(5, 64, 48, 300);
+    // Photographs of two sizes and two depths.
+    let other = plane_scene::input(5, 40, 56, 0);
+    input.train[1] = other.train[1].clone();
+    input.train[3] = deepened(&input.train[3], 77);
+    let truth =
+        run(&gpu, input.clone(), &settings(60), Pacing { photographs: Residency::Resident, ..Pacing::default() });
+    assert!(truth.changed > 0);
+    for events_in_flight in [1, 2, 4, 8] {
+        let got = run(&gpu, input.clone(), &settings(60), streamed(events_in_flight));
+        assert_same(&truth.state, &got.state, &format!("{events_in_flight} in flight"));
+        assert_eq!(truth.losses, got.losses);
+    }
+    // Steps that are taken again look at their photographs again.
+    let tight = Pacing { splat_capacity: 301, pair_capacity: 64, ..streamed(4) };
+    let forced = run(&gpu, input, &settings(60), tight);
+    assert!(forced.grown >= 2);
+    assert_same(&truth.state, &forced.state, "replayed");
+}
+
+#[test]
+fn streaming_waits_for_nothing_on_the_device() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut settings = settings(40);
+    settings.run.no_densify = true;
+    let input = plane_scene::input(5, 64, 48, 300);
+    let large = Pacing { splat_capacity: 400, pair_capacity: 400_000, ..streamed(4) };
+    let mut trainer = Trainer::new(&gpu, input, &settings, large, None).expect("trainer");
+    let (mut before, mut steps) = (None, 0);
+    while let Some(message) = trainer.next_message().expect("message") {
+        if let Message::Step { step, .. } = message {
+            steps = step;
+            let now = gpu.stats();
+            let first = *before.get_or_insert(now);
+            // The last steps have nothing submitted behind them.
+            if (5..=35).contains(&step) {
+                assert_eq!(now.host_waits, first.host_waits, "step {step}");
+                assert!(now.pacing_waits >= first.pacing_waits);
+            }
+        }
+    }
+    assert_eq!(steps, 40);
+    let counts = trainer.feed_counts().expect("streamed");
+    assert_eq!((counts.asked, counts.waited), (40, 0), "in memory, nothing is waited for");
+}
+
+/// A generated scene on disk, its photographs in memory or not.
+struct OnDisk {
+    _folder: tempfile::TempDir,
+    dataset: Dataset,
+    settings: Settings,
+}
+
+impl OnDisk {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let params = WorldParams { images: 9, max_side: 96, pixels_per_point: 16, ..WorldParams::default() };
+        generate(&params, folder.path(), &mut |_| ()).expect("a scene");
+        // Reduced, so that what is kept compressed is not the file.
+        let dataset =
+            Dataset::load(folder.path(), &LoadOptions { max_side: Some(64), ..LoadOptions::default() }).expect("loads");
+        let mut settings = settings(36);
+        settings.run.eval_every = 12;
+        Self { _folder: folder, dataset, settings }
+    }
+
+    fn input(&self, keep: u64) -> Input {
+        let initial = prepare::initial(&self.dataset, None, 0).expect("points");
+        let share = HostShare { keep, decoding: 1 << 20, threads: 2 };
+        prepare::input_within(&self.dataset, initial, share).expect("decoded")
+    }
+}
+
+fn scored(
+    gpu: &Gpu,
+    input: Input,
+    settings: &Settings,
+    pacing: Pacing,
+) -> (psrgs_vk::train::State, Vec<u64>, Option<u64>) {
+    let mut trainer = Trainer::new(gpu, input, settings, pacing, None).expect("trainer");
+    let mut scores = Vec::new();
+    while let Some(message) = trainer.next_message().expect("message") {
+        if let Message::Evaluated { quality, .. } = message {
+            scores.push(quality.psnr.to_bits());
+        }
+    }
+    let state = trainer.snapshot().expect("snapshot").state;
+    (state, scores, trainer.feed_counts().map(|counts| counts.decoded))
+}
+
+#[test]
+fn photographs_that_do_not_stay_in_memory_train_and_score_the_same() {
+    let Some(gpu) = common::gpu() else { return };
+    let scene = OnDisk::new();
+    let whole = scene.input(u64::MAX);
+    let kept: u64 = whole.train.iter().chain(&whole.held_out).map(|view| view.photograph.kept_bytes()).sum();
+    let (truth, scores, nothing) =
+        scored(&gpu, whole, &scene.settings, Pacing { photographs: Residency::Resident, ..Pacing::default() });
+    assert_eq!((scores.len(), nothing), (3, None));
+    // Compressed in memory, some of them, none; and from there onto the device at the beginning.
+    for (keep, photographs) in [
+        (kept - 1, Residency::Streamed),
+        (kept / 8, Residency::Streamed),
+        (0, Residency::Streamed),
+        (0, Residency::Resident),
+    ] {
+        let input = scene.input(keep);
+        let held: u64 = input.train.iter().chain(&input.held_out).map(|view| view.photograph.kept_bytes()).sum();
+        assert!(held <= keep, "{held} bytes are kept of {keep}");
+        let (state, again, decoded) = scored(&gpu, input, &scene.settings, Pacing { photographs, ..streamed(4) });
+        assert_same(&truth, &state, &format!("{keep} bytes kept, {photographs:?}"));
+        assert_eq!(scores, again);
+        if photographs == Residency::Streamed {
+            // Seven views, five passes: more often than once each, and what is decoded ahead of the end is not needed.
+            assert!(decoded.is_some_and(|n| (30..=40).contains(&n)), "{decoded:?} decoded");
+        }
+    }
+}
+
+#[test]
+fn streamed_training_stops_and_resumes_without_a_trace() {
+    let Some(gpu) = common::gpu() else { return };
+    let scene = OnDisk::new();
+    let (truth, ..) = scored(&gpu, scene.input(u64::MAX), &scene.settings, Pacing::default());
+    for stop in [5, 15, 29] {
+        let mut first = Trainer::new(&gpu, scene.input(0), &scene.settings, streamed(4), None).expect("trainer");
+        while let Some(message) = first.next_message().expect("message") {
+            if matches!(message, Message::Step { step, .. } if step == stop) {
+                break;
+            }
+        }
+        let restart = first.snapshot().expect("snapshot");
+        drop(first);
+        let mut second =
+            Trainer::new(&gpu, scene.input(0), &scene.settings, streamed(3), Some(restart)).expect("trainer");
+        while second.next_message().expect("message").is_some() {}
+        assert_same(&truth, &second.snapshot().expect("snapshot").state, &format!("resumed near {stop}"));
+    }
+}
+
+#[test]
+fn a_photograph_that_goes_missing_on_the_way_ends_the_training_with_its_name() {
+    let Some(gpu) = common::gpu() else { return };
+    let scene = OnDisk::new();
+    let mut trainer = Trainer::new(&gpu, scene.input(0), &scene.settings, streamed(2), None).expect("trainer");
+    trainer.next_message().expect("a step");
+    std::fs::remove_dir_all(scene.dataset.path.join("images")).expect("removed");
+    let error = loop {
+        match trainer.next_message() {
+            Ok(Some(_)) => {}
+            Ok(None) => panic!("trained without photographs"),
+            Err(error) => break error.to_string(),
+        }
+    };
+    assert!(error.contains("view_") && error.contains("read"), "{error}");
+}
+
+#[test]
+fn sixteen_bits_train_as_their_8_bit_copies_and_their_lower_digits_count() {
+    let Some(gpu) = common::gpu() else { return };
+    let eight = plane_scene::input(4, 64, 48, 300);
+    let deep = |lower| {
+        let mut input = eight.clone();
+        input.train.iter_mut().for_each(|view| *view = deepened(view, lower));
+        input
+    };
+    assert!(deep(0).outline().train.iter().all(|(_, depth)| *depth == Depth::Sixteen));
+    let first = run(&gpu, eight.clone(), &settings(12), Pacing::default());
+    let same = run(&gpu, deep(0), &settings(12), Pacing::default());
+    let other = run(&gpu, deep(128), &settings(12), Pacing::default());
+    for (step, ((eight, deep), other)) in first.losses.iter().zip(&same.losses).zip(&other.losses).enumerate() {
+        assert!((eight - deep).abs() < 2e-4, "step {step}: {eight} with 8 bits, {deep} with 16");
+        assert!(step > 0 || eight != other && (eight - other).abs() < 4e-3, "{eight} and {other}");
+    }
+    assert!((first.losses[0] - same.losses[0]).abs() < 1e-6);
+}
+
+#[test]
+fn pixels_that_do_not_fit_their_camera_are_refused() {
+    let Some(gpu) = common::gpu() else { return };
+    for photographs in [Residency::Resident, Residency::Streamed] {
+        let mut input = plane_scene::input(3, 40, 30, 20);
+        input.train[1].photograph = Supply::of(Pixels::Rgba8(vec![0; 40]));
+        let pacing = Pacing { photographs, ..Pacing::default() };
+        let trained = Trainer::new(&gpu, input, &settings(12), pacing, None).and_then(|mut trainer| {
+            while trainer.next_message()?.is_some() {}
+            Ok(())
+        });
+        let error = trained.expect_err("refused").to_string();
+        assert!(error.contains("train1") && error.contains("40 bytes") && error.contains("4800"), "{error}");
+    }
+}
