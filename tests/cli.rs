@@ -91,6 +91,46 @@ fn named_options_win_over_the_file_and_the_file_over_defaults() {
     assert!(got["data"].as_str().is_some_and(|d| d.starts_with('/') && d.ends_with("/fox")), "{}", got["data"]);
 }
 
+/// Longer side, steps, and whether the schedule is scaled.
+fn size_and_steps(settings: &toml::Table) -> (i64, i64, bool) {
+    let number = |group: &str, key: &str| settings[group][key].as_integer().expect("a number");
+    let scaled = settings["run"]["scale-schedule"].as_bool().expect("a truth");
+    (number("photographs", "max-side"), number("run", "iterations"), scaled)
+}
+
+#[test]
+fn presets_are_written_out_and_named_options_win_over_them() {
+    let chosen = |args: &[&str]| size_and_steps(&settings(&[&["fox"], args].concat()));
+    assert_eq!(chosen(&["--preset", "quick"]), (640, 2000, true));
+    assert_eq!(chosen(&["--preset", "standard"]), (1600, 30_000, false));
+    assert_eq!(chosen(&["--preset", "full"]), (65_536, 30_000, false));
+    assert_eq!(chosen(&["--preset", "quick", "--max-side", "320", "--scale-schedule=false"]), (320, 2000, false));
+    assert_eq!(chosen(&["--preset", "quick", "--iterations", "700"]), (640, 700, true));
+    fails(&["train", "fox", "--preset", "slow"], 2, &["quick, standard or full"]);
+    // What nobody asked for depends on the device; with size and steps named it changes nothing.
+    assert_eq!(chosen(&["--max-side", "1234", "--iterations", "30000"]), (1234, 30_000, false));
+    let kind = psrgs_vk::vk::device_kind(None).ok();
+    let quick = kind == Some(psrgs_vk::vk::DeviceKind::Cpu);
+    assert_eq!(chosen(&[]), if quick { (640, 2000, true) } else { (1600, 30_000, false) });
+    assert_eq!(chosen(&["--iterations", "7000"]), (if quick { 640 } else { 1600 }, 7000, false));
+}
+
+#[test]
+fn a_settings_file_is_what_it_says_and_a_preset_by_name_wins_over_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let chosen = |text: &str, args: &[&str]| {
+        let file = write(folder.path(), "my.toml", text);
+        size_and_steps(&settings(&[&["fox", "--config", &file], args].concat()))
+    };
+    // Without a preset in it, what it lacks has its default, whatever the device is.
+    assert_eq!(chosen("[run]\nseed = 3\n", &[]), (1600, 30_000, false));
+    assert_eq!(chosen("[run]\npreset = \"quick\"\n", &[]), (640, 2000, true));
+    let own = "[run]\npreset = \"quick\"\niterations = 900\n[photographs]\nmax-side = 500\n";
+    assert_eq!(chosen(own, &[]), (500, 900, true));
+    assert_eq!(chosen(own, &["--preset", "standard"]), (1600, 30_000, false));
+    assert_eq!(chosen(own, &["--preset", "standard", "--max-side", "77"]), (77, 30_000, false));
+}
+
 #[test]
 fn printed_settings_give_the_same_settings_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -5,9 +5,12 @@
 
 #[path = "commands/bad_data.rs"]
 mod bad_data;
+mod colmap_folder;
 mod common;
 #[path = "commands/library.rs"]
 mod library;
+#[path = "commands/memory.rs"]
+mod memory;
 #[path = "commands/other_trainers.rs"]
 mod other_trainers;
 #[path = "commands/run.rs"]

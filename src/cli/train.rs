@@ -122,7 +122,9 @@ impl Args {
 
 /// Whether an option was given by name, on the command line or in the environment.
 pub(crate) fn named(matches: &clap::ArgMatches, key: &str) -> bool {
-    let source = matches.value_source(&key.replace('-', "_"));
+    let id = key.replace('-', "_");
+    // Not every command has every option.
+    let source = if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None };
     matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
 }
 

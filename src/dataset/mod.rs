@@ -163,7 +163,7 @@ impl Dataset {
     /// Loads the model of a folder and finds its photographs and masks.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let sizing = options.sizing();
-        check_sizing(sizing)?;
+        sizing::check(sizing)?;
         let mut model = Model::read(path, options.format)?;
         check_names(&mut model)?;
         let mut warnings = std::mem::take(&mut model.warnings);
@@ -191,7 +191,7 @@ impl Dataset {
                 let tone = options.tone;
                 let path = photograph.unwrap_or_default();
                 check_aspect(&path, shot, size_on_disk)?;
-                let (lens, camera) = at_size(&path, shot, size_on_disk, sizing, options.rounding)?;
+                let (lens, camera) = sizing::camera(&path, shot, size_on_disk, sizing, options.rounding)?;
                 let beside = || masks_folder.as_deref().and_then(|folder| masks::beside(folder, &shot.name));
                 let mask = images.as_ref().and_then(|_| shot.mask.clone().or_else(beside));
                 if let Some(mask) = &mask {
@@ -284,30 +284,6 @@ fn check_names(model: &mut Model) -> Result<(), Error> {
     }
 }
 
-/// The camera to train with for a photograph of a size, and its lens where that has to be undone.
-fn at_size(
-    file: &Path,
-    shot: &Shot,
-    on_disk: (u32, u32),
-    sizing: Sizing,
-    rounding: Rounding,
-) -> Result<(Option<Lens>, Camera), Error> {
-    let (calibrated, straight) = (shot.lens, shot.lens.distortion.is_none());
-    let lens = calibrated.resized(on_disk.0, on_disk.1);
-    let ([fx, fy], [cx, cy], [width, height]) = (calibrated.focal, calibrated.center, calibrated.size);
-    let (rotation, translation) = (shot.rotation, shot.translation);
-    let plain = Camera { rotation, translation, fx, fy, cx, cy, width, height };
-    // The picture at its full size, and at that of the calibration.
-    let (full, of) =
-        if straight { (plain.resized(on_disk.0, on_disk.1), plain) } else { (lens.pinhole(), calibrated.pinhole()) };
-    let at_most = (full.width, full.height);
-    let (width, height) = sizing.apply(at_most, (of.width, of.height), rounding);
-    check_size(file, &of, sizing, at_most, (width, height))?;
-    // From the calibration at once: a second rounding would move the last bits.
-    let camera = if straight { plain.resized(width, height) } else { full.resized(width, height) };
-    Ok(((!straight).then_some(lens), Camera { rotation, translation, ..camera }))
-}
-
 fn find_photographs(
     path: &Path,
     options: &LoadOptions,
@@ -378,29 +354,4 @@ fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), 
         expected: camera,
         hint: if turned { "; turned by 90 degrees it would fit: orientation tags of EXIF are not applied" } else { "" },
     })
-}
-
-fn check_sizing(sizing: Sizing) -> Result<(), Error> {
-    match sizing {
-        Sizing::MaxSide(0) => Err(Error::ZeroMaxSide),
-        Sizing::Downscale(factor) if !(factor >= 1.0 && factor.is_finite()) => Err(Error::BadSize),
-        Sizing::Exact(0, _) | Sizing::Exact(_, 0) => Err(Error::BadSize),
-        _ => Ok(()),
-    }
-}
-
-/// A size asked for must be one that the photograph can be reduced to without being stretched.
-fn check_size(
-    file: &Path,
-    camera: &Camera,
-    sizing: Sizing,
-    on_disk: (u32, u32),
-    wanted: (u32, u32),
-) -> Result<(), Error> {
-    let shape = (camera.width, camera.height);
-    let shaped = !matches!(sizing, Sizing::Exact(..)) || photograph::same_shape(wanted, shape);
-    if shaped && wanted.0 <= on_disk.0 && wanted.1 <= on_disk.1 {
-        return Ok(());
-    }
-    Err(Error::SizeDoesNotFit { file: file.to_owned(), photograph: on_disk, wanted })
 }

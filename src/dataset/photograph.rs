@@ -83,7 +83,7 @@ pub(super) fn same_shape(copy: (u32, u32), of: (u32, u32)) -> bool {
 ///
 /// Downscaling uses Catmull-Rom bicubic interpolation with its support widened by the reduction, on the encoded values: the
 /// same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is decoded at a
-/// half, a quarter or an eighth of its size first, where at least 1.5 times the pixels that are wanted are left.
+/// half or a quarter of its size first, where at least 1.5 times the pixels that are wanted are left.
 pub(super) fn decode(view: &View) -> Result<Photograph, Error> {
     decode_bytes(view, &read(&view.path)?)
 }

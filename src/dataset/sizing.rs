@@ -1,5 +1,13 @@
 //! The size at which photographs are used, by the rules of this and of other trainers.
 
+use std::path::Path;
+
+use super::error::Error;
+use super::lens::Lens;
+use super::model::Shot;
+use super::photograph::same_shape;
+use crate::scene::Camera;
+
 /// Which size photographs are brought to. Sizes only ever become smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sizing {
@@ -61,6 +69,56 @@ impl Sizing {
             Self::Exact(width, height) => width.max(height),
         }
     }
+}
+
+/// The camera to train with for a photograph of a size, and its lens where that has to be undone.
+pub(super) fn camera(
+    file: &Path,
+    shot: &Shot,
+    on_disk: (u32, u32),
+    sizing: Sizing,
+    rounding: Rounding,
+) -> Result<(Option<Lens>, Camera), Error> {
+    let (calibrated, straight) = (shot.lens, shot.lens.distortion.is_none());
+    let lens = calibrated.resized(on_disk.0, on_disk.1);
+    let ([fx, fy], [cx, cy], [width, height]) = (calibrated.focal, calibrated.center, calibrated.size);
+    let (rotation, translation) = (shot.rotation, shot.translation);
+    let plain = Camera { rotation, translation, fx, fy, cx, cy, width, height };
+    // The picture at its full size, and at that of the calibration.
+    let (full, of) =
+        if straight { (plain.resized(on_disk.0, on_disk.1), plain) } else { (lens.pinhole(), calibrated.pinhole()) };
+    let at_most = (full.width, full.height);
+    let (width, height) = sizing.apply(at_most, (of.width, of.height), rounding);
+    check_size(file, &of, sizing, at_most, (width, height))?;
+    // From the calibration at once: a second rounding would move the last bits.
+    let camera = if straight { plain.resized(width, height) } else { full.resized(width, height) };
+    Ok(((!straight).then_some(lens), Camera { rotation, translation, ..camera }))
+}
+
+/// Refuses sizes that no image can have.
+pub(super) fn check(sizing: Sizing) -> Result<(), Error> {
+    match sizing {
+        Sizing::MaxSide(0) => Err(Error::ZeroMaxSide),
+        Sizing::Downscale(factor) if !(factor >= 1.0 && factor.is_finite()) => Err(Error::BadSize),
+        Sizing::Exact(0, _) | Sizing::Exact(_, 0) => Err(Error::BadSize),
+        _ => Ok(()),
+    }
+}
+
+/// A size asked for must be one that the photograph can be reduced to without being stretched.
+fn check_size(
+    file: &Path,
+    camera: &Camera,
+    sizing: Sizing,
+    on_disk: (u32, u32),
+    wanted: (u32, u32),
+) -> Result<(), Error> {
+    let shape = (camera.width, camera.height);
+    let shaped = !matches!(sizing, Sizing::Exact(..)) || same_shape(wanted, shape);
+    if shaped && wanted.0 <= on_disk.0 && wanted.1 <= on_disk.1 {
+        return Ok(());
+    }
+    Err(Error::SizeDoesNotFit { file: file.to_owned(), photograph: on_disk, wanted })
 }
 
 #[cfg(test)]

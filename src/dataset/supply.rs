@@ -154,9 +154,14 @@ impl View {
             Samples::Bits16 => 6 + 8,
             Samples::Float => 16 + 8 + 8,
         };
-        let rows = if self.lens.is_none() { 16 * width * u64::from(self.camera.height) } else { 0 };
         let file = u64::from(self.size_on_disk.0) * u64::from(self.size_on_disk.1);
-        file + per_pixel * width * height + rows + self.pixel_bytes()
+        let pixels = file + per_pixel * width * height;
+        let same = (width, height) == (u64::from(self.camera.width), u64::from(self.camera.height));
+        match &self.lens {
+            None if same => pixels,
+            None => pixels + 16 * width * u64::from(self.camera.height) + self.pixel_bytes(),
+            Some(_) => pixels + self.pixel_bytes(),
+        }
     }
 
     fn is_costly(&self) -> bool {

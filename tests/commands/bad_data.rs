@@ -178,6 +178,23 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let overlap = found["overlap"].as_f64().expect("a number");
     assert!((0.3..=1.0).contains(&overlap) && found["extent"].as_f64().expect("a number") > 0.0, "{found}");
     assert_eq!(found["photograph_bytes"], 7 * 4 * 64 * 48);
+    let training = &found["training"];
+    assert!(training["device_bytes"].as_u64() > Some(7 * 4 * 64 * 48), "{training}");
+    assert_eq!((&training["host_short_by"], &training["photographs"]), (&0.into(), &"Resident".into()), "{training}");
+    // Steps of the preset, timed; and the words for it.
+    let estimate = &training["estimate"];
+    assert_eq!(estimate["steps"], found["iterations"]);
+    assert!(estimate["seconds_per_step"].as_f64().is_some_and(|s| s > 0.0 && s < 60.0), "{estimate}");
+    let output = psrgs(&["check", text(data.path()), "--preset", "standard", "--iterations", "70", "-q"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    for row in ["preset        standard, 70 steps", "device memory ", "host memory   of the ", "time          about "] {
+        assert!(said.contains(row), "{row}: {said}");
+    }
+    // Too little memory is a problem that is named before anything is trained.
+    let output = psrgs(&["check", text(data.path()), "--host-memory", "1M", "--json"]);
+    assert_eq!(output.status.code(), Some(7));
+    let tight: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(tight["problems"][0].as_str().is_some_and(|p| p.contains("the least that works")), "{tight}");
     // A photograph without a pose, then a pose that looks away, then a pose without a photograph.
     fs::copy(data.path().join("images/view_0001.jpg"), data.path().join("images/extra.jpg")).expect("copied");
     let problems = checked(7)["problems"].clone();

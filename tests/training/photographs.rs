@@ -124,7 +124,7 @@ fn photographs_that_do_not_stay_in_memory_train_and_score_the_same() {
     assert_eq!((scores.len(), nothing), (3, None));
     // Compressed in memory, some of them, none; and from there onto the device at the beginning.
     for (keep, photographs) in [
-        (kept - 1, Residency::Streamed),
+        (kept / 2, Residency::Streamed),
         (kept / 8, Residency::Streamed),
         (0, Residency::Streamed),
         (0, Residency::Resident),
