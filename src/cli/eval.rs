@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             Some(pictures) => {
                 let panel = pictures.held_out(i, view, &picture)?;
                 images.push(panel.score());
-                panels.push(panel);
+                panels.push(panel.among(views.len()));
             }
             None => images.push(score(view, &*view.photograph.pixels()?, &picture.rgb8())),
         }

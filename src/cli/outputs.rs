@@ -53,7 +53,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     for (i, view) in views.iter().enumerate() {
         let panel = pictures.held_out(i, view, &trainer.picture(&view.camera)?)?;
         scores.push(panel.score());
-        panels.push(panel);
+        panels.push(panel.among(views.len()));
     }
 
     // What is wrong with the ground truth must not cost the results of a training.

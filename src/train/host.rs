@@ -15,6 +15,9 @@ const FREE_UNKNOWN: u64 = 4 << 30;
 const SLACK: u64 = 128 << 20;
 /// Photographs that are being decoded, and those decoded ahead, each take at most this share of what is left.
 const PART: u64 = 4;
+/// What a checkpoint holds of a splat, and what a picture with depth and normals takes beside a photograph's bytes.
+const READ_BACK_PER_SPLAT: u64 = 736;
+const READ_BACK_PER_BYTE: u64 = 12;
 /// Photographs decoded ahead.
 const AHEAD: (u64, u64) = (2, 8);
 /// Threads that decode at one time.
@@ -55,8 +58,9 @@ fn decoders(left: u64, each: u64) -> (u64, usize) {
 pub struct HostPlan {
     /// What may be taken.
     pub memory: HostMemory,
-    /// Bytes of the training that are not photographs kept on the host: its buffers where the device works in the host's memory,
-    /// and what photographs are uploaded from.
+    /// Bytes of the training that are not photographs kept on the host: what is read back for a checkpoint and of a picture, its
+    /// buffers where the device works in the host's memory, and what photographs are uploaded from. As at the start: more splats
+    /// take more.
     pub training: u64,
     /// Bytes of all photographs, decoded.
     pub decoded: u64,
@@ -82,7 +86,8 @@ impl HostPlan {
         let mut pacing = Pacing::default();
         let largest = outline.largest();
         let decoded = Outline::bytes(&outline.train) + Outline::bytes(&outline.held_out);
-        let model = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
+        let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
+        let model = on_device + READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
         let left = memory.budget.saturating_sub(memory.in_use).saturating_sub(SLACK).saturating_sub(model);
         let (decoding, threads) = decoders(left, each_decoding);
         let ring = largest * (pacing.events_in_flight() as u64 + 1 + if shared { LANDINGS as u64 } else { 0 });

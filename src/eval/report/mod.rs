@@ -1,6 +1,7 @@
 //! The report of a run: one HTML file that needs nothing else, with curves, numbers and pictures.
 
 mod chart;
+mod limit;
 mod panel;
 mod text;
 
