@@ -24,7 +24,7 @@ impl Pictures {
         let wide = |v: u8, lower: u32| (257 * u32::from(v) + lower).min(0xffff);
         let mut words = |p: [u8; 4]| {
             let [r, g, b] = [p[0], p[1], p[2]].map(|v| wide(v, lower()));
-            [r | g << 16, b | 257 * u32::from(p[3]) << 16]
+            [r | g << 16, b | (257 * u32::from(p[3])) << 16]
         };
         let target = self.target.iter().map(|t| t.to_le_bytes()).flat_map(&mut words).collect();
         Self { name: self.name, width: self.width, height: self.height, image: self.image.clone(), target, bits: 16 }

@@ -37,7 +37,8 @@ impl Preset {
         if !named("max-side") {
             settings.photographs.max_side = side;
         }
-        if !named("scale-schedule") && !(automatic && named("iterations")) {
+        let steps_are_own = automatic && named("iterations");
+        if !steps_are_own && !named("scale-schedule") {
             settings.run.scale_schedule = scaled;
         }
         if !named("iterations") {
