@@ -46,8 +46,8 @@ fn undistorted_photographs_are_those_of_the_pinhole_world() {
             assert!((a - b).abs() < 1e-6, "{got:?} {want:?}");
         }
         let photograph = view.photograph().unwrap();
-        assert!(photograph.rgba.chunks_exact(4).all(|p| p[3] == 255), "the photograph covers the picture");
-        let rgb: Vec<u8> = photograph.rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        assert!(photograph.rgba8().chunks_exact(4).all(|p| p[3] == 255), "the photograph covers the picture");
+        let rgb: Vec<u8> = photograph.rgba8().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let (pinhole, depth) = straight.photograph(&made.camera, k);
         // What is left is the interpolation, which is no shift: a picture one pixel off is far worse.
         let quality = psnr(&rgb, pinhole.as_raw()).unwrap();

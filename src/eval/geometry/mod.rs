@@ -71,7 +71,7 @@ pub fn measure<E: From<GeometryError>>(
         let photograph = view.photograph()?;
         let picture = render(&view.camera)?.rgb8();
         let (colours, counts): (Vec<[u8; 3]>, Vec<bool>) =
-            photograph.rgba.chunks_exact(4).map(|p| ([p[0], p[1], p[2]], p[3] >= 128)).unzip();
+            photograph.rgba8().chunks_exact(4).map(|p| ([p[0], p[1], p[2]], p[3] >= 128)).unzip();
         decibels.extend(psnr_where(&picture, colours.as_flattened(), &counts));
         if let Some(maps) = &view.maps {
             let known = maps.read()?;
