@@ -1,11 +1,12 @@
 //! Exposures: found again on photographs that were given some, without a drift of the model's colours, and bit-reproducible.
 
+use psrgs_vk::dataset::Pixels;
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Shot, Viewer};
 use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::train::settings::Exposure;
-use psrgs_vk::train::{Checkpointed, ExposureMatrix, Input, Message, Pacing, Settings, Trainer};
+use psrgs_vk::train::{Checkpointed, ExposureMatrix, Input, Message, Pacing, Settings, Trainer, View};
 use psrgs_vk::vk::Gpu;
 
 use super::common::{self, plane_scene};
@@ -55,13 +56,15 @@ fn exposed_input(gpu: &Gpu) -> Input {
         let shot = Shot { camera: view.camera, projection, background: [0.0; 3] };
         let picture = viewer.render(&planes, model.len() as u32, &shot, false).unwrap();
         let e = truth(v);
-        for (pixel, c) in view.rgba.chunks_exact_mut(4).zip(picture.rgbt.chunks_exact(4)) {
+        let mut rgba = vec![0_u8; picture.rgbt.len()];
+        for (pixel, c) in rgba.chunks_exact_mut(4).zip(picture.rgbt.chunks_exact(4)) {
             for k in 0..3 {
                 let shown = (0..3).map(|j| e[k][j] * f64::from(c[j])).sum::<f64>() + e[k][3];
                 pixel[k] = (shown.clamp(0.0, 1.0) * 255.0).round() as u8;
             }
             pixel[3] = if c[3] < 0.2 { 255 } else { 0 };
         }
+        *view = View::new(&view.name, view.camera, Pixels::Rgba8(rgba));
         assert!(view.masked() < 48 * 36 / 2, "the model covers half of the picture");
     }
     input.initial = model;

@@ -53,6 +53,7 @@ mod tests {
             render: picture.clone(),
             depth: Some(depth),
             psnr: 1.0,
+            psnr_cc: 1.0,
             ssim: 0.5,
         };
         assert_eq!(panel.clone().among(200).photograph, picture);
