@@ -1,19 +1,26 @@
 //! Forward and backward of one view, recorded as passes.
 
+mod backward;
+
+pub use backward::{BackwardStep, Gradients};
+
+use backward::Backward;
+
 use super::held::Held;
 use super::kernels;
 use super::loan::{Layout, Loan};
 use super::planes::Planes;
+use super::size::{LEAST_2D, ROW_2D, Size};
 use super::sort::Shape;
 use super::target::Target;
 use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{adam, blend_forward, counters, project, project_backward, project_backward_adam, slot_sum};
+use crate::pass::{blend_forward, counters, project};
 use crate::scene::Camera;
 use crate::twin::tile::TileGrid;
-use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
 
 /// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because their
 /// first ones are planned with them.
@@ -56,49 +63,10 @@ impl Shot {
     }
 }
 
-/// Whose gradients a backward pass computes, from what, and where they go.
-#[derive(Clone, Copy)]
-pub struct Gradients<'a> {
-    /// The model that was rendered.
-    pub model: &'a Planes,
-    /// dL/d(image), a vec4 per pixel.
-    pub of_image: &'a Buffer,
-    /// dL/d(model), written.
-    pub of_model: &'a Planes,
-}
-
-/// An optimiser step that takes the place of gradients: see [`Renderer::record_backward_step`].
-#[derive(Clone, Copy)]
-pub struct BackwardStep<'a> {
-    /// The model that was rendered, and changes.
-    pub model: &'a Planes,
-    /// The first and second moments, or both in one, which change with it.
-    pub moments: &'a [Planes],
-    /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants.
-    pub pipeline: &'a Pipeline,
-    /// The optimiser's settings.
-    pub settings: &'a adam::Settings,
-    /// Learning rates.
-    pub rates: &'a project_backward_adam::Rates,
-    /// How many steps have been taken.
-    pub steps: project_backward_adam::Steps,
-}
-
 /// Pipelines that differ by whether depth and normals are blended too.
 struct Channels {
     project: Pipeline,
     blend: Pipeline,
-}
-
-/// Pipelines and buffers of the backward.
-struct Backward {
-    blend: Pipeline,
-    slot_sum: Option<Pipeline>,
-    project: Pipeline,
-    slot_grads: Buffer,
-    unused_normals: Buffer,
-    /// Beginning of the buffer that the tile lists use before.
-    grad2d: Part,
 }
 
 /// The passes from a model to an image and back, with the buffers between them.
@@ -275,99 +243,6 @@ impl Renderer {
         u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side))
     }
 
-    /// Gradients of a model from those of its image, after [`Self::record_forward`] of the same shot. Does nothing without a
-    /// backward.
-    pub fn record_backward(
-        &self,
-        recorder: &mut Recorder,
-        lists: &Lists<'_>,
-        gradients: &Gradients<'_>,
-        shot: &Shot,
-        target: &Target,
-    ) -> Result<(), vk::Error> {
-        self.record_blend_backward(recorder, lists, gradients.of_image, shot, target)?;
-        self.record_project_backward(recorder, gradients.model, gradients.of_model, shot)
-    }
-
-    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot. Does nothing without
-    /// a backward.
-    pub fn record_project_backward(
-        &self,
-        recorder: &mut Recorder,
-        model: &Planes,
-        of_model: &Planes,
-        shot: &Shot,
-    ) -> Result<(), vk::Error> {
-        let Some(backward) = &self.backward else { return Ok(()) };
-        let push = CameraPush::new(&shot.camera, &shot.projection);
-        let [counts, splat2d, tile_counts, unused] =
-            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
-        let mut buffers = vec![counts];
-        buffers.extend(model.buffers().iter().map(BufferSlice::from));
-        buffers.extend([splat2d, tile_counts, backward.grad2d.slice(), unused]);
-        buffers.extend(of_model.buffers().iter().map(BufferSlice::from));
-        recorder.dispatch(&backward.project, &buffers, &push, self.per_splat())
-    }
-
-    /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the optimiser
-    /// would do, without gradients in memory. Does nothing without a backward.
-    pub fn record_backward_step(
-        &self,
-        recorder: &mut Recorder,
-        step: &BackwardStep<'_>,
-        shot: &Shot,
-    ) -> Result<(), vk::Error> {
-        let Some(backward) = &self.backward else { return Ok(()) };
-        let camera = CameraPush::new(&shot.camera, &shot.projection);
-        let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
-        let [counts, splat2d, tile_counts, unused] =
-            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
-        let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), unused];
-        for planes in std::iter::once(step.model).chain(step.moments) {
-            buffers.extend(planes.buffers().iter().map(BufferSlice::from));
-        }
-        recorder.dispatch(step.pipeline, &buffers, &push, self.per_splat())
-    }
-
-    /// Gradients of the projected splats ([`Self::grad2d`]) from those of the image, after [`Self::record_forward`] of the same
-    /// shot. Does nothing without a backward.
-    pub fn record_blend_backward(
-        &self,
-        recorder: &mut Recorder,
-        lists: &Lists<'_>,
-        of_image: &Buffer,
-        shot: &Shot,
-        target: &Target,
-    ) -> Result<(), vk::Error> {
-        let Some(backward) = &self.backward else { return Ok(()) };
-        let (width, height) = (shot.camera.width, shot.camera.height);
-        let push = shot.blend_push();
-        let [splat2d, normals, image, last, of_image] =
-            slices([&self.splat2d, &self.normals, &target.image, &target.last, of_image]);
-        let [unused, slot_grads, counted] = slices([&backward.unused_normals, &backward.slot_grads, &self.pair_counts]);
-        let grad2d = backward.grad2d.slice();
-        // Without the auxiliary channels these stand for what is not read; another buffer stands for what is not written.
-        let unread = normals;
-        let mut buffers = vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, last, of_image, unread];
-        let groups = Groups::Workgroups(self.tiles(width, height));
-        if let (Some(slot_sum), Some(slots)) = (&backward.slot_sum, &lists.slots) {
-            buffers.extend([slots.sorted_slots, slot_grads, unused, counted]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
-            let [counts, tile_counts] = slices([&self.counters, &self.tile_counts]);
-            let buffers = [counts, slots.order, slots.pair_offsets, tile_counts, slot_grads, unread, grad2d, unused];
-            recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)
-        } else {
-            recorder.fill(grad2d, 0)?;
-            buffers.extend([grad2d, unused, counted]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)
-        }
-    }
-
-    /// Gradients of the projected splats; `None` without a backward.
-    pub fn grad2d(&self) -> Option<BufferSlice<'_>> {
-        self.backward.as_ref().map(|b| b.grad2d.slice())
-    }
-
     /// Two buffers of at least 48 bytes per splat and [`LEAST_2D`] bytes: the projected splats and their gradients. Between two
     /// steps nobody reads them.
     pub fn idle(&self) -> [&Buffer; 2] {
@@ -393,71 +268,5 @@ impl Renderer {
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
-    }
-}
-
-/// Most splats that fit the buffers of the device, each plane being used whole.
-pub fn most_splats(gpu: &Gpu) -> u32 {
-    most(gpu, LARGEST_ROW)
-}
-
-/// Most pairs that fit the buffers of the device: slots are rows of 12 floats per pair, all else is no more than a word.
-pub fn most_pairs(gpu: &Gpu, variants: Variants) -> u32 {
-    let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
-    most(gpu, row)
-}
-
-/// Rows of `bytes` bytes in the largest buffer that a kernel can use. Words are indexed with 32 bits, of which SPIR-V lets a
-/// driver take the highest as a sign.
-fn most(gpu: &Gpu, bytes: u64) -> u32 {
-    let words = (gpu.caps().largest_buffer() / 4).min(i32::MAX as u64);
-    (words / (bytes / 4)) as u32
-}
-
-/// Bytes of the largest row of a plane or of the gradients.
-pub(crate) const LARGEST_ROW: u64 = 48;
-/// Bytes of a row of the projected splats and of their gradients.
-const ROW_2D: u64 = 48;
-/// Least bytes of those buffers, so that others can lay out parts in them when there are few splats.
-pub const LEAST_2D: u64 = 8192;
-
-/// How large a renderer is.
-#[derive(Clone, Copy, Debug)]
-pub struct Size {
-    /// Splats that fit.
-    pub splats: u32,
-    /// (splat, tile) pairs that fit.
-    pub pairs: u32,
-    /// Tiles of the largest image.
-    pub tiles: u32,
-    /// Whether depth and normals can be rendered.
-    pub aux: bool,
-    /// Whether there is a backward.
-    pub train: bool,
-    /// Whether evaluated and blended pixel-splats are counted (slower; for benchmarks).
-    pub count: bool,
-    /// Whether gradients pass through the clamp of alpha at 0.99, as in the 3DGS reference.
-    pub clamp_gradient_passes: bool,
-}
-
-impl Backward {
-    fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
-        let chosen = kernels::blend_backward(gpu, variants)?;
-        let slots = variants.gradients == GradientSum::Slots;
-        let mut switches =
-            vec![("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
-        switches.extend(chosen.constants);
-        Ok(Self {
-            blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
-            slot_sum: if slots { Some(gpu.pipeline(&slot_sum::PASS.kernel, &[])?) } else { None },
-            project: gpu.pipeline(&project_backward::PASS.kernel, &[])?,
-            slot_grads: gpu.buffer(
-                "slot_grads",
-                if slots { 48 * u64::from(size.pairs) } else { 16 },
-                Memory::Device,
-            )?,
-            unused_normals: gpu.buffer("unused_normals", 16, Memory::Device)?,
-            grad2d,
-        })
     }
 }

@@ -3,7 +3,8 @@
 use super::live::LiveModel;
 use super::picture::Picture;
 use super::planes::Planes;
-use super::renderer::{Renderer, Shot, Size, most_pairs};
+use super::renderer::{Renderer, Shot};
+use super::size::{Size, most_pairs};
 use super::target::Target;
 use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
