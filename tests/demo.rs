@@ -111,3 +111,28 @@ fn trained_depth_is_that_of_the_world() {
     assert!(error < 2.0 / (115.0 * 0.37), "half of the depths are off by more than {error} of their value");
     assert_eq!(oblique, 2, "views that look sideways");
 }
+
+/// The same world through a lens with distortion, undistorted as it is loaded, trains as well as without: both models are scored on
+/// the same pictures, those of the off-path views. (Each on its own held-out photographs would compare photographs: resampling
+/// smooths them, which alone was measured as half a decibel.) Of three seeds the largest difference measured was 0.17 dB.
+#[test]
+fn a_world_seen_through_a_lens_trains_as_well_as_its_pinhole_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        "--images 32 --max-side 96 --pixels-per-point 20 --without exposure,pose-noise,outliers --lidar-density 0.1";
+    let training = "--iterations 500 --max-splats 5000 --gradient-sum slots";
+    let mut decibels = Vec::new();
+    for camera in ["pinhole", "opencv"] {
+        let out = folder.path().join(camera);
+        let args = scene.split(' ').chain(training.split(' ')).chain(["--camera", camera]);
+        if demo(&out, &args.collect::<Vec<_>>()).is_none() {
+            return;
+        }
+        let metrics = std::fs::read(out.join("trained/metrics.json")).unwrap();
+        let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
+        decibels.push(metrics["psnr_offpath"].as_f64().expect("a PSNR"));
+    }
+    println!("pinhole, opencv: {decibels:.2?} dB");
+    assert!(decibels[0] > 18.0, "nothing was learned: {decibels:?}");
+    assert!((decibels[0] - decibels[1]).abs() < 0.3, "{decibels:?}");
+}
