@@ -1,6 +1,6 @@
 #version 460
-// exposure_step: adds up the parts of the gradient of a photograph's 12 numbers, takes a step of Adam with them, and the mean over all
-// photographs anew.
+// exposure_step: adds up the parts of the gradient of a photograph's 12 numbers, takes a step of Adam with what they differ in from the
+// mean of all photographs' last gradients, and the mean deviation anew.
 // One workgroup. Thread t below 60 owns number t % 12, of which it adds up every 5th part and every 5th photograph, in their order;
 // thread t below 12 owns the number's step and mean.
 #extension GL_GOOGLE_include_directive : require
@@ -14,6 +14,7 @@ layout(push_constant) uniform Push {
     uint parts;  // rows of 12 in exposure_parts
     uint view;   // row of the photograph
     uint views;  // photographs
+    uint known;  // photographs that have a last gradient, this one included
     float lr;
     float beta1;
     float gain1;           // 1 - beta1, rounded from double precision
@@ -25,7 +26,7 @@ layout(push_constant) uniform Push {
 } push;
 
 shared float sums[64];
-shared float stepped[12];
+shared float fresh[12];
 
 void main() {
     const uint t = local_index();
@@ -37,23 +38,39 @@ void main() {
     for (uint i = run; i < push.parts * end; i += 5u) sum += exposure_parts[EXPOSURE_NUMBERS * i + k];
     sums[t] = sum;
     barrier();
+    const uint at = EXPOSURE_ROW * push.view + t;
+    float grad = 0.0;
+    bool told = false;
     if (owner) {
-        float grad = 0.0;
         for (uint i = 0u; i < 5u; ++i) grad += sums[EXPOSURE_NUMBERS * i + t];
-        const AdamStep step = AdamStep(push.beta1, push.gain1, push.beta2, push.gain2, push.eps, push.inv_bias1, push.inv_sqrt_bias2);
-        const uint at = EXPOSURE_ROW * push.view + t;
-        float m = exposures[at + EXPOSURE_NUMBERS];
-        float v = exposures[at + 2u * EXPOSURE_NUMBERS];
-        const float moved = adam(step, push.lr, grad, exposures[at], m, v);
-        exposures[at] = moved;
-        exposures[at + EXPOSURE_NUMBERS] = m;
-        exposures[at + 2u * EXPOSURE_NUMBERS] = v;
-        stepped[t] = moved;
+        told = adam_accepts(grad);
+        fresh[t] = told ? grad : exposures[at + 3u * EXPOSURE_NUMBERS];
+        exposures[at + 3u * EXPOSURE_NUMBERS] = fresh[t];
     }
     barrier();
     sum = 0.0;
     for (uint i = run; i < push.views * end; i += 5u) {
-        sum += i == push.view ? stepped[k] : exposures[EXPOSURE_ROW * i + k];
+        sum += i == push.view ? fresh[k] : exposures[EXPOSURE_ROW * i + 3u * EXPOSURE_NUMBERS + k];
+    }
+    sums[t] = sum;
+    barrier();
+    if (owner) {
+        float mean_grad = 0.0;
+        for (uint i = 0u; i < 5u; ++i) mean_grad += sums[EXPOSURE_NUMBERS * i + t];
+        mean_grad /= float(push.known);
+        const AdamStep step = AdamStep(push.beta1, push.gain1, push.beta2, push.gain2, push.eps, push.inv_bias1, push.inv_sqrt_bias2);
+        float m = exposures[at + EXPOSURE_NUMBERS];
+        float v = exposures[at + 2u * EXPOSURE_NUMBERS];
+        const float moved = adam(step, push.lr, told ? grad - mean_grad : grad, exposures[at], m, v);
+        exposures[at] = moved;
+        exposures[at + EXPOSURE_NUMBERS] = m;
+        exposures[at + 2u * EXPOSURE_NUMBERS] = v;
+        fresh[t] = moved;
+    }
+    barrier();
+    sum = 0.0;
+    for (uint i = run; i < push.views * end; i += 5u) {
+        sum += i == push.view ? fresh[k] : exposures[EXPOSURE_ROW * i + k];
     }
     sums[t] = sum;
     barrier();

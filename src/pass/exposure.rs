@@ -3,7 +3,9 @@
 //! A camera exposes each photograph differently, and the model is not to learn that. So photograph v is compared with
 //! `E_v (r, g, b, 1)` of the render, E_v a 3x4 matrix (idea: the exposure compensation of the 3DGS reference). Kept are deviations:
 //! `E_v = I + D_v - mean of all D`. So the mean over photographs is the identity at every step, and what all photographs have in
-//! common is left to the model.
+//! common is left to the model. A step, too, goes by what a photograph's gradient differs in from the mean of all photographs' last
+//! ones, which is the gradient of the sum of their losses in these coordinates: while the model as a whole is too dark or too bright,
+//! that is no photograph's fault.
 
 use super::{Pass, adam, module};
 use crate::twin::exposure as twin;
@@ -11,8 +13,8 @@ use crate::vk::{Kernel, read, read_write, write};
 
 /// Numbers of a matrix, row-major.
 pub const NUMBERS: usize = 12;
-/// Floats of a row of `exposures`: deviation and two moments. Photograph v has row v; the row behind them begins with the mean.
-pub const ROW: usize = 3 * NUMBERS;
+/// Floats of a row of `exposures`: deviation, two moments and the last gradient. Photograph v has row v; the row behind them begins with the mean.
+pub const ROW: usize = 4 * NUMBERS;
 /// Pixels that a workgroup of the passes over pixels owns.
 pub const PIXELS: u32 = 1024;
 
@@ -37,6 +39,8 @@ crate::push_constants! {
         pub view: u32,
         /// Photographs.
         pub views: u32,
+        /// Photographs that have been looked at, this one included.
+        pub known: u32,
         /// Learning rate.
         pub lr: f32,
         /// Decay of the first moment.
@@ -57,13 +61,21 @@ crate::push_constants! {
 }
 
 impl StepPush {
-    /// The step of a photograph of `pixels` pixels that has been looked at `seen` times, this one included.
-    pub fn new(settings: &adam::Settings, pixels: u32, view: u32, views: u32, seen: u32, lr: f64) -> Self {
+    /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been looked at, and this one
+    /// `seen` times, both with this time.
+    pub fn new(
+        settings: &adam::Settings,
+        pixels: u32,
+        [view, views]: [u32; 2],
+        [known, seen]: [u32; 2],
+        lr: f64,
+    ) -> Self {
         let a = adam::Push::new(settings, seen, NUMBERS as u32, 0, lr, lr);
         Self {
             parts: parts(pixels),
             view,
             views,
+            known: known.max(1),
             lr: a.lr_rest,
             beta1: a.beta1,
             gain1: a.gain1,

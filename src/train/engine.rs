@@ -266,7 +266,8 @@ impl Engine {
         let renderer = &self.renderer;
         let shot = self.shot(*camera, plan);
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
-        let turn = Turn { view, pixels: camera.width * camera.height, seen: plan.seen, rate: plan.lr_exposure };
+        let (pixels, known) = (camera.width * camera.height, plan.step);
+        let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
         let image = &self.target.image;
         let shown = match &self.exposures {
             Some(exposures) => exposures.record_apply(recorder, image, turn)?,

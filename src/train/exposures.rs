@@ -15,6 +15,8 @@ pub(super) struct Turn {
     pub(super) view: usize,
     /// Its pixels.
     pub(super) pixels: u32,
+    /// How many photographs have been looked at, this one included.
+    pub(super) known: u32,
     /// How often it has been looked at, this time included.
     pub(super) seen: u32,
     /// Learning rate.
@@ -88,7 +90,8 @@ impl Exposures {
         recorder.dispatch(&self.backward, &buffers, &self.push(turn), Self::groups(turn))?;
         let Some(once) = once else { return Ok(()) };
         let (view, views) = (turn.view as u32, self.views);
-        let push = exposure::StepPush::new(&self.settings, turn.pixels, view, views, turn.seen, turn.rate);
+        let counts = [turn.known.min(views), turn.seen];
+        let push = exposure::StepPush::new(&self.settings, turn.pixels, [view, views], counts, turn.rate);
         recorder.dispatch(&self.step, &[&self.parts, &self.rows], &push, once)
     }
 

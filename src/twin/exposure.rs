@@ -1,6 +1,6 @@
 //! Twin of `glsl/exposure_apply.comp`, `glsl/exposure_backward.comp` and `glsl/exposure_step.comp`.
 
-use super::adam::adam;
+use super::adam::{LARGEST_GRADIENT, adam};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::exposure::{NUMBERS, PIXELS, Push, ROW, StepPush};
@@ -26,7 +26,7 @@ pub fn backward<R: Real>(e: &[R; NUMBERS], c: [R; 3], g: [R; 3], sum: &mut [R; N
     std::array::from_fn(|j| g[j] + (e[j] * g[0] + e[4 + j] * g[1] + e[8 + j] * g[2]))
 }
 
-/// A step of photograph `view` with its gradient, and the mean anew.
+/// A step of photograph `view` with what its gradient differs in from the mean of the last ones, and the mean deviation anew.
 pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) {
     let settings = AdamPush {
         beta1: push.beta1,
@@ -41,8 +41,14 @@ pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) 
     let (view, views) = (push.view as usize, push.views as usize);
     for (k, g) in grad.iter().enumerate() {
         let at = ROW * view + k;
+        let told = !g.is_nan() && g.abs() <= R::of(LARGEST_GRADIENT);
+        if told {
+            exposures[at + 3 * NUMBERS] = *g;
+        }
+        let common = fifths(views, |i| exposures[ROW * i + 3 * NUMBERS + k]) / R::of(f64::from(push.known));
+        let g = if told { *g - common } else { *g };
         let (mut p, mut m, mut v) = (exposures[at], exposures[at + NUMBERS], exposures[at + 2 * NUMBERS]);
-        adam(&settings, R::of(f64::from(push.lr)), *g, (&mut p, &mut m, &mut v));
+        adam(&settings, R::of(f64::from(push.lr)), g, (&mut p, &mut m, &mut v));
         (exposures[at], exposures[at + NUMBERS], exposures[at + 2 * NUMBERS]) = (p, m, v);
         let sum = fifths(views, |i| exposures[ROW * i + k]);
         exposures[ROW * views + k] = sum / R::of(f64::from(push.views));
