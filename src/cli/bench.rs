@@ -8,7 +8,7 @@ mod table;
 use std::path::{Path, PathBuf};
 
 use psrgs_vk::bench::{self, Options};
-use psrgs_vk::dataset::{Dataset, HostShare, Role};
+use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::Frame;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Shortcuts};
@@ -131,7 +131,8 @@ impl Args {
         if self.morton {
             initial = initial.in_morton_order();
         }
-        let train = prepare::views(&dataset, Role::Train, &mut HostShare::unlimited())?;
+        let mut share = prepare::host_share(&dataset, Role::Train, &self.device);
+        let train = prepare::views(&dataset, Role::Train, &mut share)?;
         Ok(Input { train, held_out: Vec::new(), initial, extent: Frame::EXTENT as f32 })
     }
 

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, HostShare, Role};
+use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{
     self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean,
 };
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
-use psrgs_vk::train::{HostMemory, View, prepare, score};
+use psrgs_vk::train::{View, prepare, score};
 
 use super::colour::Colour;
 use super::console::{self, Console};
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
-    let mut share = host_share(&dataset, &args.device);
+    let mut share = prepare::host_share(&dataset, Role::HeldOut, &args.device);
     let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     tell(args, &dataset, &views, console);
@@ -181,12 +181,6 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         console.say(format_args!("pictures and report in {}", folder.display()));
     }
     Ok(())
-}
-
-/// What photographs may take of the host's memory.
-fn host_share(dataset: &Dataset, device: &DeviceChoice) -> HostShare {
-    let decoding = dataset.views_of(Role::HeldOut).map(|(_, view)| view.decoding_bytes()).max();
-    HostMemory::new(device.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
 }
 
 /// Which photographs the model is compared with.

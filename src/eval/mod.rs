@@ -12,5 +12,5 @@ pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, peak_host_bytes};
 pub use quality::Quality;
-pub use report::{Curve, DepthMap, ReportData, ReportError, ViewPanel, render_report, write_report};
+pub use report::{Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, ViewPanel, render_report, write_report};
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};

@@ -193,6 +193,11 @@ impl Engine {
         self.photographs.look_ahead(views);
     }
 
+    /// Gives back what the host keeps of photographs. No step may follow.
+    pub fn release_photographs(&mut self) {
+        self.photographs.release();
+    }
+
     /// How photographs came to their steps; `None` when all are on the device.
     pub fn feed_counts(&self) -> Option<FeedCounts> {
         self.photographs.counts()

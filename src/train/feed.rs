@@ -44,6 +44,17 @@ pub struct FeedCounts {
     pub decoded: u64,
 }
 
+impl std::ops::Add for FeedCounts {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            asked: self.asked + other.asked,
+            waited: self.waited + other.waited,
+            decoded: self.decoded + other.decoded,
+        }
+    }
+}
+
 impl Feed {
     /// Keeps `ahead` photographs decoded, by up to `threads` threads: none where all are decoded anyway.
     pub(super) fn new(supplies: Vec<Supply>, ahead: usize, threads: usize) -> Self {

@@ -7,6 +7,7 @@ use super::memory::{MemoryPlan, readable};
 use super::pacing::Pacing;
 use super::photographs::{LANDINGS, Residency};
 use crate::dataset::{Dataset, HostShare, cores};
+use crate::eval::REPORT_BYTES;
 use crate::vk::{DeviceKind, Gpu};
 
 /// Where nothing can be found out.
@@ -18,6 +19,8 @@ const PART: u64 = 4;
 /// What a checkpoint holds of a splat, and what a picture with depth and normals takes beside a photograph's bytes.
 const READ_BACK_PER_SPLAT: u64 = 736;
 const READ_BACK_PER_BYTE: u64 = 12;
+/// Held-out views in a report, beside a photograph's bytes: at most, where they are not reduced.
+const REPORT_PER_BYTE: u64 = 4;
 /// Photographs decoded ahead.
 const AHEAD: (u64, u64) = (2, 8);
 /// Threads that decode at one time.
@@ -58,7 +61,7 @@ fn decoders(left: u64, each: u64) -> (u64, usize) {
 pub struct HostPlan {
     /// What may be taken.
     pub memory: HostMemory,
-    /// Bytes of the training that are not photographs kept on the host: what is read back for a checkpoint and of a picture, its
+    /// Bytes of the training that are not photographs kept on the host: what is read back for a checkpoint, a picture, the report, its
     /// buffers where the device works in the host's memory, and what photographs are uploaded from. As at the start: more splats
     /// take more.
     pub training: u64,
@@ -87,7 +90,9 @@ impl HostPlan {
         let largest = outline.largest();
         let decoded = Outline::bytes(&outline.train) + Outline::bytes(&outline.held_out);
         let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
-        let model = on_device + READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
+        let report = REPORT_BYTES.min(REPORT_PER_BYTE * Outline::bytes(&outline.held_out));
+        let read_back = READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
+        let model = on_device + read_back + report;
         let left = memory.budget.saturating_sub(memory.in_use).saturating_sub(SLACK).saturating_sub(model);
         let (decoding, threads) = decoders(left, each_decoding);
         let ring = largest * (pacing.events_in_flight() as u64 + 1 + if shared { LANDINGS as u64 } else { 0 });

@@ -49,6 +49,8 @@ struct Stream {
     staging: Vec<Buffer>,
     landings: Vec<Buffer>,
     feed: Feed,
+    /// Of feeds that are gone.
+    before: FeedCounts,
 }
 
 /// A photograph as the loss takes it.
@@ -87,6 +89,7 @@ impl Photographs {
                 staging: buffers("photographs on their way", in_flight + 1, Memory::Upload)?,
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
+                before: FeedCounts::default(),
             })
         } else {
             let buffer = |(i, k)| gpu.buffer(&format!("photograph {i}"), bytes(k), Memory::Device);
@@ -159,7 +162,15 @@ impl Photographs {
 
     /// How the photographs of the steps so far came; `None` when all are on the device.
     pub(super) fn counts(&self) -> Option<FeedCounts> {
-        if let Place::Streamed(stream) = &self.place { Some(stream.feed.counts()) } else { None }
+        if let Place::Streamed(stream) = &self.place { Some(stream.before + stream.feed.counts()) } else { None }
+    }
+
+    /// Gives back what the host keeps of photographs: no step is to come.
+    pub(super) fn release(&mut self) {
+        if let Place::Streamed(stream) = &mut self.place {
+            stream.before = stream.before + stream.feed.counts();
+            stream.feed = Feed::new(Vec::new(), 0, 0);
+        }
     }
 
     /// Bytes of the buffers.

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use super::Error;
+use super::host::HostMemory;
 use super::input::{Input, Outline, View};
 use super::settings::{self, Settings};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
@@ -44,6 +45,12 @@ pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     let clipped = (!clipped.is_empty())
         .then(|| Warning::BrighterThanWhite { photographs: clipped.len(), pixels: clipped.iter().sum() });
     masked.chain(clipped).collect()
+}
+
+/// What the photographs of a role may take of the host's memory where nothing is trained.
+pub fn host_share(dataset: &Dataset, role: Role, device: &settings::DeviceChoice) -> HostShare {
+    let decoding = dataset.views_of(role).map(|(_, view)| view.decoding_bytes()).max();
+    HostMemory::new(device.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
 }
 
 /// Sizes and depths of the photographs, before any is decoded.

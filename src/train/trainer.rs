@@ -283,6 +283,7 @@ impl Trainer {
         }
         if stop == self.schedule.iterations {
             self.finished = true;
+            self.engine.release_photographs();
             let (splats, seconds) = (self.last_splats, self.seconds());
             self.tell(Message::Finished { step: stop, splats, seconds });
         }

@@ -4,8 +4,8 @@ use image::imageops::{FilterType, resize};
 
 use super::{DepthMap, ViewPanel};
 
-/// Bytes that the pictures of all views may take, with the differences that are drawn of them.
-const BYTES: f64 = 256.0 * 1024.0 * 1024.0;
+/// Bytes that the pictures of all views of a report may take, with the differences that are drawn of them.
+pub const REPORT_BYTES: u64 = 160 << 20;
 /// Bytes of a pixel: photograph, render, depth, difference.
 const PER_PIXEL: f64 = 14.0;
 
@@ -14,7 +14,9 @@ impl ViewPanel {
     /// Scores stay as they are.
     pub fn among(self, views: usize) -> Self {
         let (width, height) = self.photograph.dimensions();
-        let factor = (BYTES / PER_PIXEL / views.max(1) as f64 / (f64::from(width) * f64::from(height)).max(1.0)).sqrt();
+        let factor =
+            (REPORT_BYTES as f64 / PER_PIXEL / views.max(1) as f64 / (f64::from(width) * f64::from(height)).max(1.0))
+                .sqrt();
         if factor >= 1.0 {
             return self;
         }
@@ -60,7 +62,7 @@ mod tests {
         let many = 20_000;
         let small = panel.among(many);
         let (w, h) = small.photograph.dimensions();
-        assert!(f64::from(w * h) * PER_PIXEL * many as f64 <= BYTES && w > 40, "{w}x{h}");
+        assert!(f64::from(w * h) * PER_PIXEL * many as f64 <= REPORT_BYTES as f64 && w > 40, "{w}x{h}");
         assert_eq!(small.render.dimensions(), (w, h));
         let depth = small.depth.unwrap();
         assert_eq!((depth.width, depth.height, depth.values.len()), (w, h, (w * h) as usize));

@@ -5,6 +5,8 @@ mod limit;
 mod panel;
 mod text;
 
+pub use limit::REPORT_BYTES;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
