@@ -58,8 +58,8 @@ mod tests {
             psnr_cc: 1.0,
             ssim: 0.5,
         };
-        assert_eq!(panel.clone().among(200).photograph, picture);
-        let many = 20_000;
+        assert!(panel.clone().among(100).photograph == picture, "all of a hundred fit");
+        let many = 10_000;
         let small = panel.among(many);
         let (w, h) = small.photograph.dimensions();
         assert!(f64::from(w * h) * PER_PIXEL * many as f64 <= REPORT_BYTES as f64 && w > 40, "{w}x{h}");
