@@ -154,15 +154,15 @@ fn finite_differences(random: &mut Random) {
         let mut of_matrix = [0.0; NUMBERS];
         let of_colour = twin::backward(&e, c, g, &mut of_matrix);
         let h = 1e-4;
-        for k in 0..NUMBERS {
+        for (k, of_matrix) in of_matrix.into_iter().enumerate() {
             let moved = |by: f64| std::array::from_fn(|i| e[i] + if i == k { by } else { 0.0 });
             let slope = (loss(&moved(h), c) - loss(&moved(-h), c)) / (2.0 * h);
-            assert!((slope - of_matrix[k]).abs() < 1e-9, "number {k}: {} instead of {slope}", of_matrix[k]);
+            assert!((slope - of_matrix).abs() < 1e-9, "number {k}: {of_matrix} instead of {slope}");
         }
-        for k in 0..3 {
+        for (k, of_colour) in of_colour.into_iter().enumerate() {
             let moved = |by: f64| std::array::from_fn(|i| c[i] + if i == k { by } else { 0.0 });
             let slope = (loss(&e, moved(h)) - loss(&e, moved(-h))) / (2.0 * h);
-            assert!((slope - of_colour[k]).abs() < 1e-9, "colour {k}: {} instead of {slope}", of_colour[k]);
+            assert!((slope - of_colour).abs() < 1e-9, "colour {k}: {of_colour} instead of {slope}");
         }
     }
 }
