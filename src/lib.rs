@@ -1,7 +1,7 @@
 //! Gaussian splatting on raw Vulkan compute: read posed photographs, train a 3D Gaussian model, render and score it.
 //!
 //! The layers, each knowing only those below it: [`train`] and [`eval`] compose [`raster`], which composes [`pass`],
-//! which describes compute shaders that [`vk`] runs. [`scene`], [`dataset`] and [`mod@format`] know no Vulkan.
+//! which describes compute shaders that [`vk`] runs. [`scene`], [`dataset`], [`mod@format`] and [`saliency`] know no Vulkan.
 //! Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
 //!
 //! # A picture of a model
@@ -70,6 +70,7 @@ pub mod eval;
 pub mod format;
 pub mod pass;
 pub mod raster;
+pub mod saliency;
 pub mod scene;
 pub mod train;
 pub mod twin;

@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
+use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
 use psrgs_vk::{bench, dataset, format, train, vk};
@@ -92,6 +93,9 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             bench::Error::NoSteps => USAGE,
             _ => FAILURE,
         });
+    }
+    if let Some(saliency) = cause.downcast_ref::<saliency::Error>() {
+        return Some(if matches!(saliency, saliency::Error::Setting { .. }) { USAGE } else { INPUT });
     }
     if cause.is::<GeometryError>() {
         return Some(INPUT);
@@ -270,6 +274,9 @@ mod tests {
         let no_room = train::Error::MemoryLimit { what, wanted, needed, room: 4, in_use: 3, limit: 5, saved: None };
         assert_eq!(training(no_room), MEMORY);
         assert_eq!(training(train::Error::LossNotFinite { step: 7 }), FAILURE);
+        let setting = saliency::Error::Setting { name: "sigma", want: "less", value: 9.0 };
+        assert_eq!(code(&setting.into()), USAGE);
+        assert_eq!(code(&saliency::Error::Empty { width: 0, height: 1 }.into()), INPUT);
         assert_eq!(code(&bench::Error::NotLive(device()).into()), CHECK);
         assert_eq!(code(&bench::Error::NoTimestamps { device: device() }.into()), DEVICE);
         assert_eq!(code(&bench::Error::NoSteps.into()), USAGE);

@@ -21,6 +21,7 @@ mod presets;
 mod progress;
 mod render;
 mod run_folder;
+mod saliency;
 mod score_size;
 mod train;
 mod train_run;
@@ -64,6 +65,7 @@ enum Command {
     Demo(demo::Args),
     Bench(bench::Args),
     Check(check::Args),
+    Saliency(saliency::Args),
     Info(info::Args),
     Passes(passes::Args),
     Completions(completions::Args),
@@ -103,6 +105,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),
+        Command::Saliency(args) => saliency::run(args, console),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),

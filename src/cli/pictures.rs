@@ -67,7 +67,8 @@ impl Pictures {
         Ok(ViewPanel { name, photograph: image(truth)?, render: image(rgb)?, depth, psnr, psnr_cc, ssim })
     }
 
-    fn file(&self, view: usize, kind: &str, extension: &str) -> PathBuf {
+    /// Where a file of a view belongs: `NAME.KIND.EXTENSION`, or `NAME.EXTENSION`.
+    pub(crate) fn file(&self, view: usize, kind: &str, extension: &str) -> PathBuf {
         let name = self.names.get(view).map_or("view", String::as_str);
         let dot = if kind.is_empty() { "" } else { "." };
         self.folder.join(format!("{name}{dot}{kind}.{extension}"))

@@ -10,7 +10,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use super::error::Error;
 use super::lens::{Distortion, Lens};
 use super::pixels::{Pixels, Sample};
-use super::tone::Samples;
+use super::tone::{Samples, Tone};
 use super::{View, jpeg_end, jpeg_reduced, masks, undistort};
 use crate::format;
 
@@ -29,6 +29,17 @@ pub struct Photograph {
 }
 
 impl Photograph {
+    /// Decodes a file as it is stored, without camera, lens or mask.
+    pub fn read(file: &Path) -> Result<Self, Error> {
+        let bytes = read(file)?;
+        check_whole(file, &bytes)?;
+        let image = picture(file, &bytes)?;
+        let deep = samples(image.color()) != Samples::Bits8;
+        let (image, clipped) = if deep { Tone::default().applied(image) } else { (image, 0) };
+        let (width, height) = (image.width(), image.height());
+        Ok(Self { width, height, pixels: reduced(image, deep, width, height), clipped })
+    }
+
     /// RGBA with 8 bits per channel, rounded where there are more.
     pub fn rgba8(&self) -> std::borrow::Cow<'_, [u8]> {
         self.pixels.rgba8()

@@ -29,6 +29,12 @@ pub fn write_depth(file: &Path, width: u32, height: u32, depths: &[f32]) -> Resu
     write(file, width, height, vec![("Z", depths.to_vec())])
 }
 
+/// Writes one value per pixel as the channel `Y`, which programs show as grey. [`read_depth`] reads it back.
+pub fn write_luminance(file: &Path, width: u32, height: u32, values: &[f32]) -> Result<(), Error> {
+    check_size(file, width, height, values.len(), true)?;
+    write(file, width, height, vec![("Y", values.to_vec())])
+}
+
 /// Writes one normal per pixel.
 pub fn write_normals(file: &Path, width: u32, height: u32, normals: &[[f32; 3]]) -> Result<(), Error> {
     check_size(file, width, height, normals.len(), true)?;

@@ -1,0 +1,136 @@
+//! `psrgs-vk saliency`: which parts of photographs are texture, as pictures.
+
+use std::path::{Path, PathBuf};
+
+use psrgs_vk::dataset::{self, Dataset, LoadOptions, Photograph, View};
+use psrgs_vk::format::image_out;
+use psrgs_vk::saliency::{Gate, Plane, Settings, split};
+use rayon::prelude::*;
+
+use super::console::Console;
+use super::pictures::Pictures;
+use super::progress;
+
+/// This share of a map's pixels is not brighter than white in its PNG.
+const SHOWN: f64 = 0.995;
+
+/// Write the saliency map and the mask of a photograph or of a dataset's photographs
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  psrgs-vk saliency fox/images/0001.jpg --out maps
+  psrgs-vk saliency fox --out maps --gate gradient
+  psrgs-vk saliency fox --out maps --sigma 8 --split
+
+For each photograph: NAME.map.exr (in units of its mean) and NAME.map.png (white at its 99.5 % quantile), NAME.mask.exr and
+NAME.mask.png (from 0 to 1), all at the size they are worked out at.")]
+pub(crate) struct Args {
+    /// A photograph, or a dataset (whose photographs are undistorted, and masks left out)
+    pub(crate) input: PathBuf,
+    /// Folder for the pictures
+    #[arg(long, value_name = "DIR", default_value = "saliency")]
+    pub(crate) out: PathBuf,
+    /// What tells texture: spectral, phase, gradient, random or off
+    #[arg(long, value_name = "GATE", default_value_t = Gate::Spectral)]
+    pub(crate) gate: Gate,
+    /// Width of the spectral filter, in bins of an image of 256 pixels; 0 leaves the phase alone
+    #[arg(long, value_name = "VALUE", default_value_t = 3.0)]
+    pub(crate) sigma: f64,
+    /// Photographs are reduced until their shorter side has this many pixels
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().side)]
+    pub(crate) side: u32,
+    /// Share of a photograph that counts as texture: the mean of its mask
+    #[arg(long, value_name = "SHARE", default_value_t = Settings::default().share)]
+    pub(crate) share: f64,
+    /// Seed of --gate random
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Also write the photograph in two by its mask: NAME.low.png and NAME.high.png
+    #[arg(long)]
+    pub(crate) split: bool,
+}
+
+/// Something to look at.
+enum Source {
+    File(PathBuf),
+    View(Box<View>),
+}
+
+impl Source {
+    fn name(&self) -> String {
+        match self {
+            Self::File(file) => file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+            Self::View(view) => view.name.clone(),
+        }
+    }
+
+    fn photograph(&self) -> Result<Photograph, dataset::Error> {
+        match self {
+            Self::File(file) => Photograph::read(file),
+            Self::View(view) => view.photograph(),
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    let settings = Settings { side: args.side, share: args.share, ..Settings::default() };
+    settings.check()?;
+    Settings::check_sigma(args.sigma)?;
+    let sources = sources(&args.input, console)?;
+    let names: Vec<String> = sources.iter().map(Source::name).collect();
+    let pictures = Pictures::new(&args.out, names.iter().map(String::as_str), 1.0)?;
+    let bar = progress::counter(console, sources.len(), "photographs");
+    sources.par_iter().enumerate().try_for_each(|(i, source)| -> anyhow::Result<()> {
+        let photograph = source.photograph()?;
+        let luma = Plane::luma(photograph.width, photograph.height, &photograph.pixels)?.reduced(settings.side);
+        let found = args.gate.mask(&luma, args.sigma, args.seed.wrapping_add(i as u64), &settings)?;
+        let white = quantile(found.map.values(), SHOWN);
+        write(&found.map, white, |extension| pictures.file(i, "map", extension))?;
+        write(&found.mask, 1.0, |extension| pictures.file(i, "mask", extension))?;
+        if args.split {
+            let (width, height) = (photograph.width, photograph.height);
+            for (kind, part) in ["low", "high"].into_iter().zip(split(width, height, &photograph.pixels, &found.mask)?)
+            {
+                let rgb = image_out::to_rgb8(&part, 3);
+                image_out::write_png(&pictures.file(i, kind, "png"), width, height, &rgb)?;
+            }
+        }
+        console.detail(format_args!("{}: {}x{}", source.name(), luma.width(), luma.height()));
+        bar.inc(1);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    let of = if args.gate == Gate::Spectral {
+        format!(" ({}, sigma {})", args.gate, args.sigma)
+    } else {
+        format!(" ({})", args.gate)
+    };
+    console.say(format_args!("maps and masks of {} photographs in {}{of}", sources.len(), args.out.display()));
+    Ok(())
+}
+
+fn sources(input: &Path, console: &Console) -> Result<Vec<Source>, dataset::Error> {
+    if !input.is_dir() {
+        return Ok(vec![Source::File(input.to_owned())]);
+    }
+    // Of the whole photograph: the map is reduced, not what it is made of.
+    let dataset = Dataset::load(input, &LoadOptions { max_side: None, ..LoadOptions::default() })?;
+    // Of points and poses, which have no part in this.
+    dataset.warnings.iter().for_each(|warning| console.detail(warning));
+    Ok(dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect())
+}
+
+/// The value that a share of the values does not exceed.
+fn quantile(values: &[f32], share: f64) -> f32 {
+    let mut sorted = values.to_vec();
+    let rank = ((share * sorted.len() as f64) as usize).min(sorted.len().saturating_sub(1));
+    if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(rank, f32::total_cmp).1 }
+}
+
+fn write(plane: &Plane, white: f32, file: impl Fn(&str) -> PathBuf) -> Result<(), psrgs_vk::format::Error> {
+    let (width, height) = (plane.width(), plane.height());
+    image_out::write_luminance(&file("exr"), width, height, plane.values())?;
+    let white = if white > 0.0 { white } else { 1.0 };
+    let rgb: Vec<u8> = plane.values().iter().flat_map(|v| [image_out::to_u8(v / white); 3]).collect();
+    image_out::write_png(&file("png"), width, height, &rgb)
+}

@@ -1,0 +1,54 @@
+//! Which parts of a photograph are texture: spectral residual saliency (Hou and Zhang, CVPR 2007), a soft mask from it, and a
+//! small network that learns the width of its filter. On the host alone, in double precision, reproducible.
+//!
+//! ```
+//! use psrgs_vk::dataset::Pixels;
+//! use psrgs_vk::saliency::{Gate, Plane, Settings};
+//!
+//! # fn main() -> Result<(), psrgs_vk::saliency::Error> {
+//! let photograph = Pixels::Rgba8(vec![90; 24]);
+//! let settings = Settings::default();
+//! let luma = Plane::luma(3, 2, &photograph)?.reduced(settings.side);
+//! let found = Gate::Spectral.mask(&luma, 3.0, 0, &settings)?;
+//! assert_eq!((found.mask.width(), found.mask.height()), (3, 2));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A [`Spectrum`] is what an image's maps have in common; [`Spectrum::map`] costs two transforms and gives the map together with
+//! its derivative with respect to sigma, [`Map::mask`] the soft mask with its own. [`SigmaLearner`] chooses sigma by image.
+
+mod adam;
+mod blur;
+mod cache;
+mod curve;
+mod error;
+mod features;
+mod fft;
+mod gate;
+mod learner;
+mod losses;
+mod map;
+mod mask;
+mod network;
+mod plane;
+mod random;
+mod resample;
+mod settings;
+mod spectrum;
+mod split;
+
+pub use cache::Cache;
+pub use curve::{Agreement, Curve, agreement, spaced};
+pub use error::Error;
+pub use features::{Features, RINGS};
+pub use gate::{Gate, Saliency};
+pub use learner::{Choice, LearnSettings, Renders, SigmaLearner, Update};
+pub use losses::{Target, composite, cross_entropy};
+pub use map::Map;
+pub use mask::SoftMask;
+pub use network::{Network, PARAMETERS};
+pub use plane::Plane;
+pub use settings::{Border, Settings};
+pub use spectrum::Spectrum;
+pub use split::split;

@@ -1,0 +1,85 @@
+//! The sigma network: 16 values, 16 hidden units (tanh), 2 outputs.
+
+use serde::{Deserialize, Serialize};
+
+use super::features::RINGS;
+use super::random::Random;
+
+const HIDDEN: usize = 16;
+const OUTPUTS: usize = 2;
+/// Where the parts of the parameters begin: weights and biases of the hidden units, weights and biases of the outputs.
+const HIDDEN_BIAS: usize = HIDDEN * RINGS;
+const OUTPUT_WEIGHTS: usize = HIDDEN_BIAS + HIDDEN;
+const OUTPUT_BIAS: usize = OUTPUT_WEIGHTS + OUTPUTS * HIDDEN;
+/// How many parameters the network has.
+pub const PARAMETERS: usize = OUTPUT_BIAS + OUTPUTS;
+
+/// Two layers. Parameters lie row by row: each unit's weights, then the layer's biases.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Network {
+    /// [`PARAMETERS`] of them.
+    pub(super) parameters: Vec<f64>,
+}
+
+impl Network {
+    /// Random hidden weights (Glorot and Bengio 2010); outputs are these two for whatever comes in, until something is learned.
+    pub fn new(outputs: [f64; OUTPUTS], seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let bound = (6.0 / (RINGS + HIDDEN) as f64).sqrt();
+        let mut parameters: Vec<f64> = (0..HIDDEN_BIAS).map(|_| bound * random.symmetric()).collect();
+        parameters.resize(OUTPUT_BIAS, 0.0);
+        parameters.extend(outputs);
+        Self { parameters }
+    }
+
+    fn hidden(&self, input: &[f64; RINGS]) -> [f64; HIDDEN] {
+        std::array::from_fn(|i| {
+            let weights = &self.parameters[i * RINGS..][..RINGS];
+            let sum: f64 = weights.iter().zip(input).map(|(w, x)| w * x).sum();
+            (sum + self.parameters[HIDDEN_BIAS + i]).tanh()
+        })
+    }
+
+    /// The outputs for an input.
+    pub fn forward(&self, input: &[f64; RINGS]) -> [f64; OUTPUTS] {
+        let hidden = self.hidden(input);
+        std::array::from_fn(|o| {
+            let weights = &self.parameters[OUTPUT_WEIGHTS + o * HIDDEN..][..HIDDEN];
+            let sum: f64 = weights.iter().zip(&hidden).map(|(w, h)| w * h).sum();
+            sum + self.parameters[OUTPUT_BIAS + o]
+        })
+    }
+
+    /// Derivatives of a loss with respect to the parameters, from those with respect to the outputs for an input.
+    pub fn backward(&self, input: &[f64; RINGS], by_output: [f64; OUTPUTS]) -> Vec<f64> {
+        let hidden = self.hidden(input);
+        let mut gradient = vec![0.0; PARAMETERS];
+        for (o, g) in by_output.iter().enumerate() {
+            gradient[OUTPUT_BIAS + o] = *g;
+            for (i, h) in hidden.iter().enumerate() {
+                gradient[OUTPUT_WEIGHTS + o * HIDDEN + i] = g * h;
+                // Sums over the outputs, through the derivative of tanh.
+                gradient[HIDDEN_BIAS + i] += g * self.parameters[OUTPUT_WEIGHTS + o * HIDDEN + i] * (1.0 - h * h);
+            }
+        }
+        for i in 0..HIDDEN {
+            let g = gradient[HIDDEN_BIAS + i];
+            gradient[i * RINGS..][..RINGS].iter_mut().zip(input).for_each(|(w, x)| *w = g * x);
+        }
+        gradient
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &[f64] {
+        &self.parameters
+    }
+
+    /// The parameters, to be changed.
+    pub fn parameters_mut(&mut self) -> &mut [f64] {
+        &mut self.parameters
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        self.parameters.len() == PARAMETERS && self.parameters.iter().all(|p| p.is_finite())
+    }
+}

@@ -1,0 +1,90 @@
+//! Images of one value per pixel.
+
+use super::{Error, resample};
+use crate::dataset::Pixels;
+
+/// One finite value per pixel, row by row from the top; at least one pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane {
+    width: u32,
+    height: u32,
+    values: Vec<f32>,
+}
+
+impl Plane {
+    /// An image of these values.
+    pub fn new(width: u32, height: u32, values: Vec<f32>) -> Result<Self, Error> {
+        if width == 0 || height == 0 {
+            return Err(Error::Empty { width, height });
+        }
+        Error::check("the image", values.len(), width as usize * height as usize)?;
+        match values.iter().position(|v| !v.is_finite()) {
+            Some(index) => Err(Error::NotFinite { index, value: values[index] }),
+            None => Ok(Self { width, height, values }),
+        }
+    }
+
+    /// Values that are known to be right.
+    pub(super) fn of(width: u32, height: u32, values: impl Iterator<Item = f64>) -> Self {
+        Self { width, height, values: values.map(|v| v as f32).collect() }
+    }
+
+    /// Luma from 0 to 1 by the weights of BT.709, of the values as they are encoded. Pixels that are left out (alpha 0) get the
+    /// mean of the others, so that what is missing is no detail.
+    pub fn luma(width: u32, height: u32, pixels: &Pixels) -> Result<Self, Error> {
+        Error::check("the photograph", pixels.len(), width as usize * height as usize)?;
+        let luma = |[r, g, b, a]: [f64; 4]| (a > 0.0).then_some((0.2126 * r + 0.7152 * g + 0.0722 * b) as f32);
+        let values = of_pixels(pixels, luma);
+        let there = values.iter().flatten();
+        let mean = there.clone().map(|v| f64::from(*v)).sum::<f64>() / there.count().max(1) as f64;
+        Self::new(width, height, values.iter().map(|v| v.unwrap_or(mean as f32)).collect())
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The values, row by row from the top.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// At another size: means where it becomes smaller, linear interpolation where it becomes larger. No side of 0: it becomes 1.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (width, height) = (width.max(1), height.max(1));
+        if (width, height) == (self.width, self.height) {
+            return self.clone();
+        }
+        let size = (self.width as usize, self.height as usize);
+        let values = resample::resize(&self.values, size, (width as usize, height as usize));
+        Self { width, height, values }
+    }
+
+    /// Reduced until the shorter side has at most this many pixels; never enlarged.
+    pub fn reduced(self, side: u32) -> Self {
+        let shorter = self.width.min(self.height);
+        if shorter <= side {
+            return self;
+        }
+        let scaled = |v: u32| (f64::from(v) * f64::from(side) / f64::from(shorter)).round() as u32;
+        self.resized(scaled(self.width), scaled(self.height))
+    }
+}
+
+/// A function of every pixel's red, green, blue and alpha, from 0 to 1.
+pub(super) fn of_pixels<T>(pixels: &Pixels, f: impl Fn([f64; 4]) -> T) -> Vec<T> {
+    match pixels {
+        Pixels::Rgba8(values) => {
+            values.chunks_exact(4).map(|p| f([p[0], p[1], p[2], p[3]].map(|v| f64::from(v) / 255.0))).collect()
+        }
+        Pixels::Rgba16(values) => {
+            values.chunks_exact(4).map(|p| f([p[0], p[1], p[2], p[3]].map(|v| f64::from(v) / 65535.0))).collect()
+        }
+    }
+}
