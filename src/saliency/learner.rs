@@ -16,7 +16,7 @@ pub struct LearnSettings {
     pub start: f64,
     /// Smallest sigma.
     pub lowest: f64,
-    /// Largest sigma: beyond about 16 a map follows brightness.
+    /// Largest sigma: beyond about 16 a map no longer tells places apart.
     pub highest: f64,
     /// Largest change of a mask's level, in units of the map's natural logarithm. Errors alone do not change it.
     pub level: f64,
