@@ -6,6 +6,9 @@ use crate::images::{Dice, distance, patch, waves};
 
 const STEP: f64 = 1e-4;
 
+/// A loss and its derivatives, by logits.
+type Loss<'a> = &'a dyn Fn(&[f64]) -> (f64, Vec<f64>);
+
 /// The central difference of a function's values.
 fn difference(f: impl Fn(f64) -> Vec<f64>, at: f64) -> Vec<f64> {
     f(at + STEP).iter().zip(f(at - STEP)).map(|(a, b)| (a - b) / (2.0 * STEP)).collect()
@@ -46,7 +49,6 @@ fn losses_by_sigma_and_level() {
     let mut dice = Dice(6);
     let mut picture = || -> Vec<f32> { (0..3 * 48 * 40).map(|_| dice.roll() as f32).collect() };
     let (low, full, photograph) = (picture(), picture(), picture());
-    type Loss<'a> = &'a dyn Fn(&[f64]) -> (f64, Vec<f64>);
     let failing: Loss<'_> = &|logits| cross_entropy(logits, target.values()).expect("a loss");
     let priced: Loss<'_> = &|logits| composite(logits, &low, &full, &photograph, 0.1).expect("a loss");
     for (name, loss) in [("errors", failing), ("composite", priced)] {
@@ -69,7 +71,7 @@ fn losses_by_logit() {
     let target: Vec<f64> = (0..12).map(|_| dice.roll().round()).collect();
     let mut picture = || -> Vec<f32> { (0..36).map(|_| dice.roll() as f32).collect() };
     let (low, full, photograph) = (picture(), picture(), picture());
-    let check = |name: &str, loss: &dyn Fn(&[f64]) -> (f64, Vec<f64>)| {
+    let check = |name: &str, loss: Loss<'_>| {
         let slopes = loss(&logits).1;
         for k in 0..logits.len() {
             let moved = |by: f64| {
@@ -103,7 +105,7 @@ fn the_network_by_its_parameters() {
     let (a, b) = (0.7, -1.3);
     let gradient = network.backward(&input, [a, b]);
     assert_eq!(gradient.len(), PARAMETERS);
-    for k in 0..PARAMETERS {
+    for (k, found) in gradient.iter().enumerate() {
         let moved = |by: f64| {
             let mut other = network.clone();
             other.parameters_mut()[k] += by;
@@ -111,7 +113,7 @@ fn the_network_by_its_parameters() {
             a * x + b * y
         };
         let want = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
-        assert!((gradient[k] - want).abs() < 1e-7, "parameter {k}: {} and {want}", gradient[k]);
+        assert!((found - want).abs() < 1e-7, "parameter {k}: {found} and {want}");
         assert!(want != 0.0, "parameter {k} does nothing");
     }
 }

@@ -25,7 +25,8 @@ fn settings_that_make_no_sense_are_refused() {
         change(&mut settings);
         [Spectrum::new(&image, &settings).err(), Gate::Random.mask(&image, 3.0, 0, &settings).err()]
     };
-    let cases: [(&str, &dyn Fn(&mut Settings)); 6] = [
+    type Change<'a> = &'a dyn Fn(&mut Settings);
+    let cases: [(&str, Change<'_>); 6] = [
         ("side", &|s| s.side = 0),
         ("pad", &|s| s.pad = -0.1),
         ("epsilon", &|s| s.epsilon = 0.0),
