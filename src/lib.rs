@@ -69,6 +69,7 @@ pub mod dataset;
 pub mod eval;
 pub mod format;
 pub mod pass;
+pub mod perceptual;
 pub mod raster;
 pub mod saliency;
 pub mod scene;

@@ -31,6 +31,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         psnr: None,
         psnr_cc: None,
         ssim: None,
+        lpips_squeeze: None,
         splats: 48_213,
         bytes: 11_957_120,
         seconds: 283.4,
@@ -62,6 +63,7 @@ fn example(views: usize, side: u32) -> ReportData {
                 psnr: 24.31 - 1.2 * k as f64,
                 psnr_cc: 24.9 - 1.1 * k as f64,
                 ssim: 0.831 - 0.02 * k as f64,
+                lpips_squeeze: Some(0.137 + 0.01 * k as f64),
             }
         })
         .collect();
@@ -193,6 +195,7 @@ fn pages_stay_small() {
             psnr: 8.0,
             psnr_cc: 8.5,
             ssim: 0.0,
+            lpips_squeeze: None,
         })
         .collect();
     let page = render_report(&data).unwrap();
@@ -234,7 +237,10 @@ fn sizes_that_differ_are_refused() {
 fn metrics_have_exactly_the_promised_keys() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("metrics.json");
-    let score = |name: &str, psnr, ssim| ImageScore { name: name.into(), psnr, psnr_cc: psnr + 2.0, ssim };
+    let score = |name: &str, psnr, ssim| {
+        let name = name.into();
+        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None }
+    };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
     m.write(&path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();

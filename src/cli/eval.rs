@@ -5,15 +5,16 @@ use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{
-    self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean,
+    self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean, mean_if_all,
 };
 use psrgs_vk::format::atomic;
-use psrgs_vk::train::settings::{DeviceChoice, Photographs, Split};
+use psrgs_vk::train::settings::{DeviceChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare, score};
 
 use super::colour::Colour;
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::lpips::Lpips;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
 use super::pictures::Pictures;
@@ -53,6 +54,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) size: SizeArgs,
     #[command(flatten)]
+    pub(crate) scoring: Scoring,
+    #[command(flatten)]
     pub(crate) device: DeviceChoice,
 }
 
@@ -77,6 +80,8 @@ struct Scores<'a> {
     psnr: Option<f64>,
     psnr_cc: Option<f64>,
     ssim: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lpips_squeeze: Option<f64>,
     #[serde(flatten)]
     geometry: Geometry,
     images: &'a [ImageScore],
@@ -93,6 +98,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     tell(args, &dataset, &views, console);
+    let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
     let pictures = match &args.out {
@@ -105,11 +111,16 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         let picture = drawn.picture(&view.camera, pictures.is_some())?;
         match &pictures {
             Some(pictures) => {
-                let panel = pictures.held_out(i, view, &picture)?;
+                let mut panel = pictures.held_out(i, view, &picture)?;
+                panel.lpips_squeeze = lpips.measure(&gpu, view, panel.render.as_raw(), console);
                 images.push(panel.score());
                 panels.push(panel.among(views.len()));
             }
-            None => images.push(score(view, &*view.photograph.pixels()?, &picture.rgb8())),
+            None => {
+                let rgb = picture.rgb8();
+                let lpips_squeeze = lpips.measure(&gpu, view, &rgb, console);
+                images.push(ImageScore { lpips_squeeze, ..score(view, &*view.photograph.pixels()?, &rgb) });
+            }
         }
         bar.inc(1);
     }
@@ -146,6 +157,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             psnr: mean(images.iter().map(|i| i.psnr)),
             psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
             ssim: mean(images.iter().map(|i| i.ssim)),
+            lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
             geometry,
             images: &images,
         };
@@ -167,6 +179,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             psnr: None,
             psnr_cc: None,
             ssim: None,
+            lpips_squeeze: None,
             splats: model.splats(),
             bytes: model.bytes,
             seconds: started.elapsed().as_secs_f64(),
@@ -216,13 +229,19 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 /// Each photograph and the means.
 fn table(images: &[ImageScore]) -> String {
     let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
-    let row =
-        |name: &str, psnr, fitted, ssim| vec![name.to_owned(), decibels(psnr), decibels(fitted), format!("{ssim:.4}")];
+    let with_lpips = images.iter().any(|i| i.lpips_squeeze.is_some());
+    let row = |name: &str, psnr, fitted, ssim, lpips: Option<f64>| {
+        let mut row = vec![name.to_owned(), decibels(psnr), decibels(fitted), format!("{ssim:.4}")];
+        row.extend(with_lpips.then(|| lpips.map_or_else(String::new, |v| format!("{v:.4}"))));
+        row
+    };
     let mut rows = vec![["photograph", "PSNR, dB", "colours fitted", "SSIM"].map(str::to_owned).to_vec()];
-    rows.extend(images.iter().map(|i| row(&i.name, i.psnr, i.psnr_cc, i.ssim)));
+    rows[0].extend(with_lpips.then(|| "LPIPS".to_owned()));
+    rows.extend(images.iter().map(|i| row(&i.name, i.psnr, i.psnr_cc, i.ssim, i.lpips_squeeze)));
     let mean_of = |value: fn(&ImageScore) -> f64| mean(images.iter().map(value));
     if let (Some(psnr), Some(ssim)) = (mean_of(|i| i.psnr), mean_of(|i| i.ssim)) {
-        rows.push(row("mean", psnr, mean_of(|i| i.psnr_cc).unwrap_or(f64::INFINITY), ssim));
+        let lpips = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
+        rows.push(row("mean", psnr, mean_of(|i| i.psnr_cc).unwrap_or(f64::INFINITY), ssim, lpips));
     }
     console::table(&rows)
 }

@@ -6,7 +6,7 @@ use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{bench, dataset, format, train, vk};
+use psrgs_vk::{bench, dataset, format, perceptual, train, vk};
 
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
@@ -99,6 +99,13 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if cause.is::<GeometryError>() {
         return Some(INPUT);
+    }
+    if let Some(weights) = cause.downcast_ref::<perceptual::Error>() {
+        return Some(match weights {
+            perceptual::Error::Device(device) => of_device(device),
+            perceptual::Error::File(file) => of_file(file),
+            _ => INPUT,
+        });
     }
     // Metrics and reports are only written by the commands.
     (cause.is::<MetricsError>() || cause.is::<ReportError>()).then_some(OUTPUT)

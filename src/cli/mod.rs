@@ -12,6 +12,7 @@ mod eval;
 mod exit;
 mod info;
 mod interrupt;
+mod lpips;
 mod model_file;
 mod model_frame;
 mod outputs;
@@ -25,6 +26,7 @@ mod saliency;
 mod score_size;
 mod train;
 mod train_run;
+mod weights;
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -68,6 +70,7 @@ enum Command {
     Saliency(saliency::Args),
     Info(info::Args),
     Passes(passes::Args),
+    Weights(weights::Args),
     Completions(completions::Args),
 }
 
@@ -108,6 +111,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Saliency(args) => saliency::run(args, console),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
+        Command::Weights(args) => weights::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),
     }
 }

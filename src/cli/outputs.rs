@@ -11,6 +11,7 @@ use psrgs_vk::train::{History, Trainer, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
+use super::lpips::Lpips;
 use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, REPORT, RunFolder};
 use super::train::Plan;
@@ -33,7 +34,12 @@ pub(crate) struct Finished<'a> {
 }
 
 /// Writes the model, the renders, the metrics and the report.
-pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> anyhow::Result<()> {
+pub(crate) fn write(
+    run: &Finished<'_>,
+    trainer: &mut Trainer,
+    lpips: &mut Lpips,
+    console: &Console,
+) -> anyhow::Result<()> {
     let settings = &run.plan.settings;
     let seconds = run.started.elapsed().as_secs_f64().max(run.training_seconds);
     let model = trainer.model()?;
@@ -51,7 +57,8 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     let pictures = Pictures::new(&run.folder.file(RENDERS), views.iter().map(|v| v.name.as_str()), frame.scale)?;
     let (mut scores, mut panels) = (Vec::new(), Vec::new());
     for (i, view) in views.iter().enumerate() {
-        let panel = pictures.held_out(i, view, &trainer.picture(&view.camera)?)?;
+        let mut panel = pictures.held_out(i, view, &trainer.picture(&view.camera)?)?;
+        panel.lpips_squeeze = lpips.measure(run.gpu, view, panel.render.as_raw(), console);
         scores.push(panel.score());
         panels.push(panel.among(views.len()));
     }
@@ -76,6 +83,7 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
         psnr: None,
         psnr_cc: None,
         ssim: None,
+        lpips_squeeze: None,
         splats: model.len(),
         bytes,
         seconds,
@@ -100,7 +108,8 @@ pub(crate) fn write(run: &Finished<'_>, trainer: &mut Trainer, console: &Console
     eval::write_report(&data, &report)?;
     if let (Some(psnr), Some(ssim)) = (data.metrics.psnr, data.metrics.ssim) {
         let fitted = data.metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
-        console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}"));
+        let lpips = data.metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
+        console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}"));
     }
     let known: Vec<String> = geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     if !known.is_empty() {

@@ -13,8 +13,16 @@ use super::exit::Failure;
 use super::{presets, run_folder};
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
-const FREE_ON_RESUME: [&str; 7] =
-    ["iterations", "checkpoint-every", "eval-every", "tune", "device", "max-device-memory", "host-memory"];
+const FREE_ON_RESUME: [&str; 8] = [
+    "iterations",
+    "checkpoint-every",
+    "eval-every",
+    "tune",
+    "perceptual-weights",
+    "device",
+    "max-device-memory",
+    "host-memory",
+];
 
 /// Keys that `--fast` sets.
 const SHORTCUTS: [&str; 2] = ["moment-bits", "sh-every"];
@@ -116,6 +124,8 @@ impl Args {
         let out = self.resume.clone().or_else(|| self.out.clone()).unwrap_or_else(|| default_out(data, &settings));
         settings.data = Some(absolute(data)?);
         settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
+        let weights = &mut settings.scoring.perceptual_weights;
+        *weights = weights.as_ref().map(absolute).transpose()?;
         Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite, preset })
     }
 }

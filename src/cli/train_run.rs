@@ -17,6 +17,7 @@ use super::console::Console;
 use super::device;
 use super::exit::Failure;
 use super::interrupt::Interrupt;
+use super::lpips::Lpips;
 use super::outputs::{self, Finished};
 use super::progress::{Progress, duration};
 use super::run_folder::RunFolder;
@@ -36,6 +37,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
     tell(&dataset, console);
+    let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };
     let gpu = device::open(&settings.device, false, console)?;
     let mut settings = settings.clone();
@@ -78,7 +80,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         ));
     }
     let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
-    outputs::write(&finished, &mut trainer, console)
+    outputs::write(&finished, &mut trainer, &mut lpips, console)
 }
 
 /// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.

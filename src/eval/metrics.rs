@@ -20,6 +20,9 @@ pub struct ImageScore {
     pub psnr_cc: f64,
     /// Structural similarity.
     pub ssim: f64,
+    /// LPIPS on SqueezeNet, 0 for equal images; nothing where there are no weights for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_squeeze: Option<f64>,
 }
 
 /// The numbers of a run. The field names are the keys of `metrics.json`.
@@ -53,6 +56,9 @@ pub struct Metrics {
     pub psnr_cc: Option<f64>,
     /// Mean of the views' SSIM; `null` without held-out views.
     pub ssim: Option<f64>,
+    /// Mean of the views' LPIPS on SqueezeNet; absent where there are no weights for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_squeeze: Option<f64>,
     /// Gaussians of the final model.
     pub splats: usize,
     /// Size of `point_cloud.ply` in bytes.
@@ -100,6 +106,7 @@ impl Metrics {
         self.psnr = mean(images.iter().map(|i| i.psnr));
         self.psnr_cc = mean(images.iter().map(|i| i.psnr_cc));
         self.ssim = mean(images.iter().map(|i| i.ssim));
+        self.lpips_squeeze = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
         self.images = images;
         self
     }
@@ -124,6 +131,11 @@ impl Metrics {
 pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v, n + 1));
     Some(sum / f64::from(count)).filter(|m| m.is_finite())
+}
+
+/// The mean, or nothing where a value is missing.
+pub fn mean_if_all(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    mean(values.collect::<Option<Vec<_>>>()?.into_iter())
 }
 
 /// The largest resident set of this process so far, in bytes, where the system tells (`VmHWM` of Linux).
@@ -165,5 +177,7 @@ mod tests {
         assert_eq!(mean([1.0, 4.0].into_iter()), Some(2.5));
         assert_eq!(mean([].into_iter()), None);
         assert_eq!(mean([1.0, f64::INFINITY].into_iter()), None);
+        assert_eq!(mean_if_all([Some(1.0), Some(4.0)].into_iter()), Some(2.5));
+        assert_eq!(mean_if_all([Some(1.0), None].into_iter()), None);
     }
 }

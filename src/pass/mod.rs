@@ -7,7 +7,9 @@ pub mod blend_backward;
 pub mod blend_forward;
 pub mod camera;
 pub mod compact;
+pub mod convolution;
 pub mod counters;
+pub mod crop;
 pub mod densify_classify;
 pub mod densify_finish;
 pub mod densify_gather;
@@ -17,12 +19,14 @@ pub mod densify_means;
 pub mod densify_stats;
 pub mod emit;
 pub mod exposure;
+pub mod feature_distance;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
 pub mod loss;
 pub mod opacity_reset;
 pub mod plan;
+pub mod pool;
 pub mod probe;
 pub mod project;
 pub mod project_backward;
@@ -86,6 +90,9 @@ pub const ALL: &[&Pass] = &[
     &blend_forward::COLUMN_EMULATED,
     &blend_forward::PIXEL,
     &compact::PASS,
+    &convolution::PASS,
+    &crop::GRADIENT,
+    &crop::PAIR,
     &densify_classify::PASS,
     &densify_finish::PASS,
     &densify_gather::PASS,
@@ -97,6 +104,8 @@ pub const ALL: &[&Pass] = &[
     &exposure::APPLY,
     &exposure::BACKWARD,
     &exposure::STEP,
+    &feature_distance::PASS,
+    &feature_distance::SUM,
     &fill::PASS,
     &finish::PASS,
     &gather_counts::PASS,
@@ -107,6 +116,8 @@ pub const ALL: &[&Pass] = &[
     &loss::SUM,
     &opacity_reset::PASS,
     &plan::PASS,
+    &pool::BACKWARD,
+    &pool::FORWARD,
     &probe::COPY,
     &probe::EXP2,
     &probe::MULTIPLY_ADD,

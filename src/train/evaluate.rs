@@ -38,5 +38,5 @@ pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
         (psnr_where(rgb, &truth, &counts), fitted, ssim_where(rgb, &truth, &counts, width, height))
     };
     let [psnr, psnr_cc, ssim] = [psnr, fitted, ssim].map(|value| value.unwrap_or(f64::NAN));
-    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim }
+    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze: None }
 }

@@ -242,6 +242,19 @@ group! {
 }
 
 group! {
+    /// How held-out photographs are scored.
+    pub struct Scoring("Scores") {
+    }
+    flags {}
+    optional {
+        /// Weights for lpips_squeeze: a folder with SqueezeNet 1.1 and the linear layers of LPIPS, or a file of both
+        /// (`psrgs-vk weights` says where to get them) [default: the user's weights folder; without weights it is not measured]
+        #[arg(value_name = "PATH", env = "PSRGS_WEIGHTS", hide_env_values = true)]
+        pub perceptual_weights: PathBuf,
+    }
+}
+
+group! {
     /// Where it runs.
     pub struct DeviceChoice("Device") {
     }
@@ -300,6 +313,9 @@ pub struct Settings {
     /// What may be left out.
     #[command(flatten)]
     pub shortcuts: Shortcuts,
+    /// Scores.
+    #[command(flatten)]
+    pub scoring: Scoring,
     /// The device.
     #[command(flatten)]
     pub device: DeviceChoice,

@@ -47,3 +47,16 @@ pub fn data(name: &str) -> Option<PathBuf> {
     println!("skipped: {} is not there", path.display());
     None
 }
+
+/// A file of the shared weights: under `$PSRGS_WEIGHTS`, else `../shared/weights`. `None`, with a printed reason, where it is not
+/// there.
+pub fn weights(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("PSRGS_WEIGHTS")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/weights"), PathBuf::from);
+    let path = root.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: {} is not there", path.display());
+    None
+}

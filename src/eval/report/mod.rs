@@ -59,6 +59,8 @@ pub struct ViewPanel {
     pub psnr_cc: f64,
     /// SSIM.
     pub ssim: f64,
+    /// LPIPS on SqueezeNet.
+    pub lpips_squeeze: Option<f64>,
 }
 
 /// Everything a report shows.
@@ -83,7 +85,8 @@ pub struct ReportData {
 impl ViewPanel {
     /// The view's numbers.
     pub fn score(&self) -> ImageScore {
-        ImageScore { name: self.name.clone(), psnr: self.psnr, psnr_cc: self.psnr_cc, ssim: self.ssim }
+        let Self { psnr, psnr_cc, ssim, lpips_squeeze, .. } = *self;
+        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze }
     }
 }
 
@@ -201,13 +204,16 @@ fn tiles(m: &Metrics) -> String {
     let per_step =
         if trained(m) { format!("{} a step", duration(m.seconds_per_iteration)) } else { "to score".to_owned() };
     let held_out = format!("mean of {} held-out views", m.test_images);
+    let lpips = m.lpips_squeeze.map(|v| ("LPIPS", format!("{v:.3}"), "", "on SqueezeNet, 0 is identical"));
     [
-        ("PSNR", decibels(m.psnr), "dB", held_out.as_str()),
-        ("SSIM", ssim, "", "1 is identical"),
-        ("Splats", grouped(m.splats as u64), "", bytes(m.bytes).as_str()),
-        ("Time", duration(m.seconds), "", per_step.as_str()),
+        Some(("PSNR", decibels(m.psnr), "dB", held_out.as_str())),
+        Some(("SSIM", ssim, "", "1 is identical")),
+        lpips,
+        Some(("Splats", grouped(m.splats as u64), "", bytes(m.bytes).as_str())),
+        Some(("Time", duration(m.seconds), "", per_step.as_str())),
     ]
     .into_iter()
+    .flatten()
     .map(|(name, value, unit, detail)| {
         format!(
             "<div class=\"tile\"><dt>{name}</dt><dd><span class=\"value\">{value}</span> \
@@ -220,6 +226,7 @@ fn tiles(m: &Metrics) -> String {
 fn numbers(m: &Metrics) -> String {
     let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
     let geometry = m.geometry.rows();
+    let lpips = m.lpips_squeeze.map(|v| ("LPIPS on SqueezeNet", format!("{v:.4}")));
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
@@ -241,6 +248,7 @@ fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .chain(&lpips)
     .chain(&geometry)
     .filter(|(k, _)| trained(m) || !of_training.contains(k))
     .map(|(k, v)| row(k, v))
@@ -253,6 +261,7 @@ fn scores(m: &Metrics) -> String {
     }
     let finite = || m.images.iter().map(|i| i.psnr).filter(|p| p.is_finite());
     let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    let with_lpips = m.images.iter().any(|i| i.lpips_squeeze.is_some());
     let body: String = m
         .images
         .iter()
@@ -262,20 +271,27 @@ fn scores(m: &Metrics) -> String {
             let share = if share.is_nan() { 100.0 } else { share };
             format!(
                 "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td class=\"bar\" aria-hidden=\"true\">\
-                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td class=\"number\">{:.4}</td></tr>",
+                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td class=\"number\">{:.4}</td>{}</tr>",
                 escape(&i.name),
                 decibels(Some(i.psnr)),
                 decibels(Some(i.psnr_cc).filter(|p| !p.is_nan())),
-                i.ssim
+                i.ssim,
+                if with_lpips { lpips_cell(i.lpips_squeeze) } else { String::new() }
             )
         })
         .collect();
+    let lpips = if with_lpips { "<th scope=\"col\" class=\"number\">LPIPS</th>" } else { "" };
     format!(
         "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
          <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">colours fitted</th>\
          <th scope=\"col\" class=\"number\">SSIM</th>\
-         </tr></thead><tbody>{body}</tbody></table>"
+         {lpips}</tr></thead><tbody>{body}</tbody></table>"
     )
+}
+
+fn lpips_cell(value: Option<f64>) -> String {
+    let value = value.map_or_else(|| "\u{2013}".into(), |v| format!("{v:.4}"));
+    format!("<td class=\"number\">{value}</td>")
 }
 
 fn files(files: &[(String, String)]) -> String {
@@ -351,6 +367,8 @@ fn card(
         let bar = scale(&Colormap::depth(), &significant(f64::from(low)), &significant(f64::from(high)));
         add("depth", "Depth", &picture, &bar)?;
     }
+    let gap = "<span class=\"gap\"></span>";
+    let lpips = view.lpips_squeeze.map_or_else(String::new, |v| format!(" {gap} LPIPS <b>{v:.3}</b>"));
     Ok(fill(
         include_str!("view.html"),
         &[
@@ -358,6 +376,7 @@ fn card(
             ("name", &escape(&view.name)),
             ("psnr", &decibels(Some(view.psnr))),
             ("ssim", &format!("{:.3}", view.ssim)),
+            ("lpips", &lpips),
             ("aspect", &format!("{} / {}", size.0.max(1), size.1.max(1))),
             ("panels", &panels),
         ],

@@ -1,0 +1,74 @@
+//! `lpips_squeeze` of held-out views, where there are weights for it.
+
+use std::path::PathBuf;
+
+use psrgs_vk::perceptual::{Distance, LpipsWeights, Metric};
+use psrgs_vk::train::View;
+use psrgs_vk::train::settings::Scoring;
+use psrgs_vk::vk::Gpu;
+
+use super::console::Console;
+
+/// Measures views, or does not.
+pub(crate) struct Lpips {
+    weights: Option<LpipsWeights>,
+    metric: Option<Metric>,
+}
+
+impl Lpips {
+    /// Reads and checks the weights that the options or the user's folder have. Says in a line why there are none.
+    pub(crate) fn find(scoring: &Scoring, console: &Console) -> anyhow::Result<Self> {
+        let path = scoring.perceptual_weights.clone().or_else(|| folder().filter(|f| f.is_dir()));
+        let Some(path) = path else {
+            console
+                .say("lpips_squeeze is not measured: there are no weights (`psrgs-vk weights` says where to get them)");
+            return Ok(Self { weights: None, metric: None });
+        };
+        let weights = LpipsWeights::find(&path)?;
+        let [trunk, linear] = weights.files().map(|f| f.display().to_string());
+        console.detail(format_args!("weights of lpips_squeeze: {trunk}, {linear}"));
+        Ok(Self { weights: Some(weights), metric: None })
+    }
+
+    /// The distance of a render (RGB8) from its photograph. What the device cannot do costs this number and a warning, no more.
+    pub(crate) fn measure(&mut self, gpu: &Gpu, view: &View, rgb: &[u8], console: &Console) -> Option<f64> {
+        match self.distance(gpu, view, rgb)? {
+            Ok(value) => Some(value),
+            Err(problem) => {
+                console.warn(format_args!("{}: lpips_squeeze is not measured: {problem}", view.name));
+                None
+            }
+        }
+    }
+
+    fn distance(&mut self, gpu: &Gpu, view: &View, rgb: &[u8]) -> Option<anyhow::Result<f64>> {
+        let weights = self.weights.as_ref()?;
+        Some(Self::distance_by(&mut self.metric, weights, gpu, view, rgb))
+    }
+
+    fn distance_by(
+        metric: &mut Option<Metric>,
+        weights: &LpipsWeights,
+        gpu: &Gpu,
+        view: &View,
+        rgb: &[u8],
+    ) -> anyhow::Result<f64> {
+        let ready = match metric.take() {
+            Some(ready) => ready,
+            None => Metric::new(gpu, Distance::lpips(gpu, weights)?),
+        };
+        let metric = metric.insert(ready);
+        let photograph = view.photograph.pixels()?;
+        let (truth, counting) = (photograph.rgb8(), photograph.counting());
+        let alpha = counting.iter().map(|counts| if *counts { 255 } else { 0 });
+        let rgba: Vec<u8> = truth.chunks_exact(3).zip(alpha).flat_map(|(p, a)| [p[0], p[1], p[2], a]).collect();
+        Ok(f64::from(metric.distance(rgb, &rgba, view.camera.width, view.camera.height)?))
+    }
+}
+
+/// `psrgs-vk/weights` in the user's data folder, by the XDG base directory specification.
+pub(crate) fn folder() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let base = absolute("XDG_DATA_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/share")));
+    base.map(|base| base.join("psrgs-vk").join("weights"))
+}

@@ -1,0 +1,72 @@
+//! The distance of two images' features per pixel with its gradient, and the sum over pixels and layers.
+
+use super::{Pass, module};
+use crate::twin::feature_distance as twin;
+use crate::vk::{Kernel, read, write};
+
+pub use super::convolution::FLAG_GATE;
+
+/// Flag: the gradient is written.
+pub const FLAG_GRADIENT: u32 = 8;
+/// Most layers that are summed.
+pub const MOST_LAYERS: usize = 8;
+
+crate::push_constants! {
+    /// Push constants of [`PASS`].
+    pub struct Push {
+        /// Pixels of an image.
+        pub pixels: u32,
+        /// Rows of four channels in a pixel.
+        pub quads: u32,
+        /// First row of the layer's channel weights.
+        pub weight_row: u32,
+        /// First of the layer's parts.
+        pub part_first: u32,
+        /// Added to the length of a feature before it is divided by it.
+        pub eps: f32,
+        /// Sum of [`FLAG_GATE`] and [`FLAG_GRADIENT`].
+        pub flags: u32,
+    }
+}
+
+crate::push_constants! {
+    /// Push constants of [`SUM`].
+    pub struct SumPush {
+        /// Ends of the layers' parts; a layer begins where the one before it ends.
+        pub ends: [u32; 8],
+        /// Number of layers.
+        pub layers: u32,
+    }
+}
+
+/// The distance at each pixel, divided by their number, and the gradient with respect to the first image's features.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "feature_distance",
+        spirv: module("feature_distance"),
+        bindings: &[read("features"), read("channel_weights"), write("parts"), write("grads")],
+        push_bytes: Push::BYTES,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns a pixel of both images; a workgroup owns 64 consecutive pixels.",
+    dispatch: "one thread per pixel",
+    push: Push::FIELDS,
+    twin: twin::run,
+};
+
+/// A sum per layer, and their sum behind them.
+pub const SUM: Pass = Pass {
+    kernel: Kernel {
+        name: "distance_sum",
+        spirv: module("distance_sum"),
+        bindings: &[read("parts"), write("result")],
+        push_bytes: SumPush::BYTES,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns every 64th part of each layer; there is one workgroup.",
+    dispatch: "one workgroup",
+    push: SumPush::FIELDS,
+    twin: twin::run_sum,
+};

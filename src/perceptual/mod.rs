@@ -1,0 +1,43 @@
+//! How different two pictures look: LPIPS on SqueezeNet 1.1, and a bank of filters where there are no weights, as Vulkan passes with
+//! their gradients.
+//!
+//! ```no_run
+//! use psrgs_vk::perceptual::{Distance, GradientOf, LpipsWeights, Metric, Pair};
+//! # use psrgs_vk::vk::{Buffer, Gpu};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let (gpu, image, photograph, grad_image): (Gpu, Buffer, Buffer, Buffer) = todo!();
+//! # let (rgb, rgba): (Vec<u8>, Vec<u8>) = todo!();
+//! let weights = LpipsWeights::find("weights".as_ref())?;
+//! let lpips = Distance::lpips(&gpu, &weights)?;
+//! let score = Metric::new(&gpu, lpips.clone()).distance(&rgb, &rgba, 640, 360)?;
+//!
+//! // As a part of a loss: nothing waits, and memory is taken once.
+//! let windows = lpips.windows(128, 128, true)?;
+//! let mut recorder = gpu.recorder("step")?;
+//! let pair = Pair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90) };
+//! windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad_image, weight: 0.05 }))?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod distance;
+mod error;
+mod filter_bank;
+mod folder;
+mod metric;
+mod network;
+mod read;
+mod room;
+mod rows;
+mod squeezenet;
+mod tensors;
+mod window;
+
+pub use distance::Distance;
+pub use error::Error;
+pub use folder::{PUBLIC_FILES, PublicFile};
+pub use metric::Metric;
+pub use read::read_tensors;
+pub use squeezenet::LpipsWeights;
+pub use tensors::{Tensor, Tensors};
+pub use window::{GradientOf, Pair, Windows};

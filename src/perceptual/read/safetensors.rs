@@ -1,0 +1,27 @@
+//! `.safetensors`.
+
+use std::path::Path;
+
+use safetensors::{Dtype, SafeTensors};
+
+use super::at_byte;
+use super::half_floats::Width;
+use crate::perceptual::Error;
+use crate::perceptual::tensors::{Tensor, Tensors};
+
+/// The arrays of floats; others are left out.
+pub(super) fn read(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
+    let all = SafeTensors::deserialize(bytes).map_err(|e| at_byte(file, 0, "safetensors header", e))?;
+    let mut tensors = Tensors::new(file);
+    for (name, view) in all.tensors() {
+        let width = match view.dtype() {
+            Dtype::F16 => Width::Half,
+            Dtype::BF16 => Width::Brain,
+            Dtype::F32 => Width::Single,
+            Dtype::F64 => Width::Double,
+            _ => continue,
+        };
+        tensors.insert(name, Tensor { shape: view.shape().to_vec(), values: width.numbers(view.data()) });
+    }
+    Ok(tensors)
+}
