@@ -86,7 +86,8 @@ impl Net<'_> {
 
 /// 3x3, stride 2; the last window may hang over when a part of it is inside.
 fn pool(x: &Planes) -> Planes {
-    let [height, width] = [x.height, x.width].map(|side| (side - 3).div_ceil(2) + 1);
+    // (side - size + stride - 1) / stride + 1, as PyTorch has it.
+    let [height, width] = [x.height, x.width].map(|side| (side + 1 - 3) / 2 + 1);
     let mut values = Vec::new();
     for c in 0..x.channels {
         for y in 0..height {
