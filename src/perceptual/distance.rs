@@ -61,7 +61,7 @@ impl Distance {
                 continue;
             };
             forward.push(Some(rows.forward(c)));
-            backward.push(Some(if c.from == 0 { rows.to_image(c) } else { rows.backward(c) }));
+            backward.push(Some(if c.from == 0 { rows.image_gradient(c) } else { rows.backward(c) }));
         }
         let mut channel_weights: Vec<f32> = Vec::new();
         let mut weight_rows = Vec::new();
