@@ -3,7 +3,11 @@
 use super::TwinCall;
 use super::loss::unpack;
 use crate::pass::crop::{GradientPush, Push};
-use crate::pass::loss::masked;
+
+/// Of a pixel with 8 bits per channel.
+fn masked(photograph: u32) -> bool {
+    photograph >> 24 == 0
+}
 
 /// Adapter over raw buffers.
 pub fn run_pair(call: &mut TwinCall<'_>) {
@@ -15,7 +19,7 @@ pub fn run_pair(call: &mut TwinCall<'_>) {
         for x in 0..push.width {
             let from = ((push.top + y) * push.image_width + push.left + x) as usize;
             let to = (y * push.width + x) as usize;
-            let [r, g, b] = unpack::<f32>(&target[from..=from])[0];
+            let [r, g, b] = unpack::<f32>(&target[from..=from], 8)[0];
             let shown = if masked(target[from]) { [r, g, b, 0.0] } else { image[from] };
             pair[to] = [shown[0], shown[1], shown[2], 0.0];
             pair[pixels + to] = [r, g, b, 0.0];

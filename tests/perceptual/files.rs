@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use psrgs_vk::perceptual::{Error, LpipsWeights, Tensor, read_tensors};
 
 use super::common;
-use super::weights::{arrays, tensors};
+use super::weights::{Named, arrays, tensors};
 use super::written::{Arrays, ncnn, old_pth, safetensors, zip_pth};
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
@@ -67,7 +67,7 @@ fn published_files_are_read_to_the_last_byte() {
 #[test]
 fn another_network_is_named_with_file_and_field() {
     let (trunk, linear) = arrays();
-    let fails = |change: &dyn Fn(&mut Vec<(String, Tensor)>, &mut Vec<(String, Tensor)>)| -> Error {
+    let fails = |change: &dyn Fn(&mut Named, &mut Named)| -> Error {
         let (mut trunk, mut linear) = (trunk.clone(), linear.clone());
         change(&mut trunk, &mut linear);
         LpipsWeights::new(tensors("trunk.pth", trunk), tensors("layers.pth", linear)).unwrap_err()

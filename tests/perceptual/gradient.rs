@@ -29,7 +29,7 @@ impl Scene {
         let image = image.collect();
         let photograph = made_up(size.0, size.1, 8);
         // Every 17th pixel is masked.
-        let alpha = |k: usize| if k % 17 == 0 { 0 } else { 255 };
+        let alpha = |k: usize| if k.is_multiple_of(17) { 0 } else { 255 };
         let rgba = photograph.chunks_exact(3).enumerate().flat_map(|(k, p)| [p[0], p[1], p[2], alpha(k)]).collect();
         Self { size, at: (5, 3), window: (30, 25), image, rgba }
     }

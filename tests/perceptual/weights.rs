@@ -46,8 +46,11 @@ pub fn convolutions() -> Vec<(String, usize, usize, usize)> {
 /// Channels of the layers that are compared.
 pub const LAYERS: [usize; 7] = [64, 128, 256, 384, 384, 512, 512];
 
-/// Random arrays by name. Numbers are multiples of 2^-10, so that 16 bits hold them.
-pub fn arrays() -> (Vec<(String, Tensor)>, Vec<(String, Tensor)>) {
+/// Arrays by name.
+pub type Named = Vec<(String, Tensor)>;
+
+/// Random arrays of the trunk and of the linear layers. Numbers are multiples of 2^-10, so that 16 bits hold them.
+pub fn arrays() -> (Named, Named) {
     let mut random = Random(11);
     let coarse = |v: f64| ((v * 1024.0).round() / 1024.0) as f32;
     let mut trunk = Vec::new();
@@ -67,7 +70,7 @@ pub fn arrays() -> (Vec<(String, Tensor)>, Vec<(String, Tensor)>) {
 }
 
 /// Arrays as if a file had held them.
-pub fn tensors(file: &str, arrays: Vec<(String, Tensor)>) -> Tensors {
+pub fn tensors(file: &str, arrays: Named) -> Tensors {
     let mut tensors = Tensors::new(Path::new(file));
     arrays.into_iter().for_each(|(name, tensor)| tensors.insert(name, tensor));
     tensors

@@ -57,6 +57,7 @@ mod tests {
             psnr: 1.0,
             psnr_cc: 1.0,
             ssim: 0.5,
+            lpips_squeeze: None,
         };
         assert!(panel.clone().among(100).photograph == picture, "all of a hundred fit");
         let many = 10_000;
