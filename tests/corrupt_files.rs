@@ -228,7 +228,7 @@ fn models() {
         ("property float opacity\n", "", "the property 'opacity' is missing"),
         ("property float f_rest_44\n", "", "44 properties f_rest_N"),
         ("f_rest_44", "f_rest_45", "45 properties f_rest_N"),
-        ("property float x", "property list uchar float x", "'x' is missing"),
+        ("property float x", "property list uchar float x", "lists are not supported"),
         ("property float nx", "property list uchar float nx", "lists are not supported"),
         ("property float x", "property quad x", "the type 'quad' of 'x' is unknown"),
         ("property float y", "property float x", "'x' occurs twice"),
