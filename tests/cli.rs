@@ -154,6 +154,23 @@ fn printed_settings_give_the_same_settings_again() {
 }
 
 #[test]
+fn fast_is_its_settings_and_options_given_by_name_win() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = write(folder.path(), "my.toml", "[shortcuts]\nmoment-bits = 32\nsh-every = 2\n");
+    let shortcuts = |args: &[&str]| {
+        let settings = settings(args);
+        let value = |key: &str| settings["shortcuts"][key].as_integer().expect("a number");
+        [value("moment-bits"), value("sh-every")]
+    };
+    assert_eq!(shortcuts(&["fox"]), [32, 1]);
+    assert_eq!(shortcuts(&["fox", "--fast"]), [16, 4]);
+    assert_eq!(shortcuts(&["fox", "--fast", "--sh-every", "8"]), [16, 8]);
+    assert_eq!(shortcuts(&["fox", "--config", &file]), [32, 2]);
+    assert_eq!(shortcuts(&["fox", "--config", &file, "--fast", "--moment-bits", "32"]), [32, 4]);
+    fails(&["train", "fox", "--moment-bits", "24"], 2, &["moment-bits", "16 or 32"]);
+}
+
+#[test]
 fn wrong_settings_are_named_with_file_and_line() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = write(folder.path(), "my.toml", "[run]\nitertions = 1500\n");

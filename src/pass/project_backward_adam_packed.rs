@@ -2,36 +2,15 @@
 
 use super::project_backward_adam::{self as full, CONSTANTS, Push};
 use super::{Pass, module};
-use crate::vk::{Kernel, read, read_write};
+use crate::vk::Kernel;
 
 /// The pass; its constants are those of [`full::constants`].
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "project_backward_adam_packed",
         spirv: module("project_backward_adam_packed"),
-        bindings: &[
-            read("counters"),
-            read("splat2d"),
-            read("tile_counts"),
-            read("grad2d"),
-            read("grad_normals"),
-            read_write("means"),
-            read_write("quats"),
-            read_write("scales"),
-            read_write("opacities"),
-            read_write("sh0"),
-            read_write("sh1"),
-            read_write("sh2"),
-            read_write("sh3"),
-            read_write("m_means"),
-            read_write("m_quats"),
-            read_write("m_scales"),
-            read_write("m_opacities"),
-            read_write("m_sh0"),
-            read_write("m_sh1"),
-            read_write("m_sh2"),
-            read_write("m_sh3"),
-        ],
+        // The second moments, which come last there, have no planes of their own.
+        bindings: full::PASS.kernel.bindings.split_at(full::PASS.kernel.bindings.len() - 8).0,
         push_bytes: Push::BYTES,
         constants: CONSTANTS,
         local_size: full::PASS.kernel.local_size,

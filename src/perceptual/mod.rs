@@ -4,9 +4,9 @@
 //! ```no_run
 //! use psrgs_vk::perceptual::{Distance, GradientOf, LpipsWeights, Metric, Pair};
 //! # use psrgs_vk::vk::{Buffer, Gpu};
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let (gpu, image, photograph, grad_image): (Gpu, Buffer, Buffer, Buffer) = todo!();
-//! # let (rgb, rgba): (Vec<u8>, Vec<u8>) = todo!();
+//! # fn example(
+//! #     gpu: Gpu, [image, photograph, grad_image]: [Buffer; 3], [rgb, rgba]: [Vec<u8>; 2],
+//! # ) -> Result<(), Box<dyn std::error::Error>> {
 //! let weights = LpipsWeights::find("weights".as_ref())?;
 //! let lpips = Distance::lpips(&gpu, &weights)?;
 //! let score = Metric::new(&gpu, lpips.clone()).distance(&rgb, &rgba, 640, 360)?;

@@ -15,8 +15,8 @@ enum Form {
     Fused {
         /// By the highest degree of the spherical harmonics that may have moments.
         of_degree: [Pipeline; 4],
-        /// For steps that leave out the view-dependent coefficients.
-        without_rest: Pipeline,
+        /// For steps that leave out the view-dependent coefficients, where some do.
+        without_rest: Option<Pipeline>,
     },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients { adam: Pipeline, gradients: Planes },
@@ -45,7 +45,7 @@ impl Optimiser {
             let of = |degree, rest| gpu.pipeline(kernel, &fused::constants(&settings, degree, false, rest));
             Form::Fused {
                 of_degree: [of(0, true)?, of(1, true)?, of(2, true)?, of(3, true)?],
-                without_rest: of(0, false)?,
+                without_rest: (shortcuts.sh_every > 1).then(|| of(0, false)).transpose()?,
             }
         } else if packs || shortcuts.sh_every > 1 {
             return Err(Error::ShortcutBuffers { needed, limit });
@@ -145,7 +145,10 @@ impl Optimiser {
                 let step = BackwardStep {
                     model,
                     moments: &self.moments,
-                    pipeline: if plan.sh_rest.is_some() { &of_degree[degree.min(3) as usize] } else { without_rest },
+                    pipeline: match (plan.sh_rest, without_rest) {
+                        (None, Some(pipeline)) => pipeline,
+                        _ => &of_degree[degree.min(3) as usize],
+                    },
                     settings: &self.settings,
                     rates: &rates,
                     steps,

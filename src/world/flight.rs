@@ -30,7 +30,7 @@ impl View {
 }
 
 /// A camera at `eye` that looks along `forward`, its image's right side towards `right` as far as possible.
-fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3) -> Camera {
+pub(super) fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3) -> Camera {
     let z = forward.normalize();
     let x = (right - z * right.dot(z)).normalize();
     let y = z.cross(x);

@@ -86,24 +86,18 @@ fn lens_over(camera: &Camera, [k1, k2, p1, p2]: [f64; 4]) -> Option<Lens> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
+    use super::super::flight::aim;
     use super::*;
 
     fn params() -> WorldParams {
         WorldParams { camera: CameraKind::Opencv, ..WorldParams::default() }
     }
 
+    /// At the origin, along z.
     fn pinhole(params: &WorldParams) -> Camera {
-        let ((width, height), side) = (params.size(), f64::from(params.max_side));
-        Camera {
-            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            translation: [0.0; 3],
-            fx: params.focal * side,
-            fy: params.focal * side,
-            cx: 0.5 * f64::from(width) + params.principal_offset[0] * side,
-            cy: 0.5 * f64::from(height) + params.principal_offset[1] * side,
-            width,
-            height,
-        }
+        aim(params, DVec3::ZERO, DVec3::Z, DVec3::X)
     }
 
     #[test]

@@ -164,6 +164,15 @@ fn shortcuts_learn_nearly_the_same() {
 }
 
 #[test]
+fn a_device_without_room_for_the_shortcuts_says_so() {
+    let Some(gpu) = common::gpu_with(|o| o.max_storage_buffers = Some(20)) else { return };
+    let Err(error) = Trainer::new(&gpu, plane_scene::input(3, 64, 48, 300), &fast(5), Pacing::default(), None) else {
+        panic!("the optimiser has 21 buffers")
+    };
+    assert!(error.to_string().contains("--moment-bits 16") && error.to_string().contains("21"), "{error}");
+}
+
+#[test]
 fn a_state_with_other_moments_is_refused() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(3, 64, 48, 300);
