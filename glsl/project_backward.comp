@@ -8,6 +8,8 @@
 #include "splat_gradient.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
+// Weight of the smallest standard deviation in the loss, a float as bits.
+layout(constant_id = 1) const uint FLATTEN = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
 layout(set = 0, binding = 2) readonly buffer Quats { vec4 quats[]; };
@@ -62,6 +64,7 @@ void main() {
         const vec3 normal = AUX != 0u ? grad_normals[i].xyz : vec3(0.0);
         const Gradient2d up = Gradient2d(grad2d[s], grad2d[s + 1u], grad2d[s + 2u], normal);
         g = splat_gradient(camera_from_push(), degree, push.flags, splat, splat2d[s + 2u].xyz, up, AUX != 0u);
+        if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
     }
 
     g_means[s] = g.mean.x;

@@ -5,7 +5,7 @@ mod common;
 use common::guards::Guards;
 use common::splats::{Random, camera, spread};
 use psrgs_vk::pass::camera::{NEAR, Projection};
-use psrgs_vk::pass::counters;
+use psrgs_vk::pass::{adam, counters, project_backward_adam as fused};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::project::project;
@@ -172,8 +172,24 @@ fn pictures_are_whole_when_the_pairs_had_to_grow() {
     }
 }
 
-/// Gradients of the planes.
-fn device_gradients(gpu: &Gpu, variants: Variants, case: &Case, grad_image: &[f32]) -> [Vec<f32>; 8] {
+/// How a device comes to gradients of the planes.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    /// By the passes that write them.
+    Written,
+    /// From the first moments that a fused step leaves of nothing: a tenth of the gradients.
+    Fused,
+}
+
+/// Gradients of the planes; `grad_aux` of the auxiliary channels, where those take part.
+fn device_gradients(
+    gpu: &Gpu,
+    (variants, way): (Variants, Way),
+    case: &Case,
+    grad_image: &[f32],
+    grad_aux: Option<&[f32]>,
+) -> [Vec<f32>; 8] {
+    let aux = grad_aux.is_some();
     let n = case.model.len() as u32;
     let (width, height) = (case.shot.camera.width, case.shot.camera.height);
     let side = variants.tile.size();
@@ -181,32 +197,60 @@ fn device_gradients(gpu: &Gpu, variants: Variants, case: &Case, grad_image: &[f3
         splats: n,
         pairs: 40_000,
         tiles: width.div_ceil(side) * height.div_ceil(side),
-        aux: false,
+        aux,
         train: true,
         count: false,
         clamp_gradient_passes: false,
     };
     let renderer = Renderer::new(gpu, variants, size).unwrap();
     let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
-    let target = Target::new(gpu, "", width * height, false).unwrap();
+    let target = Target::new(gpu, "", width * height, aux).unwrap();
     let upstream = gpu.buffer("grad_image", 4 * grad_image.len() as u64, Memory::Device).unwrap();
     model.write(gpu, &case.model).unwrap();
     gpu.write(&upstream, grad_image).unwrap();
+    let upstream_aux = gpu.buffer("grad_aux", 4 * grad_image.len() as u64, Memory::Device).unwrap();
+    if let Some(values) = grad_aux {
+        gpu.write(&upstream_aux, values).unwrap();
+    }
     let mut words = [0u32; counters::COUNT];
     words[counters::SPLATS] = n;
     let mut rec = gpu.recorder("forward and backward").unwrap();
     rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
+    let unset = if way == Way::Written { f32::NAN } else { 0.0 };
     for buffer in grads.buffers() {
-        rec.fill(buffer, f32::NAN.to_bits()).unwrap();
+        rec.fill(buffer, unset.to_bits()).unwrap();
     }
     rec.fill(renderer.grad2d().unwrap(), f32::NAN.to_bits()).unwrap();
-    let lists = renderer.record_forward(&mut rec, &model, &case.shot, &target, false).unwrap();
-    let gradients = raster::Gradients { model: &model, of_model: &grads, of_image: &upstream };
-    renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();
+    assert_eq!(renderer.grad_normals().is_some(), aux);
+    if let Some(grad_normals) = renderer.grad_normals() {
+        rec.fill(grad_normals, f32::NAN.to_bits()).unwrap();
+    }
+    let lists = renderer.record_forward(&mut rec, &model, &case.shot, &target, aux).unwrap();
+    let of_image = raster::ImageGradients { of_image: &upstream, of_aux: aux.then_some(&upstream_aux) };
+    if way == Way::Written {
+        let gradients = raster::Gradients { model: &model, of_model: &grads, of_image };
+        renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();
+    } else {
+        renderer.record_blend_backward(&mut rec, &lists, of_image, &case.shot, &target).unwrap();
+        let settings = adam::Settings::default();
+        let rates = fused::Rates { means: 0.0, quats: 0.0, scales: 0.0, opacities: 0.0, sh_base: 0.0, sh_rest: 0.0 };
+        let second = Planes::new(gpu, "v_", n).unwrap();
+        second.clear(&mut rec).unwrap();
+        let step = raster::BackwardStep {
+            model: &model,
+            moments: &[grads.clone(), second],
+            pipeline: &gpu.pipeline(&fused::PASS.kernel, &fused::constants(&settings, 3, aux, true)).unwrap(),
+            settings: &settings,
+            rates: &rates,
+            steps: fused::Steps { most: 1, opacities: Some(1), rest: 1 },
+        };
+        renderer.record_backward_step(&mut rec, &step, &case.shot).unwrap();
+    }
     rec.submit().unwrap();
     let words: Vec<u32> = gpu.read(&renderer.counters).unwrap();
     assert_eq!(words[counters::STATUS], 0, "the pairs were meant to fit: {}", words[counters::PAIRS]);
-    grads.read(gpu, n).unwrap()
+    let planes = grads.read(gpu, n).unwrap();
+    if way == Way::Written { planes } else { planes.map(|plane| plane.iter().map(|m| 10.0 * m).collect()) }
 }
 
 /// The reference's gradients in the layout of the planes.
@@ -249,7 +293,52 @@ fn gradients_agree_with_the_brute_force_renderer() {
         let want = planes_of(&gradients);
         assert!(want[..5].iter().all(|plane| plane.iter().filter(|v| **v != 0.0).count() > 40));
         for variants in Variants::possible(&gpu) {
-            let got = device_gradients(&gpu, variants, &case, &grad_image);
+            let got = device_gradients(&gpu, (variants, Way::Written), &case, &grad_image, None);
+            for p in 0..8 {
+                let name = format!("{}, {variants:?}, {}", case.name, NAMES[p]);
+                Guards { floor: FLOOR, ..Guards::of(1e-3) }.check(&name, got[p].len(), &got[p], &want[p]);
+                ROW.check(&name, ROWS[p], &got[p], &want[p]);
+            }
+        }
+    }
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
+
+/// With gradients of depth and normals too, by every form of the blend backward, and by the step that consumes them at once.
+#[test]
+fn gradients_of_depth_and_normals_agree_with_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    for (k, case) in [case((61, 45), 1, false, 200, 301), case((34, 40), 2, true, 200, 302)].into_iter().enumerate() {
+        let decided = case.decided();
+        let far = case.splats.iter().flat_map(|s| s.mean).fold(1.0f64, |m, v| m.max(v.abs()));
+        let mut random = Random::new(2000 + k as u64);
+        let mut upstream = ImageGradient::zeros(decided.len());
+        let mut grad_image = vec![0.0f32; 4 * decided.len()];
+        let mut grad_aux = grad_image.clone();
+        for i in (0..decided.len()).filter(|i| decided[*i]) {
+            let values: [f32; 8] =
+                std::array::from_fn(|c| (random.symmetric() / if c == 4 { far } else { 1.0 }) as f32);
+            let [color, aux] = [&values[..4], &values[4..]];
+            grad_image[4 * i..4 * i + 4].copy_from_slice(color);
+            grad_aux[4 * i..4 * i + 4].copy_from_slice(aux);
+            upstream.color[i] = std::array::from_fn(|c| f64::from(color[c]));
+            upstream.transmittance[i] = f64::from(color[3]);
+            upstream.depth[i] = f64::from(aux[0]);
+            upstream.normal[i] = std::array::from_fn(|c| f64::from(aux[1 + c]));
+        }
+        let want = planes_of(&reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream));
+        let without = ImageGradient { depth: vec![0.0; decided.len()], ..upstream.clone() };
+        let without = planes_of(&reference::backward(&case.splats, &case.shot.camera, &case.settings, &without));
+        let moved = |p: usize| want[p].iter().zip(&without[p]).filter(|(a, b)| (*a - *b).abs() > 0.01).count();
+        assert!(moved(0) > 40 && moved(3) > 20, "the depth makes too little difference: {} {}", moved(0), moved(3));
+        let stepped = SHAPES.map(|tile| (Variants::new(tile, GradientSum::Slots), Way::Fused));
+        let written = Variants::possible(&gpu).into_iter().map(|variants| (variants, Way::Written));
+        for (variants, way) in written.chain(stepped) {
+            if way == Way::Fused && gpu.caps().limits.storage_buffers < fused::BINDINGS {
+                continue;
+            }
+            let got = device_gradients(&gpu, (variants, way), &case, &grad_image, Some(&grad_aux));
             for p in 0..8 {
                 let name = format!("{}, {variants:?}, {}", case.name, NAMES[p]);
                 Guards { floor: FLOOR, ..Guards::of(1e-3) }.check(&name, got[p].len(), &got[p], &want[p]);

@@ -7,7 +7,7 @@ use common::splats::{self, Random, camera, in_view};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::scene::Camera;
 use psrgs_vk::twin::project::{Projected, project};
-use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
+use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 
@@ -204,6 +204,22 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
     }
     assert!(compared > 30, "{compared} of 60 splats compared");
     clamped
+}
+
+#[test]
+fn flatness_pulls_at_the_shortest_axis_alone() {
+    let camera = camera(64, 48);
+    let mut random = Random::new(9);
+    for _ in 0..20 {
+        let splat = splats::spread(&mut random, &camera, 1.0);
+        let mut got = Splat::from_array(&[0.0; PARAMETERS]);
+        flatten(&mut got, splat.log_scale, 2.5);
+        for k in 0..PARAMETERS {
+            let shortest = |s: &Splat<f64>| 2.5 * s.log_scale.iter().fold(f64::INFINITY, |m, v| m.min(*v)).exp();
+            let want = difference(&splat, k, 1e-5, &mut |moved| vec![shortest(moved)])[0];
+            assert!((got.to_array()[k] - want).abs() < 1e-9, "{k}: {} against {want}", got.to_array()[k]);
+        }
+    }
 }
 
 #[test]

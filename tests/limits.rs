@@ -150,7 +150,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
         rec.fill(buffer, f32::NAN.to_bits()).unwrap();
     }
     let lists = renderer.record_forward(&mut rec, &planes, &shot, &target, false).unwrap();
-    let gradients = raster::Gradients { model: &planes, of_model: &grads, of_image: &of_image };
+    let gradients = raster::Gradients { model: &planes, of_model: &grads, of_image: (&of_image).into() };
     renderer.record_backward(&mut rec, &lists, &gradients, &shot, &target).unwrap();
     rec.submit().unwrap();
 
@@ -198,7 +198,7 @@ fn a_buffer_past_the_largest_binding_is_named_with_the_limit() {
             Shot { camera: common::splats::camera(16, 16), projection: Projection::default(), background: [0.0; 3] };
         let mut rec = gpu.recorder("too large").unwrap();
         let lists = renderer.record_forward(&mut rec, &planes, &shot, &target, false).unwrap();
-        let gradients = raster::Gradients { model: &planes, of_model: &planes, of_image: &target.image };
+        let gradients = raster::Gradients { model: &planes, of_model: &planes, of_image: (&target.image).into() };
         renderer.record_backward(&mut rec, &lists, &gradients, &shot, &target)
     };
     record(pairs).unwrap();

@@ -19,6 +19,8 @@ layout(constant_id = 6) const uint EPS = 0x26901d7du;    // 1e-15
 // 0: a step between those of the view-dependent coefficients. They and their moments are not touched, and what the colour's
 // change with the direction says about the mean is left out.
 layout(constant_id = 7) const uint REST = 1u;
+// Weight of the smallest standard deviation in the loss, a float as bits.
+layout(constant_id = 8) const uint FLATTEN = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
@@ -105,6 +107,7 @@ void main() {
         const vec3 normal = AUX != 0u ? LOAD4(grad_normals, i).xyz : vec3(0.0);
         const Gradient2d up = Gradient2d(LOAD4(grad2d, s), LOAD4(grad2d, s + 1u), LOAD4(grad2d, s + 2u), normal);
         g = splat_gradient(camera, degree, push.flags, splat, LOAD4(splat2d, s + 2u).xyz, up, AUX != 0u);
+        if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
     }
 
     AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),

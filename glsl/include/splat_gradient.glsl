@@ -80,6 +80,12 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     return result;
 }
 
+// Adds the derivative of `weight` times the splat's smallest standard deviation (planar splats: PGSR, Chen et al. 2024).
+void flatten(inout SplatGradient g, vec3 log_scale, float weight) {
+    const float slope = weight * exp(min(log_scale.x, min(log_scale.y, log_scale.z)));
+    g.log_scale += mix(vec3(0.0), vec3(slope), equal(uvec3(shortest_axis(log_scale)), uvec3(0u, 1u, 2u)));
+}
+
 // A group of SH gradients is the outer product of its basis values and the colour's gradient.
 vec4 sh_outer0(vec4 basis, vec3 g) { return vec4(basis.x * g, basis.y * g.x); }
 vec4 sh_outer1(vec4 basis, vec3 g) { return vec4(basis.y * g.yz, basis.z * g.xy); }

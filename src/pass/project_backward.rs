@@ -33,11 +33,12 @@ pub const PASS: Pass = Pass {
             write("g_sh3"),
         ],
         push_bytes: CameraPush::BYTES,
-        constants: &[Constant { id: 0, name: "AUX", default: 0 }],
+        constants: &[Constant { id: 0, name: "AUX", default: 0 }, Constant { id: 1, name: "FLATTEN", default: 0 }],
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Recomputes the projection and writes the gradients \
-          of all 59 parameters; zeros for culled splats. Normals take part when AUX = 1.",
+          of all 59 parameters; zeros for culled splats. Normals take part when AUX = 1. FLATTEN, a float as bits, is the weight of the smallest standard deviation in \
+          the loss.",
     dispatch: "one thread per splat of the model",
     push: CameraPush::FIELDS,
     twin: crate::twin::project_backward::run,

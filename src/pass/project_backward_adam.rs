@@ -116,10 +116,18 @@ impl Push {
     }
 }
 
+/// Specialization constants, by name.
+pub type Constants = [(&'static str, u32); 9];
+
+/// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
+pub fn flattening(constants: Constants, weight: f32) -> Constants {
+    constants.map(|(name, value)| (name, if name == "FLATTEN" { weight.to_bits() } else { value }))
+}
+
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
 /// are zero and a step would change nothing of them. Without `rest` the step leaves the view-dependent coefficients and their moments
 /// as they are.
-pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> [(&'static str, u32); 8] {
+pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Constants {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
         ("AUX", u32::from(aux)),
@@ -130,6 +138,7 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> [(&
         ("GAIN2", adam.gain2.to_bits()),
         ("EPS", adam.eps.to_bits()),
         ("REST", u32::from(rest)),
+        ("FLATTEN", 0),
     ]
 }
 
@@ -142,6 +151,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 5, name: "GAIN2", default: 0x3a83_126f },
     Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
     Constant { id: 7, name: "REST", default: 1 },
+    Constant { id: 8, name: "FLATTEN", default: 0 },
 ];
 
 /// The pass.

@@ -19,7 +19,7 @@ pub use held::Held;
 pub use live::LiveModel;
 pub use picture::Picture;
 pub use planes::{MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH0, gaussians_of, grown, planes_of};
-pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, Renderer, Shot};
+pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, ImageGradients, Renderer, Shot, Terms};
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};
 pub use target::Target;

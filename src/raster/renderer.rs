@@ -2,7 +2,7 @@
 
 mod backward;
 
-pub use backward::{BackwardStep, Gradients};
+pub use backward::{BackwardStep, Gradients, ImageGradients, Terms};
 
 use backward::Backward;
 
@@ -97,7 +97,7 @@ pub struct Renderer {
 
 impl Renderer {
     /// Room for `splats` splats, `pairs` (splat, tile) pairs and images of up to `pixels` pixels and `tiles` tiles.
-    /// `aux` makes depth and normals available, `train` the backward.
+    /// `aux` makes depth and normals available, `train` the backward, both the backward of depth and normals.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
         let side = variants.tile.size();
@@ -254,9 +254,10 @@ impl Renderer {
         let backward = self.backward.as_ref();
         // What the lists need beyond the gradients is there for pairs: the tables of their sort.
         let of_splats = backward.map_or(self.early.size(), |b| b.grad2d.slice().bytes().max(LEAST_2D));
-        let slots = backward.map_or(0, |b| b.slot_grads.size() + b.unused_normals.size());
+        let slots = backward.map_or(0, |b| b.slot_grads.size() + b.slot_normals.size());
+        let of_normals = backward.map_or(0, |b| b.grad_normals.size());
         let own = Held {
-            splats: self.splat2d.size() + self.tile_counts.size() + self.normals.size() + of_splats,
+            splats: self.splat2d.size() + self.tile_counts.size() + self.normals.size() + of_normals + of_splats,
             pairs: self.early.size() - of_splats,
             slot_pairs: slots,
             fixed: self.counters.size() + self.args.size() + self.pair_counts.size(),

@@ -37,7 +37,8 @@ pub struct Size {
     pub pairs: u32,
     /// Tiles of the largest image.
     pub tiles: u32,
-    /// Whether depth and normals can be rendered.
+    /// Whether depth and normals can be rendered and, with a backward, have gradients. That takes 16 bytes more per splat, with the
+    /// backward 32, and with sums in slots 16 per pair.
     pub aux: bool,
     /// Whether there is a backward.
     pub train: bool,

@@ -56,6 +56,14 @@ pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, color: [R; 3]
     }
 }
 
+/// Adds the derivative of `weight` times the splat's smallest standard deviation.
+pub fn flatten<R: Real>(gradient: &mut Splat<R>, log_scale: [R; 3], weight: R) {
+    if weight != R::zero() {
+        let axis = projection::shortest_axis(log_scale);
+        gradient.log_scale[axis] += weight * log_scale[axis].exp();
+    }
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: CameraPush = call.push();
@@ -72,7 +80,10 @@ pub fn run(call: &mut TwinCall<'_>) {
         let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
         let color = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
         let g = Grad2d { row: grad2d[i], normal: [x, y, z] };
-        project_backward(&Splat::of(&model, i), &view, color, &g).store(&mut out, i);
+        let splat = Splat::of(&model, i);
+        let mut gradient = project_backward(&splat, &view, color, &g);
+        flatten(&mut gradient, splat.log_scale, f32::from_bits(call.constants[1]));
+        gradient.store(&mut out, i);
     }
     call.set(13, &out.means);
     call.set(14, &out.quats);

@@ -1,7 +1,7 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
 use super::adam::adam;
-use super::project_backward::{Grad2d, project_backward};
+use super::project_backward::{Grad2d, flatten, project_backward};
 use super::splat::{PARAMETERS, Splat, View};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
@@ -93,6 +93,7 @@ pub(super) struct Inputs {
     grad2d: Vec<[f32; 12]>,
     grad_normals: Vec<[f32; 4]>,
     aux: bool,
+    flatten: f32,
 }
 
 impl Inputs {
@@ -106,6 +107,7 @@ impl Inputs {
             grad2d: call.get(3),
             grad_normals: call.get(4),
             aux: call.constants[0] != 0,
+            flatten: f32::from_bits(call.constants[8]),
         }
     }
 
@@ -116,7 +118,10 @@ impl Inputs {
         }
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
         let color = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
-        project_backward(splat, &self.view, color, &Grad2d { row: self.grad2d[i], normal: [x, y, z] })
+        let up = Grad2d { row: self.grad2d[i], normal: [x, y, z] };
+        let mut gradient = project_backward(splat, &self.view, color, &up);
+        flatten(&mut gradient, splat.log_scale, self.flatten);
+        gradient
     }
 }
 

@@ -11,15 +11,41 @@ use crate::raster::tiles::Lists;
 use crate::raster::variants::{GradientSum, Variants};
 use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
 
+/// Gradients of what a forward pass wrote; of an image alone, its buffer turned into this.
+#[derive(Clone, Copy)]
+pub struct ImageGradients<'a> {
+    /// dL/d(image), a vec4 per pixel: of the colour, and of the final transmittance beyond what the background's part of the colour
+    /// says about it.
+    pub of_image: &'a Buffer,
+    /// dL/d(auxiliary image), a vec4 per pixel: of the sums of weighted depths and normals. The forward pass must have written them,
+    /// and the renderer have the auxiliary channels ([`Size::aux`]).
+    pub of_aux: Option<&'a Buffer>,
+}
+
+impl<'a> From<&'a Buffer> for ImageGradients<'a> {
+    fn from(of_image: &'a Buffer) -> Self {
+        Self { of_image, of_aux: None }
+    }
+}
+
 /// Whose gradients a backward pass computes, from what, and where they go.
 #[derive(Clone, Copy)]
 pub struct Gradients<'a> {
     /// The model that was rendered.
     pub model: &'a Planes,
-    /// dL/d(image), a vec4 per pixel.
-    pub of_image: &'a Buffer,
+    /// dL/d(what was rendered).
+    pub of_image: ImageGradients<'a>,
     /// dL/d(model), written.
     pub of_model: &'a Planes,
+}
+
+/// What the gradients of a model hold beyond those of its colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// The depth's and the normals', after a blend backward with auxiliary channels.
+    pub aux: bool,
+    /// Those of a loss of this times the smallest standard deviation of every splat on the image, in scene units.
+    pub flatten: f32,
 }
 
 /// An optimiser step that takes the place of gradients: see [`Renderer::record_backward_step`].
@@ -29,7 +55,8 @@ pub struct BackwardStep<'a> {
     pub model: &'a Planes,
     /// The first and second moments, or both in one, which change with it.
     pub moments: &'a [Planes],
-    /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants.
+    /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants: with `AUX`
+    /// exactly after a blend backward of the auxiliary channels.
     pub pipeline: &'a Pipeline,
     /// The optimiser's settings.
     pub settings: &'a adam::Settings,
@@ -39,13 +66,22 @@ pub struct BackwardStep<'a> {
     pub steps: project_backward_adam::Steps,
 }
 
-/// Pipelines and buffers of the backward.
-pub(super) struct Backward {
+/// Pipelines that differ by whether depth and normals have gradients too.
+struct Channels {
     blend: Pipeline,
     slot_sum: Option<Pipeline>,
-    project: Pipeline,
+}
+
+/// Pipelines and buffers of the backward.
+pub(super) struct Backward {
+    color: Channels,
+    /// Where the renderer has the auxiliary channels.
+    all: Option<Channels>,
     pub(super) slot_grads: Buffer,
-    pub(super) unused_normals: Buffer,
+    /// A single entry where the auxiliary channels or the slots are off.
+    pub(super) slot_normals: Buffer,
+    /// A single entry where the auxiliary channels are off.
+    pub(super) grad_normals: Buffer,
     /// Beginning of the buffer that the tile lists use before.
     pub(super) grad2d: Part,
 }
@@ -54,21 +90,35 @@ impl Backward {
     pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
         let chosen = kernels::blend_backward(gpu, variants)?;
         let slots = variants.gradients == GradientSum::Slots;
-        let mut switches =
-            vec![("COUNT", u32::from(size.count)), ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes))];
-        switches.extend(chosen.constants);
+        let channels = |aux: u32| -> Result<Channels, vk::Error> {
+            let aux = ("AUX", aux);
+            let mut switches = vec![
+                aux,
+                ("COUNT", u32::from(size.count)),
+                ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes)),
+            ];
+            switches.extend(&chosen.constants);
+            Ok(Channels {
+                blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
+                slot_sum: slots.then(|| gpu.pipeline(&slot_sum::PASS.kernel, &[aux])).transpose()?,
+            })
+        };
+        let rows = |name, there: bool, bytes: u64, count: u32| {
+            gpu.buffer(name, if there { bytes * u64::from(count.max(1)) } else { 16 }, Memory::Device)
+        };
         Ok(Self {
-            blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
-            slot_sum: if slots { Some(gpu.pipeline(&slot_sum::PASS.kernel, &[])?) } else { None },
-            project: gpu.pipeline(&project_backward::PASS.kernel, &[])?,
-            slot_grads: gpu.buffer(
-                "slot_grads",
-                if slots { 48 * u64::from(size.pairs) } else { 16 },
-                Memory::Device,
-            )?,
-            unused_normals: gpu.buffer("unused_normals", 16, Memory::Device)?,
+            color: channels(0)?,
+            all: size.aux.then(|| channels(1)).transpose()?,
+            slot_grads: rows("slot_grads", slots, 48, size.pairs)?,
+            slot_normals: rows("slot_normals", slots && size.aux, 16, size.pairs)?,
+            grad_normals: rows("grad_normals", size.aux, 16, size.splats)?,
             grad2d,
         })
+    }
+
+    /// The pipelines for gradients of colour alone, or of all channels.
+    fn channels(&self, aux: bool) -> &Channels {
+        self.all.as_ref().filter(|_| aux).unwrap_or(&self.color)
     }
 }
 
@@ -84,11 +134,12 @@ impl Renderer {
         target: &Target,
     ) -> Result<(), vk::Error> {
         self.record_blend_backward(recorder, lists, gradients.of_image, shot, target)?;
-        self.record_project_backward(recorder, gradients.model, gradients.of_model, shot)
+        let terms = Terms { aux: gradients.of_image.of_aux.is_some(), flatten: 0.0 };
+        self.record_project_backward_of(recorder, gradients.model, gradients.of_model, shot, terms)
     }
 
-    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot. Does nothing without
-    /// a backward.
+    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot without auxiliary
+    /// channels. Does nothing without a backward.
     pub fn record_project_backward(
         &self,
         recorder: &mut Recorder,
@@ -96,15 +147,29 @@ impl Renderer {
         of_model: &Planes,
         shot: &Shot,
     ) -> Result<(), vk::Error> {
+        self.record_project_backward_of(recorder, model, of_model, shot, Terms::default())
+    }
+
+    /// The same with terms beyond the colour's.
+    pub fn record_project_backward_of(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        of_model: &Planes,
+        shot: &Shot,
+        terms: Terms,
+    ) -> Result<(), vk::Error> {
         let Some(backward) = &self.backward else { return Ok(()) };
+        let constants = [("AUX", u32::from(terms.aux && self.with_aux)), ("FLATTEN", terms.flatten.to_bits())];
+        let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
         let push = CameraPush::new(&shot.camera, &shot.projection);
-        let [counts, splat2d, tile_counts, unused] =
-            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
+        let [counts, splat2d, tile_counts, grad_normals] =
+            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
         let mut buffers = vec![counts];
         buffers.extend(model.buffers().iter().map(BufferSlice::from));
-        buffers.extend([splat2d, tile_counts, backward.grad2d.slice(), unused]);
+        buffers.extend([splat2d, tile_counts, backward.grad2d.slice(), grad_normals]);
         buffers.extend(of_model.buffers().iter().map(BufferSlice::from));
-        recorder.dispatch(&backward.project, &buffers, &push, self.per_splat())
+        recorder.dispatch(&pipeline, &buffers, &push, self.per_splat())
     }
 
     /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the optimiser
@@ -118,51 +183,70 @@ impl Renderer {
         let Some(backward) = &self.backward else { return Ok(()) };
         let camera = CameraPush::new(&shot.camera, &shot.projection);
         let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
-        let [counts, splat2d, tile_counts, unused] =
-            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.unused_normals]);
-        let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), unused];
+        let [counts, splat2d, tile_counts, grad_normals] =
+            slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
+        let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), grad_normals];
         for planes in std::iter::once(step.model).chain(step.moments) {
             buffers.extend(planes.buffers().iter().map(BufferSlice::from));
         }
         recorder.dispatch(step.pipeline, &buffers, &push, self.per_splat())
     }
 
-    /// Gradients of the projected splats ([`Self::grad2d`]) from those of the image, after [`Self::record_forward`] of the same
-    /// shot. Does nothing without a backward.
-    pub fn record_blend_backward(
+    /// Gradients of the projected splats ([`Self::grad2d`], and the normals' with auxiliary channels) from those of the image,
+    /// after [`Self::record_forward`] of the same shot. Does nothing without a backward.
+    pub fn record_blend_backward<'a>(
         &self,
         recorder: &mut Recorder,
         lists: &Lists<'_>,
-        of_image: &Buffer,
+        gradients: impl Into<ImageGradients<'a>>,
         shot: &Shot,
         target: &Target,
     ) -> Result<(), vk::Error> {
         let Some(backward) = &self.backward else { return Ok(()) };
+        let ImageGradients { of_image, of_aux } = gradients.into();
+        let of_aux = of_aux.filter(|_| self.with_aux);
+        let aux = of_aux.is_some();
+        let channels = backward.channels(aux);
         let (width, height) = (shot.camera.width, shot.camera.height);
         let push = shot.blend_push();
-        let [splat2d, normals, image, last, of_image] =
-            slices([&self.splat2d, &self.normals, &target.image, &target.last, of_image]);
-        let [unused, slot_grads, counted] = slices([&backward.unused_normals, &backward.slot_grads, &self.pair_counts]);
+        // Without the auxiliary channels other buffers stand for what is not read; what is not written has its own.
+        let [splat2d, normals, image, last, of_image, of_aux] = slices([
+            &self.splat2d,
+            &self.normals,
+            &target.image,
+            &target.last,
+            of_image,
+            of_aux.unwrap_or(&self.normals),
+        ]);
+        let [slot_grads, slot_normals, grad_normals, counted] =
+            slices([&backward.slot_grads, &backward.slot_normals, &backward.grad_normals, &self.pair_counts]);
         let grad2d = backward.grad2d.slice();
-        // Without the auxiliary channels these stand for what is not read; another buffer stands for what is not written.
-        let unread = normals;
-        let mut buffers = vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, last, of_image, unread];
+        let mut buffers = vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, last, of_image, of_aux];
         let groups = Groups::Workgroups(self.tiles(width, height));
-        if let (Some(slot_sum), Some(slots)) = (&backward.slot_sum, &lists.slots) {
-            buffers.extend([slots.sorted_slots, slot_grads, unused, counted]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)?;
+        if let (Some(slot_sum), Some(slots)) = (&channels.slot_sum, &lists.slots) {
+            buffers.extend([slots.sorted_slots, slot_grads, slot_normals, counted]);
+            recorder.dispatch(&channels.blend, &buffers, &push, groups)?;
             let [counts, tile_counts] = slices([&self.counters, &self.tile_counts]);
-            let buffers = [counts, slots.order, slots.pair_offsets, tile_counts, slot_grads, unread, grad2d, unused];
+            let buffers =
+                [counts, slots.order, slots.pair_offsets, tile_counts, slot_grads, slot_normals, grad2d, grad_normals];
             recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)
         } else {
             recorder.fill(grad2d, 0)?;
-            buffers.extend([grad2d, unused, counted]);
-            recorder.dispatch(&backward.blend, &buffers, &push, groups)
+            if aux {
+                recorder.fill(grad_normals, 0)?;
+            }
+            buffers.extend([grad2d, grad_normals, counted]);
+            recorder.dispatch(&channels.blend, &buffers, &push, groups)
         }
     }
 
     /// Gradients of the projected splats; `None` without a backward.
     pub fn grad2d(&self) -> Option<BufferSlice<'_>> {
         self.backward.as_ref().map(|b| b.grad2d.slice())
+    }
+
+    /// Gradients of the projected splats' normals, a vec4 each; `None` without a backward of auxiliary channels.
+    pub fn grad_normals(&self) -> Option<&Buffer> {
+        self.backward.as_ref().filter(|_| self.with_aux).map(|b| &b.grad_normals)
     }
 }
