@@ -1,6 +1,6 @@
 #version 460
 // densify_limit: withdraws growth past a limit on the number of splats, the youngest sources first. A clone or a split adds
-// one row each, so with an excess of e rows the last e of them (in index order) do not happen: an uncloned splat stays
+// one row each, so with an excess of e rows the last e of them (by birth) do not happen: an uncloned splat stays
 // alone, an unsplit one stays whole. The limit never removes a splat.
 // One thread owns one splat and its four flags; one workgroup owns 64 consecutive splats. The scan is repeated afterwards.
 #extension GL_GOOGLE_include_directive : require

@@ -3,6 +3,8 @@
 
 mod common;
 
+use std::collections::HashMap;
+
 use common::plane_scene;
 use common::splats::to_scene;
 use psrgs_vk::pass::camera::{NEAR, Projection};
@@ -86,8 +88,9 @@ fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
 
     let born = few_state.ids.iter().filter(|id| **id as usize >= MANY).count();
     assert!(born > 0 && state.ids.len() == MANY - few.len() + few_state.ids.len());
+    let rows: HashMap<u32, usize> = state.ids.iter().enumerate().map(|(row, id)| (*id, row)).collect();
     for (k, id) in few_state.ids.iter().enumerate() {
-        let at = state.ids.binary_search(id).unwrap();
+        let at = rows[id];
         for (name, many, few) in [
             ("parameters", &state.params, &few_state.params),
             ("first moments", &state.moments[0], &few_state.moments[0]),

@@ -44,9 +44,6 @@ pub(crate) struct Args {
     /// Make a model of this many splats from those: repeated, moved within themselves and made smaller, or thinned out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) splats: Option<u32>,
-    /// Bring the splats into the order of a space-filling curve first, so that neighbours lie together in memory
-    #[arg(long)]
-    pub(crate) morton: bool,
     /// Steps before timing begins
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     pub(crate) warm_up: u32,
@@ -127,9 +124,6 @@ impl Args {
         let mut initial = prepare::initial(&dataset, self.init.as_deref(), self.seed)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
-        }
-        if self.morton {
-            initial = initial.in_morton_order();
         }
         let mut share = prepare::host_share(&dataset, Role::Train, &self.device);
         let train = prepare::views(&dataset, Role::Train, &mut share)?;

@@ -24,7 +24,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat and its four flags; a workgroup owns 64 consecutive splats. Withdraws the clones and \
-          splits of the last sources in index order until the limit is kept; the scan of the flags is then repeated.",
+          splits of the last sources by birth until the limit is kept; the scan of the flags is then repeated.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
     twin: crate::twin::densify_limit::run,

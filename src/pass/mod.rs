@@ -16,6 +16,7 @@ pub mod densify_gather;
 pub mod densify_limit;
 pub mod densify_map;
 pub mod densify_means;
+pub mod densify_order;
 pub mod densify_stats;
 pub mod emit;
 pub mod exposure;
@@ -99,6 +100,10 @@ pub const ALL: &[&Pass] = &[
     &densify_limit::PASS,
     &densify_map::PASS,
     &densify_means::PASS,
+    &densify_order::BIRTHS,
+    &densify_order::CODES,
+    &densify_order::FLAGS,
+    &densify_order::ORDER,
     &densify_stats::PASS,
     &emit::PASS,
     &exposure::APPLY,

@@ -26,7 +26,7 @@ pub(crate) const LARGEST_ROW: u64 = 48;
 /// Bytes of a row of the projected splats and of their gradients.
 pub(super) const ROW_2D: u64 = 48;
 /// Least bytes of those buffers, so that others can lay out parts in them when there are few splats.
-pub const LEAST_2D: u64 = 8192;
+pub const LEAST_2D: u64 = 16_384;
 
 /// How large a renderer is.
 #[derive(Clone, Copy, Debug)]

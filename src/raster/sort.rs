@@ -109,14 +109,94 @@ pub enum Keys<'a> {
     },
 }
 
-/// The passes and their tables.
-pub struct RadixSort {
+/// What a sort works in: two sides each, of which the first holds the input.
+#[derive(Clone, Copy)]
+pub(crate) struct SortMemory<'a> {
+    /// Digit counts, and their places: [`Shape::table_words`] each.
+    pub(crate) tables: [BufferSlice<'a>; 2],
+    /// Keys.
+    pub(crate) keys: [BufferSlice<'a>; 2],
+    /// Values.
+    pub(crate) vals: [BufferSlice<'a>; 2],
+}
+
+/// The passes of a sort, for tables of digit counts that somebody lends.
+pub(crate) struct SortPasses {
     shape: Shape,
     count: Pipeline,
     scatter: Pipeline,
+    scan: Scan,
+}
+
+impl SortPasses {
+    /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffer of the prefix sum.
+    pub(crate) fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<SortPasses> {
+        let (count, scatter, width) = match (shape, gpu.caps().subgroup) {
+            (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
+            (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
+            (Shape::Groups, Subgroup::Emulated(width)) => {
+                (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
+            }
+        };
+        Ok(SortPasses {
+            shape,
+            count: gpu.pipeline(&count.kernel, width.as_slice())?,
+            scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
+            scan: Scan::new(gpu, name, shape.table_words(most, bits))?,
+        })
+    }
+
+    /// Bytes of its own buffers.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.scan.bytes()
+    }
+
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
+    pub(crate) fn record(
+        &self,
+        rec: &mut Recorder,
+        memory: SortMemory<'_>,
+        counters: &Buffer,
+        extent: Keys<'_>,
+        bits: u32,
+    ) -> Result<usize> {
+        let SortMemory { tables: [table_words, places], keys, vals } = memory;
+        let digits = self.shape.digits(bits);
+        let block = self.shape.block();
+        let (source, number, groups, table) = match extent {
+            Keys::Host(n) => {
+                let groups = Groups::Workgroups(u64::from(n.div_ceil(self.shape.keys_per_group())));
+                let words = n.div_ceil(block).saturating_mul(digits.rows());
+                (NO_COUNTER, n, groups, Extent::host(words))
+            }
+            Keys::Counted { counter, args, first, once } => {
+                let table = Extent {
+                    divide: block,
+                    multiply: digits.rows(),
+                    ..Extent::counted(counter, args, first + 1, once)
+                };
+                (counter, 0, Groups::Indirect(args, Entry::offset(first)), table)
+            }
+        };
+        let counts: BufferSlice<'_> = counters.into();
+        for digit in 0..digits.passes {
+            let (from, to) = ((digit % 2) as usize, (digit as usize + 1) % 2);
+            let (shift, mask) = digits.shift_and_mask(digit);
+            let push = Push { source, count: number, shift, mask, digits: digits.rows() };
+            rec.dispatch(&self.count, &[keys[from], counts, table_words], &push, groups)?;
+            self.scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
+            let bound = [keys[from], vals[from], counts, places, keys[to], vals[to]];
+            rec.dispatch(&self.scatter, &bound, &push, groups)?;
+        }
+        Ok(digits.side())
+    }
+}
+
+/// The passes with tables of their own.
+pub struct RadixSort {
+    passes: SortPasses,
     /// Digit counts, and their places.
     tables: [Part; 2],
-    scan: Scan,
 }
 
 impl RadixSort {
@@ -136,26 +216,12 @@ impl RadixSort {
         bits: u32,
         tables: [Part; 2],
     ) -> Result<RadixSort> {
-        let (count, scatter, width) = match (shape, gpu.caps().subgroup) {
-            (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
-            (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
-            (Shape::Groups, Subgroup::Emulated(width)) => {
-                (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
-            }
-        };
-        let words = shape.table_words(most, bits);
-        Ok(RadixSort {
-            shape,
-            count: gpu.pipeline(&count.kernel, width.as_slice())?,
-            scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
-            tables,
-            scan: Scan::new(gpu, name, words)?,
-        })
+        Ok(RadixSort { passes: SortPasses::new(gpu, name, shape, most, bits)?, tables })
     }
 
     /// Bytes of its own buffers, the tables aside.
     pub(super) fn bytes(&self) -> u64 {
-        self.scan.bytes()
+        self.passes.bytes()
     }
 
     /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
@@ -168,36 +234,9 @@ impl RadixSort {
         extent: Keys<'_>,
         bits: u32,
     ) -> Result<usize> {
-        let digits = self.shape.digits(bits);
-        let block = self.shape.block();
-        let (source, number, groups, table) = match extent {
-            Keys::Host(n) => {
-                let groups = Groups::Workgroups(u64::from(n.div_ceil(self.shape.keys_per_group())));
-                let words = n.div_ceil(block).saturating_mul(digits.rows());
-                (NO_COUNTER, n, groups, Extent::host(words))
-            }
-            Keys::Counted { counter, args, first, once } => {
-                let table = Extent {
-                    divide: block,
-                    multiply: digits.rows(),
-                    ..Extent::counted(counter, args, first + 1, once)
-                };
-                (counter, 0, Groups::Indirect(args, Entry::offset(first)), table)
-            }
-        };
-        let (keys, vals) = (keys.map(Into::into), vals.map(Into::into));
-        let [table_words, places] = [self.tables[0].slice(), self.tables[1].slice()];
-        let counts: BufferSlice<'_> = counters.into();
-        for digit in 0..digits.passes {
-            let (from, to) = ((digit % 2) as usize, (digit as usize + 1) % 2);
-            let (shift, mask) = digits.shift_and_mask(digit);
-            let push = Push { source, count: number, shift, mask, digits: digits.rows() };
-            rec.dispatch(&self.count, &[keys[from], counts, table_words], &push, groups)?;
-            self.scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
-            let bound = [keys[from], vals[from], counts, places, keys[to], vals[to]];
-            rec.dispatch(&self.scatter, &bound, &push, groups)?;
-        }
-        Ok(digits.side())
+        let tables = [self.tables[0].slice(), self.tables[1].slice()];
+        let memory = SortMemory { tables, keys: keys.map(Into::into), vals: vals.map(Into::into) };
+        self.passes.record(rec, memory, counters, extent, bits)
     }
 }
 

@@ -19,7 +19,7 @@ pub struct Gaussians {
     pub opacities: Vec<f32>,
     /// Spherical harmonics up to degree 3: `sh[g][12 i + 3 j + c]` is coefficient 4 g + j of channel c of splat i.
     pub sh: [Vec<f32>; SH_GROUPS],
-    /// Persistent identities, strictly ascending: the order of splats is the order of their birth, and breaks depth ties.
+    /// Persistent identities, ascending in the order of birth. Of splats of the same depth the one with the lower index is in front.
     pub ids: Vec<u32>,
 }
 

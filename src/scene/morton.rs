@@ -1,13 +1,27 @@
 //! The order of splats along Morton's curve: neighbours in space become neighbours in memory.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Gaussians, SH_GROUP_FLOATS};
+
+/// The order in which a training keeps its splats in memory. It decides nothing but speed, and which of two splats of the very same
+/// depth is in front.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplatOrder {
+    /// Along Morton's curve: at the beginning, and anew at every density change.
+    #[default]
+    Morton,
+    /// As they were born.
+    Birth,
+}
 
 /// Bits of a code per axis.
 const BITS: u32 = 21;
 
 impl Gaussians {
     /// The same splats in the order of the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties
-    /// and means that are not finite (which come last) keep their order. Identities are given anew, ascending.
+    /// and means that are not finite (which come last) keep their order. Identities go with their splats.
     pub fn in_morton_order(&self) -> Self {
         let mut order: Vec<(u64, u32)> = codes(&self.means).into_iter().zip(0..).collect();
         order.sort_unstable();
@@ -20,7 +34,7 @@ impl Gaussians {
             scales: rows(&self.scales, 3),
             opacities: rows(&self.opacities, 1),
             sh: std::array::from_fn(|g| rows(&self.sh[g], SH_GROUP_FLOATS)),
-            ids: (0..order.len() as u32).collect(),
+            ids: order.iter().map(|&(_, i)| self.ids[i as usize]).collect(),
         }
     }
 }
@@ -76,7 +90,7 @@ mod tests {
         for (i, want) in want.into_iter().enumerate() {
             assert_eq!([out.quats[4 * i + 3], out.scales[3 * i + 2], out.sh[2][12 * i + 11]], [want; 3]);
         }
-        assert_eq!(out.ids, g.ids);
+        assert_eq!(out.ids, [7, 6, 5, 4, 3, 2, 1, 0]);
         assert_eq!(out.in_morton_order(), out, "what is in order stays");
     }
 

@@ -1,8 +1,11 @@
 //! Density control on the device: rules, and the recording of a whole density change or opacity reset.
 
+mod order;
 mod rules;
 
 pub use rules::{DensityRules, logit};
+
+use order::{ByBirth, Ordering};
 
 use crate::pass::densify_gather::{MODE_COPY, MODE_MOMENT, MODE_SHRINK, MODE_ZERO};
 use crate::pass::plan::{self, Entry};
@@ -11,10 +14,11 @@ use crate::pass::{
     opacity_reset,
 };
 use crate::raster::scan::{Extent, Scan, Summand};
+use crate::raster::sort::Shape;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
 
 /// Entries of `args` that a density change plans.
-pub const ARGS: u32 = 2;
+pub const ARGS: u32 = 5;
 
 const WIDTHS: [u32; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 const MEANS: usize = 0;
@@ -54,7 +58,7 @@ pub struct Model<'a> {
 /// | 4 | source and kind of each new row |
 /// | 4 | identities before the change |
 ///
-/// `rows` holds a copy of the plane that is being moved, of up to 48 bytes per splat.
+/// `rows` holds a copy of the plane that is being moved, of up to 48 bytes per splat; before, what `order::ByBirth` says.
 #[derive(Clone, Copy)]
 pub struct Scratch<'a> {
     /// A copy of a plane.
@@ -105,6 +109,8 @@ pub struct DensityControl {
     gathers: [(u32, Pipeline); 4],
     finish: Pipeline,
     reset: Pipeline,
+    shape: Shape,
+    order: Option<Ordering>,
 }
 
 impl DensityControl {
@@ -129,12 +135,20 @@ impl DensityControl {
             gathers: [gather(1)?, gather(3)?, gather(4)?, gather(12)?],
             finish: gpu.pipeline(&densify_finish::PASS.kernel, &[])?,
             reset: gpu.pipeline(&opacity_reset::PASS.kernel, &[])?,
+            shape: Shape::of(gpu.caps()),
+            order: None,
         })
+    }
+
+    /// The same, with rows along Morton's curve after every change instead of in the order of birth, in a scene of the given extent.
+    /// Which rows there are, with what in them, is the same.
+    pub fn in_morton_order(self, gpu: &Gpu, extent: f64) -> Result<Self> {
+        Ok(Self { order: Some(Ordering::new(gpu, self.capacity, extent)?), ..self })
     }
 
     /// Bytes of its own buffers; the scratch memory is lent.
     pub fn bytes(&self) -> u64 {
-        self.tally.size() + self.scan.bytes()
+        self.tally.size() + self.scan.bytes() + self.order.as_ref().map_or(0, Ordering::bytes)
     }
 
     /// Splats that fit.
@@ -147,14 +161,16 @@ impl DensityControl {
     pub fn record(&self, rec: &mut Recorder, model: &Model<'_>, rules: &DensityRules, event: u32) -> Result<()> {
         let parts = model.scratch.parts(self.capacity, self.alignment);
         let Parts { flags, offsets, map, old_ids, scratch } = parts;
-        self.decide(rec, model, &parts, rules)?;
+        let sorted = self.order.as_ref().map(|order| order.record_births(rec, model)).transpose()?;
+        self.decide(rec, model, &parts, rules, sorted.as_ref())?;
 
         // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
-        let [entry_new, entry_old] = [self.first_entry, self.first_entry + 1];
-        let items = [Entry::items(64)];
-        let new = plan::Push::unlimited(counters::SCAN_TOTAL as u32, entry_new, &items);
+        let [entry_new, entry_old] = [self.first_entry, self.first_entry + ARGS - 1];
+        let items = Entry::items(64);
+        let [sort, table, once] = Ordering::entries(self.shape);
+        let new = plan::Push::unlimited(counters::SCAN_TOTAL as u32, entry_new, &[items, sort, table, once]);
         let new = new.limited(self.capacity, counters::SPLATS_BIT, counters::WANT_SPLATS as u32);
-        let old = plan::Push::unlimited(counters::SPLATS as u32, entry_old, &items);
+        let old = plan::Push::unlimited(counters::SPLATS as u32, entry_old, &[items]);
         for push in [new, old] {
             rec.dispatch(&self.plan, &[model.counters, model.args], &push, Groups::Workgroups(1))?;
         }
@@ -163,8 +179,12 @@ impl DensityControl {
 
         rec.copy(model.ids, 0, scratch.words, old_ids.offset(), 4 * u64::from(self.capacity))?;
         let [counts, ids] = slices([model.counters, model.ids]);
-        let buffers = [counts, flags, offsets, old_ids, map, ids];
+        let [from, to, named] = sorted.as_ref().map_or([old_ids, map, ids], |s| [s.ids, s.map, s.new_ids]);
+        let buffers = [counts, flags, offsets, from, to, named];
         rec.dispatch(&self.rows, &buffers, &densify_map::Push { stride: self.capacity }, old_rows)?;
+        if let (Some(order), Some(sorted)) = (&self.order, &sorted) {
+            order.record_rows(rec, sorted, model, map, entry_new)?;
+        }
 
         // Centres before rotations and scales: children are drawn from their parents' old ones.
         self.set_aside(rec, scratch, &model.planes[MEANS], WIDTHS[MEANS])?;
@@ -199,8 +219,15 @@ impl DensityControl {
         rec.dispatch(&self.reset, &[model.counters, plane, first, second], &push, rows)
     }
 
-    /// Flags and where the flagged rows go.
-    fn decide(&self, rec: &mut Recorder, model: &Model<'_>, parts: &Parts<'_>, rules: &DensityRules) -> Result<()> {
+    /// Flags and where the flagged rows go, by row or in the order of birth.
+    fn decide(
+        &self,
+        rec: &mut Recorder,
+        model: &Model<'_>,
+        parts: &Parts<'_>,
+        rules: &DensityRules,
+        sorted: Option<&ByBirth<'_>>,
+    ) -> Result<()> {
         let all = Groups::Items(u64::from(self.capacity));
         rec.fill(&self.tally, 0)?;
         let [means, quats, scales, opacities, sh0, sh1, sh2, sh3] = model.planes;
@@ -208,8 +235,11 @@ impl DensityControl {
         let model_and_stats =
             slices([model.counters, means, quats, scales, opacities, sh0, sh1, sh2, sh3, model.stats]);
         let mut buffers = model_and_stats.to_vec();
-        buffers.extend([parts.flags, (&self.tally).into()]);
+        buffers.extend([sorted.map_or(parts.flags, |sorted| sorted.flags), (&self.tally).into()]);
         rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
+        if let (Some(order), Some(sorted)) = (&self.order, sorted) {
+            order.record_flags(rec, sorted, parts.flags)?;
+        }
         self.scan_flags(rec, model, parts)?;
         if let Some(max_splats) = rules.max_splats {
             let push = densify_limit::Push { stride: self.capacity, max_splats };

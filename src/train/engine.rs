@@ -23,7 +23,7 @@ use crate::dataset::Depth;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, densify_stats, finish};
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
-use crate::scene::Camera;
+use crate::scene::{Camera, SplatOrder};
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket, slices};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
@@ -43,6 +43,15 @@ pub struct Outcome {
     pub counters: Vec<u32>,
     /// Loss of the step's view.
     pub loss: f32,
+}
+
+/// Density control for as many splats, which keeps them in the order of the settings.
+fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
+    let control = DensityControl::new(gpu, splats, DENSITY_ENTRY)?;
+    Ok(match needs.settings.device.splat_order.unwrap_or_default() {
+        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent)?,
+        SplatOrder::Birth => control,
+    })
 }
 
 /// Model, photographs, moments, statistics and the passes that work on them.
@@ -138,7 +147,7 @@ impl Engine {
             target: Target::new(gpu, "", pixels, false)?,
             losses: Losses::new(gpu, &sizes, deep, needs.settings.optimiser.lambda_dssim)?,
             exposures,
-            density: DensityControl::new(gpu, splats, DENSITY_ENTRY)?,
+            density: density_control(gpu, splats, needs)?,
             accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
@@ -326,6 +335,10 @@ impl Engine {
             args: &self.renderer.args,
             scratch: Scratch { rows, words },
         }
+    }
+
+    fn splat_order(&self) -> SplatOrder {
+        self.settings.device.splat_order.unwrap_or_default()
     }
 
     /// What came of an event. Waits for it if it is not done.

@@ -284,6 +284,9 @@ group! {
         /// is the same
         #[arg(value_name = "WHERE", value_enum)]
         pub culling: crate::raster::Culling,
+        /// Order of the splats in memory, which changes the speed and not the result [default: morton]
+        #[arg(value_name = "ORDER", value_enum)]
+        pub splat_order: crate::scene::SplatOrder,
     }
 }
 

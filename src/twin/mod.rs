@@ -15,6 +15,7 @@ pub mod densify_gather;
 pub mod densify_limit;
 pub mod densify_map;
 pub mod densify_means;
+pub mod densify_order;
 pub mod densify_stats;
 pub mod emit;
 pub mod exposure;

@@ -10,12 +10,12 @@ use psrgs_vk::train::density::{
     ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Scratch, logit,
 };
 use psrgs_vk::twin::densify_stats::add_view;
-use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory};
+use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory, Recorder};
 
 /// The entry of `args` that density control begins with in these tests.
 const FIRST_ENTRY: u32 = 5;
 
-struct OnDevice {
+pub(crate) struct OnDevice {
     gpu: Gpu,
     capacity: usize,
     planes: [Buffer; 8],
@@ -30,7 +30,7 @@ struct OnDevice {
 }
 
 impl OnDevice {
-    fn new(gpu: &Gpu, model: &Model) -> Self {
+    pub(crate) fn new(gpu: &Gpu, model: &Model) -> Self {
         let buffer = |name: &str, words: &[u32]| {
             let buffer = gpu.buffer(name, 4 * words.len() as u64, Memory::Device).unwrap();
             gpu.write(&buffer, words).unwrap();
@@ -54,6 +54,14 @@ impl OnDevice {
         }
     }
 
+    pub(crate) fn in_morton_order(self, extent: f64) -> Self {
+        Self { control: self.control.in_morton_order(&self.gpu, extent).unwrap(), ..self }
+    }
+
+    pub(crate) fn record(&self, rec: &mut Recorder, rules: &DensityRules, event: u32) {
+        self.control.record(rec, &self.view(), rules, event).unwrap();
+    }
+
     fn view(&self) -> DeviceModel<'_> {
         DeviceModel {
             planes: &self.planes,
@@ -67,7 +75,7 @@ impl OnDevice {
         }
     }
 
-    fn read(&self) -> Model {
+    pub(crate) fn read(&self) -> Model {
         let words = |b: &Buffer| self.gpu.read::<u32>(b).unwrap();
         let moments = |p: usize| if p < 8 { &self.first_moments[p] } else { &self.second_moments[p - 8] };
         Model {
@@ -81,10 +89,10 @@ impl OnDevice {
     }
 
     /// Several changes in one submission: no count is known to the host between them.
-    fn change(&self, rules: &DensityRules, events: &[u32]) {
+    pub(crate) fn change(&self, rules: &DensityRules, events: &[u32]) {
         let mut rec = self.gpu.recorder("density").unwrap();
         for &event in events {
-            self.control.record(&mut rec, &self.view(), rules, event).unwrap();
+            self.record(&mut rec, rules, event);
         }
         let ticket = rec.submit().unwrap();
         self.gpu.wait(ticket).unwrap();
@@ -95,7 +103,7 @@ impl OnDevice {
 }
 
 /// All live rows equal in every bit but for centres of children, where square root and division are the device's.
-fn assert_same(got: &Model, want: &Model, born: u32) {
+pub(crate) fn assert_same(got: &Model, want: &Model, born: u32) {
     assert_eq!(got.counters, want.counters);
     let n = want.len();
     for (p, (got, want)) in got.planes.iter().zip(&want.planes).enumerate().filter(|(p, _)| *p != MEANS) {

@@ -18,6 +18,7 @@ mod blend_twin;
 mod compact;
 mod convolution;
 mod crop;
+mod densify_order;
 mod densify_passes;
 mod density;
 mod density_device;
@@ -70,6 +71,7 @@ cases! {
     compact: "compact" "gather_counts";
     convolution: "convolution";
     crop: "crop_gradient" "crop_pair";
+    densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_stats" "opacity_reset";
     emit: "emit";

@@ -1,10 +1,9 @@
 //! Larger buffers, when an event has found one too small.
 
-use super::{DENSITY_ENTRY, Engine, Growth};
+use super::{Engine, Growth, density_control};
 use crate::pass::counters;
 use crate::raster::{Renderer, Size, Variants, grown, most_pairs, most_splats};
 use crate::train::Error;
-use crate::train::density::DensityControl;
 
 impl Engine {
     /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
@@ -44,10 +43,10 @@ impl Engine {
         let splats = size.splats;
         if splats > self.size.splats {
             // What nothing outlives a step in goes before larger planes come.
-            self.density = DensityControl::new(&self.gpu, 1, DENSITY_ENTRY)?;
+            self.density = density_control(&self.gpu, 1, &self.needs)?;
             self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, &words)?;
             self.grow_planes(splats)?;
-            self.density = DensityControl::new(&self.gpu, splats, DENSITY_ENTRY)?;
+            self.density = density_control(&self.gpu, splats, &self.needs)?;
         }
         self.rebuild(variants, size, &words)?;
         Ok((words[counters::DONE], grown))

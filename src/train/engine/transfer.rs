@@ -1,10 +1,12 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
+use std::borrow::Cow;
+
 use super::Engine;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of};
-use crate::scene::{Camera, Gaussians};
+use crate::scene::{Camera, Gaussians, SplatOrder};
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
 use crate::train::{Error, State};
@@ -12,6 +14,11 @@ use crate::train::{Error, State};
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
         let n = initial.len() as u32;
+        let ordered = match self.splat_order() {
+            SplatOrder::Morton => Cow::Owned(initial.in_morton_order()),
+            SplatOrder::Birth => Cow::Borrowed(initial),
+        };
+        let initial: &Gaussians = &ordered;
         self.model.write(&self.gpu, initial)?;
         if n > 0 {
             self.gpu.write(&self.ids, &initial.ids)?;
@@ -24,7 +31,7 @@ impl Engine {
         }
         let mut words = vec![0u32; counters::COUNT];
         words[counters::SPLATS] = n;
-        words[counters::NEXT_ID] = initial.ids.last().map_or(0, |id| id + 1);
+        words[counters::NEXT_ID] = initial.ids.iter().max().map_or(0, |id| id + 1);
         recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
         self.last = Some(recorder.submit()?);
         Ok(())
