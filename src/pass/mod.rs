@@ -24,8 +24,10 @@ pub mod feature_distance;
 pub mod fill;
 pub mod finish;
 pub mod gather_counts;
+pub mod geometry;
 pub mod loss;
 pub mod opacity_reset;
+pub mod part_sum;
 pub mod plan;
 pub mod pool;
 pub mod probe;
@@ -114,12 +116,15 @@ pub const ALL: &[&Pass] = &[
     &fill::PASS,
     &finish::PASS,
     &gather_counts::PASS,
+    &geometry::DEPTH,
+    &geometry::GRAD,
     &loss::GRAD_EMULATED,
     &loss::GRAD_SUBGROUP,
     &loss::STRIPS_EMULATED,
     &loss::STRIPS_SUBGROUP,
     &loss::SUM,
     &opacity_reset::PASS,
+    &part_sum::PASS,
     &plan::PASS,
     &pool::BACKWARD,
     &pool::FORWARD,

@@ -29,6 +29,7 @@ mod emit;
 mod exposure;
 mod feature_distance;
 mod fill;
+mod geometry;
 mod loss;
 mod plan;
 mod pool;
@@ -78,6 +79,7 @@ cases! {
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
     fill: "fill";
+    geometry: "geometry_depth" "geometry_grad" "part_sum";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";

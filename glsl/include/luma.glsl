@@ -1,0 +1,7 @@
+// Brightness of a colour (Rec. 709).
+#ifndef LUMA_GLSL
+#define LUMA_GLSL
+
+float luma(vec3 color) { return dot(color, vec3(0.2126, 0.7152, 0.0722)); }
+
+#endif
