@@ -2,6 +2,8 @@
 #ifndef LUMA_GLSL
 #define LUMA_GLSL
 
-float luma(vec3 color) { return dot(color, vec3(0.2126, 0.7152, 0.0722)); }
+const vec3 LUMA = vec3(0.2126, 0.7152, 0.0722);
+
+float luma(vec3 color) { return dot(color, LUMA); }
 
 #endif

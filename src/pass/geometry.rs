@@ -65,7 +65,7 @@ pub const fn parts(width: u32, height: u32) -> u32 {
 const FOLDED: f64 = 4094.0;
 
 /// A pixel of a prior: depth along the camera's axis in scene units (0, or what is not finite: none), unit normal in the camera
-/// frame, confidence from 0 to 1 (0: neither counts). The normal is exact to a thirtieth of a degree.
+/// frame, confidence from 0 to 1 (0: neither counts). The normal is exact to a fifteenth of a degree.
 pub fn pack_prior(depth: f32, normal: Option<[f32; 3]>, confidence: f32) -> [u32; 2] {
     // The octahedron's coordinates (Meyer et al. 2010); both 0 mean that there is none.
     let code = normal.map_or(0, |normal| {

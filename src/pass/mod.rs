@@ -25,6 +25,7 @@ pub mod fill;
 pub mod finish;
 pub mod gather_counts;
 pub mod geometry;
+pub mod gradient_map;
 pub mod loss;
 pub mod opacity_reset;
 pub mod part_sum;
@@ -118,6 +119,9 @@ pub const ALL: &[&Pass] = &[
     &gather_counts::PASS,
     &geometry::DEPTH,
     &geometry::GRAD,
+    &gradient_map::GRAD,
+    &gradient_map::SOBEL,
+    &gradient_map::WINDOWS,
     &loss::GRAD_EMULATED,
     &loss::GRAD_SUBGROUP,
     &loss::STRIPS_EMULATED,

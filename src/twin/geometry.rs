@@ -8,7 +8,8 @@ use crate::pass::geometry::{PIXELS, Push, parts};
 const OPAQUE: f64 = 0.9;
 const PRIOR_JUMP: f64 = 0.1;
 const NORMAL_LEAST: f64 = 0.1;
-const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
+/// What the channels say about brightness (Rec. 709).
+pub const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// What the loss compares.
 #[derive(Clone, Debug)]

@@ -24,6 +24,7 @@ pub mod fill;
 pub mod finish;
 pub mod gather_counts;
 pub mod geometry;
+pub mod gradient_map;
 pub mod loss;
 pub mod opacity_reset;
 pub mod part_sum;

@@ -30,6 +30,7 @@ mod exposure;
 mod feature_distance;
 mod fill;
 mod geometry;
+mod gradient_map;
 mod loss;
 mod plan;
 mod pool;
@@ -80,6 +81,7 @@ cases! {
     feature_distance: "feature_distance" "distance_sum";
     fill: "fill";
     geometry: "geometry_depth" "geometry_grad" "part_sum";
+    gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";

@@ -1,0 +1,114 @@
+//! Gradient maps of a render and a photograph: their correlation in windows, and the total variation of the residual.
+//!
+//! [`SOBEL`] makes the maps, [`WINDOWS`] correlates them, [`super::part_sum`] adds the windows up to the totals of [`GRAD`], which adds
+//! to `grad_image` and whose parts, added up, are the loss: (correlation term, variation, mean correlation, sum of both terms). The
+//! formulas stand in `glsl/include/gradient_map.glsl`. GRAD follows the pass that writes `grad_image` anew; where a photograph has
+//! an exposure, the image is the exposed one, and the exposure's backward comes after.
+//!
+//! Sources: correlation of gradient maps and total variation, PSRGS; the residual's variation instead of the render's, which would
+//! blur texture, is a reading of it.
+
+use super::{Pass, module};
+use crate::twin::gradient_map as twin;
+use crate::vk::{Constant, Kernel, read, read_write, write};
+
+crate::push_constants! {
+    /// Push constants of the three passes.
+    pub struct Push {
+        /// Image width in pixels.
+        pub width: u32,
+        /// Image height in pixels.
+        pub height: u32,
+        /// Width of the mask, which covers the same view and is looked at where MASK is 1.
+        pub mask_width: u32,
+        /// Height of the mask.
+        pub mask_height: u32,
+        /// Weight of 1 - the mean correlation.
+        pub weight: f32,
+        /// Weight of the residual's total variation, which is a mean over pixels and channels.
+        pub tv_weight: f32,
+        /// What the variation's mean is taken over: see [`super::loss::values`].
+        pub values: f32,
+    }
+}
+
+/// Side of a window in pixels.
+pub const WINDOW_SIDE: u32 = 32;
+/// Pixels that a workgroup of [`GRAD`] owns.
+pub const PIXELS: u32 = 4096;
+
+/// Workgroups of [`WINDOWS`], and rows of four floats in `windows`.
+pub const fn windows(width: u32, height: u32) -> u32 {
+    width.div_ceil(WINDOW_SIDE) * height.div_ceil(WINDOW_SIDE)
+}
+
+/// Workgroups of [`GRAD`].
+pub const fn groups(width: u32, height: u32) -> u32 {
+    (width * height).div_ceil(PIXELS)
+}
+
+/// Rows of four floats in the parts of [`GRAD`].
+pub const fn parts(width: u32, height: u32) -> u32 {
+    64 * groups(width, height)
+}
+
+/// 1: a mask is bound; 0: M = 1.
+const MASK: Constant = Constant { id: 0, name: "MASK", default: 0 };
+/// 0: the residual's variation is left out.
+const VARIATION: Constant = Constant { id: 0, name: "VARIATION", default: 1 };
+const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
+
+/// Gradient maps.
+pub const SOBEL: Pass = Pass {
+    kernel: Kernel {
+        name: "gradient_map_sobel",
+        spirv: module("gradient_map_sobel"),
+        bindings: &[read("image"), read("target"), write("maps")],
+        push_bytes: Push::BYTES,
+        constants: &[PHOTOGRAPH_BITS],
+        local_size: Some(64),
+    },
+    doc: "One thread owns a pixel.",
+    dispatch: "one thread per pixel",
+    push: Push::FIELDS,
+    twin: twin::run_sobel,
+};
+
+/// Correlations, and their derivatives in place of the maps.
+pub const WINDOWS: Pass = Pass {
+    kernel: Kernel {
+        name: "gradient_map_windows",
+        spirv: module("gradient_map_windows"),
+        bindings: &[read("mask"), read_write("maps"), write("windows")],
+        push_bytes: Push::BYTES,
+        constants: &[MASK],
+        local_size: Some(64),
+    },
+    doc: "One workgroup owns a window of 32x32 pixels; one thread owns 16 pixels of it.",
+    dispatch: "one workgroup per window",
+    push: Push::FIELDS,
+    twin: twin::run_windows,
+};
+
+/// Loss and gradient.
+pub const GRAD: Pass = Pass {
+    kernel: Kernel {
+        name: "gradient_map_grad",
+        spirv: module("gradient_map_grad"),
+        bindings: &[
+            read("image"),
+            read("target"),
+            read("maps"),
+            read("totals"),
+            read_write("grad_image"),
+            write("parts"),
+        ],
+        push_bytes: Push::BYTES,
+        constants: &[VARIATION, PHOTOGRAPH_BITS],
+        local_size: Some(64),
+    },
+    doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to the gradient of the image.",
+    dispatch: "one workgroup per 4096 pixels",
+    push: Push::FIELDS,
+    twin: twin::run_grad,
+};
