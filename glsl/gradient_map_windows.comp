@@ -16,6 +16,9 @@ layout(set = 0, binding = 1) buffer Maps { vec4 maps[]; };
 layout(set = 0, binding = 2) writeonly buffer Windows { vec4 windows[]; };
 #include "mask.glsl"
 
+// Magnitude where nothing changes, about which sums are taken: so flat windows have a mean of 0 and no rounding.
+const float FLAT = 1e-3;
+
 shared vec4 sums[64];
 shared vec4 total;
 
@@ -46,7 +49,7 @@ void main() {
         const vec4 row = LOAD4(maps, y * push.width + x);
         float weight = 1.0;
         if (MASK != 0u) weight = mask_at(uvec2(x, y), uvec2(push.width, push.height), uvec2(push.mask_width, push.mask_height));
-        if (row.x > 0.0) own += vec4(row.xy, weight, 1.0);
+        if (row.x > 0.0) own += vec4(row.xy - FLAT, weight, 1.0);
     }
     const vec4 first_moments = over_window(own);
     const float m = first_moments.z;
@@ -55,7 +58,7 @@ void main() {
     own = vec4(0.0);
     for (uint y = first; y < end; y += 2u) {
         const vec4 row = LOAD4(maps, y * push.width + x);
-        const vec2 d = row.xy - mean;
+        const vec2 d = row.xy - FLAT - mean;
         if (row.x > 0.0) own += vec4(d * d, d.x * d.y, 0.0);
     }
     const vec4 second_moments = over_window(own);
@@ -68,7 +71,7 @@ void main() {
     for (uint y = first; y < end; y += 2u) {
         const uint k = y * push.width + x;
         const vec4 row = LOAD4(maps, k);
-        const vec2 d = row.xy - mean;
+        const vec2 d = row.xy - FLAT - mean;
         maps[k] = row.x > 0.0 ? vec4((d.y * of_b - d.x * of_a) / row.x * row.zw, 0.0, 0.0) : vec4(0.0);
     }
     if (local_index() == 0u && window < count) windows[window] = vec4(m * r, m, 0.0, 0.0);

@@ -68,6 +68,7 @@ pub mod bench;
 pub mod dataset;
 pub mod eval;
 pub mod format;
+pub mod losses;
 pub mod pass;
 pub mod perceptual;
 pub mod raster;

@@ -1,9 +1,9 @@
 //! Depth and normals of a render against those of a prior: loss and gradient, in two passes.
 //!
-//! `image` and `aux` are what the blend forward wrote. The first pass, [`DEPTH`], counts what the means are taken over; its parts,
-//! added up by [`super::part_sum`], are the totals of the second, [`GRAD`], whose own parts add up to the loss: depth, smoothness,
-//! normals, and their sum. The formulas stand in `glsl/include/geometry.glsl`. GRAD adds to the fourth component of `grad_image` and
-//! leaves the others, so it follows every pass that writes that buffer anew.
+//! [`crate::losses::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass, [`DEPTH`], counts
+//! what the means are taken over; its parts, added up by [`super::part_sum`], are the totals of the second, [`GRAD`], whose own parts
+//! add up to the loss: depth, smoothness, normals, and their sum. The formulas stand in `glsl/include/geometry.glsl`. GRAD adds to the
+//! fourth component of `grad_image` and leaves the others, so it follows every pass that writes that buffer anew.
 //!
 //! Sources: the Huber loss on relative residuals and the second differences of unit-free depth are PSRGS'; the edge-aware weights
 //! are those of monocular depth estimation (Godard et al. 2017).

@@ -1,6 +1,8 @@
 //! Whole images and whole gradients of the device against the brute-force f64 renderer, which shares no arithmetic with it.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod geometry;
 
 use common::guards::Guards;
 use common::splats::{Random, camera, spread};

@@ -1,0 +1,142 @@
+//! Depth and normals of a render against those of a prior.
+
+use super::{Photograph, record_sum, sum_pipeline};
+use crate::pass::geometry::{self, Push};
+use crate::raster::Target;
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+
+/// What is known of a view's depths and normals, on the device.
+#[derive(Clone, Copy)]
+pub struct Prior<'a> {
+    /// Two words per pixel: see [`geometry::pack_prior`].
+    pub buffer: &'a Buffer,
+    /// Width and height in pixels of its own, at least 1 each; it covers the same view as the photograph.
+    pub size: (u32, u32),
+    /// Median depth of the view in scene units.
+    pub median: f32,
+}
+
+/// How edges of the photograph weigh the depths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Edges {
+    /// More: 1 + beta |grad I| / (|grad I| + mean |grad I|).
+    More(f32),
+    /// Less: exp(-gamma |grad I|), I from 0 to 1.
+    Less(f32),
+}
+
+/// Weights and shapes of the terms. A term of weight 0 has no part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometryWeights {
+    /// Of the depths' relative residuals.
+    pub depth: f32,
+    /// Residual at which their Huber function turns linear.
+    pub huber: f32,
+    /// How edges weigh them.
+    pub edges: Edges,
+    /// Of squared second differences of depth over the view's median.
+    pub smooth: f32,
+    /// Smoothness is weighted by exp(-this |grad I|), I from 0 to 1.
+    pub edge_stop: f32,
+    /// Of 1 - cosine between the normals.
+    pub cosine: f32,
+    /// Of the normals' L1 distance.
+    pub l1: f32,
+}
+
+impl Default for GeometryWeights {
+    fn default() -> Self {
+        Self { depth: 0.1, huber: 0.015, edges: Edges::More(1.0), smooth: 1e-3, edge_stop: 4.0, cosine: 5e-3, l1: 5e-3 }
+    }
+}
+
+/// The passes and the buffers between them.
+pub struct GeometryLoss {
+    gpu: Gpu,
+    sum: Pipeline,
+    depth_map: Buffer,
+    parts: Buffer,
+    totals: Buffer,
+    grad_aux: Buffer,
+    result: Buffer,
+}
+
+impl GeometryLoss {
+    /// For images of up to `pixels` pixels.
+    pub fn new(gpu: &Gpu, pixels: u32) -> Result<Self, vk::Error> {
+        let rows = |name, count: u32| gpu.buffer(name, 16 * u64::from(count.max(1)), Memory::Device);
+        Ok(Self {
+            gpu: gpu.clone(),
+            sum: sum_pipeline(gpu)?,
+            depth_map: rows("depth_map", pixels)?,
+            parts: rows("geometry_parts", geometry::parts(pixels, 1))?,
+            totals: rows("geometry_totals", 1)?,
+            grad_aux: rows("grad_aux", pixels)?,
+            result: rows("geometry_loss", 1)?,
+        })
+    }
+
+    /// Records the loss of what `target` holds, rendered with its auxiliary channels at the photograph's size. Adds to dL/dT in
+    /// `grad_image` and writes [`Self::grad_aux`]. Where the photograph's mask is 1 nothing counts.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        target: &Target,
+        photograph: &Photograph<'_>,
+        prior: &Prior<'_>,
+        weights: &GeometryWeights,
+        grad_image: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let (width, height) = photograph.size;
+        let (mask_buffer, mask_size) = photograph.mask_to_bind();
+        let (edges, edge) = match weights.edges {
+            Edges::More(beta) => (0, beta),
+            Edges::Less(gamma) => (1, gamma),
+        };
+        let push = Push {
+            width,
+            height,
+            prior_width: prior.size.0,
+            prior_height: prior.size.1,
+            mask_width: mask_size.0,
+            mask_height: mask_size.1,
+            pixels: photograph.values / 3.0,
+            median: prior.median,
+            depth_weight: weights.depth,
+            huber: weights.huber,
+            edge,
+            smooth_weight: weights.smooth,
+            edge_stop: weights.edge_stop,
+            cosine_weight: weights.cosine,
+            l1_weight: weights.l1,
+        };
+        let given = [("MASK", u32::from(photograph.mask.is_some())), ("PHOTOGRAPH_BITS", photograph.bits)];
+        let depth = self.gpu.pipeline(&geometry::DEPTH.kernel, &given)?;
+        let grad = self.gpu.pipeline(&geometry::GRAD.kernel, &[("EDGES", edges)])?;
+        let groups = Groups::Workgroups(u64::from(geometry::groups(width, height)));
+        let count = geometry::parts(width, height);
+        let (image, aux) = (&target.image, &target.aux);
+        let buffers = [image, aux, photograph.buffer, prior.buffer, mask_buffer, &self.depth_map, &self.parts];
+        recorder.dispatch(&depth, &buffers, &push, groups)?;
+        record_sum(recorder, &self.sum, [&self.parts, &self.totals], count)?;
+        let buffers =
+            [image, aux, prior.buffer, &self.depth_map, &self.totals, grad_image, &self.grad_aux, &self.parts];
+        recorder.dispatch(&grad, &buffers, &push, groups)?;
+        record_sum(recorder, &self.sum, [&self.parts, &self.result], count)
+    }
+
+    /// dL/d(auxiliary image), for [`crate::raster::ImageGradients::of_aux`].
+    pub fn grad_aux(&self) -> &Buffer {
+        &self.grad_aux
+    }
+
+    /// Four floats: depth, smoothness and normals of the last recorded view, weighted, and their sum.
+    pub fn result(&self) -> &Buffer {
+        &self.result
+    }
+
+    /// Bytes of its buffers: 32 per pixel and a little.
+    pub fn bytes(&self) -> u64 {
+        [&self.depth_map, &self.parts, &self.totals, &self.grad_aux, &self.result].into_iter().map(Buffer::size).sum()
+    }
+}

@@ -1,0 +1,59 @@
+//! Losses beyond the comparison of colours, composed of passes: depth and normals against a prior, and gradient maps.
+//!
+//! Each owns the buffers between its passes, adds to gradients that are there already and leaves its value on the device. In a step
+//! they follow the pass that writes the gradient of the image anew, and precede what reads it.
+
+mod geometry;
+mod gradient_map;
+
+pub use geometry::{Edges, GeometryLoss, GeometryWeights, Prior};
+pub use gradient_map::{GradientMapLoss, GradientMapWeights};
+
+use crate::pass::part_sum;
+use crate::vk::{self, Buffer, Gpu, Groups, Pipeline, Recorder};
+
+/// A photograph on the device.
+#[derive(Clone, Copy)]
+pub struct Photograph<'a> {
+    /// RGBA, a word per pixel with 8 bits per channel, two with 16; a pixel with alpha 0 is masked.
+    pub buffer: &'a Buffer,
+    /// Bits per channel, 8 or 16.
+    pub bits: u32,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`].
+    pub values: f32,
+    /// Where its texture is, if that is to matter.
+    pub mask: Option<Mask<'a>>,
+}
+
+/// A mask of bytes on the device, row after row without padding, 255 standing for 1. It covers a photograph, at a size of its own.
+#[derive(Clone, Copy)]
+pub struct Mask<'a> {
+    /// A whole number of words.
+    pub buffer: &'a Buffer,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+}
+
+impl<'a> Photograph<'a> {
+    /// The mask's buffer to bind and its size to tell. The photograph stands for a mask that is not there, and is not read as one.
+    fn mask_to_bind(&self) -> (&'a Buffer, (u32, u32)) {
+        self.mask.map_or((self.buffer, (0, 0)), |mask| (mask.buffer, mask.size))
+    }
+}
+
+/// Records adding `count` rows of four floats up to the only row of `sum`.
+fn record_sum(
+    recorder: &mut Recorder,
+    pipeline: &Pipeline,
+    [parts, sum]: [&Buffer; 2],
+    count: u32,
+) -> Result<(), vk::Error> {
+    let push = part_sum::Push { count, slot: 0 };
+    recorder.dispatch(pipeline, &[parts, sum], &push, Groups::Workgroups(1))
+}
+
+fn sum_pipeline(gpu: &Gpu) -> Result<Pipeline, vk::Error> {
+    gpu.pipeline(&part_sum::PASS.kernel, &[])
+}

@@ -1,0 +1,194 @@
+//! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and backward, each of
+//! which is checked against differences by itself.
+
+use psrgs_vk::losses::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Prior};
+use psrgs_vk::pass::geometry::{Push, pack_prior};
+use psrgs_vk::pass::{counters, loss};
+use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
+use psrgs_vk::twin::geometry::Scene;
+use psrgs_vk::twin::loss::{counting, unpack};
+use psrgs_vk::twin::part_sum::part_sum;
+use psrgs_vk::twin::place;
+use psrgs_vk::twin::reference::{self, ImageGradient};
+use psrgs_vk::twin::splat::Splat;
+use psrgs_vk::vk::{Gpu, Memory};
+
+use super::common::guards::Guards;
+use super::common::splats::Random;
+use super::{Case, FLOOR, NAMES, ROW, ROWS, case, common, planes_of};
+
+const PRIOR: (u32, u32) = (23, 17);
+const MASK: (u32, u32) = (8, 6);
+
+/// What the loss compares a render with.
+struct Known {
+    target: Vec<u32>,
+    prior: Vec<[u32; 2]>,
+    mask: Vec<u8>,
+    median: f32,
+    values: f32,
+}
+
+/// Photograph, prior and mask at random. Pixels near a decision of the renderer or of the loss are masked.
+fn known(case: &Case, scene_depth: f64) -> Known {
+    let mut random = Random::new(77);
+    let decided = case.decided();
+    let mut target = Vec::new();
+    for (i, decided) in decided.iter().enumerate() {
+        let opacity = 1.0 - case.image.transmittance[i];
+        let normal = case.image.normal[i].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let calm = (opacity - 0.9).abs() > 1e-3 && (normal - 0.1).abs() > 1e-3;
+        let byte = |random: &mut Random| (127.0 * (1.0 + random.symmetric())) as u32;
+        let [r, g, b] = std::array::from_fn(|_| byte(&mut random));
+        target.push(r | g << 8 | b << 16 | u32::from(*decided && calm) << 24);
+    }
+    let prior = (0..PRIOR.0 * PRIOR.1)
+        .map(|_| {
+            let depth = scene_depth * (1.0 + 0.1 * random.symmetric());
+            let normal = [0.3 * random.symmetric() as f32, 0.3 * random.symmetric() as f32, -1.0];
+            pack_prior(depth as f32, Some(normal), (0.6 + 0.4 * random.symmetric()) as f32)
+        })
+        .collect();
+    let mask = (0..MASK.0 * MASK.1).map(|k| (k * 5) as u8).collect();
+    let masked = target.iter().filter(|t| **t >> 24 == 0).count() as u32;
+    let camera = &case.shot.camera;
+    Known { target, prior, mask, median: scene_depth as f32, values: loss::values(camera.width, camera.height, masked) }
+}
+
+fn weights() -> GeometryWeights {
+    GeometryWeights {
+        depth: 1.0,
+        huber: 0.05,
+        edges: Edges::More(1.0),
+        smooth: 10.0,
+        edge_stop: 3.0,
+        cosine: 0.5,
+        l1: 0.2,
+    }
+}
+
+/// What f64 makes of it: the three terms and the gradients of the splats.
+fn wanted(case: &Case, known: &Known) -> ([f64; 4], [Vec<f64>; 8], usize) {
+    let (camera, weights) = (&case.shot.camera, weights());
+    let Edges::More(edge) = weights.edges else { unreachable!() };
+    let push = Push {
+        width: camera.width,
+        height: camera.height,
+        prior_width: PRIOR.0,
+        prior_height: PRIOR.1,
+        mask_width: MASK.0,
+        mask_height: MASK.1,
+        pixels: known.values / 3.0,
+        median: known.median,
+        depth_weight: weights.depth,
+        huber: weights.huber,
+        edge,
+        smooth_weight: weights.smooth,
+        edge_stop: weights.edge_stop,
+        cosine_weight: weights.cosine,
+        l1_weight: weights.l1,
+    };
+    let pixels = case.image.color.len();
+    let image = &case.image;
+    let scene = Scene::<f64> {
+        push,
+        edges: 0,
+        image: (0..pixels).map(|i| [0.0, 0.0, 0.0, image.transmittance[i]]).collect(),
+        aux: (0..pixels)
+            .map(|i| [image.depth[i], image.normal[i][0], image.normal[i][1], image.normal[i][2]])
+            .collect(),
+        photo: unpack(&known.target, 8),
+        counts: counting(&known.target, 8),
+        prior: &known.prior,
+        mask: Some(place::Mask { bytes: &known.mask, size: [MASK.0 as usize, MASK.1 as usize] }),
+    };
+    let (map, counted): (Vec<_>, Vec<_>) = (0..pixels).map(|k| scene.depth_row(k)).unzip();
+    let totals = part_sum(&counted);
+    let mut upstream = ImageGradient::zeros(pixels);
+    let mut terms = [0.0; 4];
+    for k in 0..pixels {
+        let (part, of_transmittance, [of_depth, x, y, z]) = scene.grad_row(&map, &totals, k);
+        terms.iter_mut().zip(part).for_each(|(sum, v)| *sum += v);
+        (upstream.transmittance[k], upstream.depth[k], upstream.normal[k]) = (of_transmittance, of_depth, [x, y, z]);
+    }
+    let gradients = reference::backward(&case.splats, camera, &case.settings, &upstream);
+    (terms, planes_of(&gradients), totals[1] as usize)
+}
+
+/// The same on the device.
+fn on_device(gpu: &Gpu, variants: Variants, case: &Case, known: &Known) -> (Vec<f32>, [Vec<f32>; 8]) {
+    let n = case.model.len() as u32;
+    let camera = &case.shot.camera;
+    let (width, height) = (camera.width, camera.height);
+    let side = variants.tile.size();
+    let tiles = width.div_ceil(side) * height.div_ceil(side);
+    let size =
+        Size { splats: n, pairs: 40_000, tiles, aux: true, train: true, count: false, clamp_gradient_passes: false };
+    let renderer = Renderer::new(gpu, variants, size).unwrap();
+    let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
+    model.write(gpu, &case.model).unwrap();
+    let target = Target::new(gpu, "", width * height, true).unwrap();
+    let upload = |name: &str, bytes: &[u8]| {
+        let buffer = gpu.buffer(name, bytes.len() as u64, Memory::Device).unwrap();
+        gpu.write(&buffer, bytes).unwrap();
+        buffer
+    };
+    let buffers = [
+        upload("photograph", bytemuck::cast_slice(&known.target)),
+        upload("prior", bytemuck::cast_slice(&known.prior)),
+        upload("mask", &known.mask),
+        upload("grad_image", &vec![0; 16 * (width * height) as usize]),
+    ];
+    let [photograph, prior, mask, grad_image] = &buffers;
+    let mut words = [0u32; counters::COUNT];
+    words[counters::SPLATS] = n;
+    let geometry = GeometryLoss::new(gpu, width * height).unwrap();
+    let mut rec = gpu.recorder("forward, loss and backward").unwrap();
+    rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
+    let lists = renderer.record_forward(&mut rec, &model, &case.shot, &target, true).unwrap();
+    let photograph = Photograph {
+        buffer: photograph,
+        bits: 8,
+        size: (width, height),
+        values: known.values,
+        mask: Some(Mask { buffer: mask, size: MASK }),
+    };
+    let prior = Prior { buffer: prior, size: PRIOR, median: known.median };
+    geometry.record(&mut rec, &target, &photograph, &prior, &weights(), grad_image).unwrap();
+    let of_image = raster::ImageGradients { of_image: grad_image, of_aux: Some(geometry.grad_aux()) };
+    let gradients = raster::Gradients { model: &model, of_model: &grads, of_image };
+    renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();
+    rec.submit().unwrap();
+    (gpu.read(geometry.result()).unwrap(), grads.read(gpu, n).unwrap())
+}
+
+#[test]
+fn gradients_of_the_geometry_loss_agree_with_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    // Large and opaque enough that most pixels have a depth.
+    let mut case = case((61, 45), 1, false, 200, 411);
+    case.model.scales.iter_mut().for_each(|s| *s += 0.6);
+    case.model.opacities.iter_mut().for_each(|o| *o = o.abs() + 0.3);
+    case.splats = Splat::all(&case.model);
+    case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
+    let opaque = case.image.transmittance.iter().position(|t| *t < 0.05).expect("something is opaque");
+    let depth = case.image.depth[opaque] / (1.0 - case.image.transmittance[opaque]);
+    let known = known(&case, depth);
+    let (terms, want, compared) = wanted(&case, &known);
+    assert!(compared > 300, "only {compared} pixels have a depth");
+    assert!(terms.iter().all(|t| *t > 1e-6), "{terms:?}");
+    for tile in [TileShape::Column, TileShape::Pixel] {
+        let (result, got) = on_device(&gpu, Variants::new(tile, GradientSum::Slots), &case, &known);
+        for (got, want) in result.iter().zip(terms) {
+            assert!((f64::from(*got) - want).abs() < 1e-4 * want, "{tile:?}: {got} instead of {want}");
+        }
+        for p in 0..4 {
+            let name = format!("{tile:?}, {}", NAMES[p]);
+            Guards { floor: FLOOR, ..Guards::of(1e-3) }.check(&name, got[p].len(), &got[p], &want[p]);
+            ROW.check(&name, ROWS[p], &got[p], &want[p]);
+        }
+        assert!(got[4..].iter().flatten().all(|v| *v == 0.0), "the colours have no part");
+    }
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
