@@ -289,9 +289,9 @@ pub fn run_depth(call: &mut TwinCall<'_>) {
         mask: (call.constants[0] != 0).then_some(mask),
     };
     let (mut map, mut parts) = (call.get::<[f32; 4]>(5), no_parts(call, &push));
-    for k in 0..pixels(call, &push) {
+    for (k, entry) in map.iter_mut().enumerate().take(pixels(call, &push)) {
         let (row, counted) = scene.depth_row(k);
-        map[k] = row;
+        *entry = row;
         add(&mut parts, k, counted);
     }
     call.set(5, &map);

@@ -195,9 +195,8 @@ pub fn run_sobel(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let scene = scene(push, call.get(0), &call.get::<u32>(1), call.constants[0]);
     let mut maps = call.get::<[f32; 4]>(2);
-    for k in 0..(push.width * push.height).min(64 * call.groups) as usize {
-        maps[k] = scene.sobel(k);
-    }
+    let pixels = (push.width * push.height).min(64 * call.groups) as usize;
+    maps.iter_mut().take(pixels).enumerate().for_each(|(k, row)| *row = scene.sobel(k));
     call.set(2, &maps);
 }
 
