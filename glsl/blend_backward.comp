@@ -1,7 +1,7 @@
 #version 460
 // blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back to front.
 // column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
-// workgroup (256 threads) a tile of 16x16.
+// workgroup (256 threads) a tile of 16x16; with BLOCK, subgroups leave out splats that do not show in the pixels they own.
 // slots: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up.
 // atomic, cas: added to the splat's row by native float atomics, or by compare-and-swap.
 //! variant column_slots COLUMN SLOTS
@@ -21,6 +21,11 @@
 #include "blend_column.glsl"
 #else
 #include "blend_pixel.glsl"
+#if !defined(SLOTS) && !defined(SUBGROUP_EMULATED)
+// Nothing is added up over the whole workgroup: its subgroups go through a batch each for itself.
+#define APART
+#include "blocks.glsl"
+#endif
 #endif
 #include "blend_backward.glsl"
 
@@ -183,12 +188,43 @@ void add_up(uint row, float column[16]) {
 }
 #endif
 
+// Takes a pixel past staged splat k and adds up what the splat gets. Called by all threads that add_up adds over.
+void take(inout Pixel pixel, uint k, vec2 center, uint place) {
+    const Splat s = batch[k];
+    const float dx = center.x - s.x;
+    precise float row_x = s.a * dx * dx;
+    precise float slope = s.b * dx;
+    Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
+    blend_back(pixel, sums, s, dx, row_x, slope, center.y - s.y, place);
+#ifdef APART
+    if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) return;
+#endif
+    float mean_x, mean_y;
+    vec3 conic;
+    columns(sums, s, dx, slope, mean_x, mean_y, conic);
+    const vec2 abs_mean = LN_2 * sums.abs_mean;
+    add_up(batch_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * batch_inverse[k],
+        sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
+        sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
+}
+
+#ifdef APART
+// Bits of the staged splats 32 word to 32 word + 31 that touch a block of this subgroup: the same in all its lanes.
+uint subgroup_touched(uint word) {
+    const uint first = (pixel_rank() - subgroup_lane()) / BLOCK_PIXELS;
+    uint bits = touched[first * TOUCH_WORDS + word];
+    for (uint b = 1u; b < subgroup_width() / BLOCK_PIXELS; ++b) bits |= touched[(first + b) * TOUCH_WORDS + word];
+    return bits;
+}
+#endif
+
 void main() {
     const uint tile = group_index();
     const bool real = tile < tile_total(SIDE);
     const uvec2 range = real ? tile_ranges[tile] : uvec2(0u);
     const uint t = local_index();
-    const uvec2 at = tile_corner(tile, SIDE) + uvec2(t % SIDE, t / SIDE);
+    const uvec2 corner = tile_corner(tile, SIDE);
+    const uvec2 at = corner + pixel_place(pixel_rank());
     const vec2 center = vec2(at) + 0.5;
     Pixel pixel = load_pixel(at, real && at.x < push.width && at.y < push.height);
 
@@ -197,6 +233,9 @@ void main() {
     atomicMax(most, pixel.last);
     barrier();
     const uint top = min(most, range.y - range.x);
+#ifdef APART
+    const uint own_top = subgroup_max(pixel.last);
+#endif
 
 #ifdef SLOTS
     for (uint i = range.x + top; i < range.y; ++i) {
@@ -207,6 +246,12 @@ void main() {
     for (uint left = top; left > 0u; left -= min(left, BATCH)) {
         const uint n = min(left, BATCH);
         barrier();
+#ifdef APART
+        if (BLOCK != 0u) {
+            clear_blocks();
+            barrier();
+        }
+#endif
         if (t < n) {
             const uint pair = range.x + left - 1u - t;
             const Splat s = load_splat(sorted_splats[pair]);
@@ -214,25 +259,29 @@ void main() {
             batch_inverse[t] = s.opacity > 0.0 ? 1.0 / s.opacity : 0.0;
             batch_row[t] = row_of(pair);
         }
-        barrier();
-        for (uint k = 0u; k < n; ++k) {
-            const Splat s = batch[k];
-            const float dx = center.x - s.x;
-            precise float row_x = s.a * dx * dx;
-            precise float slope = s.b * dx;
-            Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
-            blend_back(pixel, sums, s, dx, row_x, slope, center.y - s.y, left - k);
-#if !defined(SLOTS) && !defined(SUBGROUP_EMULATED)
-            if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) continue;
-#endif
-            float mean_x, mean_y;
-            vec3 conic;
-            columns(sums, s, dx, slope, mean_x, mean_y, conic);
-            const vec2 abs_mean = LN_2 * sums.abs_mean;
-            add_up(batch_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * batch_inverse[k],
-                sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
-                sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
+#ifdef APART
+        if (BLOCK != 0u && t % BATCH < n) {
+            const uint splat = sorted_splats[range.x + left - 1u - t % BATCH];
+            touch_blocks(LOAD4(splat2d, 3u * splat), LOAD4(splat2d, 3u * splat + 1u), corner);
         }
+        barrier();
+        // What comes behind the last contributor of all its pixels does not concern a subgroup.
+        const uint begin = min(left - min(left, own_top), n);
+        if (BLOCK == 0u) {
+            for (uint k = begin; k < n; ++k) take(pixel, k, center, left - k);
+        } else {
+            for (uint k0 = begin / 32u * 32u; k0 < n; k0 += 32u) {
+                const uint behind = k0 < begin ? (1u << (begin - k0)) - 1u : 0u;
+                for (uint bits = subgroup_touched(k0 / 32u) & ~behind; bits > 0u; bits -= bits & (~bits + 1u)) {
+                    const uint k = k0 + uint(findLSB(bits));
+                    take(pixel, k, center, left - k);
+                }
+            }
+        }
+#else
+        barrier();
+        for (uint k = 0u; k < n; ++k) take(pixel, k, center, left - k);
+#endif
     }
     if (COUNT != 0u) {
         atomicAdd(pair_counts[BACKWARD_EVALUATED], evaluated);

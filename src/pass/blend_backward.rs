@@ -1,7 +1,7 @@
 //! Gradients of the blended image with respect to the projected splats: two shapes of tiles, threads that own pixels or splats,
 //! three ways of adding up.
 
-use super::blend_forward::{AUX, COUNT, Push};
+use super::blend_forward::{AUX, BLOCK, COUNT, Push};
 use super::{Pass, module};
 use crate::twin::{TwinCall, blend_backward as twin};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
@@ -15,6 +15,7 @@ pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATE
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
 const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES];
+const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK];
 const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH];
 
 /// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
@@ -109,22 +110,22 @@ pub const PIXEL_SLOTS: Pass =
     pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const PIXEL_ATOMIC: Pass =
-    pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS, twin::run_pixel_sums);
 /// PIXEL shape, subgroup sums and compare-and-swap.
 pub const PIXEL_CAS: Pass =
-    pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS, twin::run_pixel_sums);
 /// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
 pub const PIXEL_EMULATED_CAS: Pass =
-    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_whole_sums);
 /// Threads own splats, one row per splat and tile to slots: deterministic, the same sums at any width of subgroups.
 pub const SPLAT_SLOTS: Pass =
     pass("blend_backward_splat_slots", Owned::Splats, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
 /// Threads own splats, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const SPLAT_ATOMIC: Pass =
-    pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_whole_sums);
 /// Threads own splats, compare-and-swap.
 pub const SPLAT_CAS: Pass =
-    pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_whole_sums);
 /// Threads own splats, emulated subgroups of any width, slots.
 pub const SPLAT_EMULATED_SLOTS: Pass = pass(
     "blend_backward_splat_emulated_slots",
@@ -135,4 +136,4 @@ pub const SPLAT_EMULATED_SLOTS: Pass = pass(
 );
 /// Threads own splats, emulated subgroups of any width and compare-and-swap: no optional feature at all.
 pub const SPLAT_EMULATED_CAS: Pass =
-    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_pixel_sums);
+    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_whole_sums);

@@ -33,8 +33,8 @@ pub(super) const AUX: Constant = Constant { id: 0, name: "AUX", default: 0 };
 pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 };
 
 /// Pixels of the blocks of a tile that splats are tested against: a power of two from 8 to 256, best the width of a subgroup;
-/// 0: no test. PIXEL shape only; results are the same bits either way.
-const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
+/// 0: no test. PIXEL shape only, and backward where subgroups add up for themselves; results are the same bits either way.
+pub(super) const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
 
 /// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT; they are bound all the same.
 const BINDINGS: &[Binding] = &[

@@ -1,10 +1,10 @@
 //! Writes the tiles of each visible splat, in depth order, as (tile, slot) pairs.
 
 use super::{Pass, module};
-use crate::vk::{Kernel, read, write};
+use crate::vk::{Binding, Constant, Kernel, read, write};
 
 crate::push_constants! {
-    /// Push constants of [`PASS`].
+    /// Push constants of all forms.
     pub struct Push {
         /// Image width in pixels.
         pub width: u32,
@@ -19,27 +19,45 @@ crate::push_constants! {
     }
 }
 
-/// The pass.
-pub const PASS: Pass = Pass {
-    kernel: Kernel {
-        name: "emit",
-        spirv: module("emit"),
-        bindings: &[
-            read("splat2d"),
-            read("tile_counts"),
-            read("order"),
-            read("pair_offsets"),
-            read("counters"),
-            write("pair_keys"),
-            write("pair_vals"),
-            write("slot_splat"),
-        ],
-        push_bytes: Push::BYTES,
-        constants: &[],
-        local_size: Some(64),
-    },
-    doc: "One thread owns one visible splat and its slots; a workgroup owns 64 consecutive visible splats.",
-    dispatch: "one thread per visible splat",
-    push: Push::FIELDS,
-    twin: crate::twin::emit::run,
-};
+const BINDINGS: &[Binding] = &[
+    read("splat2d"),
+    read("tile_counts"),
+    read("order"),
+    read("pair_offsets"),
+    read("counters"),
+    write("pair_keys"),
+    write("pair_vals"),
+    write("slot_splat"),
+];
+
+const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static str) -> Pass {
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings: BINDINGS,
+            push_bytes: Push::BYTES,
+            constants,
+            local_size: Some(64),
+        },
+        doc,
+        dispatch: "one thread per visible splat",
+        push: Push::FIELDS,
+        twin: crate::twin::emit::run,
+    }
+}
+
+const TOGETHER_DOC: &str = "One thread owns one visible splat and its slots, a subgroup those of its threads' splats that have many; a \
+     workgroup owns 64 consecutive visible splats.";
+
+/// A thread writes the pairs of its splat.
+pub const PASS: Pass = pass(
+    "emit",
+    &[],
+    "One thread owns one visible splat and its slots; a workgroup owns 64 consecutive visible splats.",
+);
+/// A subgroup writes the pairs of its large splats together: for wide subgroups. The same bits.
+pub const TOGETHER: Pass = pass("emit_together_subgroup", &[], TOGETHER_DOC);
+/// The same with emulated subgroups.
+pub const TOGETHER_EMULATED: Pass =
+    pass("emit_together_emulated", &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }], TOGETHER_DOC);

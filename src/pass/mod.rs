@@ -109,6 +109,8 @@ pub const ALL: &[&Pass] = &[
     &densify_order::ORDER,
     &densify_stats::PASS,
     &emit::PASS,
+    &emit::TOGETHER,
+    &emit::TOGETHER_EMULATED,
     &exposure::APPLY,
     &exposure::BACKWARD,
     &exposure::STEP,

@@ -1,8 +1,11 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
 use super::variants::{Backward, COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
-use crate::pass::{Pass, blend_backward as backward, blend_forward as forward};
-use crate::vk::{Error, Gpu, Result, Subgroup};
+use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit};
+use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
+
+/// Least width of subgroups that emit together.
+const WIDE: u32 = 16;
 
 /// A pass, and the constants that the device and the variants decide.
 pub(super) struct Chosen {
@@ -33,6 +36,13 @@ fn block(gpu: &Gpu, culling: Culling) -> (&'static str, u32) {
     ("BLOCK", pixels)
 }
 
+/// The emission of pairs: by subgroups where these are wide enough that a splat of many tiles would keep many threads waiting.
+pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
+    let caps = gpu.caps();
+    let wide = matches!(caps.subgroup, Subgroup::Hardware(WIDE..));
+    if wide && caps.kind != DeviceKind::Cpu { &emit::TOGETHER } else { &emit::PASS }
+}
+
 /// The forward pass.
 pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
     match variants.tile {
@@ -51,6 +61,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         Err(Error::MissingFeature { feature, needed_for: what.to_owned(), device: gpu.caps().device.clone() })
     };
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
+    let block = block(gpu, variants.culling);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
     Ok(match (variants.tile, variants.backward, variants.gradients) {
         (Column, PerSplat, _) => return lacks("pixel tiles", "a backward per splat"),
@@ -62,8 +73,8 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
             return lacks("subgroups of width 8", "gradients of column tiles summed other than in slots");
         }
         (Pixel, PerPixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
-        (Pixel, PerPixel, Atomic) if hardware => Chosen::plain(&backward::PIXEL_ATOMIC),
-        (Pixel, PerPixel, CompareAndSwap) if hardware => Chosen::plain(&backward::PIXEL_CAS),
+        (Pixel, PerPixel, Atomic) if hardware => Chosen::with(&backward::PIXEL_ATOMIC, &[block]),
+        (Pixel, PerPixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),
         (Pixel, PerPixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
         (Pixel, PerSplat, Slots) if hardware => Chosen::plain(&backward::SPLAT_SLOTS),
         (Pixel, PerSplat, Slots) => Chosen::with(&backward::SPLAT_EMULATED_SLOTS, &[width]),

@@ -1,6 +1,7 @@
 //! From projected splats to the depth-ordered list of splats of every tile.
 
 use super::held::Held;
+use super::kernels;
 use super::loan::{Layout, Loan, parts, words};
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
@@ -138,7 +139,7 @@ impl TileLists {
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
-            emit: gpu.pipeline(&emit::PASS.kernel, &[])?,
+            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &[])?,
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[("CARRIED", u32::from(loan.slot_splat.is_none()))])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
             depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,

@@ -50,7 +50,8 @@ pub enum Backward {
     PerSplat,
 }
 
-/// Whether the blend forward tests splats against blocks of a tile's pixels. Results are the same bits either way.
+/// Whether blending tests splats against blocks of a tile's pixels: the forward pass, and the backward per pixel where subgroups add up
+/// for themselves. Pictures and gradients of a pair are the same bits either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Culling {

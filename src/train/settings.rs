@@ -280,8 +280,7 @@ group! {
         /// What the threads of the blend backward own [default: pixels]; per-splat brings pixel tiles
         #[arg(value_name = "FORM", value_enum)]
         pub backward: crate::raster::Backward,
-        /// In the blend forward, leave out splats in the blocks of a pixel tile where they do not show [default: blocks]; the picture
-        /// is the same
+        /// In blending, leave out splats in the blocks of a pixel tile where they do not show [default: blocks]; the picture is the same
         #[arg(value_name = "WHERE", value_enum)]
         pub culling: crate::raster::Culling,
         /// Order of the splats in memory, which changes the speed and not the result [default: morton]

@@ -4,6 +4,9 @@ use super::blend_forward::{Blend, Evaluation, NO_BLOCKS, evaluate, inputs};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE};
 
+/// Place of the constant BLOCK in the tables of the passes that have one.
+const BLOCK: usize = 4;
+
 /// What comes in besides [`Blend`].
 #[derive(Clone, Debug)]
 pub struct Upstream<R> {
@@ -53,6 +56,9 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
             let mut see_through = R::one();
             for place in (0..up.last[pixel] as usize).rev() {
                 let splat = blend.sorted[begin + place] as usize;
+                if !blend.evaluates(splat, x, y) {
+                    continue;
+                }
                 let row = &blend.splats[splat];
                 let at = evaluate(row, Blend::center(x, y));
                 out.evaluated += 1;
@@ -109,8 +115,8 @@ fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, 
     sums[11] += mean[1].abs();
 }
 
-fn pairs(call: &TwinCall<'_>, side: u32) -> (Blend<f32>, PairGrads<f32>) {
-    let blend = inputs(call, side, NO_BLOCKS);
+fn pairs(call: &TwinCall<'_>, side: u32, block: usize) -> (Blend<f32>, PairGrads<f32>) {
+    let blend = inputs(call, side, block);
     let up = Upstream {
         image: call.get(4),
         last: call.get(5),
@@ -135,7 +141,7 @@ fn count(call: &mut TwinCall<'_>, binding: usize, grads: &PairGrads<f32>) {
 }
 
 fn run_slots(call: &mut TwinCall<'_>, side: u32) {
-    let (blend, grads) = pairs(call, side);
+    let (blend, grads) = pairs(call, side, NO_BLOCKS);
     let slots: Vec<u32> = call.get(8);
     let (mut rows, mut normals) = (call.get::<[f32; 12]>(9), call.get::<[f32; 4]>(10));
     for [begin, end] in blend.ranges {
@@ -151,8 +157,8 @@ fn run_slots(call: &mut TwinCall<'_>, side: u32) {
     count(call, 11, &grads);
 }
 
-fn run_sums(call: &mut TwinCall<'_>, side: u32) {
-    let (blend, grads) = pairs(call, side);
+fn run_sums(call: &mut TwinCall<'_>, side: u32, block: usize) {
+    let (blend, grads) = pairs(call, side, block);
     let (mut rows, mut normals) = (call.get::<[f32; 12]>(8), call.get::<[f32; 4]>(9));
     for [begin, end] in blend.ranges {
         for pair in begin as usize..end as usize {
@@ -175,7 +181,7 @@ pub fn run_column_slots(call: &mut TwinCall<'_>) {
 
 /// Adapter over raw buffers: COLUMN tiles, sums per splat.
 pub fn run_column_sums(call: &mut TwinCall<'_>) {
-    run_sums(call, COLUMN_SIDE);
+    run_sums(call, COLUMN_SIDE, NO_BLOCKS);
 }
 
 /// Adapter over raw buffers: PIXEL tiles, slots.
@@ -183,7 +189,12 @@ pub fn run_pixel_slots(call: &mut TwinCall<'_>) {
     run_slots(call, PIXEL_SIDE);
 }
 
-/// Adapter over raw buffers: PIXEL tiles, sums per splat.
+/// Adapter over raw buffers: PIXEL tiles, sums per splat, with the constant BLOCK.
 pub fn run_pixel_sums(call: &mut TwinCall<'_>) {
-    run_sums(call, PIXEL_SIDE);
+    run_sums(call, PIXEL_SIDE, BLOCK);
+}
+
+/// Adapter over raw buffers: PIXEL tiles, sums per splat, every splat at every pixel.
+pub fn run_whole_sums(call: &mut TwinCall<'_>) {
+    run_sums(call, PIXEL_SIDE, NO_BLOCKS);
 }

@@ -1,4 +1,4 @@
-//! Twin of `glsl/emit.comp`.
+//! Twin of `glsl/emit.comp` and `glsl/emit_together.comp`.
 
 use super::tile::{TileGrid, list};
 use super::{Real, TwinCall};

@@ -295,6 +295,52 @@ fn contributors(gpu: &Gpu) {
     }
 }
 
+/// With culling, the gradients of a pair are the same bits, and so are those of splats whose pairs are added in one order: where there
+/// is a single tile. Contributors are the same everywhere. With one set of constants, because each is a pipeline to make.
+fn culling(gpu: &Gpu, cases: &[Case]) {
+    let (mut tiles, mut evaluated) = ([0, 0], [0, 0]);
+    for case in cases.iter().filter(|case| case.blend.normals.is_some() && !case.up.clamp_gradient_passes) {
+        for (pass, side, rows, _) in variants(gpu) {
+            if side != 16 || !pass.kernel.constants.iter().any(|c| c.name == "BLOCK") {
+                continue;
+            }
+            let buffers = buffers(&case.blend, &case.up, rows);
+            let run = |block: u32| {
+                let given = [("AUX", 1), ("COUNT", 1), ("BLOCK", block)];
+                let groups = case.blend.ranges.len() as u32;
+                harness::run(gpu, pass, &given, &buffers, &push(&case.blend), groups)
+            };
+            let want = run(0);
+            let at = buffers.len() - 3;
+            let all: Vec<u32> = want.device(at + 2);
+            for block in [8, 32] {
+                let got = run(block);
+                let what = format!("{}, blocks of {block}, {}", pass.kernel.name, case.name);
+                let single = case.blend.ranges.len() == 1;
+                tiles[usize::from(single)] += 1;
+                if single {
+                    assert!(got.device[..at + 2] == want.device[..at + 2], "{what}: other gradients");
+                }
+                let (bound, sizes) = (1e-4, &case.sizes.0);
+                let [got_sums, want_sums] =
+                    [&got.device, &want.device].map(|all| per_splat(&case.blend, rows, 12, &all[at]));
+                check(&what, 0..12, &Compared { bound, width: 12, got: &got_sums, want: &want_sums, sizes });
+                let (device, twin): (Vec<u32>, Vec<u32>) = (got.device(at + 2), got.twin(at + 2));
+                assert_eq!(device[3], all[3], "{what}: contributors");
+                // A subgroup that owns several blocks evaluates what touches any of them.
+                if gpu.caps().subgroup.width() <= block {
+                    let off = device[2].abs_diff(twin[2]);
+                    assert!(200 * off <= all[2], "{what}: {off} of {} evaluated", all[2]);
+                }
+                evaluated = [evaluated[0] + device[2], evaluated[1] + all[2]];
+            }
+        }
+    }
+    println!("evaluated with blocks and without: {evaluated:?}; several tiles and one: {tiles:?}");
+    assert!(tiles.iter().all(|n| *n > 0), "{tiles:?}");
+    assert!(evaluated[0] < evaluated[1] / 10 * 8, "{evaluated:?}");
+}
+
 /// Threads that own splats leave the same bits whatever the width of their subgroups: states are handed on by shuffles from a
 /// width of 32 on, in shared memory below.
 fn same_bits_at_any_width(gpu: &Gpu, cases: &[Case]) {
@@ -328,6 +374,7 @@ pub fn run(gpu: &Gpu) {
         }
         if side == 16 {
             same_bits_at_any_width(gpu, &cases);
+            culling(gpu, &cases);
         }
     }
     contributors(gpu);

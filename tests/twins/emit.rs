@@ -1,10 +1,10 @@
-//! `emit`: every slot of the count is written, nothing else is; counts that differ from the tiles, and a capacity too small.
+//! `emit` in all forms: every slot of the count is written, nothing else is; counts that differ from the tiles, and a capacity too small.
 
 use psrgs_vk::pass::counters;
-use psrgs_vk::pass::emit::{PASS, Push};
+use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::twin::tile::{TileGrid, count};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::harness::{self, Random, bytes};
 
@@ -70,8 +70,19 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
     let [width, height] = grid.image;
     let [tile_width, tile_height] = grid.tile;
     let push = Push { width, height, tile_width, tile_height, capacity };
-    let outcome = harness::run(gpu, &PASS, &[], &buffers, &push, visible.div_ceil(64).max(1) as u32);
-    outcome.assert_same_bits(&what);
+    let run = |pass, given: &[(&str, u32)]| {
+        let outcome = harness::run(gpu, pass, given, &buffers, &push, visible.div_ceil(64).max(1) as u32);
+        outcome.assert_same_bits(&format!("{what}, {} {given:?}", pass.kernel.name));
+        outcome
+    };
+    let outcome = run(&PASS, &[]);
+    // All bits that the twin leaves, so also those of the form above.
+    if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
+        run(&TOGETHER, &[]);
+    }
+    for width in [8, 32, 64] {
+        run(&TOGETHER_EMULATED, &[("EMULATED_WIDTH", width)]);
+    }
     let [columns, rows] = grid.counts();
     for (i, most) in [(5, columns * rows + 1), (6, capacity), (7, n as u32)] {
         let words = outcome.device::<u32>(i);

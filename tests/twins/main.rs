@@ -76,7 +76,7 @@ cases! {
     densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_stats" "opacity_reset";
-    emit: "emit";
+    emit: "emit" "emit_together_emulated" "emit_together_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
     fill: "fill";

@@ -1,0 +1,97 @@
+#version 460
+// emit_together: what emit does, to the same bits, where subgroups are wide: a splat of many tiles would keep its neighbours waiting.
+// One thread owns one visible splat and its slots, a workgroup 64 consecutive ones. A splat of LARGE slots or more is shared by its
+// subgroup: lanes take a row of tiles each, a prefix sum over their tiles says where each row's pairs go, and then lanes take the
+// pairs in turn, so that a subgroup's stores lie side by side.
+//! variant subgroup
+//! variant emulated SUBGROUP_EMULATED
+#extension GL_GOOGLE_include_directive : require
+#define LOCAL_SIZE 64
+#include "subgroup.glsl"
+#include "emit.glsl"
+layout(local_size_x = LOCAL_SIZE) in;
+
+const uint LARGE = 32u;
+
+// Turns of a loop with subgroup operations in it: what this subgroup needs, or the most that any needs where these operations have
+// barriers of the workgroup in them.
+#ifdef SUBGROUP_EMULATED
+shared uint most_turns;
+uint common_turns(uint turns) {
+    if (local_index() == 0u) most_turns = 0u;
+    barrier();
+    atomicMax(most_turns, turns);
+    barrier();
+    const uint most = most_turns;
+    barrier();
+    return most;
+}
+#else
+uint common_turns(uint turns) { return turns; }
+#endif
+
+// The last lane whose `before`, ascending over the lanes from 0 on, is at most j. Called by all lanes.
+uint last_at_most(uint before, uint j) {
+    uint found = 0u;
+    [[unroll]] for (uint k = 0u; k < 7u; ++k) {
+        const uint bit = 64u >> k;
+        if (bit < subgroup_width() && subgroup_shuffle(before, found + bit) <= j) found += bit;
+    }
+    return found;
+}
+
+// Writes the pairs of a splat that all lanes of the subgroup name; none where slot = end.
+void emit_shared(uint splat, uint slot, uint end) {
+    const TileGrid grid = tile_grid();
+    const uvec2 tiles = tile_counts_of(grid);
+    const uint width = subgroup_width();
+    const uint lane = subgroup_lane();
+    TileEllipse e = ellipse_of(splat);
+    if (slot == end) e.row_end = e.row_begin;
+    const uint row_turns = common_turns(e.row_end - e.row_begin);
+    for (uint y0 = 0u; y0 < row_turns; y0 += width) {
+        const uint y = e.row_begin + y0 + lane;
+        uvec2 columns = uvec2(0u);
+        if (y < e.row_end) columns = tile_row(e, y, grid);
+        const uint count = columns.y - columns.x;
+        const uint before = subgroup_exclusive_add(count);
+        const uint total = subgroup_broadcast(before + count, width - 1u);
+        const uint turns = common_turns(total);
+        for (uint j0 = 0u; j0 < turns; j0 += width) {
+            const uint j = j0 + lane;
+            const uint row = last_at_most(before, j);
+            const uint x = subgroup_shuffle(columns.x, row) + (j - subgroup_shuffle(before, row));
+            if (j < total && slot + j < end) put(slot + j, (e.row_begin + y0 + row) * tiles.x + x, splat);
+        }
+        slot += total;
+    }
+    for (uint left = slot + lane; left < end; left += width) put(left, tiles.x * tiles.y, splat);
+}
+
+void main() {
+    const uint k = global_index();
+    uint splat = 0u;
+    uvec2 slots = uvec2(0u);
+    if (k < counters[COUNTER_VISIBLE]) {
+        splat = order[k];
+        slots = slots_of(k, splat);
+    }
+    const bool large = slots.y - slots.x >= LARGE;
+    if (!large && slots.y > slots.x) emit_alone(splat, slots.x, slots.y);
+#ifdef SUBGROUP_EMULATED
+    for (uint lane = 0u; lane < subgroup_width(); ++lane) {
+        const bool shared_now = subgroup_broadcast(uint(large), lane) != 0u;
+        const uint from = subgroup_broadcast(slots.x, lane);
+        const uint to = subgroup_broadcast(slots.y, lane);
+        emit_shared(subgroup_broadcast(splat, lane), from, shared_now ? to : from);
+    }
+#else
+    const uvec4 ballot = subgroup_ballot(large);
+    for (uint word = 0u; word < 4u; ++word) {
+        for (uint bits = ballot[word]; bits > 0u; bits -= bits & (~bits + 1u)) {
+            const uint lane = 32u * word + uint(findLSB(bits));
+            emit_shared(subgroup_broadcast(splat, lane), subgroup_broadcast(slots.x, lane), subgroup_broadcast(slots.y, lane));
+        }
+    }
+#endif
+}
