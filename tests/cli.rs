@@ -167,6 +167,8 @@ fn fast_is_its_settings_and_options_given_by_name_win() {
     assert_eq!(shortcuts(&["fox", "--fast", "--sh-every", "8"]), [16, 8]);
     assert_eq!(shortcuts(&["fox", "--config", &file]), [32, 2]);
     assert_eq!(shortcuts(&["fox", "--config", &file, "--fast", "--moment-bits", "32"]), [32, 4]);
+    assert_eq!(settings(&["fox", "--fast", "--sh-rate", "2"])["shortcuts"]["sh-rate"].as_float(), Some(2.0));
+    fails(&["train", "fox", "--sh-rate=-1"], 2, &["sh-rate", "not negative"]);
     fails(&["train", "fox", "--moment-bits", "24"], 2, &["moment-bits", "16 or 32"]);
 }
 

@@ -46,6 +46,16 @@ fn harmonics_rise_every_thousand_steps() {
 }
 
 #[test]
+fn harmonics_that_are_stepped_rarely_may_have_a_higher_rate() {
+    let rate = |every: u32, factor: f64| {
+        let s = schedule(|s| (s.shortcuts.sh_every, s.shortcuts.sh_rate) = (every, factor));
+        s.step(10).rates.sh_rest
+    };
+    assert_eq!([rate(1, 4.0), rate(4, 1.0)], [rate(1, 1.0); 2]);
+    assert_eq!(rate(4, 4.0), 4.0 * rate(4, 1.0));
+}
+
+#[test]
 fn densification_is_strictly_inside_its_interval() {
     let s = schedule(|_| {});
     let at = densified(&s);

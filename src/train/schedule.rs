@@ -135,6 +135,8 @@ impl Schedule {
         }
         let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
 
+        let sh_every = settings.shortcuts.sh_every.max(1);
+        let rest_factor = if sh_every > 1 { settings.shortcuts.sh_rate } else { 1.0 };
         Self {
             iterations: run.iterations,
             densify_from: scaled(density.densify_from),
@@ -146,7 +148,7 @@ impl Schedule {
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
             sh_degree: settings.model.sh_degree,
-            sh_every: settings.shortcuts.sh_every.max(1),
+            sh_every,
             densify: !run.no_densify,
             background: settings.model.background,
             rates: Rates {
@@ -155,7 +157,7 @@ impl Schedule {
                 scales: optimiser.lr_scales,
                 opacities: optimiser.lr_opacities,
                 sh_base: optimiser.lr_sh_base,
-                sh_rest: optimiser.lr_sh_rest,
+                sh_rest: optimiser.lr_sh_rest * rest_factor,
             },
             lr_means_final: optimiser.lr_means_final,
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],

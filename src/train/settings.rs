@@ -236,6 +236,9 @@ group! {
         /// Step the view-dependent colours only in every Nth step
         #[arg(value_name = "N")]
         pub sh_every: u32 = 1,
+        /// Factor of --lr-sh-rest where --sh-every leaves steps out
+        #[arg(value_name = "F")]
+        pub sh_rate: f64 = 1.0,
     }
     flags {}
     optional {}
@@ -325,7 +328,7 @@ pub struct Settings {
 
 impl Shortcuts {
     /// What `--fast` stands for; see `docs/PERFORMANCE.md` for what they save and cost.
-    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4 };
+    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4, sh_rate: 1.0 };
 }
 
 impl Settings {
@@ -364,6 +367,8 @@ impl Settings {
         }
         ok(matches!(self.shortcuts.moment_bits, 16 | 32), "moment-bits", "16 or 32")?;
         ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
+        let rate = self.shortcuts.sh_rate;
+        ok(rate >= 0.0 && rate.is_finite(), "sh-rate", "a number that is not negative")?;
         ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
         for (share, key) in [
             (density.grad_threshold, "grad-threshold"),
