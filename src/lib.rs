@@ -74,6 +74,7 @@ pub mod perceptual;
 pub mod raster;
 pub mod saliency;
 pub mod scene;
+pub mod stereo;
 pub mod train;
 pub mod twin;
 pub mod vk;

@@ -25,6 +25,7 @@ mod split;
 mod supply;
 mod survey;
 mod tone;
+mod tracks;
 mod undistort;
 mod warning;
 
@@ -39,12 +40,14 @@ pub use masks::{MaskIgnores, Masks};
 pub use model::{Format, Reference};
 pub use photograph::Photograph;
 pub use pixels::{Depth, Pixels};
+pub(crate) use random_points::in_view;
 pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
 pub(crate) use supply::cores;
 pub use supply::{HostShare, Supply};
 pub use survey::Sight;
 pub use tone::{Samples, Tone, Transfer};
+pub use tracks::Tracks;
 pub use warning::Warning;
 
 use crate::scene::init::{self, InitError};
@@ -151,6 +154,8 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
     pub points: Vec<Point>,
+    /// The views that observe each of them, where the format says so.
+    pub tracks: Tracks,
     /// The similarity to the scene's coordinates.
     pub frame: Frame,
     /// 1.1 x the largest distance of a training camera from their mean, in dataset units; [`Frame::EXTENT`] in the scene.
@@ -231,6 +236,7 @@ impl Dataset {
             reference: model.reference,
             views,
             points: model.points,
+            tracks: model.tracks,
             frame,
             extent,
             warnings,

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use super::error::Error;
 use super::lens::Lens;
-use super::{Point, Warning, colmap, nerfstudio, opensfm};
+use super::{Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 
 /// A layout of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -97,6 +97,8 @@ pub(super) struct Model {
     pub(super) shots: Vec<Shot>,
     /// By ascending id.
     pub(super) points: Vec<Point>,
+    /// Views by their position among the shots in the order of their names; empty where nothing is known.
+    pub(super) tracks: Tracks,
     /// The file that has, or should have, the points.
     pub(super) points_file: Option<PathBuf>,
     /// The folder that names of photographs are inside of, where it is not one of `images` and `images_N`.

@@ -10,7 +10,7 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Shot};
-use super::{photograph, points_ply, rotation};
+use super::{Tracks, photograph, points_ply, rotation};
 use crate::format::Error as FileError;
 
 pub(super) const FILE: &str = "transforms.json";
@@ -82,6 +82,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         file: json.file,
         shots,
         points,
+        tracks: Tracks::default(),
         points_file,
         images: (!usual).then(|| dataset.to_owned()),
         reference: None,

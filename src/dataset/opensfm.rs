@@ -13,7 +13,7 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Reference, Shot};
-use super::{Point, Warning, rotation};
+use super::{Point, Tracks, Warning, rotation};
 use crate::format::Error as FileError;
 
 /// The file of a project, of OpenSfM or of OpenDroneMap.
@@ -111,6 +111,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         file: path.clone(),
         shots,
         points,
+        tracks: Tracks::default(),
         points_file: Some(path),
         images: None,
         reference: part.reference_lla,

@@ -45,7 +45,7 @@ pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
 }
 
 /// Whether a point is before a camera and inside its picture, with something in between or not.
-pub(super) fn in_view(camera: &Camera, point: [f64; 3]) -> bool {
+pub(crate) fn in_view(camera: &Camera, point: [f64; 3]) -> bool {
     let c = camera.center();
     // About the centre: geo-referenced coordinates would cancel.
     let at: [f64; 3] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum());

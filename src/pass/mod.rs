@@ -40,6 +40,7 @@ pub mod radix;
 pub mod scan;
 mod shaders;
 pub mod slot_sum;
+pub mod stereo;
 pub mod subgroup_probe;
 pub mod tile_ranges;
 
@@ -156,6 +157,12 @@ pub const ALL: &[&Pass] = &[
     &scan::SPINE,
     &scan::SPINE_EMULATED,
     &slot_sum::PASS,
+    &stereo::BLOCKS,
+    &stereo::FILTER,
+    &stereo::SWEEP_3,
+    &stereo::SWEEP_4,
+    &stereo::SWEEP_5,
+    &stereo::SWEEP_6,
     &subgroup_probe::EMULATED,
     &subgroup_probe::SUBGROUP,
     &tile_ranges::PASS,

@@ -44,6 +44,7 @@ pub mod scan;
 pub mod sh;
 pub mod slot_sum;
 pub mod splat;
+pub mod stereo;
 pub mod subgroup_probe;
 pub mod tile;
 pub mod tile_ranges;

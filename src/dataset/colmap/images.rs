@@ -10,6 +10,8 @@ use crate::format::{At, Error as FileError};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pose {
     pub(crate) name: String,
+    /// COLMAP's number of the image.
+    pub(crate) number: u32,
     pub(crate) camera: u32,
     /// Rotation from the dataset's axes to the camera's, row-major.
     pub(crate) rotation: [[f64; 3]; 3],
@@ -24,7 +26,7 @@ pub(crate) struct Pose {
 pub(crate) fn read_binary(file: &Path) -> Result<Vec<Pose>, FileError> {
     binary_records(file, "images", 4 + 7 * 8 + 4 + 1 + 8, |source, i| {
         let start = source.at();
-        source.u32(format_args!("number of image {i}"))?;
+        let number = source.u32(format_args!("number of image {i}"))?;
         let mut values = [0.0; 7];
         for (k, value) in values.iter_mut().enumerate() {
             *value = source.f64(format_args!("{} of image {i}", VALUES[k]))?;
@@ -37,7 +39,7 @@ pub(crate) fn read_binary(file: &Path) -> Result<Vec<Pose>, FileError> {
         }
         let keypoints = source.count(24, format_args!("number of keypoints of image '{name}'"))?;
         source.skip(24 * keypoints as u64, format_args!("keypoints of image '{name}'"))?;
-        pose(file, At::Byte(start), name, camera, values)
+        pose(file, At::Byte(start), name, [number, camera], values)
     })
 }
 
@@ -47,7 +49,7 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<Pose>, FileError> {
     let mut i = 0;
     let first = |mut line: Line<'_>| {
         let at = line.at();
-        line.value::<u32>(format_args!("number of image {i}"))?;
+        let number = line.value(format_args!("number of image {i}"))?;
         let mut values = [0.0; 7];
         for (k, value) in values.iter_mut().enumerate() {
             *value = line.f64(format_args!("{} of image {i}", VALUES[k]))?;
@@ -59,7 +61,7 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<Pose>, FileError> {
             return Err(line.error(format_args!("name of image {i}"), "is missing"));
         }
         i += 1;
-        pose(file, at, name, camera, values)
+        pose(file, at, name, [number, camera], values)
     };
     text_records(file, "images", first, Some(keypoints))
 }
@@ -73,7 +75,7 @@ fn keypoints(line: Line<'_>) -> Result<(), FileError> {
 
 const VALUES: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 
-fn pose(file: &Path, at: At, name: String, camera: u32, v: [f64; 7]) -> Result<Pose, FileError> {
+fn pose(file: &Path, at: At, name: String, [number, camera]: [u32; 2], v: [f64; 7]) -> Result<Pose, FileError> {
     let length = v[..4].iter().map(|q| q * q).sum::<f64>().sqrt();
     if !(length.is_finite() && length > 1e-6) {
         return Err(wrong(file, at, format_args!("rotation of image '{name}'"), "the quaternion is zero"));
@@ -84,5 +86,5 @@ fn pose(file: &Path, at: At, name: String, camera: u32, v: [f64; 7]) -> Result<P
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ];
-    Ok(Pose { name, camera, rotation, translation: [v[4], v[5], v[6]], at })
+    Ok(Pose { name, number, camera, rotation, translation: [v[4], v[5], v[6]], at })
 }

@@ -1,15 +1,16 @@
 //! COLMAP's sparse model, binary and text.
 //!
 //! The layout is that of COLMAP's documentation ("Output format"). Only what training needs is kept: cameras, poses, and the
-//! points with their colours; the 2D keypoints are checked for being there and passed over.
+//! points with their colours and the images that observe them; the 2D keypoints are checked for being there and passed over.
 
 mod cameras;
 mod images;
 mod points;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
+use super::Tracks;
 use super::error::Error;
 use super::lens::Lens;
 use super::model::{Format, Model, Shot};
@@ -61,8 +62,13 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         let points = files.points.as_deref().map(points::read_text).transpose()?;
         (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?, points)
     };
+    let mut poses = poses;
+    poses.sort_by(|a, b| a.name.cmp(&b.name));
+    let places: HashMap<u32, u32> = poses.iter().zip(0..).map(|(pose, place)| (pose.number, place)).collect();
     let mut points = points.unwrap_or_default();
-    points.sort_by_key(|p| p.id);
+    points.sort_by_key(|(p, _)| p.id);
+    let (points, observers): (Vec<Point>, Vec<Vec<u32>>) = points.into_iter().unzip();
+    let known = |numbers: Vec<u32>| numbers.iter().filter_map(|number| places.get(number).copied()).collect();
     let mut lenses = BTreeMap::new();
     let shots = poses.into_iter().map(|pose| shot(&files, &cameras, &mut lenses, pose));
     Ok(Model {
@@ -70,6 +76,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         shots: shots.collect::<Result<_, Error>>()?,
         file: files.images,
         points,
+        tracks: Tracks::new(observers.into_iter().map(known)),
         points_file: files.points,
         images: None,
         reference: None,

@@ -22,9 +22,9 @@ pub struct Point {
 
 const VALUES: [&str; 3] = ["x", "y", "z"];
 
-/// Reads `points3D.bin`: per point u64 number, f64 position, u8 colour, f64 error, u64 track length and 8 bytes per
+/// Reads `points3D.bin`, points and the numbers of the images that observe each: per point u64 number, f64 position, u8 colour, f64 error, u64 track length and 8 bytes per
 /// observation.
-pub(crate) fn read_binary(file: &Path) -> Result<Vec<Point>, FileError> {
+pub(crate) fn read_binary(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
     binary_records(file, "points", 8 + 24 + 3 + 8 + 8, |source, i| {
         let id = source.u64(format_args!("number of point {i}"))?;
         let mut position = [0.0; 3];
@@ -35,13 +35,14 @@ pub(crate) fn read_binary(file: &Path) -> Result<Vec<Point>, FileError> {
         // Some exporters have no error to give and write NaN: it decides nothing here.
         let error = source.array(format_args!("error of point {id}")).map(f64::from_le_bytes)?;
         let track = source.count(8, format_args!("track length of point {id}"))? as u64;
-        source.skip(8 * track, format_args!("track of point {id}"))?;
-        Ok(Point { id, position, color, error, track })
+        let bytes = source.bytes(8 * track, format_args!("track of point {id}"))?;
+        let observers = bytes.chunks_exact(8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        Ok((Point { id, position, color, error, track }, observers))
     })
 }
 
-/// Reads `points3D.txt`: per line number, position, colour, error and two numbers per observation.
-pub(crate) fn read_text(file: &Path) -> Result<Vec<Point>, FileError> {
+/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation.
+pub(crate) fn read_text(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
     let mut i = 0;
     text_records(
         file,
@@ -62,7 +63,14 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<Point>, FileError> {
             if left % 2 != 0 {
                 return Err(line.error(format_args!("track of point {id}"), "has an odd number of values"));
             }
-            Ok(Point { id, position, color, error, track: left as u64 / 2 })
+            let track = left as u64 / 2;
+            let mut observers = Vec::new();
+            for _ in 0..track {
+                // What is no number names no image.
+                observers.extend(line.word(format_args!("track of point {id}"))?.parse::<u32>());
+                line.word(format_args!("track of point {id}"))?;
+            }
+            Ok((Point { id, position, color, error, track }, observers))
         },
         None,
     )

@@ -1,0 +1,108 @@
+//! One cloud from the depths of all views.
+
+use glam::DVec3;
+
+use super::links::{Link, intrinsics, rotation};
+use super::{Prior, Settings, View};
+
+/// Largest angle between the normals of pixels that become one point, degrees.
+const SAME_DIRECTION: f64 = 30.0;
+
+/// A point of the fused cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FusedPoint {
+    /// In the views' coordinates.
+    pub position: [f64; 3],
+    /// Unit normal in the axes of the views' coordinates.
+    pub normal: [f32; 3],
+    /// 8-bit colour; grey where the views have none.
+    pub color: [u8; 3],
+    /// Pixels that it was made of.
+    pub pixels: u32,
+}
+
+/// A pixel in space.
+struct Lifted {
+    position: DVec3,
+    normal: DVec3,
+    color: [f64; 3],
+}
+
+/// Makes one point of pixels of different views that show the same place: by the rules that views agree by, and by their normals. Each
+/// pixel is used once.
+pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedPoint> {
+    let mut used: Vec<Vec<bool>> = priors.iter().map(|prior| vec![false; prior.depth.len()]).collect();
+    let mut points = Vec::new();
+    for (i, (view, prior)) in views.iter().zip(priors).enumerate() {
+        let links: Vec<(usize, Link)> =
+            view.sources.iter().map(|&s| (s, Link::new(&view.camera, &views[s].camera))).collect();
+        for pixel in 0..prior.depth.len() {
+            if used[i][pixel] || prior.depth[pixel] <= 0.0 {
+                continue;
+            }
+            used[i][pixel] = true;
+            let first = lifted(view, prior, pixel);
+            let mut group = vec![];
+            let (u, v) = middle(prior, pixel);
+            let z = f64::from(prior.depth[pixel]);
+            for (source, link) in &links {
+                let Some((place, depth)) = seen_at(link, [u, v], z, &priors[*source]) else { continue };
+                if used[*source][place] {
+                    continue;
+                }
+                let there = f64::from(priors[*source].depth[place]);
+                if there <= 0.0 || (there / depth - 1.0).abs() >= f64::from(settings.agree_depth) {
+                    continue;
+                }
+                let other = lifted(&views[*source], &priors[*source], place);
+                if other.normal.dot(first.normal) < SAME_DIRECTION.to_radians().cos() {
+                    continue;
+                }
+                used[*source][place] = true;
+                group.push(other);
+            }
+            group.push(first);
+            points.push(merged(&group));
+        }
+    }
+    points
+}
+
+fn middle(prior: &Prior, pixel: usize) -> (f64, f64) {
+    let (x, y) = (pixel % prior.width as usize, pixel / prior.width as usize);
+    (x as f64 + 0.5, y as f64 + 0.5)
+}
+
+/// The pixel of another view in which a pixel at a depth lies, and its depth there.
+fn seen_at(link: &Link, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Option<(usize, f64)> {
+    let h = link.applied(u, v, 1.0 / depth);
+    let (x, y) = (h.x / h.z, h.y / h.z);
+    let inside = h.z > 0.0 && x >= 0.0 && y >= 0.0 && x < f64::from(other.width) && y < f64::from(other.height);
+    inside.then(|| (y as usize * other.width as usize + x as usize, h.z * depth))
+}
+
+fn lifted(view: &View, prior: &Prior, pixel: usize) -> Lifted {
+    let camera = &view.camera;
+    let (u, v) = middle(prior, pixel);
+    let back = rotation(camera).transpose();
+    let ray = intrinsics(camera).inverse() * DVec3::new(u, v, 1.0);
+    Lifted {
+        position: DVec3::from_array(camera.center()) + back * (ray * f64::from(prior.depth[pixel])),
+        normal: back * DVec3::from_array(prior.normals[pixel].map(f64::from)),
+        color: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from),
+    }
+}
+
+fn merged(group: &[Lifted]) -> FusedPoint {
+    let share = 1.0 / group.len() as f64;
+    let mean = |of: &dyn Fn(&Lifted) -> DVec3| group.iter().map(of).sum::<DVec3>() * share;
+    // About the first: large coordinates keep their digits.
+    let origin = group[0].position;
+    let position = origin + mean(&|p| p.position - origin);
+    FusedPoint {
+        position: position.to_array(),
+        normal: mean(&|p| p.normal).normalize_or_zero().as_vec3().to_array(),
+        color: mean(&|p| DVec3::from_array(p.color)).to_array().map(|c| c.round() as u8),
+        pixels: group.len() as u32,
+    }
+}

@@ -1,0 +1,176 @@
+//! What stereo is asked for, and what that costs.
+
+use super::Error;
+use crate::pass::stereo::{ARMS, MOST_SOURCES};
+
+/// How stereo works. The defaults are for photographs of any kind, at a size where a pass over a scene takes a small part of a training.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Photographs are reduced until their longer side has at most this many pixels.
+    pub max_side: u32,
+    /// Views that a view is compared with, at most 4.
+    pub sources: u32,
+    /// How many of them count at a hypothesis: those that agree best, so that what hides a place from some does no harm.
+    pub best: u32,
+    /// Sweeps over all pixels.
+    pub iterations: u32,
+    /// Taps along a side of the window: 3, 4, 5 or 6.
+    pub taps: u32,
+    /// Pixels between taps.
+    pub step: u32,
+    /// Random hypotheses of a pixel at the beginning, beside the one it is given.
+    pub first_draws: u32,
+    /// Random changes of a pixel's hypothesis in a sweep.
+    pub draws: u32,
+    /// Largest random change in the first sweep, in pixels of parallax; halved in each further one.
+    pub amplitude: f32,
+    /// Standard deviation of the window's weight over distance, in units of its reach.
+    pub sigma_distance: f32,
+    /// Standard deviation of the window's weight over difference of luma, which goes from 0 to 1.
+    pub sigma_luma: f32,
+    /// Largest angle between a surface's normal and the ray, degrees.
+    pub most_slanted: f32,
+    /// Least NCC of what is kept.
+    pub least_ncc: f32,
+    /// Distance in pixels that a point may have after the way to a source and back.
+    pub agree_pixels: f32,
+    /// Relative difference of depths that sources may have.
+    pub agree_depth: f32,
+    /// Sources that must agree; one is enough where there are one or two.
+    pub agree_sources: u32,
+    /// Seed of random draws.
+    pub seed: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            max_side: 160,
+            sources: 4,
+            best: 2,
+            iterations: 4,
+            taps: 5,
+            step: 1,
+            first_draws: 2,
+            draws: 3,
+            amplitude: 1.0,
+            sigma_distance: 1.0,
+            sigma_luma: 0.2,
+            most_slanted: 80.0,
+            least_ncc: 0.5,
+            agree_pixels: 2.0,
+            agree_depth: 0.01,
+            agree_sources: 2,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether every value makes sense.
+    pub fn check(&self) -> Result<(), Error> {
+        let wrong = |name, value: String, allowed| Err(Error::Setting { name, value, allowed });
+        let positive = |v: f32| v.is_finite() && v > 0.0;
+        if self.max_side < 16 {
+            return wrong("max_side", self.max_side.to_string(), "16 or more");
+        }
+        if !(1..=MOST_SOURCES as u32).contains(&self.sources) {
+            return wrong("sources", self.sources.to_string(), "from 1 to 4");
+        }
+        if !(1..=MOST_SOURCES as u32).contains(&self.best) {
+            return wrong("best", self.best.to_string(), "from 1 to 4");
+        }
+        if self.iterations > 64 {
+            return wrong("iterations", self.iterations.to_string(), "at most 64");
+        }
+        if !(3..=6).contains(&self.taps) {
+            return wrong("taps", self.taps.to_string(), "3, 4, 5 or 6");
+        }
+        if !(1..=8).contains(&self.step) {
+            return wrong("step", self.step.to_string(), "from 1 to 8");
+        }
+        if (self.taps * self.step) % 2 == 0 && self.taps % 2 == 0 && self.step % 2 == 1 {
+            return wrong("step", self.step.to_string(), "even where taps are");
+        }
+        if self.draws > 64 || self.first_draws > 64 {
+            return wrong("draws", self.draws.max(self.first_draws).to_string(), "at most 64");
+        }
+        for (name, value) in [
+            ("amplitude", self.amplitude),
+            ("sigma_distance", self.sigma_distance),
+            ("sigma_luma", self.sigma_luma),
+            ("agree_pixels", self.agree_pixels),
+            ("agree_depth", self.agree_depth),
+        ] {
+            if !positive(value) {
+                return wrong(name, value.to_string(), "above 0");
+            }
+        }
+        if !(self.most_slanted > 0.0 && self.most_slanted < 90.0) {
+            return wrong("most_slanted", self.most_slanted.to_string(), "between 0 and 90 degrees");
+        }
+        if !(-1.0..=1.0).contains(&self.least_ncc) {
+            return wrong("least_ncc", self.least_ncc.to_string(), "from -1 to 1");
+        }
+        Ok(())
+    }
+
+    /// Pixels from the middle of a window to its outermost taps.
+    pub fn reach(&self) -> u32 {
+        (self.taps - 1) * self.step / 2
+    }
+
+    /// Samples of sources that a pixel takes.
+    pub fn samples_per_pixel(&self, sources: u32) -> u64 {
+        let hypotheses = 1 + self.first_draws + self.iterations * (ARMS + self.draws);
+        u64::from(hypotheses) * u64::from(sources.min(self.sources)) * u64::from(self.taps * self.taps)
+    }
+
+    /// Width and height that photographs of a size are reduced to.
+    pub fn size(&self, width: u32, height: u32) -> (u32, u32) {
+        let longer = width.max(height);
+        if longer <= self.max_side {
+            return (width, height);
+        }
+        let side = |v: u32| (u64::from(v) * u64::from(self.max_side)).div_ceil(u64::from(longer)).max(1) as u32;
+        (side(width), side(height))
+    }
+}
+
+/// What stereo may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Samples of sources over all views, see [`Budget::samples`].
+    pub samples: f64,
+}
+
+impl Budget {
+    /// Samples that views of this size (of the photographs) take with these settings.
+    pub fn samples(settings: &Settings, views: usize, width: u32, height: u32) -> f64 {
+        let (width, height) = settings.size(width, height);
+        views as f64 * f64::from(width) * f64::from(height) * settings.samples_per_pixel(settings.sources) as f64
+    }
+
+    /// The settings made cheaper until they fit, or as cheap as they get: first the picture down to `least_side`, then sweeps down to
+    /// 2, then sources down to 2, then the picture again.
+    pub fn fitting(self, settings: &Settings, least_side: u32, views: usize, width: u32, height: u32) -> Settings {
+        let mut out = settings.clone();
+        let over = |s: &Settings| Self::samples(s, views, width, height) > self.samples;
+        let reduced = |s: &mut Settings, least: u32| {
+            while over(s) && s.max_side > least {
+                s.max_side = (s.max_side * 15 / 16).max(least);
+            }
+        };
+        out.max_side = out.max_side.min(width.max(height)).max(16);
+        reduced(&mut out, least_side.max(16));
+        while over(&out) && out.iterations > 2 {
+            out.iterations -= 1;
+        }
+        while over(&out) && out.sources > 2 {
+            out.sources -= 1;
+        }
+        reduced(&mut out, 16);
+        out
+    }
+}

@@ -1,0 +1,54 @@
+//! Twins of `glsl/stereo_*.comp`.
+
+mod filter;
+mod sweep;
+mod window;
+
+pub use filter::{Agreement, agreement};
+pub use sweep::{Sweep, candidates, possible};
+pub use window::{Window, sample};
+
+use super::TwinCall;
+use crate::pass::stereo::{BlocksPush, FilterPush, SweepPush};
+
+/// Every pixel with its neighbours to the right and below.
+pub fn blocks<T: Copy>(width: u32, height: u32, luma: &[T]) -> Vec<[T; 4]> {
+    let at = |x: u32, y: u32| luma[(y.min(height - 1) * width + x.min(width - 1)) as usize];
+    (0..width * height)
+        .map(|p| (p % width, p / width))
+        .map(|(x, y)| [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)])
+        .collect()
+}
+
+/// Adapter over raw buffers.
+pub fn run_blocks(call: &mut TwinCall<'_>) {
+    let push: BlocksPush = call.push();
+    let (luma, mut rows) = (call.get::<f32>(0), call.get::<[f32; 4]>(1));
+    let made = blocks(push.width, push.height, &luma);
+    rows[push.first as usize..][..made.len()].copy_from_slice(&made);
+    call.set(1, &rows);
+}
+
+/// Adapter over raw buffers; `SIDE` taps are along a side of the window.
+pub fn run_sweep<const SIDE: u32>(call: &mut TwinCall<'_>) {
+    let push: SweepPush = call.push();
+    let (blocks, links, pixels) = (call.get::<[f32; 4]>(0), call.get::<[f32; 4]>(1), call.get::<u32>(2));
+    let mut planes = call.get::<[f32; 4]>(3);
+    let sweep = Sweep { push: &push, side: SIDE, step: call.constants[0], blocks: &blocks, links: &links };
+    let list = &pixels[push.first as usize..][..push.count as usize];
+    // A pixel looks only at others that are not of the call.
+    let results: Vec<[f32; 4]> = list.iter().map(|&pixel| sweep.pixel(&planes, pixel)).collect();
+    for (&pixel, result) in list.iter().zip(results) {
+        planes[pixel as usize] = result;
+    }
+    call.set(3, &planes);
+}
+
+/// Adapter over raw buffers.
+pub fn run_filter(call: &mut TwinCall<'_>) {
+    let push: FilterPush = call.push();
+    let (planes, links) = (call.get::<[f32; 4]>(0), call.get::<[f32; 4]>(1));
+    let confidence: Vec<f32> =
+        (0..push.width * push.height).map(|pixel| agreement(&push, &planes, &links, pixel).confidence).collect();
+    call.set(2, &confidence);
+}

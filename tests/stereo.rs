@@ -1,0 +1,15 @@
+//! Multi-view stereo: on planes of known depth, with input of which nothing can be made, and as a command.
+
+#![allow(unreachable_pub)]
+
+#[path = "common/mod.rs"]
+mod common;
+
+#[path = "stereo/degenerate.rs"]
+mod degenerate;
+#[path = "stereo/planes.rs"]
+mod planes;
+#[path = "stereo/site.rs"]
+mod site;
+#[path = "stereo/sources.rs"]
+mod sources;

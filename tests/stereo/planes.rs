@@ -1,0 +1,112 @@
+//! Depth and normals of planes.
+
+use glam::DVec3;
+use psrgs_vk::stereo::{Matcher, Prior, Settings};
+
+use super::common;
+use super::site::{Sheet, Truth, cross, views};
+
+/// Settings for the pictures of these tests.
+fn settings() -> Settings {
+    Settings { max_side: 1000, iterations: 5, first_draws: 8, ..Settings::default() }
+}
+
+#[derive(Debug, Default)]
+struct Score {
+    /// Mean relative error of the depth where there is one.
+    error: f64,
+    /// Share of the pixels that have one.
+    valid: f64,
+    /// Mean angle between normals, degrees.
+    degrees: f64,
+}
+
+/// Compares in the pixels that `counts`.
+fn score(prior: &Prior, truth: &Truth, counts: impl Fn(usize) -> bool) -> Score {
+    let pixels: Vec<usize> = (0..prior.depth.len()).filter(|p| counts(*p)).collect();
+    let known: Vec<usize> = pixels.iter().copied().filter(|p| prior.depth[*p] > 0.0).collect();
+    let mean = |of: &dyn Fn(usize) -> f64| known.iter().map(|p| of(*p)).sum::<f64>() / known.len().max(1) as f64;
+    let normal = |p: usize| DVec3::from_array(prior.normals[p].map(f64::from));
+    Score {
+        error: mean(&|p| (f64::from(prior.depth[p]) / truth.depth[p] - 1.0).abs()),
+        valid: known.len() as f64 / pixels.len().max(1) as f64,
+        degrees: mean(&|p| normal(p).angle_between(truth.normals[p]).to_degrees()),
+    }
+}
+
+fn not_at_the_edge(width: u32, height: u32, margin: u32) -> impl Fn(usize) -> bool {
+    move |p| {
+        let (x, y) = (p as u32 % width, p as u32 / width);
+        x >= margin && y >= margin && x + margin < width && y + margin < height
+    }
+}
+
+#[test]
+fn a_plane_that_faces_the_cameras_has_its_depth() {
+    let Some(gpu) = common::gpu() else { return };
+    let sheets = [Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 3.0))];
+    let (views, truths) = views(&sheets, &cross(0.35, 96, 72), [1.5, 6.0]);
+    let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
+    for (prior, truth) in priors.iter().zip(&truths) {
+        let score = score(prior, truth, not_at_the_edge(96, 72, 3));
+        println!("{score:?}");
+        assert!(score.error < 0.005 && score.valid > 0.8 && score.degrees < 5.0, "{score:?}");
+    }
+}
+
+#[test]
+fn slanted_planes_have_their_depth_and_their_normals() {
+    let Some(gpu) = common::gpu() else { return };
+    for normal in [DVec3::new(0.5, 0.0, -1.0), DVec3::new(0.0, -0.9, -1.0), DVec3::new(-0.3, 0.4, -1.0)] {
+        let sheets = [Sheet::plane(normal, DVec3::new(0.0, 0.0, 3.0))];
+        let (views, truths) = views(&sheets, &cross(0.35, 96, 72), [1.0, 9.0]);
+        let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
+        let score = score(&priors[0], &truths[0], not_at_the_edge(96, 72, 3));
+        println!("{normal}: {score:?}");
+        assert!(score.error < 0.005 && score.valid > 0.8 && score.degrees < 5.0, "{normal}: {score:?}");
+    }
+}
+
+/// Beside the edge of something in front, places are hidden from some views: what is left there has to be right, and what only the
+/// reference sees has to go.
+#[test]
+fn what_others_do_not_see_is_removed() {
+    let Some(gpu) = common::gpu() else { return };
+    let sheets = [
+        Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 3.0)),
+        Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 2.0)).within([-1e9, 0.05, -1e9, 1e9]),
+    ];
+    // Along x alone: the band beside the edge is hidden from every camera on the left of the one that sees it.
+    let cameras: Vec<_> =
+        [0.0, -0.15, -0.3, -0.45, -0.6].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 96, 72)).to_vec();
+    let (views, truths) = views(&sheets, &cameras, [1.0, 6.0]);
+    let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
+    let (prior, truth, camera) = (&priors[0], &truths[0], &views[0].camera);
+    // What the nearest source sees of the background at a row begins at the edge as it sees it.
+    let edge_in = |c: &psrgs_vk::scene::Camera| {
+        let from = c.center()[0];
+        let at_background = from + (0.05 - from) * 3.0 / 2.0;
+        camera.fx * (at_background - camera.center()[0]) / 3.0 + camera.cx
+    };
+    let own_edge = edge_in(camera);
+    let (second, last) = (edge_in(&cameras[2]), edge_in(&cameras[4]));
+    let column = |p: usize| (p % 96) as f64 + 0.5;
+    let inside = not_at_the_edge(96, 72, 3);
+    // Only one source or none sees it, and two have to agree.
+    let hidden = |p: usize| inside(p) && column(p) > own_edge + 1.0 && column(p) < second - 1.0;
+    let seen_by_all = |p: usize| inside(p) && column(p) > last + 2.0;
+    assert!((0..prior.depth.len()).filter(|p| hidden(*p)).count() > 300, "{own_edge} {second}");
+    let (hidden, seen) = (score(prior, truth, hidden), score(prior, truth, seen_by_all));
+    println!("hidden {hidden:?}, seen {seen:?}");
+    assert!(hidden.valid < 0.1, "{hidden:?}");
+    assert!(seen.valid > 0.8 && seen.error < 0.005, "{seen:?}");
+}
+
+#[test]
+fn equal_inputs_give_equal_bits() {
+    let Some(gpu) = common::gpu() else { return };
+    let sheets = [Sheet::plane(DVec3::new(0.2, 0.1, -1.0), DVec3::new(0.0, 0.0, 3.0))];
+    let (views, _) = views(&sheets, &cross(0.3, 40, 30)[..3], [1.5, 6.0]);
+    let run = || Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
+    assert_eq!(run(), run());
+}
