@@ -10,7 +10,7 @@
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Planes { vec4 planes[]; };  // slot 0: reference; slot s + 1: source s
 layout(set = 0, binding = 1) readonly buffer Links { vec4 links[]; };
-layout(set = 0, binding = 2) writeonly buffer Confidence { float confidence[]; };
+layout(set = 0, binding = 2) writeonly buffer Kept { vec4 kept[]; };  // hypothesis and confidence; zeros where it is not kept
 layout(push_constant) uniform Push {
     uint width;
     uint height;
@@ -54,7 +54,8 @@ void main() {
         const bool close = dot(apart, apart) < push.pixels * push.pixels && abs(ratio - 1.0) < push.depth && back.z > 0.0;
         agree += seen && close && other.w > 0.0 && d > 0.0 ? 1u : 0u;
     }
-    const bool kept = plane.x > 0.0 && plane.w > 0.0 && plane.w >= push.score && agree >= push.needed;
+    const bool stays = plane.x > 0.0 && plane.w > 0.0 && plane.w >= push.score && agree >= push.needed;
     const float share = float(agree) / float(max(push.sources, 1u));
-    confidence[pixel] = kept ? clamp(plane.w - 1.0, 0.0, 1.0) * share : 0.0;
+    const float confidence = clamp(plane.w - 1.0, 0.0, 1.0) * share;
+    kept[pixel] = stays && confidence > 0.0 ? vec4(plane.xyz, confidence) : vec4(0.0);
 }

@@ -15,7 +15,8 @@ const int REACH = int((SIDE - 1u) * STEP / 2u);
 // Variance of luma (from 0 to 1) that 8-bit steps alone can make; below it a window says nothing.
 const float LEAST_VARIANCE = 4e-6;
 
-// What does not depend on hypotheses: weights that sum to 1, and the same times the reference's deviations in units of their root mean square.
+// What does not depend on hypotheses: weights that sum to 1, and the same times the reference's deviations in units of their root mean
+// square.
 float weights[TAPS];
 float pattern[TAPS];
 float pivot;

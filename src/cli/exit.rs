@@ -6,7 +6,7 @@ use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{bench, dataset, format, perceptual, train, vk};
+use psrgs_vk::{bench, dataset, format, perceptual, stereo, train, vk};
 
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
@@ -96,6 +96,14 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if let Some(saliency) = cause.downcast_ref::<saliency::Error>() {
         return Some(if matches!(saliency, saliency::Error::Setting { .. }) { USAGE } else { INPUT });
+    }
+    if let Some(stereo) = cause.downcast_ref::<stereo::Error>() {
+        return Some(match stereo {
+            stereo::Error::Device(device) => of_device(device),
+            stereo::Error::Dataset(data) => of_dataset(data),
+            stereo::Error::Setting { .. } => USAGE,
+            _ => FAILURE,
+        });
     }
     if cause.is::<GeometryError>() {
         return Some(INPUT);

@@ -24,6 +24,7 @@ mod render;
 mod run_folder;
 mod saliency;
 mod score_size;
+mod stereo;
 mod train;
 mod train_run;
 mod weights;
@@ -68,6 +69,7 @@ enum Command {
     Bench(bench::Args),
     Check(check::Args),
     Saliency(saliency::Args),
+    Stereo(stereo::Args),
     Info(info::Args),
     Passes(passes::Args),
     Weights(weights::Args),
@@ -109,6 +111,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),
         Command::Saliency(args) => saliency::run(args, console),
+        Command::Stereo(args) => stereo::run(args, console, started),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
         Command::Weights(args) => weights::run(args),

@@ -12,6 +12,7 @@
 //!
 //! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
 
+mod cloud;
 mod columns;
 mod header;
 mod mesh;
@@ -23,7 +24,7 @@ use std::path::Path;
 use super::Error;
 use crate::scene::{Frame, Gaussians, Similarity};
 
-pub(crate) use columns::columns;
+pub use cloud::{Cloud, Content, read_content};
 pub use mesh::Mesh;
 pub use read::read;
 pub use write::write;

@@ -159,6 +159,7 @@ pub const ALL: &[&Pass] = &[
     &slot_sum::PASS,
     &stereo::BLOCKS,
     &stereo::FILTER,
+    &stereo::REFIT,
     &stereo::SWEEP_3,
     &stereo::SWEEP_4,
     &stereo::SWEEP_5,

@@ -102,6 +102,20 @@ crate::push_constants! {
     }
 }
 
+crate::push_constants! {
+    /// Push constants of [`REFIT`].
+    pub struct RefitPush {
+        /// Width in pixels.
+        pub width: u32,
+        /// Height in pixels.
+        pub height: u32,
+        /// Pixels to each side that are looked at.
+        pub reach: u32,
+        /// Share of an inverse depth by which another may differ from the pixel's plane.
+        pub tolerance: f32,
+    }
+}
+
 /// A picture as rows of 2x2 pixels.
 pub const BLOCKS: Pass = Pass {
     kernel: Kernel {
@@ -160,7 +174,7 @@ pub const FILTER: Pass = Pass {
     kernel: Kernel {
         name: "stereo_filter",
         spirv: module("stereo_filter"),
-        bindings: &[read("planes"), read("links"), write("confidence")],
+        bindings: &[read("planes"), read("links"), write("kept")],
         push_bytes: FilterPush::BYTES,
         constants: &[],
         local_size: Some(64),
@@ -169,4 +183,20 @@ pub const FILTER: Pass = Pass {
     dispatch: "one thread per pixel",
     push: FilterPush::FIELDS,
     twin: twin::run_filter,
+};
+
+/// Planes through what was kept.
+pub const REFIT: Pass = Pass {
+    kernel: Kernel {
+        name: "stereo_refit",
+        spirv: module("stereo_refit"),
+        bindings: &[read("kept"), write("refined")],
+        push_bytes: RefitPush::BYTES,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns a pixel; a workgroup owns 64 consecutive pixels.",
+    dispatch: "one thread per pixel",
+    push: RefitPush::FIELDS,
+    twin: twin::run_refit,
 };

@@ -4,13 +4,15 @@ use super::links::{self, Link};
 use super::{Error, Prior, Settings, View};
 use crate::pass::Pass;
 use crate::pass::stereo::{
-    BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, MOST_SOURCES, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6,
-    SweepPush,
+    BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, MOST_SOURCES, REFIT, RefitPush, SWEEP_3, SWEEP_4,
+    SWEEP_5, SWEEP_6, SweepPush,
 };
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Ticket};
 
 /// Views whose work may be under way at once.
 const IN_FLIGHT: usize = 3;
+/// Pixels to each side through whose depths a plane is laid in the end.
+const REFIT_REACH: u32 = 3;
 
 /// Matches views on a device.
 pub struct Matcher {
@@ -19,6 +21,7 @@ pub struct Matcher {
     blocks: Pipeline,
     sweep: Pipeline,
     filter: Pipeline,
+    refit: Pipeline,
 }
 
 /// Memory that all views of a run share.
@@ -29,7 +32,8 @@ struct Room {
     slots: Buffer,
     links: Buffer,
     pixels: Buffer,
-    confidence: Buffer,
+    kept: Buffer,
+    refined: Buffer,
 }
 
 impl Matcher {
@@ -48,6 +52,7 @@ impl Matcher {
             blocks: gpu.pipeline(&BLOCKS.kernel, &[])?,
             sweep: gpu.pipeline(&sweep.kernel, &[("STEP", settings.step)])?,
             filter: gpu.pipeline(&FILTER.kernel, &[])?,
+            refit: gpu.pipeline(&REFIT.kernel, &[])?,
         })
     }
 
@@ -58,7 +63,7 @@ impl Matcher {
             view.check(number, views.len())?;
         }
         let Some(stride) = views.iter().map(View::pixels).max().filter(|n| *n > 0) else {
-            return Ok(views.iter().map(|view| Prior::new(&view.camera, &[], Vec::new())).collect());
+            return Ok(views.iter().map(|view| Prior::new(&view.camera, &[])).collect());
         };
         let room = self.room(stride)?;
         let (mut luma, mut planes) = (Vec::new(), Vec::new());
@@ -87,7 +92,8 @@ impl Matcher {
             slots: buffer("stereo slots", 16 * stride * (MOST_SOURCES + 1))?,
             links: buffer("stereo links", 16 * LINK_ROWS * MOST_SOURCES)?,
             pixels: buffer("stereo pixels", 4 * stride)?,
-            confidence: buffer("stereo confidence", 4 * stride)?,
+            kept: buffer("stereo kept", 16 * stride)?,
+            refined: buffer("stereo refined", 16 * stride)?,
         })
     }
 
@@ -172,7 +178,7 @@ impl Matcher {
         let sources: Vec<usize> = sources_of(view).iter().copied().filter(|s| !views[*s].sources.is_empty()).collect();
         if sources.is_empty() {
             let none = vec![[0.0; 4]; view.pixels()];
-            return Ok(Prior::new(&view.camera, &none, vec![0.0; view.pixels()]));
+            return Ok(Prior::new(&view.camera, &none));
         }
         let mut recorder = self.gpu.recorder("stereo check")?;
         for (slot, picture) in std::iter::once(number).chain(sources.iter().copied()).enumerate() {
@@ -191,12 +197,18 @@ impl Matcher {
             depth: self.settings.agree_depth,
             score: 1.0 + self.settings.least_ncc,
         };
-        let bound = [&room.slots, &room.links, &room.confidence];
-        recorder.dispatch(&self.filter, &bound, &push, Groups::Items(view.pixels() as u64))?;
+        let threads = Groups::Items(view.pixels() as u64);
+        recorder.dispatch(&self.filter, &[&room.slots, &room.links, &room.kept], &push, threads)?;
+        let push = RefitPush {
+            width: view.camera.width,
+            height: view.camera.height,
+            reach: REFIT_REACH,
+            tolerance: self.settings.agree_depth,
+        };
+        recorder.dispatch(&self.refit, &[&room.kept, &room.refined], &push, threads)?;
         recorder.submit()?;
-        let rows: Vec<[f32; 4]> = self.gpu.read(&planes[number])?;
-        let confidence: Vec<f32> = self.gpu.read_at(&room.confidence, 0, view.pixels())?;
-        Ok(Prior::new(&view.camera, &rows, confidence))
+        let rows: Vec<[f32; 4]> = self.gpu.read_at(&room.refined, 0, view.pixels())?;
+        Ok(Prior::new(&view.camera, &rows))
     }
 }
 

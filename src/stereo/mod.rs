@@ -17,6 +17,7 @@
 //! # }
 //! ```
 
+mod accuracy;
 mod error;
 mod fuse;
 mod links;
@@ -28,6 +29,7 @@ mod sources;
 mod start;
 mod view;
 
+pub use accuracy::{Accuracy, Known};
 pub use error::Error;
 pub use fuse::{FusedPoint, fuse};
 pub use matcher::Matcher;

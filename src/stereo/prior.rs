@@ -20,19 +20,19 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// From hypotheses, which count where the confidence is positive.
-    pub(super) fn new(camera: &Camera, planes: &[[f32; 4]], confidence: Vec<f32>) -> Self {
+    /// From rows of hypothesis and confidence.
+    pub(super) fn new(camera: &Camera, rows: &[[f32; 4]]) -> Self {
         let (width, height) = (camera.width, camera.height);
         let mut out = Self { width, height, ..Self::default() };
-        for (pixel, (plane, kept)) in planes.iter().zip(&confidence).enumerate() {
-            let known = *kept > 0.0 && plane[0] > 0.0;
+        for (pixel, plane) in rows.iter().enumerate() {
+            let known = plane[3] > 0.0 && plane[0] > 0.0;
             out.depth.push(if known { 1.0 / plane[0] } else { 0.0 });
+            out.confidence.push(if known { plane[3] } else { 0.0 });
             let (x, y) = (pixel as u32 % width, pixel as u32 / width);
             let middle = [f64::from(x) + 0.5, f64::from(y) + 0.5];
             let normal = if known { normal(camera, middle, [plane[0], plane[1], plane[2]]) } else { [0.0; 3] };
             out.normals.push(normal);
         }
-        out.confidence = confidence;
         out
     }
 

@@ -125,6 +125,16 @@ impl Observations {
         Self { points, views, drawn: !real }
     }
 
+    /// For each view the places in its picture and the depths of the points that it sees, of those that at least `least` views see.
+    pub fn observed_by(&self, views: &[View], least: usize) -> Vec<Vec<[f64; 3]>> {
+        let trusted = |p: &u32| self.views.get(*p as usize).is_some_and(|v| v.len() >= least);
+        let place = |view: &View, p: u32| placed(&view.camera, *self.points.get(p as usize)?);
+        let own = self.by_view(views.len());
+        let of =
+            |(view, own): (&View, Vec<u32>)| own.into_iter().filter(trusted).filter_map(|p| place(view, p)).collect();
+        views.iter().zip(own).map(of).collect()
+    }
+
     /// The points that each of so many views sees.
     fn by_view(&self, views: usize) -> Vec<Vec<u32>> {
         let mut own = vec![Vec::new(); views];

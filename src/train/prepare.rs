@@ -8,7 +8,7 @@ use super::host::HostMemory;
 use super::input::{Input, Outline, View};
 use super::settings::{self, Settings};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
-use crate::format::ply;
+use crate::format::ply::{self, Content};
 use crate::scene::{Frame, Gaussians, init};
 
 /// How a dataset is loaded for these settings.
@@ -62,10 +62,16 @@ pub fn outline(dataset: &Dataset) -> Outline {
     Outline { train: of(Role::Train), held_out: of(Role::HeldOut), extent: Frame::EXTENT as f32 }
 }
 
-/// The first model: from `--init`, or from the reconstructed points, or where there are none from random ones.
+/// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none from random ones.
 pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result<Gaussians, Error> {
     match init_file {
-        Some(file) => Ok(ply::read(file)?.in_scene(&dataset.frame)),
+        Some(file) => match ply::read_content(file)? {
+            Content::Model(model) => Ok(model.in_scene(&dataset.frame)),
+            Content::Cloud(cloud) => {
+                let points: Vec<_> = cloud.positions.into_iter().zip(cloud.colors).collect();
+                Ok(init::from_points(&points, &dataset.frame)?)
+            }
+        },
         None => {
             let points: Vec<_> = match dataset.points.as_slice() {
                 [] => dataset.random_points(seed),

@@ -78,7 +78,7 @@ fn what_others_do_not_see_is_removed() {
     ];
     // Along x alone: the band beside the edge is hidden from every camera on the left of the one that sees it.
     let cameras: Vec<_> =
-        [0.0, -0.15, -0.3, -0.45, -0.6].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 96, 72)).to_vec();
+        [0.0, -0.25, -0.5, -0.75, -1.0].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 96, 72)).to_vec();
     let (views, truths) = views(&sheets, &cameras, [1.0, 6.0]);
     let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
     let (prior, truth, camera) = (&priors[0], &truths[0], &views[0].camera);

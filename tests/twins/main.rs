@@ -96,7 +96,7 @@ cases! {
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
         "scan_add_emulated" "scan_once_subgroup" "scan_once_emulated";
     slot_sum: "slot_sum";
-    stereo: "stereo_blocks" "stereo_filter" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
+    stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
     tile_ranges: "tile_ranges";
 }

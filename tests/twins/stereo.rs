@@ -1,11 +1,12 @@
 //! Stereo: pictures for sampling to the bit; sweeps and the check of views against double precision wherever no decision hangs by a
 //! rounding.
 
-use psrgs_vk::pass::stereo::{
-    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6, SweepPush,
-};
 use psrgs_vk::pass::Pass;
-use psrgs_vk::twin::stereo::{Sweep, agreement, blocks, candidates, possible};
+use psrgs_vk::pass::stereo::{
+    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP_3, SWEEP_4, SWEEP_5,
+    SWEEP_6, SweepPush,
+};
+use psrgs_vk::twin::stereo::{Sweep, agreement, blocks, candidates, possible, refitted};
 use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, Random, bytes, garbage};
@@ -27,9 +28,8 @@ fn picture_rows(random: &mut Random, width: u32, height: u32) -> Vec<f32> {
 fn link(shift: [f32; 2], size: [u32; 2], turn: f32) -> [[f32; 4]; LINK_ROWS] {
     let [width, height] = size.map(|v| v as f32);
     let [x, y] = shift.map(|v| v * FOCAL);
-    let there = |s: f32| {
-        [[1.0, turn, s * 0.3, s * x], [-turn, 1.0, s * -0.2, s * y], [s * 1e-3, s * -5e-4, 1.0, s * 0.05]]
-    };
+    let there =
+        |s: f32| [[1.0, turn, s * 0.3, s * x], [-turn, 1.0, s * -0.2, s * y], [s * 1e-3, s * -5e-4, 1.0, s * 0.05]];
     let (a, b) = (there(1.0), there(-1.0));
     [a[0], a[1], a[2], [width, height, 0.0, 0.0], b[0], b[1], b[2]]
 }
@@ -150,8 +150,7 @@ fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u3
     let outcome = harness::run(gpu, pass, &[("STEP", step)], &buffers, &push, groups);
 
     let (blocks, links) = (wide(&made.blocks), wide(&made.links));
-    let (wide_planes, sweep) =
-        (wide(&planes), Sweep { push: &push, side, step, blocks: &blocks, links: &links });
+    let (wide_planes, sweep) = (wide(&planes), Sweep { push: &push, side, step, blocks: &blocks, links: &links });
     let name = format!("sweep of {side}x{side} taps, step {step}, flags {flags}");
     let (device, twin) = (outcome.device::<[f32; 4]>(3), outcome.twin::<[f32; 4]>(3));
     let (mut compared, mut changed) = (0, 0);
@@ -188,11 +187,12 @@ fn filter_case(gpu: &Gpu, needed: u32) {
         .iter()
         .map(|[d, gx, gy, score]| [0.5 + 0.02 * (d - 0.5), 0.1 * gx, 0.1 * gy, *score])
         .collect();
-    let push = FilterPush { width, height, stride: made.stride, sources: 3, needed, pixels: 2.0, depth: 0.03, score: 0.2 };
-    let buffers = [bytes(&planes), bytes(&made.links), garbage((width * height) as usize + 5)];
+    let push =
+        FilterPush { width, height, stride: made.stride, sources: 3, needed, pixels: 2.0, depth: 0.03, score: 0.2 };
+    let buffers = [bytes(&planes), bytes(&made.links), garbage(4 * (width * height) as usize + 5)];
     let outcome = harness::run(gpu, &FILTER, &[], &buffers, &push, (width * height).div_ceil(64));
     let (planes, links) = (wide(&planes), wide(&made.links));
-    let (device, twin) = (outcome.device::<f32>(2), outcome.twin::<f32>(2));
+    let (device, twin) = (outcome.device::<[f32; 4]>(2), outcome.twin::<[f32; 4]>(2));
     let (mut compared, mut kept) = (0, 0);
     for pixel in 0..width * height {
         let want = agreement(&push, &planes, &links, pixel);
@@ -202,12 +202,39 @@ fn filter_case(gpu: &Gpu, needed: u32) {
         compared += 1;
         kept += u32::from(want.confidence > 0.0);
         for got in [device[pixel as usize], twin[pixel as usize]] {
-            assert!((f64::from(got) - want.confidence).abs() < 1e-6, "pixel {pixel}: {got} instead of {want:?}");
+            assert!((f64::from(got[3]) - want.confidence).abs() < 1e-6, "pixel {pixel}: {got:?} instead of {want:?}");
+            let plane = if want.confidence > 0.0 { planes[pixel as usize] } else { [0.0; 4] };
+            assert!((0..3).all(|k| f64::from(got[k]) == plane[k]), "pixel {pixel}: {got:?} instead of {plane:?}");
         }
     }
     assert!(10 * compared > 9 * width * height, "only {compared} pixels could be compared");
     assert!(compared / 10 < kept && kept < compared - compared / 10, "{kept} of {compared} kept");
-    assert_eq!(outcome.device[2][4 * (width * height) as usize..], buffers[2][4 * (width * height) as usize..]);
+    assert_eq!(outcome.device[2][16 * (width * height) as usize..], buffers[2][16 * (width * height) as usize..]);
+}
+
+fn refit_case(gpu: &Gpu, width: u32, height: u32, reach: u32) {
+    let mut random = Random(u64::from(width + reach));
+    // A slope with a step in it, noise, and holes.
+    let one = |p: u32| {
+        let (x, y) = ((p % width) as f32, (p / width) as f32);
+        let step = if x + y > 20.0 { 0.1 } else { 0.0 };
+        let d = 0.5 + 0.003 * x - 0.002 * y + step + random.between(-0.002, 0.002);
+        let slopes = [0.003 + random.between(-0.001, 0.001), -0.002 + random.between(-0.001, 0.001)];
+        if random.between(0.0, 1.0) < 0.2 { [0.0; 4] } else { [d, slopes[0], slopes[1], 0.7] }
+    };
+    let kept: Vec<[f32; 4]> = (0..width * height).map(one).collect();
+    let push = RefitPush { width, height, reach, tolerance: 0.02 };
+    let buffers = [bytes(&kept), garbage(4 * (width * height) as usize + 3)];
+    let outcome = harness::run(gpu, &REFIT, &[], &buffers, &push, (width * height).div_ceil(64));
+    let wide = wide(&kept);
+    let (device, twin) = (outcome.device::<[f32; 4]>(1), outcome.twin::<[f32; 4]>(1));
+    for pixel in 0..width * height {
+        let want = refitted(&push, &wide, pixel);
+        for got in [device[pixel as usize], twin[pixel as usize]] {
+            let near = (0..4).all(|k| (f64::from(got[k]) - want[k]).abs() < 1e-6);
+            assert!(near, "reach {reach}, pixel {pixel}: {got:?} instead of {want:?}");
+        }
+    }
 }
 
 pub fn run(gpu: &Gpu) {
@@ -221,4 +248,6 @@ pub fn run(gpu: &Gpu) {
     sweep_case(gpu, &SWEEP_6, 6, 2, FLAG_START, 1);
     filter_case(gpu, 1);
     filter_case(gpu, 2);
+    refit_case(gpu, 19, 14, 3);
+    refit_case(gpu, 5, 2, 1);
 }

@@ -7,7 +7,7 @@ use crate::format::{At, Error};
 
 /// For each vertex the properties of these names, the `needed` ones first: an error when one of those is missing or not finite,
 /// `None` for one of the `others` that the file does not have.
-pub(crate) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<Vec<Vec<Option<f64>>>, Error> {
+pub(super) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<Vec<Vec<Option<f64>>>, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
     let place = |name: &&str| vertex.properties.iter().position(|p| p.name == **name);

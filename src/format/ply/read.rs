@@ -286,7 +286,7 @@ impl<'a> Rows<'a> {
 }
 
 /// Takes what this program writes into comments; other programs' comments are theirs.
-fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
+pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
     for (at, comment) in &header.comments {
         let mut words = comment.split_whitespace();
         if words.next() != Some("psrgs-vk") {

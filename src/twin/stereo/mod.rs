@@ -1,15 +1,17 @@
 //! Twins of `glsl/stereo_*.comp`.
 
 mod filter;
+mod refit;
 mod sweep;
 mod window;
 
 pub use filter::{Agreement, agreement};
+pub use refit::refitted;
 pub use sweep::{Sweep, candidates, possible};
 pub use window::{Window, sample};
 
 use super::TwinCall;
-use crate::pass::stereo::{BlocksPush, FilterPush, SweepPush};
+use crate::pass::stereo::{BlocksPush, FilterPush, RefitPush, SweepPush};
 
 /// Every pixel with its neighbours to the right and below.
 pub fn blocks<T: Copy>(width: u32, height: u32, luma: &[T]) -> Vec<[T; 4]> {
@@ -48,7 +50,19 @@ pub fn run_sweep<const SIDE: u32>(call: &mut TwinCall<'_>) {
 pub fn run_filter(call: &mut TwinCall<'_>) {
     let push: FilterPush = call.push();
     let (planes, links) = (call.get::<[f32; 4]>(0), call.get::<[f32; 4]>(1));
-    let confidence: Vec<f32> =
-        (0..push.width * push.height).map(|pixel| agreement(&push, &planes, &links, pixel).confidence).collect();
-    call.set(2, &confidence);
+    let kept: Vec<[f32; 4]> = (0..push.width * push.height)
+        .map(|pixel| match (agreement(&push, &planes, &links, pixel).confidence, planes[pixel as usize]) {
+            (confidence, [d, gx, gy, _]) if confidence > 0.0 => [d, gx, gy, confidence],
+            _ => [0.0; 4],
+        })
+        .collect();
+    call.set(2, &kept);
+}
+
+/// Adapter over raw buffers.
+pub fn run_refit(call: &mut TwinCall<'_>) {
+    let push: RefitPush = call.push();
+    let kept = call.get::<[f32; 4]>(0);
+    let refined: Vec<[f32; 4]> = (0..push.width * push.height).map(|pixel| refitted(&push, &kept, pixel)).collect();
+    call.set(1, &refined);
 }

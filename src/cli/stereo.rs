@@ -1,0 +1,236 @@
+//! `psrgs-vk stereo`: depth and normals of photographs from each other.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use indicatif::HumanCount;
+use psrgs_vk::dataset::{Dataset, Format, LoadOptions, Role, Split, View};
+use psrgs_vk::format::image_out::{read_depth, read_normals, write_depth, write_luminance, write_normals};
+use psrgs_vk::format::ply::Cloud;
+use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Scene, Settings, Start, fuse};
+use psrgs_vk::train::settings::DeviceChoice;
+
+use super::console::Console;
+use super::exit::Failure;
+use super::{device, progress};
+
+/// Points that this many views observe are what depths are compared with.
+const TRUSTED_TRACK: usize = 3;
+/// Views are named up to this many.
+const NAMED: usize = 5;
+
+/// Find depth and normals of a dataset's photographs by multi-view stereo
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  psrgs-vk stereo fox --out fox-stereo
+  psrgs-vk stereo fox --out fox-stereo --max-side 640 --iterations 6
+  psrgs-vk train fox --out fox-model --init fox-stereo/fused.ply
+
+For each photograph that is trained on: depth/NAME.exr (along the camera's axis, in the dataset's units, 0 where unknown),
+normal/NAME.exr (camera frame, towards the camera) and confidence/NAME.exr (from 0 to 1); and fused.ply, a point cloud. Compared
+with the depth of DATA/depth where that is there, else with the reconstructed points.")]
+pub(crate) struct Args {
+    /// Dataset
+    pub(crate) data: PathBuf,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "stereo")]
+    pub(crate) out: PathBuf,
+    /// Photographs are reduced until their longer side has at most this many pixels
+    #[arg(long, value_name = "PX", default_value_t = 320)]
+    pub(crate) max_side: u32,
+    /// Views that each is compared with, 1 to 4
+    #[arg(long, value_name = "N", default_value_t = Settings::default().sources)]
+    pub(crate) sources: u32,
+    /// How many of them count at a pixel, the best ones
+    #[arg(long, value_name = "N", default_value_t = Settings::default().best)]
+    pub(crate) best: u32,
+    /// Sweeps over all pixels
+    #[arg(long, value_name = "N", default_value_t = Settings::default().iterations)]
+    pub(crate) iterations: u32,
+    /// Samples along a side of the windows that are compared: 3 to 6
+    #[arg(long, value_name = "N", default_value_t = Settings::default().taps)]
+    pub(crate) window: u32,
+    /// Pixels from one sample of a window to the next
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().step)]
+    pub(crate) step: u32,
+    /// Least correlation of what is kept, -1 to 1
+    #[arg(long, value_name = "NCC", default_value_t = Settings::default().least_ncc, allow_hyphen_values = true)]
+    pub(crate) least_ncc: f32,
+    /// Sources that must agree
+    #[arg(long, value_name = "N", default_value_t = Settings::default().agree_sources)]
+    pub(crate) agree: u32,
+    /// Begin with random planes where the dataset's points could be begun with
+    #[arg(long)]
+    pub(crate) random_start: bool,
+    /// Seed of random planes
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u32,
+    /// Photographs that are left out: test, val, none, every:N or every:N:FIRST, as in `train`
+    #[arg(long, value_name = "SPLIT", default_value_t = Split::Test)]
+    pub(crate) split: Split,
+    /// Format of the dataset: colmap, nerfstudio or opensfm [default: the first of them whose files are there]
+    #[arg(long, value_name = "FORMAT")]
+    pub(crate) format: Option<Format>,
+    /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) images: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) device: DeviceChoice,
+}
+
+impl Args {
+    fn settings(&self) -> Settings {
+        let mut settings = Settings {
+            max_side: self.max_side,
+            sources: self.sources,
+            best: self.best,
+            iterations: self.iterations,
+            taps: self.window,
+            step: self.step,
+            least_ncc: self.least_ncc,
+            agree_sources: self.agree,
+            seed: self.seed,
+            ..Settings::default()
+        };
+        if self.random_start {
+            settings.first_draws = settings.first_draws.max(8);
+        }
+        settings
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
+    let settings = args.settings();
+    settings.check()?;
+    let options = LoadOptions {
+        max_side: Some(args.max_side),
+        split: args.split,
+        format: args.format,
+        images_folder: args.images.clone(),
+        ..LoadOptions::default()
+    };
+    let dataset = Dataset::load(&args.data, &options)?;
+    dataset.warnings.iter().for_each(|warning| console.warn(warning));
+    let gpu = device::open(&args.device, false, console)?;
+    let mut scene = Scene::of(&dataset, &settings, View::photograph)?;
+    if args.random_start {
+        scene.views.iter_mut().for_each(|view| view.start = Start::Random);
+    }
+    tell_skipped(&scene, console);
+    let prepared = Instant::now();
+    let matcher = Matcher::new(&gpu, &settings)?;
+    let bar = progress::counter(console, scene.views.len(), "photographs");
+    let priors = matcher.run(&scene.views, |done| bar.set_position(done as u64))?;
+    bar.finish_and_clear();
+    let matched = prepared.elapsed().as_secs_f64();
+    let cloud = fuse(&scene.views, &priors, &settings);
+    let per_pixel = u64::from(settings.sources) * settings.samples_per_pixel(1);
+    console.detail(format_args!("{per_pixel} samples per pixel with all sources"));
+    write(args, &dataset, &scene, &priors)?;
+    let frame = &dataset.frame;
+    let points = Cloud {
+        positions: cloud.iter().map(|p| frame.to_dataset(p.position)).collect(),
+        normals: cloud.iter().map(|p| p.normal).collect(),
+        colors: cloud.iter().map(|p| p.color).collect(),
+    };
+    points.write(&args.out.join("fused.ply"))?;
+
+    let views = scene.views.len() - scene.skipped.len();
+    let valid = priors.iter().map(Prior::share).sum::<f64>() / views.max(1) as f64;
+    console.say(format_args!(
+        "{views} photographs matched in {} ({:.2} s each): {:.1} % of their pixels have a depth; {} points in {}",
+        progress::duration(matched),
+        matched / views.max(1) as f64,
+        100.0 * valid,
+        HumanCount(cloud.len() as u64),
+        args.out.join("fused.ply").display()
+    ));
+    compare(&dataset, &scene, &priors, console)?;
+    console.detail(format_args!("{} in all", progress::duration(started.elapsed().as_secs_f64())));
+    Ok(())
+}
+
+fn tell_skipped(scene: &Scene, console: &Console) {
+    if let [first, ..] = scene.skipped.as_slice() {
+        let names: Vec<&str> = scene.skipped.iter().take(NAMED).map(|s| s.name.as_str()).collect();
+        let more = if scene.skipped.len() > NAMED { ", ..." } else { "" };
+        let text = match scene.skipped.len() {
+            1 => first.to_string(),
+            n => format!("{n} photographs without others that see the same from elsewhere: {}{more}", names.join(", ")),
+        };
+        console.warn(format_args!("no depth: {text}"));
+    }
+}
+
+/// Where a map of a view belongs, its folder made.
+fn map_file(out: &Path, kind: &str, name: &str) -> anyhow::Result<PathBuf> {
+    let file = out.join(kind).join(Path::new(name).with_extension("exr"));
+    if let Some(folder) = file.parent() {
+        fs::create_dir_all(folder).with_context(|| Failure::Output(folder.display().to_string()))?;
+    }
+    Ok(file)
+}
+
+fn write(args: &Args, dataset: &Dataset, scene: &Scene, priors: &[Prior]) -> anyhow::Result<()> {
+    fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
+    for ((name, view), prior) in scene.names.iter().zip(&scene.views).zip(priors) {
+        if view.sources.is_empty() {
+            continue;
+        }
+        let (width, height) = (prior.width, prior.height);
+        let depth: Vec<f32> = prior.depth.iter().map(|z| (f64::from(*z) / dataset.frame.scale) as f32).collect();
+        write_depth(&map_file(&args.out, "depth", name)?, width, height, &depth)?;
+        write_normals(&map_file(&args.out, "normal", name)?, width, height, &prior.normals)?;
+        write_luminance(&map_file(&args.out, "confidence", name)?, width, height, &prior.confidence)?;
+    }
+    Ok(())
+}
+
+/// The true depth and normals of a view, where they lie beside the dataset.
+fn known(dataset: &Dataset, name: &str) -> anyhow::Result<Option<Known>> {
+    let file = |kind: &str| dataset.path.join(kind).join(Path::new(name).with_extension("exr"));
+    if !file("depth").is_file() {
+        return Ok(None);
+    }
+    let depth = read_depth(&file("depth"))?;
+    let normals = if file("normal").is_file() { read_normals(&file("normal"))?.values } else { Vec::new() };
+    Ok(Some(Known {
+        width: depth.width,
+        height: depth.height,
+        depth: depth.values.iter().map(|z| f64::from(*z) * dataset.frame.scale).collect(),
+        normals,
+    }))
+}
+
+fn compare(dataset: &Dataset, scene: &Scene, priors: &[Prior], console: &Console) -> anyhow::Result<()> {
+    let truths = scene.names.iter().map(|name| known(dataset, name)).collect::<anyhow::Result<Vec<_>>>()?;
+    let percent = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{:.2} %", 100.0 * v));
+    if truths.iter().any(Option::is_some) {
+        let found = Accuracy::of(&scene.views, priors, &truths);
+        let normals = found.median_degrees().map_or("-".to_owned(), |v| format!("{v:.1}\u{b0}"));
+        console.say(format_args!(
+            "against the true depth: median error {}, {} of the depths within 0.5 %, {} of the pixels have one ({} of those that \
+             two sources see); normals on planes: median error {normals}",
+            percent(found.median_error()),
+            percent(found.within(0.005)),
+            percent(found.valid()),
+            percent(found.valid_where_seen()),
+        ));
+        return Ok(());
+    }
+    let chosen: Vec<usize> = dataset.views_of(Role::Train).map(|(i, _)| i).collect();
+    let seen = Observations::of(dataset, &chosen, 0);
+    let found = Accuracy::of_points(priors, &seen.observed_by(&scene.views, TRUSTED_TRACK));
+    if !seen.drawn && !dataset.tracks.is_empty() && !found.is_empty() {
+        console.say(format_args!(
+            "against points that 3 or more photographs observe: median error {}, {} of the depths within 0.5 %; {} have a depth",
+            percent(found.median_error()),
+            percent(found.within(0.005)),
+            percent(found.valid()),
+        ));
+    }
+    Ok(())
+}
