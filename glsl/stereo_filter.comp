@@ -55,7 +55,6 @@ void main() {
         agree += seen && close && other.w > 0.0 && d > 0.0 ? 1u : 0u;
     }
     const bool stays = plane.x > 0.0 && plane.w > 0.0 && plane.w >= push.score && agree >= push.needed;
-    const float share = float(agree) / float(max(push.sources, 1u));
-    const float confidence = clamp(plane.w - 1.0, 0.0, 1.0) * share;
+    const float confidence = clamp(plane.w - 1.0, 0.0, 1.0) * float(agree) / float(agree + 1u);
     kept[pixel] = stays && confidence > 0.0 ? vec4(plane.xyz, confidence) : vec4(0.0);
 }

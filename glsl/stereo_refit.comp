@@ -1,6 +1,7 @@
 #version 460
-// stereo_refit: the slopes of a window's plane are noisier than its depth. So a plane is laid through the depths that were kept around
-// each pixel, those that lie near its own plane: weights fall to 0 where inverse depths differ by `tolerance` of them.
+// stereo_refit: the slopes of a window's plane are noisier than its depth. So a plane is laid through the depths around each pixel, those
+// that lie near its own plane: weights fall to 0 where inverse depths differ by `tolerance` of them. What has no score (or, after the
+// check, no confidence) takes no part.
 // One thread owns a pixel; one workgroup owns 64 consecutive pixels.
 //! texels
 #extension GL_GOOGLE_include_directive : require

@@ -59,7 +59,10 @@ pub(crate) struct Args {
     /// Least correlation of what is kept, -1 to 1
     #[arg(long, value_name = "NCC", default_value_t = Settings::default().least_ncc, allow_hyphen_values = true)]
     pub(crate) least_ncc: f32,
-    /// Sources that must agree
+    /// Views that depths are checked against, at most 8
+    #[arg(long, value_name = "N", default_value_t = Settings::default().checks)]
+    pub(crate) checks: u32,
+    /// How many of them must agree
     #[arg(long, value_name = "N", default_value_t = Settings::default().agree_sources)]
     pub(crate) agree: u32,
     /// Begin with random planes where the dataset's points could be begun with
@@ -91,6 +94,7 @@ impl Args {
             taps: self.window,
             step: self.step,
             least_ncc: self.least_ncc,
+            checks: self.checks.max(self.sources),
             agree_sources: self.agree,
             seed: self.seed,
             ..Settings::default()

@@ -9,8 +9,10 @@ use super::{Pass, module};
 use crate::twin::stereo as twin;
 use crate::vk::{Constant, Kernel, read, read_write, write};
 
-/// Most sources of a view.
+/// Most sources that windows are compared with.
 pub const MOST_SOURCES: usize = 4;
+/// Most sources that depths are checked against.
+pub const MOST_CHECKS: usize = 8;
 /// Rows of four floats that a source has in `links`: three of (A, b), its size, three of the way back.
 pub const LINK_ROWS: usize = 7;
 /// Arms along which a sweep looks for better hypotheses.

@@ -4,15 +4,18 @@ use super::links::{self, Link};
 use super::{Error, Prior, Settings, View};
 use crate::pass::Pass;
 use crate::pass::stereo::{
-    BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, MOST_SOURCES, REFIT, RefitPush, SWEEP_3, SWEEP_4,
+    BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, REFIT, RefitPush, SWEEP_3, SWEEP_4,
     SWEEP_5, SWEEP_6, SweepPush,
 };
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Ticket};
+use crate::scene::Camera;
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 
 /// Views whose work may be under way at once.
 const IN_FLIGHT: usize = 3;
 /// Pixels to each side through whose depths a plane is laid in the end.
 const REFIT_REACH: u32 = 3;
+/// How often that is done before views are checked against each other.
+const REFITS: u32 = 2;
 
 /// Matches views on a device.
 pub struct Matcher {
@@ -89,8 +92,8 @@ impl Matcher {
         let buffer = |name: &str, bytes: usize| self.gpu.buffer(name, bytes as u64, Memory::Device);
         Ok(Room {
             stride,
-            slots: buffer("stereo slots", 16 * stride * (MOST_SOURCES + 1))?,
-            links: buffer("stereo links", 16 * LINK_ROWS * MOST_SOURCES)?,
+            slots: buffer("stereo slots", 16 * stride * (MOST_CHECKS + 1))?,
+            links: buffer("stereo links", 16 * LINK_ROWS * MOST_CHECKS)?,
             pixels: buffer("stereo pixels", 4 * stride)?,
             kept: buffer("stereo kept", 16 * stride)?,
             refined: buffer("stereo refined", 16 * stride)?,
@@ -107,7 +110,8 @@ impl Matcher {
         room: &Room,
     ) -> Result<Ticket, Error> {
         let view = &views[number];
-        let sources = sources_of(view);
+        let sources = checks_of(view);
+        let sources = &sources[..sources.len().min(self.settings.sources as usize)];
         let mut recorder = self.gpu.recorder("stereo")?;
         recorder.fill(planes, 0)?;
         if sources.is_empty() {
@@ -137,7 +141,26 @@ impl Matcher {
                 recorder.dispatch(&self.sweep, &bound, &sweep, Groups::Items(u64::from(count)))?;
             }
         }
+        for _ in 0..REFITS {
+            self.refit(&mut recorder, &view.camera, planes, &room.refined, 2.0)?;
+            recorder.copy(&room.refined, 0, planes, 0, 16 * view.pixels() as u64)?;
+        }
         Ok(recorder.submit()?)
+    }
+
+    /// Lays planes through what lies within `loose` times the tolerance of the check.
+    fn refit(
+        &self,
+        recorder: &mut Recorder,
+        camera: &Camera,
+        from: &Buffer,
+        to: &Buffer,
+        loose: f32,
+    ) -> Result<(), Error> {
+        let (width, height) = (camera.width, camera.height);
+        let push = RefitPush { width, height, reach: REFIT_REACH, tolerance: loose * self.settings.agree_depth };
+        let threads = Groups::Items(u64::from(width) * u64::from(height));
+        Ok(recorder.dispatch(&self.refit, &[from, to], &push, threads)?)
     }
 
     fn push(&self, view: &View, views: &[View], number: usize, sources: &[usize], room: &Room) -> SweepPush {
@@ -175,7 +198,7 @@ impl Matcher {
     fn checked(&self, views: &[View], number: usize, planes: &[Buffer], room: &Room) -> Result<Prior, Error> {
         let view = &views[number];
         // A source without hypotheses has nothing to say.
-        let sources: Vec<usize> = sources_of(view).iter().copied().filter(|s| !views[*s].sources.is_empty()).collect();
+        let sources: Vec<usize> = checks_of(view).iter().copied().filter(|s| !views[*s].sources.is_empty()).collect();
         if sources.is_empty() {
             let none = vec![[0.0; 4]; view.pixels()];
             return Ok(Prior::new(&view.camera, &none));
@@ -199,21 +222,15 @@ impl Matcher {
         };
         let threads = Groups::Items(view.pixels() as u64);
         recorder.dispatch(&self.filter, &[&room.slots, &room.links, &room.kept], &push, threads)?;
-        let push = RefitPush {
-            width: view.camera.width,
-            height: view.camera.height,
-            reach: REFIT_REACH,
-            tolerance: self.settings.agree_depth,
-        };
-        recorder.dispatch(&self.refit, &[&room.kept, &room.refined], &push, threads)?;
+        self.refit(&mut recorder, &view.camera, &room.kept, &room.refined, 1.0)?;
         recorder.submit()?;
         let rows: Vec<[f32; 4]> = self.gpu.read_at(&room.refined, 0, view.pixels())?;
         Ok(Prior::new(&view.camera, &rows))
     }
 }
 
-fn sources_of(view: &View) -> &[usize] {
-    &view.sources[..view.sources.len().min(MOST_SOURCES)]
+fn checks_of(view: &View) -> &[usize] {
+    &view.sources[..view.sources.len().min(MOST_CHECKS)]
 }
 
 fn link_rows(views: &[View], number: usize, sources: &[usize]) -> Vec<[f32; 4]> {

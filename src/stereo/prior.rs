@@ -15,7 +15,7 @@ pub struct Prior {
     pub depth: Vec<f32>,
     /// Unit normals in the camera frame, towards the camera; zero where nothing is known.
     pub normals: Vec<[f32; 3]>,
-    /// NCC of the best sources times the share of all sources that agree, from 0 to 1; 0 where nothing is known.
+    /// NCC of the best sources times n / (n + 1) where n views agree, from 0 to 1; 0 where nothing is known.
     pub confidence: Vec<f32>,
 }
 

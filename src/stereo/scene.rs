@@ -72,7 +72,7 @@ impl Scene {
                 camera.resized(width, height)
             })
             .collect();
-        let sources = choose_sources(&cameras, seen, settings.sources as usize);
+        let sources = choose_sources(&cameras, seen, settings.checks as usize);
         let own = seen.by_view(pictures.len());
         let views: Vec<View> = pictures
             .par_iter()

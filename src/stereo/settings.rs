@@ -1,7 +1,7 @@
 //! What stereo is asked for, and what that costs.
 
 use super::Error;
-use crate::pass::stereo::{ARMS, MOST_SOURCES};
+use crate::pass::stereo::{ARMS, MOST_CHECKS, MOST_SOURCES};
 
 /// How stereo works. The defaults are for photographs of any kind, at a size where a pass over a scene takes a small part of a training.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -37,7 +37,9 @@ pub struct Settings {
     pub agree_pixels: f32,
     /// Relative difference of depths that sources may have.
     pub agree_depth: f32,
-    /// Sources that must agree; one is enough where there are one or two.
+    /// Views that a view's depths are checked against, those that it is compared with among them, at most 8.
+    pub checks: u32,
+    /// How many of these must agree; one is enough where there are one or two.
     pub agree_sources: u32,
     /// Seed of random draws.
     pub seed: u32,
@@ -49,7 +51,7 @@ impl Default for Settings {
             max_side: 160,
             sources: 4,
             best: 2,
-            iterations: 4,
+            iterations: 3,
             taps: 5,
             step: 1,
             first_draws: 2,
@@ -61,6 +63,7 @@ impl Default for Settings {
             least_ncc: 0.5,
             agree_pixels: 2.0,
             agree_depth: 0.01,
+            checks: 8,
             agree_sources: 2,
             seed: 0,
         }
@@ -80,6 +83,9 @@ impl Settings {
         }
         if !(1..=MOST_SOURCES as u32).contains(&self.best) {
             return wrong("best", self.best.to_string(), "from 1 to 4");
+        }
+        if !(self.sources..=MOST_CHECKS as u32).contains(&self.checks) {
+            return wrong("checks", self.checks.to_string(), "from the number of sources to 8");
         }
         if self.iterations > 64 {
             return wrong("iterations", self.iterations.to_string(), "at most 64");

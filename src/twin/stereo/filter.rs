@@ -8,7 +8,7 @@ use crate::twin::Real;
 pub struct Agreement<R> {
     /// How many agree.
     pub sources: u32,
-    /// 0 where too few do, else NCC times the share of them.
+    /// 0 where too few do, else NCC times n / (n + 1) where n do.
     pub confidence: R,
     /// How far the nearest decision was from its other outcome: of distances in pixels, of depths relative, of the score.
     pub margin: R,
@@ -56,7 +56,7 @@ pub fn agreement<R: Real>(push: &FilterPush, planes: &[[R; 4]], links: &[[R; 4]]
     }
     let held = plane[0] > R::zero() && plane[3] > R::zero();
     let kept = held && plane[3] >= of(push.score) && agree >= push.needed;
-    let share = R::of(f64::from(agree)) / R::of(f64::from(push.sources.max(1)));
+    let share = R::of(f64::from(agree)) / R::of(f64::from(agree + 1));
     let ncc = (plane[3] - R::one()).max(R::zero()).min(R::one());
     Agreement { sources: agree, confidence: if kept { ncc * share } else { R::zero() }, margin }
 }
