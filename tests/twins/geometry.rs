@@ -50,15 +50,15 @@ fn view(size: [u32; 2], prior: [u32; 2], mask: Option<[u32; 2]>, edges: u32, bit
         image.push([0.5, 0.5, 0.5, transmittance]);
         let depth = surface(x, y) * random.between(0.97, 1.03);
         let normal = unit([random.between(-0.6, 0.6), random.between(-0.6, 0.6), -1.0]);
-        let size = opacity * if random.word() % 9 == 0 { 0.05 } else { random.between(0.5, 1.0) };
+        let size = opacity * if random.word().is_multiple_of(9) { 0.05 } else { random.between(0.5, 1.0) };
         aux.push([depth * opacity, normal[0] * size, normal[1] * size, normal[2] * size]);
-        let counts = random.word() % 13 != 0;
+        let counts = !random.word().is_multiple_of(13);
         masked += u32::from(!counts);
         let shade = 60.0 + 50.0 * (20.0 * x).sin() + if y > 0.5 { 80.0 } else { 0.0 };
         let level = |random: &mut Random| (shade + random.between(0.0, 9.0)) as u32;
         let [r, g, b] = std::array::from_fn(|_| level(&mut random));
         match bits {
-            16 => target.extend([r * 257 | (g * 257 + 3) << 16, b * 257 | u32::from(counts) << 16]),
+            16 => target.extend([(r * 257) | (g * 257 + 3) << 16, (b * 257) | u32::from(counts) << 16]),
             _ => target.push(r | g << 8 | b << 16 | u32::from(counts) << 24),
         }
     }
@@ -72,8 +72,8 @@ fn view(size: [u32; 2], prior: [u32; 2], mask: Option<[u32; 2]>, edges: u32, bit
             _ => surface(x, y),
         };
         let normal = unit([random.between(-0.6, 0.6), random.between(-0.6, 0.6), -1.0]);
-        let confidence = if random.word() % 7 == 0 { 0.0 } else { random.between(0.1, 1.0) };
-        pack_prior(depth, (random.word() % 6 != 0).then_some(normal), confidence)
+        let confidence = if random.word().is_multiple_of(7) { 0.0 } else { random.between(0.1, 1.0) };
+        pack_prior(depth, (!random.word().is_multiple_of(6)).then_some(normal), confidence)
     });
     let prior_words = prior_words.collect();
     let mask_size = mask.unwrap_or([0, 0]);
@@ -198,9 +198,8 @@ fn check(gpu: &Gpu, v: &View, what: &str) {
     let zeros = [&buffers[..5], &[bytes(&vec![0.0f32; 4 * pixels])], &buffers[6..]].concat();
     let second = harness::run(gpu, &passes::GRAD, &given, &zeros, &v.push, v.groups());
     let want = wanted(&v.scene());
-    for k in 0..3 {
-        assert_eq!(f64::from(totals[k]), want.totals[k], "{what}: count {k}");
-    }
+    let counts: Vec<f64> = totals[..3].iter().map(|n| f64::from(*n)).collect();
+    assert_eq!(counts, want.totals[..3], "{what}: counts");
     let got = second.device::<f32>(5);
     assert!(got.chunks(4).all(|row| row[..3] == [0.0; 3]), "{what}: the colour's gradient was touched");
     let of_transmittance: Vec<f32> = got.chunks(4).map(|row| row[3]).collect();

@@ -30,10 +30,10 @@ fn view([width, height]: [u32; 2], mask: Option<[u32; 2]>, bits: u32, variation:
         let seen: [f32; 3] = std::array::from_fn(|c| wave + 0.05 * c as f32 + random.between(-0.15, 0.15));
         let [r, g, b] = seen.map(|v| (255.0 * v).clamp(0.0, 255.0) as u32);
         image.push([seen[0] * 0.8 + random.between(0.0, 0.2), seen[1] + random.between(-0.1, 0.1), seen[2], 0.3]);
-        let counts = random.word() % 17 != 0;
+        let counts = !random.word().is_multiple_of(17);
         masked += u32::from(!counts);
         match bits {
-            16 => target.extend([r * 257 | (g * 257 + 3) << 16, b * 257 | u32::from(counts) << 16]),
+            16 => target.extend([(r * 257) | (g * 257 + 3) << 16, (b * 257) | u32::from(counts) << 16]),
             _ => target.push(r | g << 8 | b << 16 | u32::from(counts) << 24),
         }
     }
@@ -219,7 +219,7 @@ fn gradient_map_twin_gradient_is_its_derivative() {
         }
         let (h, mut moved, mut compared) = (1e-6, scene.clone(), 0);
         for k in (0..scene.image.len()).step_by(7) {
-            for c in 0..3 {
+            for (c, got) in grad[k].iter().enumerate() {
                 let mut at = |h: f64| {
                     moved.image[k][c] = scene.image[k][c] + h;
                     let value: f64 = moved.value().iter().sum();
@@ -228,7 +228,7 @@ fn gradient_map_twin_gradient_is_its_derivative() {
                 };
                 let want = (at(h) - at(-h)) / (2.0 * h);
                 compared += usize::from(want != 0.0);
-                assert!((grad[k][c] - want).abs() < 1e-8, "pixel {k} channel {c}: {} is {want}", grad[k][c]);
+                assert!((got - want).abs() < 1e-8, "pixel {k} channel {c}: {got} is {want}");
             }
         }
         assert!(compared > 300, "{compared} compared");
