@@ -16,6 +16,36 @@ pub struct Prior<'a> {
     pub median: f32,
 }
 
+/// A prior on its way to the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedPrior {
+    /// The content of [`Prior::buffer`].
+    pub words: Vec<u32>,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Median of the depths that count, in the units they were given in.
+    pub median: f32,
+}
+
+impl PackedPrior {
+    /// From rows of depths in scene units (0: none), unit normals in the camera frame (zeros: none) and confidences from 0 to 1.
+    /// `None` where no depth counts, or where there are not as many of each as pixels.
+    pub fn new(size: (u32, u32), depth: &[f32], normals: &[[f32; 3]], confidence: &[f32]) -> Option<Self> {
+        let pixels = size.0 as usize * size.1 as usize;
+        if [depth.len(), normals.len(), confidence.len()] != [pixels; 3] {
+            return None;
+        }
+        let rows = || depth.iter().zip(normals).zip(confidence);
+        let words = rows().flat_map(|((d, n), c)| geometry::pack_prior(*d, Some(*n), *c)).collect();
+        let counts = |d: f32, c: f32| d.is_finite() && d > 0.0 && c > 0.0;
+        let mut known: Vec<f32> = rows().filter(|((d, _), c)| counts(**d, **c)).map(|((d, _), _)| *d).collect();
+        let middle = known.len() / 2;
+        let median =
+            if known.is_empty() { return None } else { *known.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        Some(Self { words, size, median })
+    }
+}
+
 /// How edges of the photograph weigh the depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Edges {
@@ -138,5 +168,22 @@ impl GeometryLoss {
     /// Bytes of its buffers: 32 per pixel and a little.
     pub fn bytes(&self) -> u64 {
         [&self.depth_map, &self.parts, &self.totals, &self.grad_aux, &self.result].into_iter().map(Buffer::size).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::PackedPrior;
+
+    #[test]
+    fn priors_are_packed_with_the_median_of_what_counts() {
+        let depth = [4.0, 0.0, 2.0, f32::NAN, 9.0, 100.0];
+        let normals = [[0.0, 0.0, -1.0]; 6];
+        let confidence = [0.5, 1.0, 1.0, 1.0, 0.2, 0.0];
+        let prior = PackedPrior::new((3, 2), &depth, &normals, &confidence).unwrap();
+        assert_eq!((prior.median, prior.words.len()), (4.0, 12));
+        assert_eq!(f32::from_bits(prior.words[4]), 2.0);
+        assert_eq!(PackedPrior::new((3, 2), &depth[1..], &normals, &confidence), None);
+        assert_eq!(PackedPrior::new((3, 2), &[0.0; 6], &normals, &confidence), None);
     }
 }
