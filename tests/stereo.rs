@@ -5,6 +5,10 @@
 #[path = "common/mod.rs"]
 mod common;
 
+#[path = "stereo/command.rs"]
+mod command;
+#[path = "stereo/cost.rs"]
+mod cost;
 #[path = "stereo/degenerate.rs"]
 mod degenerate;
 #[path = "stereo/planes.rs"]

@@ -54,7 +54,7 @@ bool load_window(ivec2 at) {
     return variance >= LEAST_VARIANCE;
 }
 
-// 1 + NCC with one source, from 0 to 2; 0 where the middle of the window is outside of the source or behind it.
+// 1 + NCC with one source, from 0 to 2; negative where the middle of the window is outside of the source or behind it.
 float source_score(uint source, vec3 hypothesis, vec2 middle) {
     const uint first = source * LINK_ROWS;
     const vec4 row_x = LOAD4(links, first);
@@ -91,22 +91,27 @@ float source_score(uint source, vec3 hypothesis, vec2 middle) {
     }
     const float variance = squares - sum * sum;
     const float ncc = shared_sum * inversesqrt(max(variance, LEAST_VARIANCE));
-    return seen && variance >= LEAST_VARIANCE ? clamp(1.0 + ncc, 0.0, 2.0) : 0.0;
+    const float score = variance >= LEAST_VARIANCE ? clamp(1.0 + ncc, 0.0, 2.0) : 0.0;
+    return seen ? score : -1.0;
 }
 
-// Mean of the best scores among the sources: what one of them does not see does not count against the hypothesis.
+// Mean of the best scores among the sources that have the place in their picture: what is hidden from some of them does not count against
+// the hypothesis.
 float window_score(vec3 hypothesis, vec2 middle) {
     vec4 best = vec4(0.0);
+    uint seen = 0u;
     for (uint source = 0u; source < push.sources; ++source) {
         float score = source_score(source, hypothesis, middle);
+        seen += score >= 0.0 ? 1u : 0u;
         [[unroll]] for (uint k = 0u; k < 4u; ++k) {
             const float higher = max(best[k], score);
             score = min(best[k], score);
             best[k] = higher;
         }
     }
-    const uvec4 counted = uvec4(lessThan(uvec4(0u, 1u, 2u, 3u), uvec4(push.best)));
-    return dot(best, vec4(counted)) / float(push.best);
+    const uint most = clamp(seen, 1u, push.best);
+    const uvec4 counted = uvec4(lessThan(uvec4(0u, 1u, 2u, 3u), uvec4(most)));
+    return dot(best, vec4(counted)) / float(most);
 }
 
 #endif

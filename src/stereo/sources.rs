@@ -1,6 +1,6 @@
 //! Which views a view is compared with.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::scene::Camera;
 
@@ -11,7 +11,11 @@ const LEAST_ANGLE: f64 = 1.0;
 /// Pairs of views are compared by about this many observations.
 const COMPARED: usize = 1_000_000;
 /// A pair has to share so many points.
-const LEAST_SHARED: u32 = 5;
+const LEAST_SHARED: usize = 5;
+/// What a point counts that none, one, two, or more of the chosen views see already.
+const SEEN_AGAIN: [f64; 4] = [1.0, 0.8, 0.2, 0.05];
+/// A point is not well seen where the angle is worth less than this.
+const LITTLE: f64 = 0.1;
 
 /// Points and the views that see each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,47 +28,64 @@ pub struct Observations {
     pub drawn: bool,
 }
 
-#[derive(Clone, Copy, Default)]
+/// Points that a view shares with another.
+#[derive(Default)]
 struct Pair {
-    shared: u32,
-    narrow: u32,
-    worth: f64,
+    narrow: usize,
+    /// Number of the point, and what the angle between the views there is worth.
+    shared: Vec<(u32, f64)>,
 }
 
-/// For each camera at most `most` others, the best first: by the number of points that both see, weighted by the angle between the
-/// views there. None where there is no overlap, or where all see everything from one place.
+/// For each camera at most `most` others, the best first: those that see most of its points at good angles, points that two others see
+/// already counting little. None where there is no overlap, or where all see everything from one place.
 pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> Vec<Vec<usize>> {
     let centers: Vec<[f64; 3]> = cameras.iter().map(Camera::center).collect();
     let pairs_of = |views: &Vec<u32>| views.len() * views.len();
     let step = seen.views.iter().map(pairs_of).sum::<usize>().div_ceil(COMPARED).max(1);
-    let mut pairs: BTreeMap<(u32, u32), Pair> = BTreeMap::new();
-    for (point, views) in seen.points.iter().zip(&seen.views).step_by(step) {
+    let mut pairs: Vec<BTreeMap<usize, Pair>> = Vec::new();
+    pairs.resize_with(cameras.len(), BTreeMap::new);
+    for (number, (point, views)) in seen.points.iter().zip(&seen.views).step_by(step).enumerate() {
         for (k, &i) in views.iter().enumerate() {
             for &j in &views[k + 1..] {
-                let (Some(a), Some(b)) = (centers.get(i as usize), centers.get(j as usize)) else { continue };
+                let (i, j) = (i as usize, j as usize);
+                let (Some(a), Some(b)) = (centers.get(i), centers.get(j)) else { continue };
                 let degrees = angle(a, b, point);
-                let pair = pairs.entry((i, j)).or_default();
-                pair.shared += 1;
-                pair.narrow += u32::from(degrees < LEAST_ANGLE);
-                pair.worth += worth(degrees);
+                for (from, to) in [(i, j), (j, i)] {
+                    let pair = pairs[from].entry(to).or_default();
+                    pair.narrow += usize::from(degrees < LEAST_ANGLE);
+                    pair.shared.push((number as u32, worth(degrees)));
+                }
             }
         }
     }
     // Thinned out, sharing few points says less.
-    let least = LEAST_SHARED.div_ceil(step as u32).max(1);
-    let mut found: Vec<Vec<(f64, usize)>> = vec![Vec::new(); cameras.len()];
-    for ((i, j), pair) in pairs {
-        if pair.shared >= least && 4 * pair.narrow < 3 * pair.shared {
-            found[i as usize].push((pair.worth, j as usize));
-            found[j as usize].push((pair.worth, i as usize));
-        }
+    let least = LEAST_SHARED.div_ceil(step).max(1);
+    let usable = |pair: &Pair| pair.shared.len() >= least && 4 * pair.narrow < 3 * pair.shared.len();
+    pairs.iter().map(|of| covering(of.iter().filter(|(_, pair)| usable(pair)), most)).collect()
+}
+
+/// One after the other those that add most.
+fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a Pair)>, most: usize) -> Vec<usize> {
+    let mut left: Vec<(usize, &Pair)> = pairs.map(|(view, pair)| (*view, pair)).collect();
+    let mut times: HashMap<u32, usize> = HashMap::new();
+    let mut chosen = Vec::new();
+    while chosen.len() < most {
+        let adds = |pair: &Pair| {
+            let worth = |(point, worth): &(u32, f64)| worth * SEEN_AGAIN[times.get(point).map_or(0, |n| *n.min(&3))];
+            pair.shared.iter().map(worth).sum::<f64>()
+        };
+        let gains = left.iter().map(|(_, pair)| adds(pair)).enumerate();
+        // The first of equal ones.
+        let best = gains.fold(None, |best: Option<(usize, f64)>, (k, gain)| match best {
+            Some((_, most)) if most >= gain => best,
+            _ => Some((k, gain)),
+        });
+        let Some((best, _)) = best else { break };
+        let (view, pair) = left.remove(best);
+        pair.shared.iter().filter(|(_, worth)| *worth > LITTLE).for_each(|(p, _)| *times.entry(*p).or_default() += 1);
+        chosen.push(view);
     }
-    for of in &mut found {
-        // Stable, so that equal ones stay in the order of the views.
-        of.sort_by(|a, b| b.0.total_cmp(&a.0));
-        of.truncate(most);
-    }
-    found.into_iter().map(|of| of.into_iter().map(|(_, view)| view).collect()).collect()
+    chosen
 }
 
 /// The angle at a point between the directions to two centres, degrees.

@@ -51,6 +51,10 @@ fn binary_and_text_give_the_same_dataset() {
     assert!(b.points.windows(2).all(|p| p[0].id < p[1].id), "points are in the order of their ids");
     assert_eq!((b.points[11].color, b.points[11].track), ([0, 255, 128], 2));
     assert!(b.warnings.is_empty(), "{:?}", b.warnings);
+    // Images are numbered as they were given: 1 is "x/b 2.png", 2 "a.png", 3 "c.png"; there is no image 4.
+    assert_eq!(b.tracks, t.tracks);
+    assert_eq!([11, 10, 9].map(|p| b.tracks.of(p)), [&[0, 2][..], &[0, 1, 2], &[0, 1, 2]]);
+    assert_eq!(b.tracks.of(12), &[] as &[u32]);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Files out and back: models, frames, checkpoints, pictures.
 
 mod checkpoints;
+mod clouds;
 mod meshes;
 mod models;
 mod pictures;

@@ -29,7 +29,7 @@ fn link(shift: [f32; 2], size: [u32; 2], turn: f32) -> [[f32; 4]; LINK_ROWS] {
     let [width, height] = size.map(|v| v as f32);
     let [x, y] = shift.map(|v| v * FOCAL);
     let there = |s: f32| {
-        [[1.0, s * turn, s * 0.3, s * x], [-s * turn, 1.0, s * -0.2, s * y], [s * 1e-3, s * -5e-4, 1.0, s * 0.05]]
+        [[1.0, s * turn, s * 0.3, s * x], [-s * turn, 1.0, s * -0.2, s * y], [s * 2e-4, s * -1e-4, 1.0, s * 0.01]]
     };
     let (a, b) = (there(1.0), there(-1.0));
     [a[0], a[1], a[2], [width, height, 0.0, 0.0], b[0], b[1], b[2]]

@@ -1,7 +1,7 @@
 //! Twin of `glsl/include/stereo_window.glsl`: bilateral NCC of windows, tap by tap.
 
 use super::Sweep;
-use crate::pass::stereo::{LINK_ROWS, MOST_SOURCES};
+use crate::pass::stereo::LINK_ROWS;
 use crate::twin::Real;
 
 /// Variance below which a window says nothing.
@@ -64,8 +64,8 @@ impl<R: Real> Window<R> {
         window
     }
 
-    /// 1 + NCC with one source; 0 where the source does not see the middle.
-    pub fn source_score(&self, sweep: &Sweep<'_, R>, source: usize, hypothesis: [R; 3], middle: [R; 2]) -> R {
+    /// 1 + NCC with one source; `None` where the source does not have the middle in its picture.
+    pub fn source_score(&self, sweep: &Sweep<'_, R>, source: usize, hypothesis: [R; 3], middle: [R; 2]) -> Option<R> {
         let links = &sweep.links[LINK_ROWS * source..][..LINK_ROWS];
         let stride = sweep.push.stride as usize;
         let picture = &sweep.blocks[(source + 1) * stride..];
@@ -90,21 +90,18 @@ impl<R: Real> Window<R> {
         }
         let least = R::of(LEAST_VARIANCE);
         let variance = squares - sum * sum;
-        if !seen || variance < least {
-            return R::zero();
-        }
-        (R::one() + shared / variance.max(least).sqrt()).max(R::zero()).min(R::of(2.0))
+        let score = (R::one() + shared / variance.max(least).sqrt()).max(R::zero()).min(R::of(2.0));
+        seen.then_some(if variance < least { R::zero() } else { score })
     }
 
-    /// Mean of the best scores.
+    /// Mean of the best scores among the sources that have the middle in their picture.
     pub fn score(&self, sweep: &Sweep<'_, R>, hypothesis: [R; 3], middle: [R; 2]) -> R {
         let mut scores: Vec<R> = (0..sweep.push.sources as usize)
-            .map(|source| self.source_score(sweep, source, hypothesis, middle))
-            .chain([R::zero(); MOST_SOURCES])
+            .filter_map(|source| self.source_score(sweep, source, hypothesis, middle))
             .collect();
         scores.sort_by(|a, b| b.partial_cmp(a).unwrap_or(std::cmp::Ordering::Equal));
-        let best = sweep.push.best as usize;
-        scores[..best].iter().fold(R::zero(), |a, b| a + *b) / R::of(best as f64)
+        scores.truncate(sweep.push.best as usize);
+        scores.iter().fold(R::zero(), |a, b| a + *b) / R::of(scores.len().max(1) as f64)
     }
 }
 
