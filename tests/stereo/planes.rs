@@ -76,27 +76,26 @@ fn what_others_do_not_see_is_removed() {
         Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 3.0)),
         Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 1.5)).within([-1e9, 0.05, -1e9, 1e9]),
     ];
-    // Along x alone: the band beside the edge is hidden from every camera on the left of the one that sees it.
+    // Along x alone: the band beside the edge is hidden from every camera on the left.
     let cameras: Vec<_> =
-        [0.0, -0.12, -0.24, -0.36, -0.48].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 96, 72)).to_vec();
+        [0.0, -0.24, -0.3, -0.36, -0.42].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 128, 60)).to_vec();
     let (views, truths) = views(&sheets, &cameras, [1.0, 6.0]);
     let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
     let (prior, truth, camera) = (&priors[0], &truths[0], &views[0].camera);
-    // What the nearest source sees of the background at a row begins at the edge as it sees it.
-    let edge_in = |c: &psrgs_vk::scene::Camera| {
+    // Where the background begins that a camera has beside the edge, as a column of the reference.
+    let edge_of = |c: &psrgs_vk::scene::Camera| {
         let from = c.center()[0];
         let at_background = from + (0.05 - from) * 3.0 / 1.5;
-        camera.fx * (at_background - camera.center()[0]) / 3.0 + camera.cx
+        camera.fx * at_background / 3.0 + camera.cx
     };
-    let own_edge = edge_in(camera);
-    let (second, last) = (edge_in(&cameras[2]), edge_in(&cameras[4]));
+    let (own, first, last) = (edge_of(camera), edge_of(&cameras[1]), edge_of(&cameras[4]));
     let column = |p: usize| (p % 128) as f64 + 0.5;
     let inside = not_at_the_edge(128, 60, 3);
-    // Only one source or none sees it, and two have to agree.
-    let hidden = |p: usize| inside(p) && column(p) > own_edge + 2.0 && column(p) < second - 2.0;
+    // Windows reach a few pixels over an edge.
+    let hidden = |p: usize| inside(p) && column(p) > own + 2.0 && column(p) < first - 3.0;
     // On the right, pictures of the sources end.
-    let seen_by_all = |p: usize| inside(p) && column(p) > last + 2.0 && column(p) < 114.0;
-    assert!((0..prior.depth.len()).filter(|p| hidden(*p)).count() > 150, "{own_edge} {second}");
+    let seen_by_all = |p: usize| inside(p) && column(p) > last + 2.0 && column(p) < 110.0;
+    assert!((0..prior.depth.len()).filter(|p| hidden(*p)).count() > 150, "{own} {first}");
     let (hidden, seen) = (score(prior, truth, hidden), score(prior, truth, seen_by_all));
     println!("hidden {hidden:?}, seen {seen:?}");
     assert!(hidden.valid < 0.1, "{hidden:?}");
