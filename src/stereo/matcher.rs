@@ -77,8 +77,8 @@ impl Matcher {
             planes.push(self.gpu.buffer("stereo planes", 16 * view.pixels() as u64, Memory::Device)?);
         }
         let mut tickets: Vec<Ticket> = Vec::new();
-        for number in 0..views.len() {
-            tickets.push(self.matched(views, number, &luma, &planes[number], &room)?);
+        for (number, planes) in planes.iter().enumerate() {
+            tickets.push(self.matched(views, number, &luma, planes, &room)?);
             if let Some(oldest) = tickets.len().checked_sub(IN_FLIGHT) {
                 self.gpu.wait(tickets[oldest])?;
             }

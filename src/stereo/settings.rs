@@ -96,7 +96,7 @@ impl Settings {
         if !(1..=8).contains(&self.step) {
             return wrong("step", self.step.to_string(), "from 1 to 8");
         }
-        if (self.taps * self.step) % 2 == 0 && self.taps % 2 == 0 && self.step % 2 == 1 {
+        if self.taps.is_multiple_of(2) && !self.step.is_multiple_of(2) {
             return wrong("step", self.step.to_string(), "even where taps are");
         }
         if self.draws > 64 || self.first_draws > 64 {

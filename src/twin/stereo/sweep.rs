@@ -75,7 +75,7 @@ fn random_plane<R: Real>(push: &SweepPush, draw: [R; 4]) -> [R; 3] {
 fn changed<R: Real>(push: &SweepPush, held: [R; 3], number: u32, draw: [R; 4]) -> [R; 3] {
     let (amplitude, slope) = (R::of(push.amplitude.into()), R::of(push.slope.into()));
     let d = if number % 3 == 1 { held[0] } else { held[0] + amplitude * draw[0] };
-    let along = |k: usize| if number % 3 == 0 { held[k] } else { held[k] + slope * draw[k] };
+    let along = |k: usize| if number.is_multiple_of(3) { held[k] } else { held[k] + slope * draw[k] };
     [d, along(1), along(2)]
 }
 
