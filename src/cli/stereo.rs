@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// How many of them count at a pixel, the best ones
     #[arg(long, value_name = "N", default_value_t = Settings::default().best)]
     pub(crate) best: u32,
-    /// Sweeps over all pixels
+    /// Sweeps over all pixels; photographs that begin at random have two more
     #[arg(long, value_name = "N", default_value_t = Settings::default().iterations)]
     pub(crate) iterations: u32,
     /// Samples along a side of the windows that are compared: 3 to 6
@@ -86,7 +86,7 @@ pub(crate) struct Args {
 
 impl Args {
     fn settings(&self) -> Settings {
-        let mut settings = Settings {
+        Settings {
             max_side: self.max_side,
             sources: self.sources,
             best: self.best,
@@ -98,11 +98,7 @@ impl Args {
             agree_sources: self.agree,
             seed: self.seed,
             ..Settings::default()
-        };
-        if self.random_start {
-            settings.first_draws = settings.first_draws.max(8);
         }
-        settings
     }
 }
 

@@ -1,7 +1,7 @@
 //! PatchMatch on the device, view by view, and the check of all views against each other.
 
 use super::links::{self, Link};
-use super::{Error, Prior, Settings, View};
+use super::{Error, Prior, Settings, Start, View};
 use crate::pass::Pass;
 use crate::pass::stereo::{
     BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, REFIT, RefitPush, SWEEP_3, SWEEP_4,
@@ -130,10 +130,17 @@ impl Matcher {
         let push = self.push(view, views, number, sources, room);
         let bound = [&room.slots, &room.links, &room.pixels, planes];
         let all = list.len() as u32;
-        let start = SweepPush { count: all, draws: self.settings.first_draws, flags: FLAG_START, ..push };
+        let settings = &self.settings;
+        let (draws, iterations) = match view.start {
+            Start::Random => {
+                (settings.first_draws + settings.random_draws, settings.iterations + settings.random_iterations)
+            }
+            Start::Hypotheses(_) => (settings.first_draws, settings.iterations),
+        };
+        let start = SweepPush { count: all, draws, flags: FLAG_START, ..push };
         recorder.dispatch(&self.sweep, &bound, &start, Groups::Items(u64::from(all)))?;
         let reach = self.settings.reach().max(1) as f32;
-        for iteration in 0..self.settings.iterations {
+        for iteration in 0..iterations {
             let amplitude = push.amplitude * 0.5_f32.powi(iteration as i32);
             for (colour, (first, count)) in [(0, light), (light, all - light)].into_iter().enumerate() {
                 let turn = 1 + 2 * iteration + colour as u32;

@@ -15,12 +15,16 @@ pub struct Settings {
     pub best: u32,
     /// Sweeps over all pixels.
     pub iterations: u32,
+    /// Further sweeps for views that begin at random.
+    pub random_iterations: u32,
     /// Taps along a side of the window: 3, 4, 5 or 6.
     pub taps: u32,
     /// Pixels between taps.
     pub step: u32,
     /// Random hypotheses of a pixel at the beginning, beside the one it is given.
     pub first_draws: u32,
+    /// Further ones for views that begin at random.
+    pub random_draws: u32,
     /// Random changes of a pixel's hypothesis in a sweep.
     pub draws: u32,
     /// Largest random change in the first sweep, in pixels of parallax; halved in each further one.
@@ -51,10 +55,12 @@ impl Default for Settings {
             max_side: 160,
             sources: 4,
             best: 2,
-            iterations: 3,
+            iterations: 2,
+            random_iterations: 2,
             taps: 5,
             step: 1,
             first_draws: 2,
+            random_draws: 6,
             draws: 3,
             amplitude: 1.0,
             sigma_distance: 1.0,
@@ -87,8 +93,16 @@ impl Settings {
         if !(self.sources..=MOST_CHECKS as u32).contains(&self.checks) {
             return wrong("checks", self.checks.to_string(), "from the number of sources to 8");
         }
-        if self.iterations > 64 {
-            return wrong("iterations", self.iterations.to_string(), "at most 64");
+        for (name, value) in [
+            ("iterations", self.iterations),
+            ("random_iterations", self.random_iterations),
+            ("first_draws", self.first_draws),
+            ("random_draws", self.random_draws),
+            ("draws", self.draws),
+        ] {
+            if value > 64 {
+                return wrong(name, value.to_string(), "at most 64");
+            }
         }
         if !(3..=6).contains(&self.taps) {
             return wrong("taps", self.taps.to_string(), "3, 4, 5 or 6");
@@ -98,9 +112,6 @@ impl Settings {
         }
         if self.taps.is_multiple_of(2) && !self.step.is_multiple_of(2) {
             return wrong("step", self.step.to_string(), "even where taps are");
-        }
-        if self.draws > 64 || self.first_draws > 64 {
-            return wrong("draws", self.draws.max(self.first_draws).to_string(), "at most 64");
         }
         for (name, value) in [
             ("amplitude", self.amplitude),
@@ -127,7 +138,7 @@ impl Settings {
         (self.taps - 1) * self.step / 2
     }
 
-    /// Samples of sources that a pixel takes.
+    /// Samples of sources that a pixel takes in a view that does not begin at random.
     pub fn samples_per_pixel(&self, sources: u32) -> u64 {
         let hypotheses = 1 + self.first_draws + self.iterations * (ARMS + self.draws);
         u64::from(hypotheses) * u64::from(sources.min(self.sources)) * u64::from(self.taps * self.taps)

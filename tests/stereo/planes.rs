@@ -8,7 +8,7 @@ use super::site::{Sheet, Truth, cross, views};
 
 /// Settings for the pictures of these tests.
 fn settings() -> Settings {
-    Settings { max_side: 1000, iterations: 4, first_draws: 8, ..Settings::default() }
+    Settings { max_side: 1000, ..Settings::default() }
 }
 
 #[derive(Debug, Default)]
