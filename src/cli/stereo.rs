@@ -53,6 +53,9 @@ pub(crate) struct Args {
     /// Samples along a side of the windows that are compared: 3 to 6
     #[arg(long, value_name = "N", default_value_t = Settings::default().taps)]
     pub(crate) window: u32,
+    /// Rounds in which what photographs agree on spreads to the rest, after the first
+    #[arg(long, value_name = "N", default_value_t = Settings::default().rounds)]
+    pub(crate) rounds: u32,
     /// Pixels from one sample of a window to the next
     #[arg(long, value_name = "PX", default_value_t = Settings::default().step)]
     pub(crate) step: u32,
@@ -96,6 +99,7 @@ impl Args {
             least_ncc: self.least_ncc,
             checks: self.checks.max(self.sources),
             agree_sources: self.agree,
+            rounds: self.rounds,
             seed: self.seed,
             ..Settings::default()
         }
@@ -123,7 +127,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let prepared = Instant::now();
     let matcher = Matcher::new(&gpu, &settings)?;
     let bar = progress::counter(console, scene.views.len(), "photographs");
-    let priors = matcher.run(&scene.views, |done| bar.set_position(done as u64))?;
+    let priors = matcher.run(&scene.views, |done| bar.set_position((done * scene.views.len() as f64) as u64))?;
     bar.finish_and_clear();
     let matched = prepared.elapsed().as_secs_f64();
     let cloud = fuse(&scene.views, &priors, &settings);

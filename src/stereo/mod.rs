@@ -28,6 +28,7 @@ mod settings;
 mod sources;
 mod start;
 mod view;
+mod work;
 
 pub use accuracy::{Accuracy, Known};
 pub use error::Error;

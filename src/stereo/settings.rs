@@ -45,6 +45,8 @@ pub struct Settings {
     pub checks: u32,
     /// How many of these must agree; one is enough where there are one or two.
     pub agree_sources: u32,
+    /// Rounds after the first: what the views agree on spreads to the rest, and they are checked again.
+    pub rounds: u32,
     /// Seed of random draws.
     pub seed: u32,
 }
@@ -71,6 +73,7 @@ impl Default for Settings {
             agree_depth: 0.01,
             checks: 8,
             agree_sources: 2,
+            rounds: 1,
             seed: 0,
         }
     }
@@ -99,6 +102,7 @@ impl Settings {
             ("first_draws", self.first_draws),
             ("random_draws", self.random_draws),
             ("draws", self.draws),
+            ("rounds", self.rounds),
         ] {
             if value > 64 {
                 return wrong(name, value.to_string(), "at most 64");
@@ -140,7 +144,8 @@ impl Settings {
 
     /// Samples of sources that a pixel takes in a view that does not begin at random.
     pub fn samples_per_pixel(&self, sources: u32) -> u64 {
-        let hypotheses = 1 + self.first_draws + self.iterations * (ARMS + self.draws);
+        let sweep = ARMS + self.draws;
+        let hypotheses = 1 + self.first_draws + self.iterations * sweep + self.rounds * (1 + sweep);
         u64::from(hypotheses) * u64::from(sources.min(self.sources)) * u64::from(self.taps * self.taps)
     }
 
@@ -170,7 +175,7 @@ impl Budget {
     }
 
     /// The settings made cheaper until they fit, or as cheap as they get: first the picture down to `least_side`, then sweeps down to
-    /// 2, then sources down to 2, then the picture again.
+    /// 1, then sources down to 2, then no further rounds, then the picture again.
     pub fn fitting(self, settings: &Settings, least_side: u32, views: usize, width: u32, height: u32) -> Settings {
         let mut out = settings.clone();
         let over = |s: &Settings| Self::samples(s, views, width, height) > self.samples;
@@ -181,11 +186,14 @@ impl Budget {
         };
         out.max_side = out.max_side.min(width.max(height)).max(16);
         reduced(&mut out, least_side.max(16));
-        while over(&out) && out.iterations > 2 {
+        while over(&out) && out.iterations > 1 {
             out.iterations -= 1;
         }
         while over(&out) && out.sources > 2 {
             out.sources -= 1;
+        }
+        if over(&out) {
+            out.rounds = 0;
         }
         reduced(&mut out, 16);
         out

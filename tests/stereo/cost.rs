@@ -4,16 +4,24 @@ use psrgs_vk::stereo::{Budget, Settings};
 
 #[test]
 fn samples_are_counted_and_settings_made_to_fit() {
-    let settings =
-        Settings { max_side: 320, sources: 3, taps: 5, iterations: 2, first_draws: 2, draws: 3, ..Settings::default() };
-    // 1 + 2 hypotheses, then 8 + 3 in each of two sweeps; 3 sources; 25 taps.
-    assert_eq!(settings.samples_per_pixel(4), 25 * 3 * 25);
-    assert_eq!(settings.samples_per_pixel(2), 25 * 2 * 25);
+    let settings = Settings {
+        max_side: 320,
+        sources: 3,
+        taps: 5,
+        iterations: 2,
+        first_draws: 2,
+        draws: 3,
+        rounds: 1,
+        ..Settings::default()
+    };
+    // 1 + 2 hypotheses, then 8 + 3 in each of two sweeps, 1 + 8 + 3 in the second round; 3 sources; 25 taps.
+    assert_eq!(settings.samples_per_pixel(4), 37 * 3 * 25);
+    assert_eq!(settings.samples_per_pixel(2), 37 * 2 * 25);
     assert_eq!(settings.size(640, 480), (320, 240));
     assert_eq!(settings.size(200, 100), (200, 100));
     assert_eq!(settings.size(100, 3000), (11, 320));
     let all = Budget::samples(&settings, 10, 640, 480);
-    assert_eq!(all, 10.0 * 320.0 * 240.0 * 1875.0);
+    assert_eq!(all, 10.0 * 320.0 * 240.0 * 2775.0);
 
     let same = Budget { samples: all }.fitting(&settings, 100, 10, 640, 480);
     assert_eq!(same, settings);
@@ -25,9 +33,9 @@ fn samples_are_counted_and_settings_made_to_fit() {
         assert!(costs <= share * all && costs < before, "{share}: {fitted:?}");
         before = costs;
     }
-    let little = Budget { samples: 0.5 * all }.fitting(&settings, 160, 10, 640, 480);
+    let little = Budget { samples: 0.3 * all }.fitting(&settings, 160, 10, 640, 480);
     assert!(little.max_side >= 160 && little.iterations == 2 && little.sources == 3);
     // Nothing is too little: it gets as cheap as it can.
     let least = Budget { samples: 0.0 }.fitting(&settings, 160, 10, 640, 480);
-    assert_eq!((least.max_side, least.sources, least.iterations), (16, 2, 2));
+    assert_eq!((least.max_side, least.sources, least.iterations, least.rounds), (16, 2, 1, 0));
 }

@@ -1,0 +1,237 @@
+//! What a run of the matcher has on the device, and what it does there.
+
+use super::links::{self, Link};
+use super::{Error, Matcher, Prior, Start, View};
+use crate::pass::stereo::{BlocksPush, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, RefitPush, SweepPush};
+use crate::scene::Camera;
+use crate::vk::{Buffer, Groups, Memory, Recorder, Ticket};
+
+/// Pixels to each side through whose depths a plane is laid.
+const REFIT_REACH: u32 = 3;
+/// How often that is done before views are checked against each other.
+const REFITS: u32 = 2;
+/// Tolerance of these refits, in units of the check's.
+const LOOSE: f32 = 2.0;
+/// Sweeps of a round after the first.
+const LATER_SWEEPS: u32 = 1;
+/// Calls of a round have numbers of their own, for random draws.
+const TURNS: u32 = 1 << 16;
+
+/// The views of a run with their memory on the device.
+pub(super) struct Work<'a> {
+    matcher: &'a Matcher,
+    views: &'a [View],
+    /// Pixels of the largest view.
+    stride: usize,
+    luma: Vec<Buffer>,
+    /// Hypotheses and scores of each view.
+    planes: Vec<Buffer>,
+    /// What of them was kept.
+    kept: Vec<Buffer>,
+    /// A view and its sources: as rows of 2x2 pixels, or as hypotheses.
+    slots: Buffer,
+    links: Buffer,
+    pixels: Buffer,
+    refined: Buffer,
+}
+
+impl<'a> Work<'a> {
+    pub(super) fn new(matcher: &'a Matcher, views: &'a [View]) -> Result<Self, Error> {
+        let gpu = &matcher.gpu;
+        let stride = views.iter().map(View::pixels).max().unwrap_or(0);
+        let buffer = |name: &str, bytes: usize| gpu.buffer(name, bytes as u64, Memory::Device);
+        let mut work = Self {
+            matcher,
+            views,
+            stride,
+            luma: Vec::new(),
+            planes: Vec::new(),
+            kept: Vec::new(),
+            slots: buffer("stereo slots", 16 * stride * (MOST_CHECKS + 1))?,
+            links: buffer("stereo links", 16 * LINK_ROWS * MOST_CHECKS)?,
+            pixels: buffer("stereo pixels", 4 * stride)?,
+            refined: buffer("stereo refined", 16 * stride)?,
+        };
+        let mut recorder = gpu.recorder("stereo pictures")?;
+        for view in views {
+            let luma = buffer("stereo luma", 4 * view.pixels())?;
+            recorder.upload(&luma, 0, bytemuck::cast_slice(&view.luma))?;
+            work.luma.push(luma);
+            work.planes.push(buffer("stereo planes", 16 * view.pixels())?);
+            let kept = buffer("stereo kept", 16 * view.pixels())?;
+            recorder.fill(&kept, 0)?;
+            work.kept.push(kept);
+        }
+        recorder.submit()?;
+        Ok(work)
+    }
+
+    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept, which spreads to the rest.
+    pub(super) fn matched(&self, number: usize, round: u32) -> Result<Ticket, Error> {
+        let (view, planes, settings) = (&self.views[number], &self.planes[number], &self.matcher.settings);
+        let sources = checks_of(view);
+        let sources = &sources[..sources.len().min(settings.sources as usize)];
+        let mut recorder = self.matcher.gpu.recorder("stereo")?;
+        if sources.is_empty() {
+            recorder.fill(planes, 0)?;
+            return Ok(recorder.submit()?);
+        }
+        for (slot, picture) in std::iter::once(number).chain(sources.iter().copied()).enumerate() {
+            let camera = &self.views[picture].camera;
+            let push = BlocksPush { width: camera.width, height: camera.height, first: (slot * self.stride) as u32 };
+            let threads = Groups::Items(self.views[picture].pixels() as u64);
+            recorder.dispatch(&self.matcher.blocks, &[&self.luma[picture], &self.slots], &push, threads)?;
+        }
+        recorder.upload(&self.links, 0, bytemuck::cast_slice(&self.link_rows(number, sources)))?;
+        let (list, light) = pixels(view);
+        recorder.upload(&self.pixels, 0, bytemuck::cast_slice(&list))?;
+        if round == 0 {
+            recorder.upload(planes, 0, bytemuck::cast_slice(&view.start.rows(&view.camera)))?;
+        } else {
+            recorder.copy(&self.kept[number], 0, planes, 0, 16 * view.pixels() as u64)?;
+        }
+        let (draws, sweeps) = match (round, &view.start) {
+            (0, Start::Random) => {
+                (settings.first_draws + settings.random_draws, settings.iterations + settings.random_iterations)
+            }
+            (0, Start::Hypotheses(_)) => (settings.first_draws, settings.iterations),
+            _ => (0, LATER_SWEEPS),
+        };
+        let push = self.push(number, sources);
+        let bound = [&self.slots, &self.links, &self.pixels, planes];
+        let all = list.len() as u32;
+        let turn = TURNS * round;
+        let start = SweepPush { count: all, draws, turn, flags: FLAG_START, ..push };
+        recorder.dispatch(&self.matcher.sweep, &bound, &start, Groups::Items(u64::from(all)))?;
+        let reach = settings.reach().max(1) as f32;
+        // Later rounds go on with the changes that the first one ended with.
+        let halved = if round == 0 { 0 } else { settings.iterations };
+        for sweep in 0..sweeps {
+            let amplitude = push.amplitude * 0.5_f32.powi((halved + sweep) as i32);
+            for (colour, (first, count)) in [(0, light), (light, all - light)].into_iter().enumerate() {
+                let turn = turn + 1 + 2 * sweep + colour as u32;
+                let push = SweepPush { first, count, turn, amplitude, slope: amplitude / reach, ..push };
+                recorder.dispatch(&self.matcher.sweep, &bound, &push, Groups::Items(u64::from(count)))?;
+            }
+        }
+        for _ in 0..REFITS {
+            self.refit(&mut recorder, &view.camera, planes, LOOSE)?;
+            recorder.copy(&self.refined, 0, planes, 0, 16 * view.pixels() as u64)?;
+        }
+        Ok(recorder.submit()?)
+    }
+
+    /// Keeps of a view's planes what its sources agree with.
+    pub(super) fn checked(&self, number: usize) -> Result<(), Error> {
+        let (view, settings) = (&self.views[number], &self.matcher.settings);
+        // A source without hypotheses has nothing to say.
+        let has_planes = |s: &usize| !self.views[*s].sources.is_empty();
+        let sources: Vec<usize> = checks_of(view).iter().copied().filter(has_planes).collect();
+        if sources.is_empty() {
+            return Ok(());
+        }
+        let mut recorder = self.matcher.gpu.recorder("stereo check")?;
+        for (slot, picture) in std::iter::once(number).chain(sources.iter().copied()).enumerate() {
+            let (at, bytes) = (16 * (slot * self.stride) as u64, 16 * self.views[picture].pixels() as u64);
+            recorder.copy(&self.planes[picture], 0, &self.slots, at, bytes)?;
+        }
+        recorder.upload(&self.links, 0, bytemuck::cast_slice(&self.link_rows(number, &sources)))?;
+        let few = sources.len() <= 2;
+        let push = FilterPush {
+            width: view.camera.width,
+            height: view.camera.height,
+            stride: self.stride as u32,
+            sources: sources.len() as u32,
+            needed: if few { settings.agree_sources.min(1) } else { settings.agree_sources },
+            pixels: settings.agree_pixels,
+            depth: settings.agree_depth,
+            score: 1.0 + settings.least_ncc,
+        };
+        let bound = [&self.slots, &self.links, &self.kept[number]];
+        recorder.dispatch(&self.matcher.filter, &bound, &push, Groups::Items(view.pixels() as u64))?;
+        recorder.submit()?;
+        Ok(())
+    }
+
+    /// Fetches what was kept of a view.
+    pub(super) fn prior(&self, number: usize) -> Result<Prior, Error> {
+        let view = &self.views[number];
+        let mut recorder = self.matcher.gpu.recorder("stereo prior")?;
+        self.refit(&mut recorder, &view.camera, &self.kept[number], 1.0)?;
+        recorder.submit()?;
+        let rows: Vec<[f32; 4]> = self.matcher.gpu.read_at(&self.refined, 0, view.pixels())?;
+        Ok(Prior::new(&view.camera, &rows))
+    }
+
+    /// Lays planes through what lies within `loose` times the tolerance of the check.
+    fn refit(&self, recorder: &mut Recorder, camera: &Camera, from: &Buffer, loose: f32) -> Result<(), Error> {
+        let (width, height) = (camera.width, camera.height);
+        let tolerance = loose * self.matcher.settings.agree_depth;
+        let push = RefitPush { width, height, reach: REFIT_REACH, tolerance };
+        let threads = Groups::Items(u64::from(width) * u64::from(height));
+        Ok(recorder.dispatch(&self.matcher.refit, &[from, &self.refined], &push, threads)?)
+    }
+
+    fn push(&self, number: usize, sources: &[usize]) -> SweepPush {
+        let (view, settings) = (&self.views[number], &self.matcher.settings);
+        let camera = &view.camera;
+        let sigma = settings.sigma_distance * settings.reach().max(1) as f32;
+        SweepPush {
+            width: camera.width,
+            height: camera.height,
+            stride: self.stride as u32,
+            sources: sources.len() as u32,
+            best: settings.best.min(sources.len() as u32),
+            first: 0,
+            count: 0,
+            turn: 0,
+            // Of its own for each view: equal pixels of two views draw differently.
+            seed: settings.seed.wrapping_mul(0x9e37_79b9).wrapping_add(number as u32),
+            draws: settings.draws,
+            flags: 0,
+            focal_x: camera.fx as f32,
+            focal_y: camera.fy as f32,
+            centre_x: camera.cx as f32,
+            centre_y: camera.cy as f32,
+            least: (1.0 / view.depths[1]) as f32,
+            most: (1.0 / view.depths[0]) as f32,
+            amplitude: settings.amplitude * self.parallax_unit(view, sources),
+            slope: 0.0,
+            by_distance: 0.5 / (sigma * sigma),
+            by_luma: 0.5 / (settings.sigma_luma * settings.sigma_luma),
+            facing: settings.most_slanted.to_radians().cos(),
+        }
+    }
+
+    fn link_rows(&self, number: usize, sources: &[usize]) -> Vec<[f32; 4]> {
+        let camera = |view: usize| &self.views[view].camera;
+        sources.iter().flat_map(|s| links::rows(camera(number), camera(*s))).collect()
+    }
+
+    /// The change of inverse depth that moves the middle of the picture by a pixel in the sources, in the median.
+    fn parallax_unit(&self, view: &View, sources: &[usize]) -> f32 {
+        let d = (view.depths[0] * view.depths[1]).sqrt().recip();
+        let (u, v) = (0.5 * f64::from(view.camera.width), 0.5 * f64::from(view.camera.height));
+        let moves = |s: &usize| Link::new(&view.camera, &self.views[*s].camera).parallax(u, v, d);
+        let mut moves: Vec<f64> = sources.iter().map(moves).collect();
+        moves.sort_by(f64::total_cmp);
+        let middle = moves.get(moves.len() / 2).copied().unwrap_or(0.0);
+        // Where nothing moves, as in views from one place, no depth can be told: any change is as good.
+        (1.0 / middle.max(1e-6 / d)) as f32
+    }
+}
+
+fn checks_of(view: &View) -> &[usize] {
+    &view.sources[..view.sources.len().min(MOST_CHECKS)]
+}
+
+/// The pixels that are matched, those of one colour of the checkerboard first, and how many these are.
+fn pixels(view: &View) -> (Vec<u32>, u32) {
+    let width = view.camera.width;
+    let wanted = |p: &u32| view.wanted.as_ref().is_none_or(|w| w[*p as usize]);
+    let of = |colour: u32| (0..view.pixels() as u32).filter(move |p| (p % width + p / width) % 2 == colour);
+    let mut list: Vec<u32> = of(0).filter(wanted).collect();
+    let light = list.len() as u32;
+    list.extend(of(1).filter(wanted));
+    (list, light)
+}
