@@ -1,6 +1,7 @@
 #version 460
-// densify_means: the centres after a density change. Children of a split are drawn from their parent's Gaussian (3DGS);
-// every other row keeps its source's centre. The draw's key is (seed, event, identity of the parent, which child).
+// densify_means: the centres after a density change. Children of a split are drawn from their parent's Gaussian (3DGS), or
+// stand on both sides of its centre along its longest axis; every other row keeps its source's centre. The draw's key is (seed,
+// event, identity of the parent, which child).
 // One thread owns one new row; one workgroup owns 64 consecutive rows. Runs before scales and rotations are moved.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -15,7 +16,7 @@ layout(set = 0, binding = 3) readonly buffer Source { uint source[]; };
 layout(set = 0, binding = 4) readonly buffer Quats { float quats[]; };
 layout(set = 0, binding = 5) readonly buffer Scales { float scales[]; };
 layout(set = 0, binding = 6) writeonly buffer Means { uint means[]; };
-layout(push_constant) uniform Push { uint seed; uint event; } push;
+layout(push_constant) uniform Push { uint seed; uint event; uint along_axis; } push;
 
 vec3 rotate(vec4 q, vec3 v) {
     precise float norm = sqrt(((q.x * q.x + q.y * q.y) + q.z * q.z) + q.w * q.w);
@@ -38,8 +39,13 @@ void main() {
     const uint kind = map_kind(entry);
     uvec3 mean = uvec3(source[3u * i], source[3u * i + 1u], source[3u * i + 2u]);
     if (kind == KIND_CHILD_A || kind == KIND_CHILD_B) {
-        const vec3 normals = random_normals(uvec4(push.seed, push.event, old_ids[i], kind - KIND_CHILD_A));
-        precise vec3 local = normals * vec3(random_exp(scales[3u * i]), random_exp(scales[3u * i + 1u]), random_exp(scales[3u * i + 2u]));
+        vec3 place = random_normals(uvec4(push.seed, push.event, old_ids[i], kind - KIND_CHILD_A));
+        if (push.along_axis != 0u) {
+            const uint axis = longest_axis(scales[3u * i], scales[3u * i + 1u], scales[3u * i + 2u]);
+            const float offset = kind == KIND_CHILD_A ? AXIS_OFFSET : -AXIS_OFFSET;
+            place = vec3(axis == 0u ? offset : 0.0, axis == 1u ? offset : 0.0, axis == 2u ? offset : 0.0);
+        }
+        precise vec3 local = place * vec3(random_exp(scales[3u * i]), random_exp(scales[3u * i + 1u]), random_exp(scales[3u * i + 2u]));
         const vec4 q = vec4(quats[4u * i], quats[4u * i + 1u], quats[4u * i + 2u], quats[4u * i + 3u]);
         precise vec3 moved = uintBitsToFloat(mean) + rotate(q, local);
         mean = floatBitsToUint(moved);

@@ -13,7 +13,9 @@ layout(set = 0, binding = 3) readonly buffer GreenPlanes { float green_planes[];
 layout(set = 0, binding = 4) readonly buffer BluePlanes { float blue_planes[]; };
 layout(set = 0, binding = 5) writeonly buffer GradImage { vec4 grad_image[]; };
 layout(set = 0, binding = 6) writeonly buffer L1Parts { float l1_parts[]; };
+layout(set = 0, binding = 7) readonly buffer Saliency { float saliency[]; };
 #include "photograph.glsl"
+#include "loss_weight.glsl"
 
 // Per channel what multiplies 1, x - y and x - pivot.
 struct Derivatives {
@@ -55,7 +57,7 @@ void main() {
             const vec3 x = seen.counts ? LOAD4(image, k).rgb : y;
             const vec3 d = x - y;
             sum += abs(d.x) + abs(d.y) + abs(d.z);
-            vec3 grad = of_l1 * sign(d);
+            vec3 grad = (WEIGHTED == 0u ? of_l1 : of_l1 * weight_at(k)) * sign(d);
             [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                 grad[c] += of_ssim * (spread[c].x + d[c] * spread[c].y + (x[c] - PIVOT) * spread[c].z);
             }

@@ -13,7 +13,9 @@ layout(set = 0, binding = 2) writeonly buffer RedPlanes { float red_planes[]; };
 layout(set = 0, binding = 3) writeonly buffer GreenPlanes { float green_planes[]; };
 layout(set = 0, binding = 4) writeonly buffer BluePlanes { float blue_planes[]; };
 layout(set = 0, binding = 5) writeonly buffer SsimParts { float ssim_parts[]; };
+layout(set = 0, binding = 6) readonly buffer Saliency { float saliency[]; };
 #include "photograph.glsl"
+#include "loss_weight.glsl"
 
 // Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
 struct Moments {
@@ -83,13 +85,14 @@ void main() {
         const Moments right = moments_at(column + lanes, taken);
         counts = counts << 1 | uint(here.counts);
         const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
+        const float weight = center_counts ? weight_at(center * push.width + column) : 0.0;
         vec4 spread[3];
         [[unroll]] for (uint c = 0u; c < 3u; ++c) {
             const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
             vec4 derivatives;
             const float value = ssim(mean, derivatives);
             sum += center >= first && center < end && center_counts ? value : 0.0;
-            spread[c] = window_take(back[c], center_counts ? derivatives : vec4(0.0));
+            spread[c] = window_take(back[c], center_counts ? weight * derivatives : vec4(0.0));
         }
         if (done >= first && done < end && column < push.width) {
             const uint k = 3u * (done * push.width + column);

@@ -12,6 +12,18 @@ const uint KIND_COUNT = 4u;
 // Children of a split have 1 / 1.6 of the parent's standard deviations (3DGS: 0.8 N with N = 2 children).
 const float LN_SPLIT_SHRINK = 0.47000363;
 
+// Children along the longest axis stand half a standard deviation from their parent's centre and have sqrt(3/4) of its standard
+// deviation along that axis: together they have its covariance.
+const float AXIS_OFFSET = 0.5;
+const float LN_AXIS_SHRINK = 0.14384104;
+// One over what a child shows at its parent's centre, of its own opacity: exp((1/2)(1/4)/(3/4)).
+const float INVERSE_AXIS_CENTER = 1.18136041;
+
+// The first of the longest.
+uint longest_axis(float x, float y, float z) {
+    return x >= y && x >= z ? 0u : y >= z ? 1u : 2u;
+}
+
 uint map_entry(uint source, uint kind) { return source | (kind << 30u); }
 uint map_source(uint entry) { return entry & 0x3fffffffu; }
 uint map_kind(uint entry) { return entry >> 30u; }

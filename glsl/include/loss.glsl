@@ -6,6 +6,9 @@
 //     SSIM = (1 - m^2 / A) (1 - V / B),  A = mu1^2 + mu2^2 + C1,  B = v1 + v2 + C2,
 // which is the usual form rewritten. All moments of the difference come from differences, so nothing cancels where the images are
 // alike: equal images give exactly 1 and a gradient of exactly 0. The variances are taken about a pivot of 1/2.
+//
+// WEIGHTED: each pixel's |x - y| and each window's 1 - SSIM count by the weight of the pixel, which is linear in its saliency. The
+// weights enter the gradient; the sums stay without them, so that losses compare whatever the weights are.
 #ifndef LOSS_GLSL
 #define LOSS_GLSL
 
@@ -33,6 +36,8 @@ layout(push_constant) uniform Push {
     uint height;
     float lambda;  // weight of 1 - SSIM
     float values;  // channels times pixels that are not masked
+    float low_weight;   // weight of a pixel with saliency 0 ...
+    float high_weight;  // ... and of one with saliency 1, where WEIGHTED
 } push;
 
 // The number of this subgroup in the dispatch: what it owns follows from it.

@@ -127,7 +127,13 @@ impl Args {
         }
         let mut share = prepare::host_share(&dataset, Role::Train, &self.device);
         let train = prepare::views(&dataset, Role::Train, &mut share)?;
-        Ok(Input { train, held_out: Vec::new(), initial, extent: Frame::EXTENT as f32 })
+        Ok(Input {
+            train,
+            held_out: Vec::new(),
+            initial,
+            extent: Frame::EXTENT as f32,
+            known: psrgs_vk::train::Known::default(),
+        })
     }
 
     /// The device, without what only tests need: guards and checks would be timed too.

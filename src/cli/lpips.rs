@@ -1,6 +1,7 @@
 //! `lpips_squeeze` of held-out views, where there are weights for it.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use psrgs_vk::perceptual::{Distance, LpipsWeights, Metric};
 use psrgs_vk::train::View;
@@ -11,7 +12,7 @@ use super::console::Console;
 
 /// Measures views, or does not.
 pub(crate) struct Lpips {
-    weights: Option<LpipsWeights>,
+    weights: Option<Arc<LpipsWeights>>,
     metric: Option<Metric>,
 }
 
@@ -27,7 +28,12 @@ impl Lpips {
         let weights = LpipsWeights::find(&path)?;
         let [trunk, linear] = weights.files().map(|f| f.display().to_string());
         console.detail(format_args!("weights of lpips_squeeze: {trunk}, {linear}"));
-        Ok(Self { weights: Some(weights), metric: None })
+        Ok(Self { weights: Some(Arc::new(weights)), metric: None })
+    }
+
+    /// The weights, for a loss by them.
+    pub(crate) fn weights(&self) -> Option<Arc<LpipsWeights>> {
+        self.weights.clone()
     }
 
     /// The distance of a render (RGB8) from its photograph. What the device cannot do costs this number and a warning, no more.

@@ -102,14 +102,17 @@ impl Args {
             (None, Some(file)) => {
                 let mut settings = asked.over(&Settings::read(file)?, given)?;
                 let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
+                let set = |key: &str| given(key) || written.iter().any(|k| k == key);
                 if let Some(chosen) = settings.run.preset {
-                    chosen.apply(&mut settings, false, |key| given(key) || written.iter().any(|k| k == key));
+                    chosen.apply(&mut settings, false, set);
                 }
+                settings.run.method.apply(&mut settings, set);
                 settings
             }
             (None, None) => {
                 let mut settings = asked;
                 preset = presets::apply(&mut settings, given);
+                settings.run.method.apply(&mut settings, given);
                 settings
             }
         };

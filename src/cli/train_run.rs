@@ -7,9 +7,10 @@ use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::checkpoint;
 use psrgs_vk::raster::Variants;
+use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{
-    Checkpointed, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Message, Pacing, Settings, Trainer,
-    chosen_variants, prepare, tune,
+    Checkpointed, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Message, Pacing, Settings, StereoReport, Trainer,
+    chosen_variants, prepare, take_stereo, tune,
 };
 use psrgs_vk::vk::Gpu;
 
@@ -45,7 +46,11 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let splats = before.as_ref().map_or(initial.len() as u32, |b| b.restart.state.splats());
     let host = host_plan(&gpu, &dataset, &settings, splats)?;
     console.say(host);
-    let input = prepare::input_within(&dataset, initial, host.share)?;
+    let mut input = prepare::input_within(&dataset, initial, host.share)?;
+    input.known.perceptual = lpips.weights();
+    let begins = settings.run.init.is_none() && before.is_none();
+    let found = take_stereo(&gpu, &dataset, &mut input, &settings.geometry, begins)?;
+    tell_stereo(&found, &settings, input.train.len(), console);
     if before.is_none() {
         choose_forms(&gpu, &input, &mut settings, &folder, console)?;
     }
@@ -126,6 +131,29 @@ fn choose_forms(
         folder.write_settings(settings)?;
     }
     Ok(())
+}
+
+/// What depths there are to train with.
+fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
+    let prior = settings.geometry.depth_prior;
+    if prior == DepthPrior::None {
+        return;
+    }
+    let splats = match found.splats {
+        0 => String::new(),
+        n => format!("; {} splats more to begin with", HumanCount(n as u64)),
+    };
+    console.say(format_args!(
+        "depths from {prior}: {} of {views} photographs, {:.1} % of their pixels{splats}",
+        found.views,
+        100.0 * found.share
+    ));
+    if let [first, rest @ ..] = found.skipped.as_slice() {
+        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+        console.warn(format_args!(
+            "no depth is known of '{first}'{more}: no other photograph sees enough of the same from another place"
+        ));
+    }
 }
 
 /// What the dataset holds, and its warnings.

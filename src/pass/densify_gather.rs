@@ -11,12 +11,19 @@ pub const MODE_SHRINK: u32 = 1;
 pub const MODE_MOMENT: u32 = 2;
 /// Statistics: zero for all rows.
 pub const MODE_ZERO: u32 = 3;
+/// Logarithmic scales: children are shorter along their longest axis, so that both have their parent's covariance together.
+pub const MODE_SHRINK_AXIS: u32 = 4;
+/// Opacity logits: two children along the longest axis show at their parent's centre what it showed, and every opacity is
+/// multiplied by `keep`.
+pub const MODE_SHARE: u32 = 5;
 
 crate::push_constants! {
     /// Push constants of [`PASS`].
     pub struct Push {
         /// One of the modes of this module.
         pub mode: u32,
+        /// What [`MODE_SHARE`] multiplies opacities by.
+        pub keep: f32,
     }
 }
 

@@ -10,6 +10,8 @@ crate::push_constants! {
         pub seed: u32,
         /// Number of the event.
         pub event: u32,
+        /// 1: children stand along their parent's longest axis; 0: they are drawn from its Gaussian.
+        pub along_axis: u32,
     }
 }
 
@@ -32,7 +34,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one new row; a workgroup owns 64 consecutive rows. Children of a split are drawn from their \
-          parent's Gaussian, other rows keep their source's centre. `source` is a copy of the old centres; rotations and \
+          parent's Gaussian or stand along its longest axis, other rows keep their source's centre. `source` is a copy of the old centres; rotations and \
           scales are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,

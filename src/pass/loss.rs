@@ -26,6 +26,10 @@ crate::push_constants! {
         pub lambda: f32,
         /// What the means are taken over: see [`values`].
         pub values: f32,
+        /// Weight in the gradient of a pixel with saliency 0, where WEIGHTED is 1 ...
+        pub low_weight: f32,
+        /// ... and of one with saliency 1.
+        pub high_weight: f32,
     }
 }
 
@@ -109,6 +113,9 @@ const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", def
 /// Bits per channel of the photograph, 8 or 16.
 const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
+/// 1: pixels have weights.
+const WEIGHTED: Constant = Constant { id: 3, name: "WEIGHTED", default: 0 };
+
 const STRIPS: &[Binding] = &[
     read("image"),
     read("target"),
@@ -116,6 +123,7 @@ const STRIPS: &[Binding] = &[
     write("green_planes"),
     write("blue_planes"),
     write("ssim_parts"),
+    read("saliency"),
 ];
 
 const GRAD: &[Binding] = &[
@@ -126,6 +134,7 @@ const GRAD: &[Binding] = &[
     read("blue_planes"),
     write("grad_image"),
     write("l1_parts"),
+    read("saliency"),
 ];
 
 const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
@@ -154,15 +163,17 @@ const fn grad(
 }
 
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
-pub const STRIPS_SUBGROUP: Pass = strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS], None);
+pub const STRIPS_SUBGROUP: Pass =
+    strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same without subgroup operations.
 pub const STRIPS_EMULATED: Pass =
-    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS], Some(EMULATED_LOCAL_SIZE));
+    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
 /// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
-pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS], None, twin::run_grad);
+pub const GRAD_SUBGROUP: Pass =
+    grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None, twin::run_grad);
 /// The same without subgroup operations.
 pub const GRAD_EMULATED: Pass =
-    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
+    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
 
 /// The parts of the loss added up, in a fixed order.
 pub const SUM: Pass = Pass {

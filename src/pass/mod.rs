@@ -17,6 +17,8 @@ pub mod densify_limit;
 pub mod densify_map;
 pub mod densify_means;
 pub mod densify_order;
+pub mod densify_sample;
+pub mod densify_scores;
 pub mod densify_stats;
 pub mod emit;
 pub mod exposure;
@@ -29,6 +31,7 @@ pub mod gradient_map;
 pub mod loss;
 pub mod opacity_reset;
 pub mod part_sum;
+pub mod photograph_reduce;
 pub mod plan;
 pub mod pool;
 pub mod probe;
@@ -37,6 +40,7 @@ pub mod project_backward;
 pub mod project_backward_adam;
 pub mod project_backward_adam_packed;
 pub mod radix;
+pub mod saliency_plane;
 pub mod scan;
 mod shaders;
 pub mod slot_sum;
@@ -108,6 +112,8 @@ pub const ALL: &[&Pass] = &[
     &densify_order::CODES,
     &densify_order::FLAGS,
     &densify_order::ORDER,
+    &densify_sample::PASS,
+    &densify_scores::PASS,
     &densify_stats::PASS,
     &emit::PASS,
     &emit::TOGETHER,
@@ -131,6 +137,7 @@ pub const ALL: &[&Pass] = &[
     &loss::STRIPS_SUBGROUP,
     &loss::SUM,
     &opacity_reset::PASS,
+    &photograph_reduce::PASS,
     &part_sum::PASS,
     &plan::PASS,
     &pool::BACKWARD,
@@ -156,6 +163,7 @@ pub const ALL: &[&Pass] = &[
     &scan::REDUCE_EMULATED,
     &scan::SPINE,
     &scan::SPINE_EMULATED,
+    &saliency_plane::PASS,
     &slot_sum::PASS,
     &stereo::BLOCKS,
     &stereo::FILTER,

@@ -68,12 +68,18 @@ impl Plane {
 
     /// Reduced until the shorter side has at most this many pixels; never enlarged.
     pub fn reduced(self, side: u32) -> Self {
-        let shorter = self.width.min(self.height);
+        let (width, height) = Self::reduced_size(self.width, self.height, side);
+        if (width, height) == (self.width, self.height) { self } else { self.resized(width, height) }
+    }
+
+    /// The size of a plane of this size that is [`Self::reduced`].
+    pub fn reduced_size(width: u32, height: u32, side: u32) -> (u32, u32) {
+        let shorter = width.min(height);
         if shorter <= side {
-            return self;
+            return (width, height);
         }
-        let scaled = |v: u32| (f64::from(v) * f64::from(side) / f64::from(shorter)).round() as u32;
-        self.resized(scaled(self.width), scaled(self.height))
+        let scaled = |v: u32| ((f64::from(v) * f64::from(side) / f64::from(shorter)).round() as u32).max(1);
+        (scaled(width), scaled(height))
     }
 }
 

@@ -11,6 +11,8 @@ use crate::raster::{PLANES, Variants};
 
 /// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
 const MOMENTS: [&str; 2] = ["m_", "v_"];
+/// Section of the scores of sampled growth, where there are any.
+const SCORES: &str = "scores";
 /// Section of the exposures, where there are any.
 const EXPOSURES: &str = "exposures";
 
@@ -40,6 +42,9 @@ impl Checkpointed {
         out.put_values("counters", &state.counters);
         out.put_values("ids", &state.ids);
         out.put_values("stats", &state.stats);
+        if !state.scores.is_empty() {
+            out.put_values(SCORES, &state.scores);
+        }
         if !state.exposures.is_empty() {
             out.put_values(EXPOSURES, &state.exposures);
         }
@@ -83,9 +88,11 @@ impl Checkpointed {
         let variants: Variants = serde_json::from_str(file.text("variants")?)?;
         let kept = |prefix: &&str| file.names().any(|name| name.starts_with(*prefix));
         let moments = MOMENTS.into_iter().filter(kept).map(planes).collect::<Result<_, _>>()?;
-        let exposures = if file.names().any(|name| name == EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
+        let has = |section: &str| file.names().any(|name| name == section);
+        let scores = if has(SCORES) { rows(SCORES, 2)? } else { Vec::new() };
+        let exposures = if has(EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
         let (params, stats) = (planes("")?, rows("stats", 4)?);
-        let state = State { params, moments, stats, counters, ids, exposures };
+        let state = State { params, moments, stats, scores, counters, ids, exposures };
         Ok(Self {
             restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),

@@ -3,15 +3,15 @@
 mod order;
 mod rules;
 
-pub use rules::{DensityRules, logit};
+pub use rules::{DensityRules, Sampled, logit};
 
 use order::{ByBirth, Ordering};
 
-use crate::pass::densify_gather::{MODE_COPY, MODE_MOMENT, MODE_SHRINK, MODE_ZERO};
+use crate::pass::densify_gather::{MODE_COPY, MODE_MOMENT, MODE_SHARE, MODE_SHRINK, MODE_SHRINK_AXIS, MODE_ZERO};
 use crate::pass::plan::{self, Entry};
 use crate::pass::{
     counters, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
-    opacity_reset,
+    densify_sample, opacity_reset,
 };
 use crate::raster::scan::{Extent, Scan, Summand};
 use crate::raster::sort::Shape;
@@ -38,6 +38,8 @@ pub struct Model<'a> {
     pub second_moments: Option<&'a [Buffer; 8]>,
     /// Statistics, a vec4 per splat.
     pub stats: &'a Buffer,
+    /// Scores of sampled growth, a vec2 per splat, where growth is sampled.
+    pub scores: Option<&'a Buffer>,
     /// Persistent identities.
     pub ids: &'a Buffer,
     /// The counters.
@@ -103,10 +105,11 @@ pub struct DensityControl {
     alignment: u64,
     plan: Pipeline,
     classify: Pipeline,
+    sample: Pipeline,
     limit: Pipeline,
     rows: Pipeline,
     means: Pipeline,
-    gathers: [(u32, Pipeline); 4],
+    gathers: [(u32, Pipeline); 5],
     finish: Pipeline,
     reset: Pipeline,
     shape: Shape,
@@ -129,10 +132,11 @@ impl DensityControl {
             alignment: gpu.caps().limits.storage_alignment,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             classify: gpu.pipeline(&densify_classify::PASS.kernel, &[])?,
+            sample: gpu.pipeline(&densify_sample::PASS.kernel, &[])?,
             limit: gpu.pipeline(&densify_limit::PASS.kernel, &[])?,
             rows: gpu.pipeline(&densify_map::PASS.kernel, &[])?,
             means: gpu.pipeline(&densify_means::PASS.kernel, &[])?,
-            gathers: [gather(1)?, gather(3)?, gather(4)?, gather(12)?],
+            gathers: [gather(1)?, gather(2)?, gather(3)?, gather(4)?, gather(12)?],
             finish: gpu.pipeline(&densify_finish::PASS.kernel, &[])?,
             reset: gpu.pipeline(&opacity_reset::PASS.kernel, &[])?,
             shape: Shape::of(gpu.caps()),
@@ -162,7 +166,7 @@ impl DensityControl {
         let parts = model.scratch.parts(self.capacity, self.alignment);
         let Parts { flags, offsets, map, old_ids, scratch } = parts;
         let sorted = self.order.as_ref().map(|order| order.record_births(rec, model)).transpose()?;
-        self.decide(rec, model, &parts, rules, sorted.as_ref())?;
+        self.decide(rec, model, &parts, rules, sorted.as_ref(), event)?;
 
         // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
         let [entry_new, entry_old] = [self.first_entry, self.first_entry + ARGS - 1];
@@ -191,10 +195,23 @@ impl DensityControl {
         let [source, means, quats, scales] =
             slices([scratch.rows, &model.planes[MEANS], &model.planes[QUATS], &model.planes[SCALES]]);
         let buffers = [counts, map, old_ids, source, quats, scales, means];
-        rec.dispatch(&self.means, &buffers, &densify_means::Push { seed: rules.seed, event }, new_rows)?;
+        let along_axis = u32::from(rules.sampled.is_some());
+        let push = densify_means::Push { seed: rules.seed, event, along_axis };
+        rec.dispatch(&self.means, &buffers, &push, new_rows)?;
         for (p, (plane, width)) in model.planes.iter().zip(WIDTHS).enumerate().filter(|(p, _)| *p != MEANS) {
-            let mode = if p == SCALES { MODE_SHRINK } else { MODE_COPY };
-            self.gather(rec, model, &parts, plane, width, mode)?;
+            let mode = match p {
+                SCALES if rules.sampled.is_some() => MODE_SHRINK_AXIS,
+                SCALES => MODE_SHRINK,
+                OPACITIES if rules.sampled.is_some() => MODE_SHARE,
+                _ => MODE_COPY,
+            };
+            self.gather_as(
+                rec,
+                model,
+                &parts,
+                (plane, width),
+                densify_gather::Push { mode, keep: rules.keep_opacity },
+            )?;
         }
         for moments in [model.first_moments].into_iter().chain(model.second_moments) {
             for (plane, width) in moments.iter().zip(WIDTHS) {
@@ -202,6 +219,9 @@ impl DensityControl {
             }
         }
         self.gather(rec, model, &parts, model.stats, 4, MODE_ZERO)?;
+        if let Some(scores) = model.scores {
+            self.gather(rec, model, &parts, scores, 2, MODE_ZERO)?;
+        }
 
         let push = densify_finish::Push { stride: self.capacity };
         rec.dispatch(&self.finish, &[counts, offsets, (&self.tally).into()], &push, Groups::Workgroups(1))
@@ -227,6 +247,7 @@ impl DensityControl {
         parts: &Parts<'_>,
         rules: &DensityRules,
         sorted: Option<&ByBirth<'_>>,
+        event: u32,
     ) -> Result<()> {
         let all = Groups::Items(u64::from(self.capacity));
         rec.fill(&self.tally, 0)?;
@@ -235,8 +256,17 @@ impl DensityControl {
         let model_and_stats =
             slices([model.counters, means, quats, scales, opacities, sh0, sh1, sh2, sh3, model.stats]);
         let mut buffers = model_and_stats.to_vec();
-        buffers.extend([sorted.map_or(parts.flags, |sorted| sorted.flags), (&self.tally).into()]);
-        rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
+        let target = sorted.map_or(parts.flags, |sorted| sorted.flags);
+        match (&rules.sampled, model.scores) {
+            (Some(sampled), Some(scores)) => {
+                buffers.extend([scores.into(), model.ids.into(), target, (&self.tally).into()]);
+                rec.dispatch(&self.sample, &buffers, &rules.sample_push(sampled, self.capacity, event), all)?;
+            }
+            _ => {
+                buffers.extend([target, (&self.tally).into()]);
+                rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
+            }
+        }
         if let (Some(order), Some(sorted)) = (&self.order, sorted) {
             order.record_flags(rec, sorted, parts.flags)?;
         }
@@ -268,14 +298,25 @@ impl DensityControl {
         width: u32,
         mode: u32,
     ) -> Result<()> {
+        self.gather_as(rec, model, parts, (plane, width), densify_gather::Push { mode, keep: 1.0 })
+    }
+
+    fn gather_as(
+        &self,
+        rec: &mut Recorder,
+        model: &Model<'_>,
+        parts: &Parts<'_>,
+        (plane, width): (&Buffer, u32),
+        push: densify_gather::Push,
+    ) -> Result<()> {
         let Some((_, pipeline)) = self.gathers.iter().find(|(w, _)| *w == width) else {
             return Ok(());
         };
-        if mode != MODE_ZERO {
+        if push.mode != MODE_ZERO {
             self.set_aside(rec, parts.scratch, plane, width)?;
         }
         let [counts, source, plane] = slices([model.counters, parts.scratch.rows, plane]);
         let rows = Groups::Indirect(model.args, Entry::offset(self.first_entry));
-        rec.dispatch(pipeline, &[counts, parts.map, source, plane], &densify_gather::Push { mode }, rows)
+        rec.dispatch(pipeline, &[counts, parts.map, source, plane], &push, rows)
     }
 }

@@ -6,30 +6,38 @@ mod transfer;
 use std::collections::VecDeque;
 
 use super::Error;
-use super::density::{self, DensityControl, DensityRules, Scratch};
+use super::coarse::Coarse;
+use super::density::{self, DensityControl, DensityRules, Sampled, Scratch};
 use super::event::{Event, Kind};
 use super::exposures::{Exposures, Turn};
 use super::feed::FeedCounts;
 use super::input::Input;
-use super::losses::Losses;
+use super::losses::{Losses, Weights};
 use super::memory::Needs;
 use super::optimiser::Optimiser;
 use super::pacing::Pacing;
 use super::photographs::Photographs;
+use super::saliencies::Saliencies;
 use super::schedule::{Adam, StepPlan};
-use super::settings::{Exposure, Settings};
+use super::settings::{DepthPrior, Exposure, Growth as GrowthRule, Settings};
 use super::state::State;
+use super::statistics::{Seen, Statistics};
+use super::terms::{Compared, Geometry, GeometryTurn, GradientMaps, Perceptual};
 use crate::dataset::Depth;
 use crate::pass::camera::{NEAR, Projection};
-use crate::pass::{counters, densify_stats, finish};
-use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
+use crate::pass::{counters, finish};
+use crate::raster::{
+    DENSITY_ENTRY, ImageGradients, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats,
+};
 use crate::scene::{Camera, SplatOrder};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket, slices};
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
 const RING_SLOT: u64 = 256;
 /// Slots; more than events ever in flight.
 const RING_SLOTS: u64 = 64;
+/// Side of the windows of the perceptual distance.
+const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
@@ -62,12 +70,16 @@ pub struct Engine {
     model: Planes,
     optimiser: Optimiser,
     ids: Buffer,
-    stats: Buffer,
+    statistics: Statistics,
     target: Target,
     losses: Losses,
     exposures: Option<Exposures>,
+    saliencies: Option<Saliencies>,
+    coarse: Option<Coarse>,
+    geometry: Option<Geometry>,
+    gradient_maps: Option<GradientMaps>,
+    perceptual: Option<Perceptual>,
     density: DensityControl,
-    accumulate: Pipeline,
     finish: Pipeline,
     ring: Buffer,
     next_slot: u64,
@@ -111,6 +123,17 @@ impl Engine {
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
         engine.photographs.fill(gpu, &input.train, pacing)?;
+        if let Some(saliencies) = &mut engine.saliencies {
+            saliencies.fill(gpu, &input.train, &settings.frequencies, settings.run.seed, pacing.decoders())?;
+        }
+        if let Some(geometry) = &mut engine.geometry {
+            geometry.fill(gpu, &input.known.priors)?;
+        }
+        if settings.texture.lambda_perceptual > 0.0 {
+            let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
+            let (weights, side) = (input.known.perceptual.as_deref(), smallest.min(PERCEPTUAL_SIDE));
+            engine.perceptual = Some(Perceptual::new(gpu, weights, side, &settings.texture)?);
+        }
         match state {
             Some(state) => engine.restore(&state)?,
             None => engine.begin(&input.initial)?,
@@ -127,37 +150,50 @@ impl Engine {
         (splats, pairs): (u32, u32),
     ) -> Result<Self, Error> {
         let side = variants.tile.size();
-        let sizes: Vec<(u32, u32)> = needs.views.iter().map(|(c, _)| (c.width, c.height)).collect();
+        let settings = &needs.settings;
+        let cameras: Vec<Camera> = needs.views.iter().map(|(camera, _)| *camera).collect();
+        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
+        let weighted = settings.frequencies.low_stage > 0.0 && settings.frequencies.low_texture_weight != 1.0;
         let deep = needs.views.iter().any(|(_, depth)| *depth == Depth::Sixteen);
         let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
         let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
-        let exposures = match needs.settings.optimiser.exposure {
+        let exposures = match settings.optimiser.exposure {
             Exposure::Off => None,
             Exposure::Affine => Some(Exposures::new(gpu, needs.views.len(), pixels)?),
         };
-        let size = Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true };
+        let masked = settings.needs_masks();
+        let aux = settings.geometry.depth_prior != DepthPrior::None;
+        let size = Size { splats, pairs, tiles, aux, train: true, count: false, clamp_gradient_passes: true };
         Ok(Self {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::new(gpu, "", splats)?,
-            optimiser: Optimiser::new(gpu, splats, needs.extent, &needs.settings.shortcuts)?,
+            optimiser: Optimiser::new(gpu, splats, needs.extent, settings)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
-            stats: gpu.buffer("stats", 16 * u64::from(splats), Memory::Device)?,
-            target: Target::new(gpu, "", pixels, false)?,
-            losses: Losses::new(gpu, &sizes, deep, needs.settings.optimiser.lambda_dssim)?,
+            statistics: Statistics::new(gpu, splats, deep, settings)?,
+            target: Target::new(gpu, "", pixels, aux)?,
+            losses: Losses::new(gpu, &sizes, deep, weighted, settings.optimiser.lambda_dssim)?,
             exposures,
+            geometry: aux.then(|| Geometry::new(gpu, &cameras, deep, masked, &settings.geometry)).transpose()?,
+            gradient_maps: settings
+                .texture
+                .wants_gradients()
+                .then(|| GradientMaps::new(gpu, &cameras, deep, masked, &settings.texture))
+                .transpose()?,
+            perceptual: None,
+            saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
+            coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
-            accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,
             recorded: 0,
             slots: VecDeque::new(),
-            cameras: needs.views.iter().map(|(camera, _)| *camera).collect(),
+            cameras,
             photographs,
-            antialias: needs.settings.model.antialias,
-            settings: needs.settings.clone(),
+            antialias: settings.model.antialias,
+            settings: settings.clone(),
             extent: needs.extent,
             initial_splats: 0,
             most_splats: None,
@@ -275,11 +311,21 @@ impl Engine {
     }
 
     fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
-        let camera = self.cameras.get(view).ok_or(Error::NoViews)?;
-        let photograph = self.photographs.record(&self.gpu, recorder, view, self.recorded)?;
+        let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
+        let mut photograph = self.photographs.record(&self.gpu, recorder, view, self.recorded)?;
+        let mut camera = *whole;
+        if let (Some(coarse), 2..) = (&self.coarse, plan.factor) {
+            photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;
+            camera = Coarse::camera(whole, plan.factor);
+        }
+        let saliency = match &self.saliencies {
+            Some(saliencies) => Some(saliencies.record(recorder, view, &camera)?),
+            None => None,
+        };
         let renderer = &self.renderer;
-        let shot = self.shot(*camera, plan);
-        let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
+        let shot = self.shot(camera, plan);
+        let geometry = self.geometry.as_ref().zip(plan.geometry).filter(|(geometry, _)| geometry.knows(view));
+        let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, geometry.is_some())?;
         let (pixels, known) = (camera.width * camera.height, plan.step);
         let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
         let image = &self.target.image;
@@ -287,21 +333,36 @@ impl Engine {
             Some(exposures) => exposures.record_apply(recorder, image, turn)?,
             None => image,
         };
-        self.losses.record(recorder, shown, &photograph, (camera.width, camera.height))?;
+        let of = [1.0, self.settings.frequencies.low_texture_weight as f32];
+        let weights = saliency.filter(|_| plan.low && of[1] != 1.0).map(|saliency| Weights { saliency, of });
+        self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
+        let of_image = self.losses.grad_image();
+        let mask = self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view));
+        let compared = Compared { camera: &camera, image: shown, photograph: &photograph, mask, grad_image: of_image };
+        if let (Some(maps), Some(times)) = (&self.gradient_maps, plan.gradients) {
+            maps.record(recorder, &compared, times)?;
+        }
+        if let (Some(perceptual), Some(times)) = (&self.perceptual, plan.perceptual) {
+            let place = self.saliencies.as_ref().map_or([0.5; 2], |s| s.place(view, plan.seen));
+            perceptual.record(recorder, &compared, place, times)?;
+        }
         if let Some(exposures) = &self.exposures {
             let once = (plan.adam != Adam::None).then(|| renderer.once());
-            exposures.record_backward(recorder, image, self.losses.grad_image(), turn, once)?;
+            exposures.record_backward(recorder, image, of_image, turn, once)?;
         }
-        renderer.record_blend_backward(recorder, &lists, self.losses.grad_image(), &shot, &self.target)?;
-        if let (true, Some(grad2d)) = (plan.accumulate, renderer.grad2d()) {
-            let push =
-                densify_stats::Push { half_width: 0.5 * camera.width as f32, half_height: 0.5 * camera.height as f32 };
-            let [counts, tile_counts, splat2d, stats] =
-                slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
-            let buffers = [counts, tile_counts, splat2d, grad2d, stats];
-            recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
+        let of_aux = match geometry {
+            Some((geometry, weight)) => {
+                Some(geometry.record(recorder, &self.target, &compared, GeometryTurn { view, weight })?)
+            }
+            None => None,
+        };
+        let gradients = ImageGradients { of_image, of_aux };
+        renderer.record_blend_backward(recorder, &lists, gradients, &shot, &self.target)?;
+        if plan.accumulate {
+            let seen = Seen { camera: &camera, image: shown, photograph: &photograph, saliency };
+            self.statistics.record(recorder, renderer, seen)?;
         }
-        self.optimiser.record(recorder, renderer, &self.model, &shot, plan)?;
+        self.optimiser.record(recorder, renderer, &self.model, &shot, plan, of_aux.is_some())?;
         Ok(())
     }
 
@@ -311,12 +372,22 @@ impl Engine {
         let near = self.most_splats.filter(|most| self.size.splats.saturating_mul(2) > *most);
         let rules = DensityRules {
             clone_threshold: density.grad_threshold as f32,
-            split_threshold: density.grad_threshold as f32,
-            split_absolute: false,
+            split_threshold: density.split_grad_threshold.unwrap_or(density.grad_threshold) as f32,
+            split_absolute: density.absgrad,
             split_scale: density.percent_dense * self.extent,
             prune_opacity: density.prune_opacity,
             prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
             max_splats: density.max_splats.into_iter().chain(near).min(),
+            sampled: (density.growth == GrowthRule::Sampled).then(|| Sampled {
+                low_threshold: if plan.low { density.low_grad_threshold } else { density.grad_threshold } as f32,
+                high_threshold: density.grad_threshold as f32,
+                absolute: density.absgrad,
+                rate: density.sample_rate as f32,
+                mask_share: density.sample_mask_share as f32,
+                error_share: density.sample_error_share as f32,
+                prune_unseen: density.prune_unseen,
+            }),
+            keep_opacity: density.keep_opacity as f32,
             seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,
         };
         self.density.record(recorder, &self.density_model(), &rules, event.number())?;
@@ -329,7 +400,8 @@ impl Engine {
             planes: self.model.buffers(),
             first_moments: self.optimiser.first().buffers(),
             second_moments: self.optimiser.second().map(Planes::buffers),
-            stats: &self.stats,
+            stats: self.statistics.stats(),
+            scores: self.statistics.scores(),
             ids: &self.ids,
             counters: &self.renderer.counters,
             args: &self.renderer.args,

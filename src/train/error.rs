@@ -21,6 +21,15 @@ pub enum Error {
     /// There is nothing to begin with.
     #[error(transparent)]
     Init(#[from] scene::init::InitError),
+    /// A mask could not be made.
+    #[error(transparent)]
+    Saliency(#[from] crate::saliency::Error),
+    /// Stereo failed.
+    #[error(transparent)]
+    Stereo(#[from] crate::stereo::Error),
+    /// The perceptual distance could not be set up.
+    #[error(transparent)]
+    Perceptual(#[from] crate::perceptual::Error),
     /// Settings could not be written into a checkpoint.
     #[error(transparent)]
     Settings(#[from] super::settings::SettingsError),

@@ -1,7 +1,11 @@
 //! What a training is given: views with their photographs, and a first model.
 
+use std::sync::Arc;
+
 use crate::dataset::{Depth, Pixels, Supply};
+use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
+use crate::stereo::Prior;
 
 /// A photograph with its camera in scene coordinates.
 #[derive(Clone, Debug)]
@@ -37,6 +41,17 @@ pub struct Input {
     pub initial: Gaussians,
     /// Extent of the training cameras in scene units (1.1 x the largest distance from their mean).
     pub extent: f32,
+    /// What is known besides.
+    pub known: Known,
+}
+
+/// What a training can be given besides photographs and a first model; nothing of it has to be there.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    /// Depth and normals of the views to train on, in their order and in scene coordinates.
+    pub priors: Vec<Option<Prior>>,
+    /// Weights for the perceptual distance; a bank of filters stands in for them.
+    pub perceptual: Option<Arc<LpipsWeights>>,
 }
 
 impl Input {

@@ -20,16 +20,32 @@ pub(super) struct Losses {
     result: Buffer,
 }
 
+/// Weights of pixels in the gradient.
+#[derive(Clone, Copy)]
+pub(super) struct Weights<'a> {
+    /// A value per pixel, from 0 to 1.
+    pub(super) saliency: &'a Buffer,
+    /// Weight of saliency 0, and of 1.
+    pub(super) of: [f32; 2],
+}
+
 /// The passes for one depth of photographs.
 struct Passes {
-    strips: Pipeline,
-    grad: Pipeline,
+    /// Without weights, and with them where there are any.
+    strips: [Option<Pipeline>; 2],
+    grad: [Option<Pipeline>; 2],
 }
 
 impl Losses {
-    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel; `lambda` is the weight of 1 - SSIM, L1
-    /// has the rest.
-    pub(super) fn new(gpu: &Gpu, sizes: &[(u32, u32)], deep: bool, lambda: f64) -> Result<Self, vk::Error> {
+    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may have weights;
+    /// `lambda` is the weight of 1 - SSIM, L1 has the rest.
+    pub(super) fn new(
+        gpu: &Gpu,
+        sizes: &[(u32, u32)],
+        deep: bool,
+        weighted: bool,
+        lambda: f64,
+    ) -> Result<Self, vk::Error> {
         let (strips, grad, constant, lanes) = match gpu.caps().subgroup {
             Subgroup::Hardware(width) if width >= loss::LEAST_LANES => {
                 (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
@@ -42,10 +58,14 @@ impl Losses {
         let passes = |depth: Depth| -> Result<Passes, vk::Error> {
             let (lanes, bits) = ((constant, lanes), ("PHOTOGRAPH_BITS", depth.bits()));
             let segment = ("SEGMENT", Layout::segment_for(lanes.1));
-            Ok(Passes {
-                strips: gpu.pipeline(&strips.kernel, &[lanes, segment, bits])?,
-                grad: gpu.pipeline(&grad.kernel, &[lanes, bits])?,
-            })
+            let one = |weights: u32| -> Result<[Option<Pipeline>; 2], vk::Error> {
+                let weights = ("WEIGHTED", weights);
+                let strips = gpu.pipeline(&strips.kernel, &[lanes, segment, bits, weights])?;
+                Ok([Some(strips), Some(gpu.pipeline(&grad.kernel, &[lanes, bits, weights])?)])
+            };
+            let [plain_strips, plain_grad] = one(0)?;
+            let [strips, grad] = if weighted { one(1)? } else { [None, None] };
+            Ok(Passes { strips: [plain_strips, strips], grad: [plain_grad, grad] })
         };
         let most = |f: &dyn Fn(Layout) -> u64| {
             let layouts = sizes.iter().map(|&(width, height)| Layout::new(width, height, lanes));
@@ -73,6 +93,7 @@ impl Losses {
         recorder: &mut Recorder,
         image: &Buffer,
         photograph: &Shown<'_>,
+        weights: Option<Weights<'_>>,
         (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
         let layout = Layout::new(width, height, self.lanes);
@@ -81,12 +102,16 @@ impl Losses {
             (Depth::Sixteen, Some(passes)) => passes,
             _ => &self.eight,
         };
-        let push = Push { width, height, lambda: self.lambda, values };
+        let form = usize::from(weights.is_some());
+        let (Some(strips), Some(grad)) = (&passes.strips[form], &passes.grad[form]) else { return Ok(()) };
+        let [low_weight, high_weight] = weights.map_or([1.0; 2], |w| w.of);
+        let push = Push { width, height, lambda: self.lambda, values, low_weight, high_weight };
+        let saliency = weights.map_or(&self.result, |w| w.saliency);
         let [red, green, blue] = &self.planes;
-        let buffers = [image, photograph, red, green, blue, &self.ssim_parts];
-        recorder.dispatch(&passes.strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
-        let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts];
-        recorder.dispatch(&passes.grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
+        let buffers = [image, photograph, red, green, blue, &self.ssim_parts, saliency];
+        recorder.dispatch(strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
+        let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts, saliency];
+        recorder.dispatch(grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
         let push = SumPush {
             values,
             ssim_count: layout.ssim_parts(),

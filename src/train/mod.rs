@@ -2,6 +2,7 @@
 
 mod checkpoint;
 mod choice;
+mod coarse;
 mod cost;
 pub mod density;
 mod embedded;
@@ -22,9 +23,13 @@ mod optimiser;
 mod pacing;
 mod photographs;
 pub mod prepare;
+mod saliencies;
 pub mod schedule;
 pub mod settings;
 mod state;
+mod statistics;
+mod stereo;
+mod terms;
 mod trainer;
 pub mod tune;
 
@@ -40,7 +45,7 @@ pub use exposures::ExposureMatrix;
 pub use feed::FeedCounts;
 pub use history::History;
 pub use host::{HostMemory, HostPlan};
-pub use input::{Input, Outline, View};
+pub use input::{Input, Known, Outline, View};
 pub use memory::MemoryPlan;
 pub use message::Message;
 pub use pacing::Pacing;
@@ -48,4 +53,5 @@ pub use photographs::Residency;
 pub use schedule::{Schedule, StepPlan};
 pub use settings::Settings;
 pub use state::State;
+pub use stereo::{StereoReport, take_stereo};
 pub use trainer::{Restart, Trainer};

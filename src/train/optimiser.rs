@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::Error;
 use super::schedule::{Adam, StepPlan};
-use super::settings::Shortcuts;
+use super::settings::{DepthPrior, Settings};
 use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
-use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot};
+use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
 use crate::vk::{self, Gpu, Pipeline, Recorder};
 
 /// How a step is taken.
@@ -15,6 +15,8 @@ enum Form {
     Fused {
         /// By the highest degree of the spherical harmonics that may have moments.
         of_degree: [Pipeline; 4],
+        /// The same for steps with gradients of depth and normals, where there are such.
+        with_aux: Option<[Pipeline; 4]>,
         /// For steps that leave out the view-dependent coefficients, where some do.
         without_rest: Option<Pipeline>,
     },
@@ -29,23 +31,34 @@ pub(super) struct Optimiser {
     form: Form,
     settings: adam::Settings,
     extent: f64,
+    flatten: f32,
     /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch none above it.
     degree: AtomicU32,
 }
 
 impl Optimiser {
     /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means.
-    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, shortcuts: &Shortcuts) -> Result<Self, Error> {
-        let settings = adam::Settings::default();
+    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, training: &Settings) -> Result<Self, Error> {
+        let (settings, shortcuts) = (adam::Settings::default(), &training.shortcuts);
+        let aux = training.geometry.depth_prior != DepthPrior::None;
+        let flatten = (training.geometry.lambda_flatten / extent) as f32;
         let packs = shortcuts.moment_bits == 16;
         let (kernel, needed) =
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
         let form = if limit >= needed {
-            let of = |degree, rest| gpu.pipeline(kernel, &fused::constants(&settings, degree, false, rest));
+            let of = |degree, aux, rest| {
+                let mut constants = fused::constants(&settings, degree, aux, rest);
+                constants.iter_mut().filter(|(name, _)| *name == "FLATTEN").for_each(|(_, v)| *v = flatten.to_bits());
+                gpu.pipeline(kernel, &constants)
+            };
+            let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
+                Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])
+            };
             Form::Fused {
-                of_degree: [of(0, true)?, of(1, true)?, of(2, true)?, of(3, true)?],
-                without_rest: (shortcuts.sh_every > 1).then(|| of(0, false)).transpose()?,
+                of_degree: all(false)?,
+                with_aux: aux.then(|| all(true)).transpose()?,
+                without_rest: (shortcuts.sh_every > 1).then(|| of(0, false, false)).transpose()?,
             }
         } else if packs || shortcuts.sh_every > 1 {
             return Err(Error::ShortcutBuffers { needed, limit });
@@ -57,7 +70,7 @@ impl Optimiser {
         if !packs {
             moments.push(Planes::new(gpu, "v_", capacity)?);
         }
-        Ok(Self { moments, form, settings, extent, degree: AtomicU32::new(0) })
+        Ok(Self { moments, form, settings, extent, flatten, degree: AtomicU32::new(0) })
     }
 
     /// First moments, or both.
@@ -115,7 +128,7 @@ impl Optimiser {
         Ok(())
     }
 
-    /// Records one optimiser step of `model`, after the blend backward of the shot.
+    /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels.
     pub(super) fn record(
         &self,
         recorder: &mut Recorder,
@@ -123,6 +136,7 @@ impl Optimiser {
         model: &Planes,
         shot: &Shot,
         plan: &StepPlan,
+        aux: bool,
     ) -> Result<(), vk::Error> {
         if plan.adam == Adam::None {
             return Ok(());
@@ -141,12 +155,13 @@ impl Optimiser {
         let used = if plan.sh_rest.is_some() { plan.sh_degree } else { 0 };
         let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
         match &self.form {
-            Form::Fused { of_degree, without_rest } => {
+            Form::Fused { of_degree, with_aux, without_rest } => {
                 let step = BackwardStep {
                     model,
                     moments: &self.moments,
-                    pipeline: match (plan.sh_rest, without_rest) {
-                        (None, Some(pipeline)) => pipeline,
+                    pipeline: match (plan.sh_rest, without_rest, with_aux) {
+                        (_, _, Some(with_aux)) if aux => &with_aux[degree.min(3) as usize],
+                        (None, Some(pipeline), _) => pipeline,
                         _ => &of_degree[degree.min(3) as usize],
                     },
                     settings: &self.settings,
@@ -156,7 +171,8 @@ impl Optimiser {
                 renderer.record_backward_step(recorder, &step, shot)
             }
             Form::FromGradients { adam, gradients } => {
-                renderer.record_project_backward(recorder, model, gradients, shot)?;
+                let terms = Terms { aux, flatten: self.flatten };
+                renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)
             }
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Error;
 use super::host::HostMemory;
-use super::input::{Input, Outline, View};
+use super::input::{Input, Known, Outline, View};
 use super::settings::{self, Settings};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
 use crate::format::ply::{self, Content};
@@ -96,5 +96,6 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
         held_out: views(dataset, Role::HeldOut, &mut share)?,
         initial,
         extent: Frame::EXTENT as f32,
+        known: Known::default(),
     })
 }

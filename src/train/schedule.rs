@@ -5,7 +5,7 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
-use super::settings::{Background, Settings};
+use super::settings::{Background, DepthPrior, Settings};
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -78,6 +78,16 @@ pub struct StepPlan {
     pub lr_exposure: f64,
     /// How often the step's photograph has been looked at, this step included.
     pub seen: u32,
+    /// Whether the step belongs to the low-frequency stage.
+    pub low: bool,
+    /// By what the photograph is reduced.
+    pub factor: u32,
+    /// What the weights of depth and normals are multiplied by, where the step has them.
+    pub geometry: Option<f64>,
+    /// What the weight of gradient maps is multiplied by, where the step has them.
+    pub gradients: Option<f64>,
+    /// The same of the perceptual distance.
+    pub perceptual: Option<f64>,
 }
 
 /// The schedule of a run.
@@ -101,6 +111,17 @@ pub struct Schedule {
     pub sh_interval: u32,
     /// Steps over which the learning rate of the means decays.
     pub lr_means_steps: u32,
+    /// Last step of the low-frequency stage; 0 where there is none.
+    pub low_until: u32,
+    /// Last step that sees a reduced photograph; 0 where there is none.
+    pub coarse_until: u32,
+    /// Last step with a loss on depth and normals; 0 where there is none.
+    pub geometry_until: u32,
+    geometry_every: u32,
+    /// What is left of its weight at that step.
+    geometry_left: f64,
+    gradients: Every,
+    perceptual: Every,
     sh_degree: u32,
     sh_every: u32,
     densify: bool,
@@ -147,6 +168,16 @@ impl Schedule {
             prune_large_after,
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
+            low_until: (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32,
+            coarse_until: (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32,
+            geometry_until: match settings.geometry.depth_prior {
+                DepthPrior::None => 0,
+                _ => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
+            },
+            geometry_every: settings.geometry.depth_every.max(1),
+            geometry_left: settings.geometry.depth_left,
+            gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
+            perceptual: Every::new(settings.texture.perceptual_every, settings.texture.lambda_perceptual > 0.0),
             sh_degree: settings.model.sh_degree,
             sh_every,
             densify: !run.no_densify,
@@ -188,6 +219,28 @@ impl Schedule {
             adam_steps: self.adam_steps(t, false),
             lr_exposure: self.lr_exposure(t),
             seen: t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1,
+            low: t <= self.low_until,
+            factor: self.factor_at(t),
+            geometry: self.geometry_at(t),
+            gradients: self.gradients.at(t, self.low_until),
+            perceptual: self.perceptual.at(t, self.low_until),
+        }
+    }
+
+    /// The weight falls log-linearly to what is left of it at the last step; a step in every few carries the weight of all.
+    fn geometry_at(&self, t: u32) -> Option<f64> {
+        let due = t <= self.geometry_until && t.is_multiple_of(self.geometry_every);
+        due.then(|| {
+            f64::from(self.geometry_every) * log_linear([1.0, self.geometry_left], t, self.geometry_until.max(1))
+        })
+    }
+
+    /// A quarter of the photograph's size in the first quarter of the coarse steps, half of it in the others.
+    fn factor_at(&self, t: u32) -> u32 {
+        match t {
+            t if t > self.coarse_until => 1,
+            t if t <= self.coarse_until / 4 => 4,
+            _ => 2,
         }
     }
 
@@ -278,6 +331,24 @@ impl Schedule {
     }
 }
 
+/// A term of the loss that a step in every few has, after the low-frequency stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Every {
+    /// 0: none has it.
+    steps: u32,
+}
+
+impl Every {
+    fn new(steps: u32, wanted: bool) -> Self {
+        Self { steps: if wanted { steps.max(1) } else { 0 } }
+    }
+
+    /// What its weight is multiplied by: such a step carries the weight of all.
+    fn at(self, t: u32, after: u32) -> Option<f64> {
+        (self.steps > 0 && t > after && t.is_multiple_of(self.steps)).then_some(f64::from(self.steps))
+    }
+}
+
 /// From one rate to another over so many steps.
 fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
     let u = (f64::from(t) / f64::from(steps)).min(1.0);
@@ -286,14 +357,16 @@ fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
 
 /// What a random number is for: streams of one seed are independent.
 #[derive(Clone, Copy)]
-enum Stream {
+pub(super) enum Stream {
     Views = 1,
     Background = 2,
+    /// Places in a photograph.
+    Places = 3,
 }
 
 /// A random number for (stream, major, minor), the same in whatever order numbers are asked for: the 64-bit finaliser of
 /// SplitMix (Steele, Lea, Flood 2014) over each part in turn.
-fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
+pub(super) fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
     [stream as u64, major, minor].into_iter().fold(finalise(seed), |state, part| finalise(state ^ finalise(part)))
 }
 

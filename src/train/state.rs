@@ -11,6 +11,8 @@ pub struct State {
     pub moments: Vec<[Vec<f32>; 8]>,
     /// Densification statistics, 4 floats per splat.
     pub stats: Vec<f32>,
+    /// Scores of sampled growth, 2 floats per splat; empty where growth is not sampled.
+    pub scores: Vec<f32>,
     /// The counters.
     pub counters: Vec<u32>,
     /// Exposures of the photographs with their moments ([`crate::pass::exposure`]); empty where they are off.

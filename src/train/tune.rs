@@ -13,7 +13,7 @@ use std::path::Path;
 use super::choice::chosen_variants;
 use super::engine::Engine;
 use super::event::Event;
-use super::input::Input;
+use super::input::{Input, Known};
 use super::pacing::Pacing;
 use super::schedule::{Adam, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
@@ -154,7 +154,7 @@ fn thinned(input: &Input) -> Input {
     let all = input.train.len();
     let views = all.min(VIEWS);
     let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
-    Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent }
+    Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent, known: Known::default() }
 }
 
 /// Seconds of a forward and backward, as the mean over two views, each looked at twice.

@@ -27,19 +27,28 @@ pub fn classify(scales: [f32; 3], opacity: f32, stats: [f32; 4], push: &Push) ->
     [u32::from(!split && lives(largest)), u32::from(cloned && lives(largest)), child, child]
 }
 
+/// The model's planes, from binding 1 on, with the widths of their rows.
+pub(super) fn planes(call: &TwinCall<'_>) -> Vec<(Vec<f32>, usize)> {
+    [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect()
+}
+
+/// Whether every parameter of a splat is a finite number.
+pub(super) fn all_finite(planes: &[(Vec<f32>, usize)], i: usize) -> bool {
+    planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite()))
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let stride = push.stride as usize;
     let splats = (call.get::<u32>(0)[SPLATS] as usize).min(stride);
-    let planes: Vec<(Vec<f32>, usize)> =
-        [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect();
+    let planes = planes(call);
     let stats = call.get::<[f32; 4]>(9);
     let (mut flags, mut tally) = (call.get::<u32>(10), call.get::<u32>(11));
     for i in 0..stride.min(64 * call.groups as usize) {
         let mut row = [0; KINDS];
         if i < splats {
-            if planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite())) {
+            if all_finite(&planes, i) {
                 let scales = &planes[2].0[3 * i..3 * i + 3];
                 row = classify([scales[0], scales[1], scales[2]], planes[3].0[i], stats[i], &push);
             } else {

@@ -1,6 +1,7 @@
 //! Twin of `glsl/densify_means.comp`.
 
 use super::TwinCall;
+use super::densify_gather::longest_axis;
 use super::densify_map::unpack;
 use super::random::{Elementary, normals};
 use crate::pass::counters::SCAN_TOTAL;
@@ -22,9 +23,20 @@ fn rotate<R: Elementary>(q: [R; 4], v: [R; 3]) -> [R; 3] {
 
 /// The centre of child 0 or 1 of a splat: a draw from its Gaussian. The key is (seed, event, parent's identity, child).
 pub fn child_mean<R: Elementary>(mean: [R; 3], quat: [R; 4], log_scales: [R; 3], key: [u32; 4]) -> [R; 3] {
-    let n = normals::<R>(key);
-    let offset = rotate(quat, std::array::from_fn(|k| n[k] * log_scales[k].exponential()));
+    placed(mean, quat, log_scales, normals::<R>(key))
+}
+
+/// Where a child stands that has `place`, in standard deviations along the axes of its parent.
+fn placed<R: Elementary>(mean: [R; 3], quat: [R; 4], log_scales: [R; 3], place: [R; 3]) -> [R; 3] {
+    let offset = rotate(quat, std::array::from_fn(|k| place[k] * log_scales[k].exponential()));
     std::array::from_fn(|k| mean[k] + offset[k])
+}
+
+/// Half a standard deviation along the longest axis: up for the first child, down for the second.
+fn axis_place(log_scales: [f32; 3], kind: usize) -> [f32; 3] {
+    let mut place = [0.0; 3];
+    place[longest_axis(log_scales)] = if kind == 2 { 0.5 } else { -0.5 };
+    place
 }
 
 /// Adapter over raw buffers.
@@ -39,7 +51,11 @@ pub fn run(call: &mut TwinCall<'_>) {
         means[row] = source[i];
         if kind >= 2 {
             let key = [push.seed, push.event, old_ids[i], kind as u32 - 2];
-            means[row] = child_mean(source[i].map(f32::from_bits), quats[i], scales[i], key).map(f32::to_bits);
+            let place = match push.along_axis {
+                0 => normals::<f32>(key),
+                _ => axis_place(scales[i], kind),
+            };
+            means[row] = placed(source[i].map(f32::from_bits), quats[i], scales[i], place).map(f32::to_bits);
         }
     }
     call.set(6, &means);

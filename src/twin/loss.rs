@@ -22,24 +22,38 @@ pub struct ChannelLoss<R> {
     pub l1: R,
     /// Sum over pixels of SSIM.
     pub ssim: R,
-    /// d(sum of SSIM)/dx.
+    /// The same with weights ...
+    pub weighted_l1: R,
+    /// ... and the sum over pixels of weight times (1 - SSIM).
+    pub weighted_dssim: R,
+    /// Its derivative, minus: d(sum of weight times SSIM)/dx.
     pub grad_ssim: Vec<R>,
 }
 
 /// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding. Where
-/// `counts` is false x is taken to be y, nothing is summed and the gradient is 0.
-pub fn channel<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize, height: usize) -> ChannelLoss<R> {
+/// `counts` is false x is taken to be y, nothing is summed and the gradient is 0. `weights` are those of pixels: they enter
+/// the gradient and the weighted sums.
+pub fn channel<R: Real>(
+    x: &[R],
+    y: &[R],
+    counts: &[bool],
+    weights: &[R],
+    width: usize,
+    height: usize,
+) -> ChannelLoss<R> {
     let x: Vec<R> = x.iter().zip(y).zip(counts).map(|((x, y), counts)| if *counts { *x } else { *y }).collect();
     let taps = window::<R>();
     let near = |at: usize, size: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(size);
     let tap = |i: usize, j: usize| taps[j + RADIUS - i];
     let (c1, c2, two) = (R::of(C1), R::of(C2), R::of(2.0));
-    let mut out = ChannelLoss { l1: R::zero(), ssim: R::zero(), grad_ssim: vec![R::zero(); x.len()] };
+    let [l1, ssim, weighted_l1, weighted_dssim] = [R::zero(); 4];
+    let mut out = ChannelLoss { l1, ssim, weighted_l1, weighted_dssim, grad_ssim: vec![R::zero(); x.len()] };
     for i in 0..height {
         for j in 0..width {
             if !counts[i * width + j] {
                 continue;
             }
+            let weight = weights[i * width + j];
             let [mut mx, mut my, mut xx, mut yy, mut xy] = [R::zero(); 5];
             for p in near(i, height) {
                 for q in near(j, width) {
@@ -67,11 +81,14 @@ pub fn channel<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize, height:
                         continue;
                     }
                     let (w, a, b) = (tap(i, p) * tap(j, q), x[p * width + q], y[p * width + q]);
-                    out.grad_ssim[p * width + q] += w * (of_mean + two * a * of_var + b * of_cov);
+                    out.grad_ssim[p * width + q] += weight * w * (of_mean + two * a * of_var + b * of_cov);
                 }
             }
+            let l1 = (x[i * width + j] - y[i * width + j]).abs();
             out.ssim += ssim;
-            out.l1 += (x[i * width + j] - y[i * width + j]).abs();
+            out.l1 += l1;
+            out.weighted_l1 += weight * l1;
+            out.weighted_dssim += weight * (R::one() - ssim);
         }
     }
     out
@@ -86,7 +103,9 @@ pub struct Loss<R> {
     pub l1: R,
     /// Mean SSIM.
     pub ssim: R,
-    /// Gradient; the last component is 0.
+    /// The total with weights.
+    pub weighted: R,
+    /// Gradient of the total with weights; the last component is 0.
     pub grad: Vec<[R; 4]>,
 }
 
@@ -99,18 +118,32 @@ pub fn loss<R: Real>(
     height: usize,
     lambda: R,
 ) -> Loss<R> {
+    weighted_loss(image, photo, counts, &vec![R::one(); image.len()], (width, height), lambda)
+}
+
+/// The same with a weight for each pixel.
+pub fn weighted_loss<R: Real>(
+    image: &[[R; 4]],
+    photo: &[[R; 3]],
+    counts: &[bool],
+    weights: &[R],
+    (width, height): (usize, usize),
+    lambda: R,
+) -> Loss<R> {
     let each = R::one() / R::of((3 * counts.iter().filter(|c| **c).count()) as f64);
-    let mut out = Loss { total: R::zero(), l1: R::zero(), ssim: R::zero(), grad: vec![[R::zero(); 4]; image.len()] };
+    let [total, l1, ssim, weighted] = [R::zero(); 4];
+    let mut out = Loss { total, l1, ssim, weighted, grad: vec![[R::zero(); 4]; image.len()] };
     for c in 0..3 {
         let x: Vec<R> = image.iter().map(|p| p[c]).collect();
         let y: Vec<R> = photo.iter().map(|p| p[c]).collect();
-        let one = channel(&x, &y, counts, width, height);
+        let one = channel(&x, &y, counts, weights, width, height);
         out.l1 += one.l1 * each;
         out.ssim += one.ssim * each;
+        out.weighted += ((R::one() - lambda) * one.weighted_l1 + lambda * one.weighted_dssim) * each;
         for (k, grad) in out.grad.iter_mut().enumerate() {
             let d = if counts[k] { x[k] - y[k] } else { R::zero() };
             let sign = if d == R::zero() { R::zero() } else { d.signum() };
-            grad[c] = ((R::one() - lambda) * sign - lambda * one.grad_ssim[k]) * each;
+            grad[c] = ((R::one() - lambda) * weights[k] * sign - lambda * one.grad_ssim[k]) * each;
         }
     }
     out.total = (R::one() - lambda) * out.l1 + lambda * (R::one() - out.ssim);
@@ -169,8 +202,8 @@ fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
 }
 
 /// `loss_strips`, one channel, x being y where `counts` is false: SSIM's derivatives weighted along columns, and SSIM of each
-/// pixel, both 0 where nothing counts.
-pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
+/// pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
+pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], weights: &[R], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
     let moments = rows(x, y, width);
     let height = x.len() / width;
     let (mut out, mut values) = (vec![[R::zero(); 3]; x.len()], vec![R::zero(); x.len()]);
@@ -178,7 +211,8 @@ pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], width: usize) -> (Vec<
         let means = along(height, padding(), |i| moments[i * width + j]);
         let counted = |(i, mean)| if counts[i * width + j] { point(mean) } else { (R::zero(), [R::zero(); 4]) };
         let points: Vec<(R, [R; 4])> = means.into_iter().enumerate().map(counted).collect();
-        for (i, [a, b, c, _]) in along(height, [R::zero(); 4], |i| points[i].1).into_iter().enumerate() {
+        let weighted = |i: usize| points[i].1.map(|of| weights[i * width + j] * of);
+        for (i, [a, b, c, _]) in along(height, [R::zero(); 4], weighted).into_iter().enumerate() {
             out[i * width + j] = [a, b, c];
             values[i * width + j] = points[i].0;
         }
@@ -203,9 +237,9 @@ fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
 /// `loss_grad`, one channel, x being y where `counts` is false: dL/dx, the means being over `values`.
 pub fn grad<R: Real>(
     planes: &[[R; 3]],
-    x: &[R],
-    y: &[R],
+    (x, y): (&[R], &[R]),
     counts: &[bool],
+    weights: &[R],
     width: usize,
     lambda: R,
     values: R,
@@ -218,7 +252,7 @@ pub fn grad<R: Real>(
             let (d, s) = (x[k] - y[k], spread[k]);
             let sign = if d == R::zero() { R::zero() } else { d.signum() };
             let ssim = s[0] + d * s[1] + (x[k] - R::of(PIVOT)) * s[2];
-            if counts[k] { (R::one() - lambda) * each * sign - lambda * each * ssim } else { R::zero() }
+            if counts[k] { (R::one() - lambda) * each * weights[k] * sign - lambda * each * ssim } else { R::zero() }
         })
         .collect()
 }
@@ -237,14 +271,25 @@ fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<b
     ([one(0), one(1), one(2)], counts)
 }
 
+/// The weights of the pixels, from the saliency at a binding where there are any.
+fn weights(call: &TwinCall<'_>, push: &Push, (binding, weighted): (usize, u32)) -> Vec<f32> {
+    let pixels = (push.width * push.height) as usize;
+    if weighted == 0 {
+        return vec![1.0; pixels];
+    }
+    let saliency = call.get::<f32>(binding);
+    saliency[..pixels].iter().map(|s| push.low_weight + (push.high_weight - push.low_weight) * s).collect()
+}
+
 /// Adapter over raw buffers.
 pub fn run_strips(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
     let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * width];
     let (channels, counts) = channels(call, &push, call.constants[2]);
+    let weights = weights(call, &push, (6, call.constants[3]));
     for (c, (x, y)) in channels.into_iter().enumerate() {
-        let (planes, values) = strips(&x, &y, &counts, width);
+        let (planes, values) = strips(&x, &y, &counts, &weights, width);
         for (k, value) in values.into_iter().enumerate() {
             parts[k / width / segment * width + k % width] += value;
         }
@@ -260,9 +305,10 @@ pub fn run_grad(call: &mut TwinCall<'_>) {
     let mut parts = vec![0.0f32; push.height as usize * lanes];
     let mut out = vec![[0.0f32; 4]; width * push.height as usize];
     let (channels, counts) = channels(call, &push, call.constants[1]);
+    let weights = weights(call, &push, (7, call.constants[2]));
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let planes = call.get::<[f32; 3]>(2 + c);
-        let of_channel = grad(&planes[..x.len()], &x, &y, &counts, width, push.lambda, push.values);
+        let of_channel = grad(&planes[..x.len()], (&x, &y), &counts, &weights, width, push.lambda, push.values);
         for (k, g) in of_channel.into_iter().enumerate() {
             out[k][c] = g;
             parts[k / width * lanes + k % width % lanes] += (x[k] - y[k]).abs();

@@ -3,8 +3,8 @@
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS, STATUS};
 use psrgs_vk::pass::{
-    densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_stats,
-    opacity_reset,
+    densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_sample,
+    densify_scores, densify_stats, opacity_reset,
 };
 use psrgs_vk::twin::densify_means::child_mean;
 use psrgs_vk::twin::scan::exclusive;
@@ -33,6 +33,8 @@ pub fn run(gpu: &Gpu) {
     for n in SIZES {
         let random = &mut Random(90 + n as u64);
         classify(gpu, random, n);
+        sample(gpu, random, n);
+        scores(gpu, random, n);
         let (flags, offsets, total) = flags(random, n);
         limit(gpu, n, &flags, &offsets, total);
         map(gpu, random, n, &flags, &offsets, total);
@@ -49,18 +51,22 @@ fn room(n: usize) -> usize {
     n + 3
 }
 
-fn classify(gpu: &Gpu, random: &mut Random, n: usize) {
-    let stride = room(n);
-    let planes = [3, 4, 3, 1, 12, 12, 12, 12].map(|width| {
+/// Planes of a model, about one splat in ten of which has a value that is not finite.
+fn planes(random: &mut Random, stride: usize) -> [Vec<u8>; 8] {
+    [3, 4, 3, 1, 12, 12, 12, 12].map(|width| {
         let mut plane = floats(random, width * stride, -1.0, 1.0);
         for value in &mut plane {
-            // About one splat in ten has a value that is not finite.
             if random.word().is_multiple_of(600) {
                 *value = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][random.word() as usize % 3];
             }
         }
         bytes(&plane)
-    });
+    })
+}
+
+fn classify(gpu: &Gpu, random: &mut Random, n: usize) {
+    let stride = room(n);
+    let planes = planes(random, stride);
     let stats: Vec<[f32; 4]> = (0..stride)
         .map(|_| {
             let views = (random.word() % 4) as f32;
@@ -84,6 +90,77 @@ fn classify(gpu: &Gpu, random: &mut Random, n: usize) {
         buffers.extend([bytes(&stats), garbage(4 * stride), bytes(&[5_u32, 6, 7, 8])]);
         let outcome = harness::run(gpu, &densify_classify::PASS, &[], &buffers, &push, groups(stride));
         outcome.assert_same_bits(&format!("densify_classify of {n}"));
+    }
+}
+
+fn sample(gpu: &Gpu, random: &mut Random, n: usize) {
+    let stride = room(n);
+    let planes = planes(random, stride);
+    let stats: Vec<[f32; 4]> = (0..stride)
+        .map(|_| {
+            let views = (random.word() % 4) as f32;
+            [(random.word() % 9) as f32 * views / 8.0, (random.word() % 9) as f32 * views / 4.0, views, 0.0]
+        })
+        .collect();
+    let scores: Vec<[f32; 2]> =
+        stats.iter().map(|s| [random.between(0.0, 1.2) * s[1], (random.word() % (1 + s[2] as u32)) as f32]).collect();
+    let ids = random.words(stride);
+    for (absolute, prune_large, prune_unseen) in [(0, 0, 0), (1, 1, 0), (1, 0, 1)] {
+        let push = densify_sample::Push {
+            stride: stride as u32,
+            low_threshold: 0.75,
+            high_threshold: 0.25,
+            absolute,
+            rate: 0.4,
+            mask_share: 0.5,
+            error_share: 0.25,
+            prune_opacity: -0.7,
+            prune_scale: 0.8,
+            prune_large,
+            prune_unseen,
+            seed: 5,
+            event: random.word(),
+        };
+        let mut buffers = vec![counts(&[(SPLATS, n as u32)])];
+        buffers.extend(planes.iter().cloned());
+        buffers.extend([bytes(&stats), bytes(&scores), bytes(&ids), garbage(4 * stride), bytes(&[5_u32, 6, 7, 8])]);
+        let outcome = harness::run(gpu, &densify_sample::PASS, &[], &buffers, &push, groups(stride));
+        outcome.assert_same_bits(&format!("densify_sample of {n}"));
+    }
+}
+
+fn scores(gpu: &Gpu, random: &mut Random, n: usize) {
+    let (room, width, height) = (room(n), 13, 7);
+    let tile_counts: Vec<u32> = (0..room).map(|_| random.word() % 3).collect();
+    // Centres on both sides of the image's borders.
+    let splat2d = floats(random, 12 * room, -3.0, 16.0);
+    let grad2d = floats(random, 12 * room, -1.0, 1.0);
+    let pixels = (width * height) as usize;
+    let (image, saliency) = (floats(random, 4 * pixels, 0.0, 1.0), floats(random, pixels, 0.0, 1.0));
+    let before = floats(random, 2 * room, 0.0, 5.0);
+    for (bits, masked) in [(8, 0), (8, 1), (16, 1)] {
+        let photograph = random.words(pixels * bits / 8);
+        let push = densify_scores::Push { width, height, masked, error: 0.3 };
+        let buffers = [
+            counts(&[(SPLATS, n as u32)]),
+            bytes(&tile_counts),
+            bytes(&splat2d),
+            bytes(&grad2d),
+            bytes(&image),
+            bytes(&photograph),
+            bytes(&saliency),
+            bytes(&before),
+        ];
+        let given = [("PHOTOGRAPH_BITS", bits as u32)];
+        let outcome = harness::run(gpu, &densify_scores::PASS, &given, &buffers, &push, groups(room));
+        let (device, twin) = (outcome.device::<f32>(7), outcome.twin::<f32>(7));
+        for (e, (d, t)) in device.iter().zip(&twin).enumerate() {
+            let seen = e / 2 < n && tile_counts[e / 2] > 0;
+            // Errors are counted, so they are equal; square roots may differ in the last bits.
+            let tolerance = if seen && e % 2 == 0 { 2e-6 * t.abs() } else { 0.0 };
+            assert!((d - t).abs() <= tolerance, "densify_scores of splat {}: {d}, twin {t}", e / 2);
+            assert!(seen || *d == before[e], "densify_scores of splat {}, which was not seen", e / 2);
+        }
     }
 }
 
@@ -149,13 +226,24 @@ fn gather(gpu: &Gpu, random: &mut Random, n: usize) {
             densify_gather::MODE_SHRINK,
             densify_gather::MODE_MOMENT,
             densify_gather::MODE_ZERO,
+            densify_gather::MODE_SHRINK_AXIS,
+            densify_gather::MODE_SHARE,
         ] {
-            let push = densify_gather::Push { mode };
+            let push = densify_gather::Push { mode, keep: 0.9 };
             let target = garbage(width as usize * (rows + 4));
             let buffers = [counts(&[(SCAN_TOTAL, rows as u32)]), bytes(&map), plane.clone(), target];
             let given = [("WIDTH", width)];
             let outcome = harness::run(gpu, &densify_gather::PASS, &given, &buffers, &push, groups(rows));
-            outcome.assert_same_bits(&format!("densify_gather of {rows} rows of {width}, mode {mode}"));
+            let what = format!("densify_gather of {rows} rows of {width}, mode {mode}");
+            if mode != densify_gather::MODE_SHARE {
+                outcome.assert_same_bits(&what);
+                continue;
+            }
+            // Logits from a division and a square root of the device. Near 0 and 1 the logit follows the last bit of the opacity.
+            for (d, t) in outcome.device::<f32>(3).iter().zip(outcome.twin::<f32>(3)) {
+                let bound = 2e-7 * (2.0 + t.abs().min(16.0).exp());
+                assert!(d.to_bits() == t.to_bits() || (d - t).abs() <= bound, "{what}: {d}, twin {t}");
+            }
         }
     }
 }
@@ -169,7 +257,7 @@ fn means(gpu: &Gpu, random: &mut Random, n: usize) {
     // A quaternion of no length turns nothing.
     quats[..4].fill(0.0);
     let scales = floats(random, 3 * room(n), -12.0, 2.0);
-    let push = densify_means::Push { seed: random.word(), event: random.word() };
+    let push = densify_means::Push { seed: random.word(), event: random.word(), along_axis: 0 };
     let buffers = [
         counts(&[(SCAN_TOTAL, rows as u32)]),
         bytes(&map),

@@ -16,6 +16,8 @@ pub(crate) fn rules() -> DensityRules {
         prune_opacity: 0.4,
         prune_scale: Some(2.2),
         max_splats: None,
+        sampled: None,
+        keep_opacity: 1.0,
         seed: 7,
     }
 }

@@ -16,6 +16,8 @@ pub(crate) struct Row {
     /// First moments of the planes, then second moments.
     pub(crate) moments: [Vec<f32>; 16],
     pub(crate) stats: [f32; 4],
+    /// Mask value times absolute gradient, and views in which it is wrong.
+    pub(crate) scores: [f32; 2],
     pub(crate) id: u32,
 }
 
@@ -26,6 +28,7 @@ pub(crate) struct Model {
     pub(crate) planes: [Vec<u32>; 8],
     pub(crate) moments: [Vec<u32>; 16],
     pub(crate) stats: Vec<u32>,
+    pub(crate) scores: Vec<u32>,
     pub(crate) ids: Vec<u32>,
     pub(crate) counters: [u32; counters::COUNT],
 }
@@ -58,6 +61,7 @@ impl Row {
         Self {
             moments: std::array::from_fn(|p| (0..WIDTHS[p % 8]).map(|_| rng.uniform(-1.0, 1.0)).collect()),
             stats: [views * rng.uniform(0.0, 1.0), views * rng.uniform(0.0, 2.0), views, rng.uniform(0.0, 9.0)],
+            scores: [views * rng.uniform(0.0, 2.0), rng.below(1 + views as usize) as f32],
             planes,
             id,
         }
@@ -94,6 +98,7 @@ impl Model {
             planes: std::array::from_fn(|p| plane(WIDTHS[p], &|r| bits(&r.planes[p]))),
             moments: std::array::from_fn(|p| plane(WIDTHS[p % 8], &|r| bits(&r.moments[p]))),
             stats: plane(4, &|r| bits(&r.stats)),
+            scores: plane(2, &|r| bits(&r.scores)),
             ids: plane(1, &|r| vec![r.id]),
             counters,
         }
@@ -113,6 +118,7 @@ impl Model {
                 planes: std::array::from_fn(|p| cut(&self.planes[p], WIDTHS[p], i)),
                 moments: std::array::from_fn(|p| cut(&self.moments[p], WIDTHS[p % 8], i)),
                 stats: std::array::from_fn(|k| f32::from_bits(self.stats[4 * i + k])),
+                scores: std::array::from_fn(|k| f32::from_bits(self.scores[2 * i + k])),
                 id: self.ids[i],
             })
             .collect()

@@ -85,6 +85,6 @@ pub(crate) fn change(rows: &[Row], s: &DensityRules, event: u32, next_id: u32) -
     for (rank, row) in out[originals..].iter_mut().enumerate() {
         row.id = next_id + rank as u32;
     }
-    out.iter_mut().for_each(|r| r.stats = [0.0; 4]);
+    out.iter_mut().for_each(|r| (r.stats, r.scores) = ([0.0; 4], [0.0; 2]));
     (out, counts)
 }

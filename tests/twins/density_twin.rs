@@ -1,8 +1,10 @@
 //! A whole density change on the twins of its passes, in the order of the composer.
 
-use super::density_model::{MEANS, Model, QUATS, SCALES, WIDTHS};
+use super::density_model::{MEANS, Model, OPACITIES, QUATS, SCALES, WIDTHS};
 use psrgs_vk::pass::{Pass, counters};
-use psrgs_vk::pass::{densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means};
+use psrgs_vk::pass::{
+    densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_sample,
+};
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::TwinCall;
 
@@ -37,9 +39,16 @@ pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
     let mut c = model.counters.to_vec();
     let (mut flags, mut tally) = (vec![0xdead_beef; 4 * n], vec![0; 4]);
     {
-        let Model { planes: [means, quats, scales, opacities, sh0, sh1, sh2, sh3], stats, .. } = model;
-        let mut b = [&mut c, means, quats, scales, opacities, sh0, sh1, sh2, sh3, stats, &mut flags, &mut tally];
-        run(&densify_classify::PASS, &mut b, bytemuck::bytes_of(&settings.classify_push(stride)), &[], n);
+        let Model { planes: [means, quats, scales, opacities, sh0, sh1, sh2, sh3], stats, scores, ids, .. } = model;
+        if let Some(sampled) = &settings.sampled {
+            let push = settings.sample_push(sampled, stride, event);
+            let (flags, tally) = (&mut flags, &mut tally);
+            let mut b = [&mut c, means, quats, scales, opacities, sh0, sh1, sh2, sh3, stats, scores, ids, flags, tally];
+            run(&densify_sample::PASS, &mut b, bytemuck::bytes_of(&push), &[], n);
+        } else {
+            let mut b = [&mut c, means, quats, scales, opacities, sh0, sh1, sh2, sh3, stats, &mut flags, &mut tally];
+            run(&densify_classify::PASS, &mut b, bytemuck::bytes_of(&settings.classify_push(stride)), &[], n);
+        }
     }
     let mut offsets = scan(&flags, &mut c);
     if let Some(max_splats) = settings.max_splats {
@@ -65,24 +74,32 @@ pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
 
     let [means, quats, scales, ..] = &mut model.planes;
     let mut source = means.clone();
-    let push = densify_means::Push { seed: settings.seed, event };
+    let along_axis = u32::from(settings.sampled.is_some());
+    let push = densify_means::Push { seed: settings.seed, event, along_axis };
     let mut b = [&mut c, &mut map, &mut old_ids, &mut source, quats, scales, means];
     run(&densify_means::PASS, &mut b, bytemuck::bytes_of(&push), &[], new);
 
     let mut gather = |plane: &mut Vec<u32>, width: usize, mode: u32| {
-        let (push, mut source) = (densify_gather::Push { mode }, plane.clone());
+        let keep = if mode == densify_gather::MODE_SHARE { settings.keep_opacity } else { 1.0 };
+        let (push, mut source) = (densify_gather::Push { mode, keep }, plane.clone());
         let mut b = [&mut c, &mut map, &mut source, plane];
         run(&densify_gather::PASS, &mut b, bytemuck::bytes_of(&push), &[width as u32], new);
     };
     for (p, plane) in model.planes.iter_mut().enumerate().filter(|(p, _)| *p != MEANS) {
         debug_assert!(p >= QUATS);
-        let mode = if p == SCALES { densify_gather::MODE_SHRINK } else { densify_gather::MODE_COPY };
+        let mode = match (p, settings.sampled.is_some()) {
+            (SCALES, true) => densify_gather::MODE_SHRINK_AXIS,
+            (SCALES, false) => densify_gather::MODE_SHRINK,
+            (OPACITIES, true) => densify_gather::MODE_SHARE,
+            _ => densify_gather::MODE_COPY,
+        };
         gather(plane, WIDTHS[p], mode);
     }
     for (p, plane) in model.moments.iter_mut().enumerate() {
         gather(plane, WIDTHS[p % 8], densify_gather::MODE_MOMENT);
     }
     gather(&mut model.stats, 4, densify_gather::MODE_ZERO);
+    gather(&mut model.scores, 2, densify_gather::MODE_ZERO);
 
     let push = densify_finish::Push { stride };
     let mut b = [&mut c, &mut offsets, &mut tally];

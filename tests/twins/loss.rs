@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::loss::{self as passes, Layout, Push, SumPush};
-use psrgs_vk::twin::loss::{Loss, counting, loss, unpack};
+use psrgs_vk::twin::loss::{Loss, counting, unpack, weighted_loss};
 use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
 
 use super::common::guards::Guards;
@@ -97,8 +97,11 @@ impl With {
     }
 }
 
+/// Weights of saliency 0 and 1, where pixels have any.
+type Weights = Option<[f32; 2]>;
+
 /// The whole loss on the device, as training records it.
-fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec<f32>) {
+fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weights) -> (Vec<f32>, Vec<f32>) {
     let layout = Layout { segment: 16, ..Layout::new(p.width as u32, p.height as u32, with.lanes()) };
     let (width, height) = (layout.width, layout.height);
     let make = |name: &str, content: &[u8]| {
@@ -110,23 +113,25 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
     let (image, target) = (make("image", &bytes(&p.image)), make("target", &bytes(&p.target)));
     let planes = ["red_planes", "green_planes", "blue_planes"].map(|name| make(name, &garbage(3 * pixels)));
     let grad = make("grad_image", &garbage(4 * pixels));
+    let saliency = make("saliency", &bytes(&saliency(pixels)));
     let ssim = make("ssim_parts", &garbage(layout.ssim_parts() as usize));
     let l1 = make("l1_parts", &garbage(layout.l1_parts() as usize));
     let ring = make("loss", &garbage(12));
     let [strips, gradient] = with.passes();
-    let bits = ("PHOTOGRAPH_BITS", p.bits);
-    let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment), bits]).unwrap();
-    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant(), bits]).unwrap();
+    let (bits, weighted) = (("PHOTOGRAPH_BITS", p.bits), ("WEIGHTED", u32::from(weights.is_some())));
+    let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment), bits, weighted]).unwrap();
+    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant(), bits, weighted]).unwrap();
     let sum = gpu.pipeline(&passes::SUM.kernel, &[]).unwrap();
     let masked = counting(&p.target, p.bits).into_iter().filter(|counts| !counts).count() as u32;
     let values = passes::values(width, height, masked);
-    let push = Push { width, height, lambda, values };
+    let [low_weight, high_weight] = weights.unwrap_or([f32::NAN; 2]);
+    let push = Push { width, height, lambda, values, low_weight, high_weight };
     let [red, green, blue] = &planes;
     let mut rec = gpu.recorder("loss").unwrap();
     let groups = Groups::Items(layout.strip_threads());
-    rec.dispatch(&strips, &[&image, &target, red, green, blue, &ssim], &push, groups).unwrap();
+    rec.dispatch(&strips, &[&image, &target, red, green, blue, &ssim, &saliency], &push, groups).unwrap();
     let groups = Groups::Items(layout.grad_threads());
-    rec.dispatch(&gradient, &[&image, &target, red, green, blue, &grad, &l1], &push, groups).unwrap();
+    rec.dispatch(&gradient, &[&image, &target, red, green, blue, &grad, &l1, &saliency], &push, groups).unwrap();
     let (ssim_count, l1_count) = (layout.ssim_parts(), layout.l1_parts());
     let push = SumPush { values, ssim_count, l1_count, slot: 1, lambda };
     rec.dispatch(&sum, &[&ssim, &l1, &ring], &push, Groups::Workgroups(1)).unwrap();
@@ -139,15 +144,27 @@ fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32) -> (Vec<f32>, Vec
     (slots[4..7].to_vec(), gpu.read(&grad).unwrap())
 }
 
-fn reference(p: &Pictures, lambda: f32) -> Loss<f64> {
+/// Values from 0 to 1, different from one pixel to the next.
+fn saliency(pixels: usize) -> Vec<f32> {
+    (0..pixels).map(|k| (k * 29 % 101) as f32 / 100.0).collect()
+}
+
+fn reference(p: &Pictures, lambda: f32, weights: Weights) -> Loss<f64> {
     let image: Vec<[f64; 4]> = p.image.iter().map(|v| v.map(f64::from)).collect();
-    loss(&image, &unpack::<f64>(&p.target, p.bits), &counting(&p.target, p.bits), p.width, p.height, f64::from(lambda))
+    let [low, high] = weights.unwrap_or([1.0; 2]).map(f64::from);
+    let of: Vec<f64> = saliency(image.len()).into_iter().map(|s| low + (high - low) * f64::from(s)).collect();
+    let (photo, counts) = (unpack::<f64>(&p.target, p.bits), counting(&p.target, p.bits));
+    weighted_loss(&image, &photo, &counts, &of, (p.width, p.height), f64::from(lambda))
 }
 
 fn chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64) {
-    let (values, grad) = on_device(gpu, with, p, lambda);
+    weighted_chain(gpu, with, p, lambda, accuracy, None);
+}
+
+fn weighted_chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f64, weights: Weights) {
+    let (values, grad) = on_device(gpu, with, p, lambda, weights);
     let [total, l1, ssim] = [values[0], values[1], values[2]].map(f64::from);
-    let want = reference(p, lambda);
+    let want = reference(p, lambda, weights);
     let near = |what: &str, got: f64, want: f64| {
         assert!((got - want).abs() <= accuracy, "{} {what}: {got} instead of {want}", p.name);
     };
@@ -173,14 +190,18 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, heig
         }
     };
     let layout = Layout { segment: 7, ..Layout::new(width as u32, height as u32, with.lanes()) };
-    let push = Push { width: layout.width, height: layout.height, lambda: 0.2, values: 2.5 * pixels as f32 };
+    let values = 2.5 * pixels as f32;
+    let push =
+        Push { width: layout.width, height: layout.height, lambda: 0.2, values, low_weight: 0.25, high_weight: 1.5 };
+    let saliency = || bytes(&saliency(pixels));
     let groups = |threads: u64| threads.div_ceil(u64::from(with.local_size())) as u32;
     let [strips, grad] = with.passes();
     let empty = || garbage(3 * pixels);
     let parts = garbage(layout.ssim_parts() as usize);
-    let buffers = [bytes(&image), bytes(&target), empty(), empty(), empty(), parts];
+    let buffers = [bytes(&image), bytes(&target), empty(), empty(), empty(), parts, saliency()];
+    let weighted = ("WEIGHTED", u32::from(with.is_of_training()));
     let bits = ("PHOTOGRAPH_BITS", bits);
-    let given = [with.constant(), ("SEGMENT", 7), bits];
+    let given = [with.constant(), ("SEGMENT", 7), bits, weighted];
     let outcome = harness::run(gpu, strips, &given, &buffers, &push, groups(layout.strip_threads()));
     for plane in 2..5 {
         // Derivatives go up to 2 / C2, and B carries the rounding of about 1 in E[x^2 + y^2] over C2.
@@ -189,8 +210,10 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, heig
     close("strips", &outcome, 5, 1e-4);
     let parts = garbage(layout.l1_parts() as usize);
     let plane = || bytes(&planes);
-    let buffers = [bytes(&image), bytes(&target), plane(), plane(), plane(), garbage(4 * pixels), parts];
-    let outcome = harness::run(gpu, grad, &[with.constant(), bits], &buffers, &push, groups(layout.grad_threads()));
+    let grads = garbage(4 * pixels);
+    let buffers = [bytes(&image), bytes(&target), plane(), plane(), plane(), grads, parts, saliency()];
+    let outcome =
+        harness::run(gpu, grad, &[with.constant(), bits, weighted], &buffers, &push, groups(layout.grad_threads()));
     close("grad", &outcome, 5, 1e-6);
     close("grad", &outcome, 6, 1e-5);
 }
@@ -225,6 +248,9 @@ fn run_with(gpu: &Gpu, with: With) {
         });
         for lambda in [0.0, 0.2, 1.0] {
             chain(gpu, with, &noise, lambda, 2e-6);
+            if with.is_of_training() {
+                weighted_chain(gpu, with, &noise, lambda, 2e-6, Some([0.3, 1.0]));
+            }
         }
         let alike = pictures("alike", width, height, |x, y| {
             let v = ((x * 37 + y * 11) % 256) as u8;
@@ -241,7 +267,7 @@ fn run_with(gpu: &Gpu, with: With) {
     chain(gpu, with, &bright, 1.0, 1e-5);
     for value in [0u8, 1, 128, 230, 255] {
         let equal = pictures("equal and flat", 33, 20, |_, _| ([f32::from(value) / 255.0; 3], [value; 3]));
-        let (values, grad) = on_device(gpu, with, &equal, 0.2);
+        let (values, grad) = on_device(gpu, with, &equal, 0.2, None);
         assert_eq!(values[2], 1.0, "SSIM of equal pictures of {value}");
         assert_eq!(values[0], 0.0);
         assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal pictures of {value}");
@@ -250,11 +276,11 @@ fn run_with(gpu: &Gpu, with: With) {
         let v = ((x * 97 + y * 31) % 256) as u8;
         ([f32::from(v) / 255.0; 3], [v; 3])
     });
-    let (values, grad) = on_device(gpu, with, &textured, 0.2);
+    let (values, grad) = on_device(gpu, with, &textured, 0.2, None);
     assert_eq!(values[2], 1.0);
     assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal textured pictures");
     masked_pixels_have_no_part(gpu, with, &mut random);
-    let (first, second) = (on_device(gpu, with, &bright, 0.2), on_device(gpu, with, &bright, 0.2));
+    let (first, second) = (on_device(gpu, with, &bright, 0.2, None), on_device(gpu, with, &bright, 0.2, None));
     assert!(first == second, "two runs differ");
 }
 
@@ -265,9 +291,9 @@ fn masked_pixels_have_no_part(gpu: &Gpu, with: With, random: &mut Random) {
             let w = random.word().to_le_bytes();
             ([random.between(0.0, 1.0), random.between(0.0, 1.0), random.between(0.0, 1.0)], [w[0], w[1], w[2]])
         });
-        let before = on_device(gpu, with, &noise, 0.2);
+        let before = on_device(gpu, with, &noise, 0.2, None);
         noise.target.iter_mut().enumerate().for_each(|(k, t)| *t = *t & 0xff_ffff | (1 + k as u32 % 255) << 24);
-        assert!(before == on_device(gpu, with, &noise, 0.2), "an alpha that is not 0 changed the loss");
+        assert!(before == on_device(gpu, with, &noise, 0.2, None), "an alpha that is not 0 changed the loss");
         // A border, a block and single pixels.
         let outside = |x: usize, y: usize| x < 2 || y + 3 > height || (width / 2..width / 2 + 6).contains(&x) && y > 1;
         for k in 0..width * height {
@@ -276,7 +302,7 @@ fn masked_pixels_have_no_part(gpu: &Gpu, with: With, random: &mut Random) {
                 noise.image[k] = [f32::NAN, 1e30, -7.0, 0.0];
             }
         }
-        let (_, grad) = on_device(gpu, with, &noise, 0.2);
+        let (_, grad) = on_device(gpu, with, &noise, 0.2, None);
         for (k, t) in noise.target.iter().enumerate().filter(|(_, t)| **t >> 24 == 0) {
             assert_eq!(grad[4 * k..4 * k + 4], [0.0; 4], "gradient at masked pixel {k}, {t:x}");
         }
@@ -296,15 +322,15 @@ fn has_hardware(gpu: &Gpu) -> bool {
 /// 65535 = 255 * 257, and a quotient of floats is the one nearest to the true one: the same numbers, so the same bits of the loss
 /// wherever a device divides so. With lower digits it is another picture, and still the definition's.
 fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: &Pictures, random: &mut Random) {
-    let (values, grad) = on_device(gpu, with, eight, 0.2);
-    let (wide_values, wide_grad) = on_device(gpu, with, &eight.deep(|| 0), 0.2);
+    let (values, grad) = on_device(gpu, with, eight, 0.2, None);
+    let (wide_values, wide_grad) = on_device(gpu, with, &eight.deep(|| 0), 0.2, None);
     for (got, want) in wide_values.iter().zip(&values) {
         assert!((got - want).abs() <= 2e-6, "{}: {got} with 16 bits, {want} with 8", eight.name);
     }
     let flat: Vec<f64> = grad.iter().map(|g| f64::from(*g)).collect();
     Guards::of(2e-4).check("gradient with 16 bits", flat.len(), &wide_grad, &flat);
     let deep = eight.deep(|| random.word() % 200);
-    assert_ne!(on_device(gpu, with, &deep, 0.2).0, wide_values, "the lower digits count");
+    assert_ne!(on_device(gpu, with, &deep, 0.2, None).0, wide_values, "the lower digits count");
     for lambda in [0.0, 0.2, 1.0] {
         chain(gpu, with, &deep, lambda, 2e-6);
     }
@@ -320,8 +346,9 @@ fn loss_twin_gradient_is_its_derivative() {
     let photo: Vec<[f64; 3]> = (0..width * height).map(|_| [draw(), draw(), draw()]).collect();
     // Every seventh pixel masked: it must have no part in value and gradient.
     let counts: Vec<bool> = (0..width * height).map(|k| k % 7 != 3).collect();
-    let value = |image: &[[f64; 4]]| loss(image, &photo, &counts, width, height, 0.4).total;
-    let grad = loss(&image, &photo, &counts, width, height, 0.4).grad;
+    let weights: Vec<f64> = saliency(image.len()).into_iter().map(|s| 0.3 + 0.7 * f64::from(s)).collect();
+    let of = |image: &[[f64; 4]]| weighted_loss(image, &photo, &counts, &weights, (width, height), 0.4);
+    let (value, grad) = (|image: &[[f64; 4]]| of(image).weighted, of(&image).grad);
     let h = 1e-6;
     for k in 0..width * height {
         for c in 0..3 {

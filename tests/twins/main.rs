@@ -32,6 +32,7 @@ mod fill;
 mod geometry;
 mod gradient_map;
 mod loss;
+mod photograph_reduce;
 mod plan;
 mod pool;
 mod probe;
@@ -41,6 +42,7 @@ mod project_backward_adam;
 mod project_backward_adam_packed;
 mod projection_scene;
 mod radix;
+mod saliency_plane;
 mod scan;
 mod slot_sum;
 mod stereo;
@@ -76,7 +78,7 @@ cases! {
     crop: "crop_gradient" "crop_pair";
     densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";
     densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
-        "densify_stats" "opacity_reset";
+        "densify_sample" "densify_scores" "densify_stats" "opacity_reset";
     emit: "emit" "emit_together_emulated" "emit_together_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
@@ -84,6 +86,7 @@ cases! {
     geometry: "geometry_depth" "geometry_grad" "part_sum";
     gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
+    photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";
     probe: "probe_copy" "probe_rate_exp2" "probe_rate_multiply_add";
@@ -93,6 +96,7 @@ cases! {
     project_backward_adam_packed: "project_backward_adam_packed";
     radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
+    saliency_plane: "saliency_plane";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
         "scan_add_emulated" "scan_once_subgroup" "scan_once_emulated";
     slot_sum: "slot_sum";

@@ -76,7 +76,13 @@ fn planned(
             train.push(View { name: view.name.clone(), camera, photograph });
         }
     }
-    let input = Input { train, held_out: Vec::new(), initial, extent: outline.extent };
+    let input = Input {
+        train,
+        held_out: Vec::new(),
+        initial,
+        extent: outline.extent,
+        known: psrgs_vk::train::Known::default(),
+    };
     let estimate = Estimate::measure(gpu, &input, settings, variants)?;
     Ok(Training {
         device: gpu.caps().device.clone(),

@@ -1,6 +1,6 @@
 //! Which splats are cloned, split and pruned, as settings.
 
-use crate::pass::densify_classify;
+use crate::pass::{densify_classify, densify_sample};
 
 /// The rules of a density change, in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,8 +19,31 @@ pub struct DensityRules {
     pub prune_scale: Option<f64>,
     /// Number of splats that growth does not pass.
     pub max_splats: Option<u32>,
+    /// Growth by sampling, in place of the thresholds above.
+    pub sampled: Option<Sampled>,
+    /// What every opacity is multiplied by at a change.
+    pub keep_opacity: f32,
     /// The run's seed.
     pub seed: u32,
+}
+
+/// Growth by sampling: see [`densify_sample`]. Splits put their children along the longest axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampled {
+    /// Mean gradient norm (normalised device coordinates) from which a splat with mask value 0 may be split.
+    pub low_threshold: f32,
+    /// The same with mask value 1.
+    pub high_threshold: f32,
+    /// Judged by sums of absolute per-pixel gradients rather than signed ones.
+    pub absolute: bool,
+    /// Probability of a split at the threshold.
+    pub rate: f32,
+    /// How much of it is in proportion to the mask value.
+    pub mask_share: f32,
+    /// How much of it is in proportion to the share of views in which the splat is wrong.
+    pub error_share: f32,
+    /// Whether splats are pruned that blended into no pixel since the last change.
+    pub prune_unseen: bool,
 }
 
 /// Logit of an opacity, in the precision in which opacities are stored.
@@ -39,6 +62,8 @@ impl DensityRules {
             prune_opacity: 0.005,
             prune_scale: None,
             max_splats: None,
+            sampled: None,
+            keep_opacity: 1.0,
             seed,
         }
     }
@@ -54,6 +79,25 @@ impl DensityRules {
             prune_opacity: logit(self.prune_opacity),
             prune_scale: self.prune_scale.map_or(f32::MAX, |s| s.ln() as f32),
             prune_large: u32::from(self.prune_scale.is_some()),
+        }
+    }
+
+    /// The rules of sampled growth as the shader compares them.
+    pub fn sample_push(&self, sampled: &Sampled, stride: u32, event: u32) -> densify_sample::Push {
+        densify_sample::Push {
+            stride,
+            low_threshold: sampled.low_threshold,
+            high_threshold: sampled.high_threshold,
+            absolute: u32::from(sampled.absolute),
+            rate: sampled.rate,
+            mask_share: sampled.mask_share,
+            error_share: sampled.error_share,
+            prune_opacity: logit(self.prune_opacity),
+            prune_scale: self.prune_scale.map_or(f32::MAX, |s| s.ln() as f32),
+            prune_large: u32::from(self.prune_scale.is_some()),
+            prune_unseen: u32::from(sampled.prune_unseen),
+            seed: self.seed,
+            event,
         }
     }
 }

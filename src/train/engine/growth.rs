@@ -85,7 +85,7 @@ impl Engine {
     /// Plane by plane, so that only one of them is held twice.
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
         self.ids = grown(&self.gpu, &self.ids, 4 * u64::from(splats))?;
-        self.stats = grown(&self.gpu, &self.stats, 16 * u64::from(splats))?;
+        self.statistics.grow(&self.gpu, splats)?;
         self.model.grow(&self.gpu, splats)?;
         self.optimiser.grow(&self.gpu, splats)?;
         Ok(())

@@ -7,8 +7,11 @@ use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of};
 use crate::scene::{Camera, Gaussians, SplatOrder};
+use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
+use crate::train::saliencies::Saliencies;
+use crate::train::terms::{Geometry, GradientMaps, Perceptual};
 use crate::train::{Error, State};
 
 impl Engine {
@@ -25,7 +28,7 @@ impl Engine {
         }
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
-        recorder.fill(&self.stats, 0)?;
+        self.statistics.clear(&mut recorder)?;
         if let Some(exposures) = &self.exposures {
             exposures.clear(&mut recorder)?;
         }
@@ -42,8 +45,8 @@ impl Engine {
         self.optimiser.restore(&self.gpu, &state.moments)?;
         if !state.ids.is_empty() {
             self.gpu.write(&self.ids, &state.ids)?;
-            self.gpu.write(&self.stats, &state.stats)?;
         }
+        self.statistics.restore(&self.gpu, &state.stats, &state.scores)?;
         if let Some(exposures) = &self.exposures {
             exposures.restore(&self.gpu, &state.exposures)?;
         }
@@ -53,13 +56,29 @@ impl Engine {
 
     /// What the buffers cost.
     pub fn memory(&self) -> MemoryCost {
-        let of_splats =
-            [self.model.bytes(), self.optimiser.bytes(), self.ids.size(), self.stats.size(), self.density.bytes()];
+        let of_splats = [
+            self.model.bytes(),
+            self.optimiser.bytes(),
+            self.ids.size(),
+            self.statistics.bytes(),
+            self.density.bytes(),
+        ];
         let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
+        let of_saliency = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);
+        let of_geometry = self.geometry.as_ref().map_or([0; 2], Geometry::bytes);
+        let of_maps = self.gradient_maps.as_ref().map_or([0; 2], GradientMaps::bytes);
+        let of_perceptual = self.perceptual.as_ref().map_or(0, Perceptual::bytes);
+        let of_terms = [of_geometry[0] + of_maps[0], of_geometry[1] + of_maps[1] + of_perceptual];
+        let of_coarse = self.coarse.as_ref().map_or(0, Coarse::bytes);
         let own = Held {
             splats: of_splats.iter().sum(),
-            pixels: self.target.bytes() + self.losses.bytes() + of_exposures[0],
-            fixed: self.ring.size() + of_exposures[1],
+            pixels: self.target.bytes()
+                + self.losses.bytes()
+                + of_exposures[0]
+                + of_saliency[0]
+                + of_coarse
+                + of_terms[0],
+            fixed: self.ring.size() + of_exposures[1] + of_saliency[1] + of_terms[1],
             ..Held::default()
         };
         MemoryCost::new(
@@ -115,16 +134,14 @@ impl Engine {
     pub fn state(&self) -> Result<State, Error> {
         let counters: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let n = counters[counters::SPLATS];
-        let (ids, stats) = if n > 0 {
-            (self.gpu.read_at(&self.ids, 0, n as usize)?, self.gpu.read_at(&self.stats, 0, 4 * n as usize)?)
-        } else {
-            (Vec::new(), Vec::new())
-        };
+        let ids = if n > 0 { self.gpu.read_at(&self.ids, 0, n as usize)? } else { Vec::new() };
+        let [stats, scores] = self.statistics.read(&self.gpu, n)?;
         Ok(State {
             params: self.model.read(&self.gpu, n)?,
             ids,
             moments: self.optimiser.read(&self.gpu, n)?,
             stats,
+            scores,
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
         })

@@ -3,8 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
+pub use super::method::Method;
 pub use super::preset::Preset;
 pub use crate::dataset::{Format, MaskIgnores, Split, Transfer};
+pub use crate::saliency::Gate;
 
 /// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
 macro_rules! as_word {
@@ -23,39 +25,73 @@ macro_rules! as_word {
     };
 }
 
-/// A training method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Method {
-    /// `3dgs`: the reference method of Kerbl et al. 2023 with its published schedule and quirks.
-    Gs,
+/// How the splats are chosen that a density change grows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Growth {
+    /// All whose gradient reaches a threshold: small ones are cloned, large ones split (3DGS).
+    #[default]
+    Threshold,
+    /// A sample of them, split along their longest axis.
+    Sampled,
 }
 
-/// Methods that later versions bring; named so that asking for one says so.
-const PLANNED: [&str; 6] = ["absgs", "gspro", "rsgs", "lean", "psrgs-paper", "psrgs"];
-
-impl fmt::Display for Method {
+impl fmt::Display for Growth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Gs => "3dgs",
+            Self::Threshold => "threshold",
+            Self::Sampled => "sampled",
         })
     }
 }
 
-impl FromStr for Method {
+impl FromStr for Growth {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
         match word {
-            "3dgs" => Ok(Self::Gs),
-            planned if PLANNED.contains(&planned) => {
-                Err(format!("method `{planned}` is planned and not part of this version; this version has 3dgs"))
-            }
-            _ => Err(format!("no method `{word}`; this version has 3dgs")),
+            "threshold" => Ok(Self::Threshold),
+            "sampled" => Ok(Self::Sampled),
+            _ => Err(format!("no growth `{word}`: it is threshold or sampled")),
         }
     }
 }
 
-as_word!(Method);
+as_word!(Growth);
+
+/// Where depths and normals to train with come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DepthPrior {
+    /// Nowhere.
+    #[default]
+    None,
+    /// The reconstructed points, depths alone.
+    Sfm,
+    /// Multi-view stereo on the training photographs.
+    Stereo,
+}
+
+impl fmt::Display for DepthPrior {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "none",
+            Self::Sfm => "sfm",
+            Self::Stereo => "stereo",
+        })
+    }
+}
+
+impl FromStr for DepthPrior {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "none" => Ok(Self::None),
+            "sfm" => Ok(Self::Sfm),
+            "stereo" => Ok(Self::Stereo),
+            _ => Err(format!("no depth prior `{word}`: it is none, sfm or stereo")),
+        }
+    }
+}
+
+as_word!(DepthPrior);
 
 impl fmt::Display for Split {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -177,6 +213,8 @@ impl FromStr for MaskIgnores {
         }
     }
 }
+
+as_word!(Method);
 
 as_word!(Preset);
 

@@ -1,0 +1,70 @@
+//! Decides which splats a density change keeps, splits and prunes where growth is sampled.
+
+use super::{Pass, module};
+use crate::vk::{Kernel, read, read_write, write};
+
+crate::push_constants! {
+    /// Push constants of [`PASS`].
+    pub struct Push {
+        /// Words between the four segments of `flags`: the capacity in splats.
+        pub stride: u32,
+        /// Mean gradient norm from which a splat of low frequencies (mask value 0) may be split.
+        pub low_threshold: f32,
+        /// The same for a splat of high frequencies (mask value 1); between the two it is linear.
+        pub high_threshold: f32,
+        /// 1: judged by the norm of the absolute gradient; 0: by the signed one.
+        pub absolute: u32,
+        /// Probability of a split at the threshold, where mask value and error count are 1.
+        pub rate: f32,
+        /// How much of the probability is in proportion to the mask value, from 0 to 1.
+        pub mask_share: f32,
+        /// How much of it is in proportion to the share of views in which the splat is wrong, from 0 to 1.
+        pub error_share: f32,
+        /// Logit of the opacity below which a splat is pruned.
+        pub prune_opacity: f32,
+        /// Largest logarithmic scale that is not pruned.
+        pub prune_scale: f32,
+        /// 1: prune by `prune_scale`.
+        pub prune_large: u32,
+        /// 1: prune what has blended into no pixel since the last change.
+        pub prune_unseen: u32,
+        /// The run's seed.
+        pub seed: u32,
+        /// Number of the event.
+        pub event: u32,
+    }
+}
+
+/// The pass.
+pub const PASS: Pass = Pass {
+    kernel: Kernel {
+        name: "densify_sample",
+        spirv: module("densify_sample"),
+        bindings: &[
+            read("counters"),
+            read("means"),
+            read("quats"),
+            read("scales"),
+            read("opacities"),
+            read("sh0"),
+            read("sh1"),
+            read("sh2"),
+            read("sh3"),
+            read("stats"),
+            read("scores"),
+            read("ids"),
+            write("flags"),
+            read_write("tally"),
+        ],
+        push_bytes: Push::BYTES,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one splat of the capacity and its flags in the segments kept, clone, first child, second child; \
+          a workgroup owns 64 consecutive splats. Flags beyond the model are 0, and nothing is cloned. `scores` holds (sum of mask \
+          value times absolute gradient norm, views in which the render is wrong). `tally[0]` counts splats with a value that is not \
+          finite, which are always pruned.",
+    dispatch: "one thread per splat of the capacity",
+    push: Push::FIELDS,
+    twin: crate::twin::densify_sample::run,
+};

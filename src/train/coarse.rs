@@ -1,0 +1,73 @@
+//! Steps at a fraction of the photographs' size.
+
+use super::Error;
+use super::photographs::Shown;
+use crate::dataset::Depth;
+use crate::pass::photograph_reduce as pass;
+use crate::scene::Camera;
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
+
+/// Room for a reduced photograph, and the pass that makes it.
+pub(super) struct Coarse {
+    reduced: Buffer,
+    eight: Pipeline,
+    sixteen: Option<Pipeline>,
+}
+
+impl Coarse {
+    /// For photographs of at most `pixels` pixels, `deep` if some have 16 bits per channel.
+    pub(super) fn new(gpu: &Gpu, pixels: u32, deep: bool) -> Result<Self, vk::Error> {
+        let pipeline = |depth: Depth| gpu.pipeline(&pass::PASS.kernel, &[("PHOTOGRAPH_BITS", depth.bits())]);
+        let depth = if deep { Depth::Sixteen } else { Depth::Eight };
+        Ok(Self {
+            reduced: gpu.buffer(
+                "reduced photograph",
+                u64::from(pixels / 4 + 1) * depth.bytes_per_pixel(),
+                Memory::Device,
+            )?,
+            eight: pipeline(Depth::Eight)?,
+            sixteen: deep.then(|| pipeline(Depth::Sixteen)).transpose()?,
+        })
+    }
+
+    /// The camera of a photograph reduced by `factor`: what does not fill a pixel is left out.
+    pub(super) fn camera(camera: &Camera, factor: u32) -> Camera {
+        let by = f64::from(factor.max(1));
+        Camera {
+            fx: camera.fx / by,
+            fy: camera.fy / by,
+            cx: camera.cx / by,
+            cy: camera.cy / by,
+            width: camera.width / factor.max(1),
+            height: camera.height / factor.max(1),
+            ..*camera
+        }
+    }
+
+    /// Records the photograph reduced by `factor`, at least 2.
+    pub(super) fn record<'a>(
+        &'a self,
+        recorder: &mut Recorder,
+        camera: &Camera,
+        photograph: &Shown<'a>,
+        factor: u32,
+    ) -> Result<Shown<'a>, Error> {
+        let pipeline = match (photograph.depth, &self.sixteen) {
+            (Depth::Sixteen, Some(pipeline)) => pipeline,
+            _ => &self.eight,
+        };
+        let push = pass::Push { width: camera.width, height: camera.height, factor };
+        let small = Self::camera(camera, factor);
+        let pixels = u64::from(small.width) * u64::from(small.height);
+        recorder.dispatch(pipeline, &[photograph.buffer, &self.reduced], &push, Groups::Items(pixels))?;
+        // The share of masked pixels is taken to be that of the whole photograph.
+        let all = f64::from(camera.width) * f64::from(camera.height);
+        let values = (f64::from(photograph.values) * pixels as f64 / all) as f32;
+        Ok(Shown { buffer: &self.reduced, depth: photograph.depth, values })
+    }
+
+    /// Bytes of its buffer.
+    pub(super) fn bytes(&self) -> u64 {
+        self.reduced.size()
+    }
+}

@@ -1,0 +1,160 @@
+//! The soft masks of the photographs on the device: which pixels are texture.
+
+use rayon::prelude::*;
+
+use super::Error;
+use super::input::View;
+use super::schedule::{Stream, draw};
+use super::settings::Frequencies;
+use crate::pass::saliency_plane as pass;
+use crate::saliency::{Cache, Plane, Settings};
+use crate::scene::Camera;
+use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder};
+
+/// A mask of reduced size for each view, 8 bits a value, and the values of the pixels of the view of a step.
+pub(super) struct Saliencies {
+    masks: Buffer,
+    /// Of each view: first word, width and height.
+    places: Vec<Place>,
+    plane: Buffer,
+    spread: Pipeline,
+    /// Of each view: pixels drawn by their mask value, as shares of width and height.
+    rich: Vec<Vec<[f32; 2]>>,
+}
+
+/// Pixels that are drawn of each view.
+const DRAWN: u64 = 16;
+
+#[derive(Clone, Copy)]
+struct Place {
+    first: u64,
+    width: u32,
+    height: u32,
+}
+
+impl Place {
+    /// Whole words.
+    fn bytes(&self) -> u64 {
+        (u64::from(self.width) * u64::from(self.height)).next_multiple_of(4)
+    }
+}
+
+impl Saliencies {
+    /// For photographs of these cameras; contents undefined.
+    pub(super) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
+        let side = Settings::default().side;
+        let alignment = gpu.caps().limits.storage_alignment.max(4);
+        let mut end = 0;
+        let place = |camera: &Camera| {
+            let (width, height) = Plane::reduced_size(camera.width, camera.height, side);
+            let place = Place { first: end, width, height };
+            end = (end + place.bytes()).next_multiple_of(alignment);
+            place
+        };
+        let places: Vec<Place> = cameras.iter().map(place).collect();
+        let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).max().unwrap_or(1);
+        Ok(Self {
+            masks: gpu.buffer("saliency_masks", end.max(4), Memory::Device)?,
+            rich: Vec::new(),
+            places,
+            plane: gpu.buffer("saliency", 4 * pixels, Memory::Device)?,
+            spread: gpu.pipeline(&pass::PASS.kernel, &[])?,
+        })
+    }
+
+    /// Makes the masks of the photographs and uploads them. Decodes each photograph once, as many at a time as `threads`.
+    pub(super) fn fill(
+        &mut self,
+        gpu: &Gpu,
+        views: &[View],
+        frequencies: &Frequencies,
+        seed: u64,
+        threads: usize,
+    ) -> Result<Cache, Error> {
+        let settings = Settings::default();
+        let mut lumas = Vec::with_capacity(views.len());
+        for some in views.chunks(threads.max(1)) {
+            let luma = |view: &View| -> Result<Plane, Error> {
+                let pixels = view.photograph.pixels()?;
+                Ok(Plane::luma(view.camera.width, view.camera.height, &pixels)?.reduced(settings.side))
+            };
+            lumas.extend(some.par_iter().map(luma).collect::<Result<Vec<_>, _>>()?);
+        }
+        let cache = Cache::new(lumas, frequencies.gate, seed, &settings)?;
+        let sigmas = vec![frequencies.sigma; views.len()];
+        cache.prepare(&sigmas)?;
+        for (view, sigma) in sigmas.into_iter().enumerate() {
+            let (saliency, _) = cache.get(view, sigma)?;
+            self.write(gpu, view, &saliency.mask)?;
+            self.rich.push(drawn(&saliency.mask, seed.wrapping_add(view as u64)));
+        }
+        Ok(cache)
+    }
+
+    fn write(&self, gpu: &Gpu, view: usize, mask: &Plane) -> Result<(), Error> {
+        let mut recorder = gpu.recorder("saliency")?;
+        self.record_write(&mut recorder, view, mask)?;
+        recorder.submit()?;
+        Ok(())
+    }
+
+    /// Records a view's mask in place of what it had.
+    pub(super) fn record_write(&self, recorder: &mut Recorder, view: usize, mask: &Plane) -> Result<(), Error> {
+        let place = self.places.get(view).ok_or(Error::NoViews)?;
+        if (mask.width(), mask.height()) != (place.width, place.height) {
+            return Err(Error::NoViews);
+        }
+        let byte = |value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let mut bytes: Vec<u8> = mask.values().iter().map(byte).collect();
+        bytes.resize(place.bytes() as usize, 0);
+        recorder.upload(&self.masks, place.first, &bytes)?;
+        Ok(())
+    }
+
+    /// The mask of a view with its width and height: a byte per value, by rows.
+    pub(super) fn mask(&self, view: usize) -> Option<(BufferSlice<'_>, [u32; 2])> {
+        let place = self.places.get(view)?;
+        Some((self.masks.slice(place.first..place.first + place.bytes()), [place.width, place.height]))
+    }
+
+    /// A place in a view, more often where its mask is high; `turn` counts how often the view has been looked at.
+    pub(super) fn place(&self, view: usize, turn: u32) -> [f32; 2] {
+        let rich = self.rich.get(view).filter(|rich| !rich.is_empty());
+        rich.map_or([0.5; 2], |rich| rich[turn as usize % rich.len()])
+    }
+
+    /// Records the saliency of the pixels of a view at the size of `camera`, and gives it: a float per pixel from 0 to 1.
+    pub(super) fn record(&self, recorder: &mut Recorder, view: usize, camera: &Camera) -> Result<&Buffer, Error> {
+        let (mask, [mask_width, mask_height]) = self.mask(view).ok_or(Error::NoViews)?;
+        let push = pass::Push { width: camera.width, height: camera.height, mask_width, mask_height };
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        recorder.dispatch(&self.spread, &[mask, (&self.plane).into()], &push, Groups::Items(pixels))?;
+        Ok(&self.plane)
+    }
+
+    /// Bytes per pixel of its buffers, and other bytes.
+    pub(super) fn bytes(&self) -> [u64; 2] {
+        [self.plane.size(), self.masks.size()]
+    }
+}
+
+/// Centres of pixels drawn with a probability in proportion to their mask value, as shares of width and height.
+fn drawn(mask: &Plane, seed: u64) -> Vec<[f32; 2]> {
+    let sums: Vec<f64> = mask
+        .values()
+        .iter()
+        .scan(0.0, |sum, v| {
+            *sum += f64::from(v.max(1e-6));
+            Some(*sum)
+        })
+        .collect();
+    let total = sums.last().copied().unwrap_or(0.0);
+    let (width, height) = (mask.width() as usize, mask.height() as f32);
+    let one = |k: u64| {
+        let bits = draw(seed, Stream::Places, k, 0);
+        let at = (bits >> 11) as f64 / (1_u64 << 53) as f64 * total;
+        let pixel = sums.partition_point(|sum| *sum <= at).min(sums.len().saturating_sub(1));
+        [((pixel % width) as f32 + 0.5) / width as f32, ((pixel / width) as f32 + 0.5) / height]
+    };
+    if sums.is_empty() { Vec::new() } else { (0..DRAWN).map(one).collect() }
+}

@@ -1,0 +1,34 @@
+//! `saliency_plane`: against its twin in f64, smaller and larger than the mask.
+
+use psrgs_vk::pass::saliency_plane::{PASS, Push};
+use psrgs_vk::twin::place::Mask;
+use psrgs_vk::vk::Gpu;
+
+use super::harness::{self, Random, bytes, garbage};
+
+pub fn run(gpu: &Gpu) {
+    let mut random = Random(23);
+    for mask_size in [[1, 1], [4, 3], [13, 7]] {
+        for size in [[1, 1], [4, 3], [13, 7], [39, 21], [6, 30]] {
+            let [mask_width, mask_height] = mask_size;
+            let [width, height] = size;
+            let words = random.words((mask_width * mask_height).div_ceil(4) as usize + 3);
+            let push = Push { width, height, mask_width, mask_height };
+            let pixels = (width * height) as usize;
+            let buffers = [bytes(&words), garbage(pixels + 4)];
+            let outcome = harness::run(gpu, &PASS, &[], &buffers, &push, pixels.div_ceil(64) as u32);
+            let mask = Mask { bytes: &buffers[0], size: mask_size.map(|v| v as usize) };
+            let size = size.map(|v| v as usize);
+            for (got, who) in [(outcome.device::<f32>(1), "device"), (outcome.twin::<f32>(1), "twin")] {
+                for (k, v) in got[..pixels].iter().enumerate() {
+                    let want: f64 = mask.at([k % size[0], k / size[0]], size);
+                    assert!(
+                        (f64::from(*v) - want).abs() < 2e-6,
+                        "{who}, pixel {k} of {width}x{height}: {v} for {want}"
+                    );
+                }
+                assert_eq!(bytes(&got[pixels..]), buffers[1][4 * pixels..], "{who}: what is behind the image");
+            }
+        }
+    }
+}
