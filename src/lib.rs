@@ -65,6 +65,7 @@
 //! ```
 
 pub mod bench;
+pub mod compare;
 pub mod dataset;
 pub mod eval;
 pub mod format;

@@ -32,6 +32,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         psnr_cc: None,
         ssim: None,
         lpips_squeeze: None,
+        gmsd: None,
         splats: 48_213,
         bytes: 11_957_120,
         seconds: 283.4,
@@ -64,6 +65,7 @@ fn example(views: usize, side: u32) -> ReportData {
                 psnr_cc: 24.9 - 1.1 * k as f64,
                 ssim: 0.831 - 0.02 * k as f64,
                 lpips_squeeze: Some(0.137 + 0.01 * k as f64),
+                gmsd: Some(0.05),
             }
         })
         .collect();
@@ -196,6 +198,7 @@ fn pages_stay_small() {
             psnr_cc: 8.5,
             ssim: 0.0,
             lpips_squeeze: None,
+            gmsd: None,
         })
         .collect();
     let page = render_report(&data).unwrap();
@@ -239,7 +242,7 @@ fn metrics_have_exactly_the_promised_keys() {
     let path = dir.path().join("metrics.json");
     let score = |name: &str, psnr, ssim| {
         let name = name.into();
-        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None }
+        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None, gmsd: None }
     };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
     m.write(&path).unwrap();

@@ -82,6 +82,7 @@ struct Scores<'a> {
     ssim: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     lpips_squeeze: Option<f64>,
+    gmsd: Option<f64>,
     #[serde(flatten)]
     geometry: Geometry,
     images: &'a [ImageScore],
@@ -158,6 +159,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
             ssim: mean(images.iter().map(|i| i.ssim)),
             lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
+            gmsd: mean_if_all(images.iter().map(|i| i.gmsd)),
             geometry,
             images: &images,
         };
@@ -180,6 +182,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             psnr_cc: None,
             ssim: None,
             lpips_squeeze: None,
+            gmsd: None,
             splats: model.splats(),
             bytes: model.bytes,
             seconds: started.elapsed().as_secs_f64(),

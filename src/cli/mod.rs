@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod colour;
+mod compare;
 mod completions;
 mod console;
 mod demo;
@@ -68,6 +69,7 @@ enum Command {
     Demo(demo::Args),
     Bench(bench::Args),
     Check(check::Args),
+    Compare(compare::Args),
     Saliency(saliency::Args),
     Stereo(stereo::Args),
     Info(info::Args),
@@ -110,6 +112,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Demo(args) => demo::run(args, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),
+        Command::Compare(args) => compare::run(args, console),
         Command::Saliency(args) => saliency::run(args, console),
         Command::Stereo(args) => stereo::run(args, console, started),
         Command::Info(args) => info::run(args, console),

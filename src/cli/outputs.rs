@@ -84,6 +84,7 @@ pub(crate) fn write(
         psnr_cc: None,
         ssim: None,
         lpips_squeeze: None,
+        gmsd: None,
         splats: model.len(),
         bytes,
         seconds,

@@ -23,6 +23,9 @@ pub struct ImageScore {
     /// LPIPS on SqueezeNet, 0 for equal images; nothing where there are no weights for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips_squeeze: Option<f64>,
+    /// Gradient magnitude similarity deviation ([`super::gmsd`]), 0 for equal images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gmsd: Option<f64>,
 }
 
 /// The numbers of a run. The field names are the keys of `metrics.json`.
@@ -59,6 +62,9 @@ pub struct Metrics {
     /// Mean of the views' LPIPS on SqueezeNet; absent where there are no weights for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips_squeeze: Option<f64>,
+    /// Mean of the views' gradient magnitude similarity deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gmsd: Option<f64>,
     /// Gaussians of the final model.
     pub splats: usize,
     /// Size of `point_cloud.ply` in bytes.
@@ -107,6 +113,7 @@ impl Metrics {
         self.psnr_cc = mean(images.iter().map(|i| i.psnr_cc));
         self.ssim = mean(images.iter().map(|i| i.ssim));
         self.lpips_squeeze = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
+        self.gmsd = mean_if_all(images.iter().map(|i| i.gmsd));
         self.images = images;
         self
     }

@@ -3,6 +3,7 @@
 pub mod colormap;
 mod colour_fit;
 pub mod geometry;
+mod gmsd;
 mod metrics;
 mod quality;
 mod report;
@@ -10,6 +11,7 @@ mod ssim;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
+pub use gmsd::gmsd;
 pub use metrics::{ImageScore, Metrics, MetricsError, mean, mean_if_all, peak_host_bytes};
 pub use quality::Quality;
 pub use report::{Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, ViewPanel, render_report, write_report};

@@ -22,8 +22,9 @@ use super::schedule::{Adam, StepPlan};
 use super::settings::{DepthPrior, Exposure, Growth as GrowthRule, Settings};
 use super::state::State;
 use super::statistics::{Seen, Statistics};
-use super::terms::{Compared, Geometry, GeometryTurn, GradientMaps, Perceptual};
+use super::terms::{Geometry, Perceptual};
 use crate::dataset::Depth;
+use crate::losses::{self, GradientMapLoss, GradientMapWeights};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::{
@@ -77,7 +78,7 @@ pub struct Engine {
     saliencies: Option<Saliencies>,
     coarse: Option<Coarse>,
     geometry: Option<Geometry>,
-    gradient_maps: Option<GradientMaps>,
+    gradient_maps: Option<GradientMapLoss>,
     perceptual: Option<Perceptual>,
     density: DensityControl,
     finish: Pipeline,
@@ -175,12 +176,8 @@ impl Engine {
             target: Target::new(gpu, "", pixels, aux)?,
             losses: Losses::new(gpu, &sizes, deep, weighted, settings.optimiser.lambda_dssim)?,
             exposures,
-            geometry: aux.then(|| Geometry::new(gpu, &cameras, deep, masked, &settings.geometry)).transpose()?,
-            gradient_maps: settings
-                .texture
-                .wants_gradients()
-                .then(|| GradientMaps::new(gpu, &cameras, deep, masked, &settings.texture))
-                .transpose()?,
+            geometry: aux.then(|| Geometry::new(gpu, &cameras, &settings.geometry)).transpose()?,
+            gradient_maps: settings.texture.wants_gradients().then(|| GradientMapLoss::new(gpu, &sizes)).transpose()?,
             perceptual: None,
             saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
@@ -337,22 +334,31 @@ impl Engine {
         let weights = saliency.filter(|_| plan.low && of[1] != 1.0).map(|saliency| Weights { saliency, of });
         self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
         let of_image = self.losses.grad_image();
-        let mask = self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view));
-        let compared = Compared { camera: &camera, image: shown, photograph: &photograph, mask, grad_image: of_image };
+        let compared = losses::Photograph {
+            buffer: photograph.buffer,
+            bits: photograph.depth.bits(),
+            size: (camera.width, camera.height),
+            values: photograph.values,
+            mask: self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view)),
+        };
         if let (Some(maps), Some(times)) = (&self.gradient_maps, plan.gradients) {
-            maps.record(recorder, &compared, times)?;
+            let texture = &self.settings.texture;
+            let [correlation, variation] =
+                [texture.lambda_gradients, texture.lambda_variation].map(|weight| (weight * times) as f32);
+            let weights = GradientMapWeights { correlation, variation };
+            maps.record(recorder, shown, &compared, &weights, of_image)?;
         }
         if let (Some(perceptual), Some(times)) = (&self.perceptual, plan.perceptual) {
             let place = self.saliencies.as_ref().map_or([0.5; 2], |s| s.place(view, plan.seen));
-            perceptual.record(recorder, &compared, place, times)?;
+            perceptual.record(recorder, shown, &compared, (place, times), of_image)?;
         }
         if let Some(exposures) = &self.exposures {
             let once = (plan.adam != Adam::None).then(|| renderer.once());
             exposures.record_backward(recorder, image, of_image, turn, once)?;
         }
         let of_aux = match geometry {
-            Some((geometry, weight)) => {
-                Some(geometry.record(recorder, &self.target, &compared, GeometryTurn { view, weight })?)
+            Some((geometry, times)) => {
+                Some(geometry.record(recorder, &self.target, &compared, (view, times), of_image)?)
             }
             None => None,
         };

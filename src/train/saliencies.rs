@@ -6,16 +6,15 @@ use super::Error;
 use super::input::View;
 use super::schedule::{Stream, draw};
 use super::settings::Frequencies;
+use crate::losses::Mask;
 use crate::pass::saliency_plane as pass;
 use crate::saliency::{Cache, Plane, Settings};
 use crate::scene::Camera;
-use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder};
+use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// A mask of reduced size for each view, 8 bits a value, and the values of the pixels of the view of a step.
 pub(super) struct Saliencies {
-    masks: Buffer,
-    /// Of each view: first word, width and height.
-    places: Vec<Place>,
+    masks: Vec<Held>,
     plane: Buffer,
     spread: Pipeline,
     /// Of each view: pixels drawn by their mask value, as shares of width and height.
@@ -25,40 +24,26 @@ pub(super) struct Saliencies {
 /// Pixels that are drawn of each view.
 const DRAWN: u64 = 16;
 
-#[derive(Clone, Copy)]
-struct Place {
-    first: u64,
-    width: u32,
-    height: u32,
-}
-
-impl Place {
-    /// Whole words.
-    fn bytes(&self) -> u64 {
-        (u64::from(self.width) * u64::from(self.height)).next_multiple_of(4)
-    }
+struct Held {
+    buffer: Buffer,
+    size: (u32, u32),
 }
 
 impl Saliencies {
     /// For photographs of these cameras; contents undefined.
     pub(super) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
         let side = Settings::default().side;
-        let alignment = gpu.caps().limits.storage_alignment.max(4);
-        let mut end = 0;
-        let place = |camera: &Camera| {
-            let (width, height) = Plane::reduced_size(camera.width, camera.height, side);
-            let place = Place { first: end, width, height };
-            end = (end + place.bytes()).next_multiple_of(alignment);
-            place
+        let held = |camera: &Camera| -> Result<Held, vk::Error> {
+            let size = Plane::reduced_size(camera.width, camera.height, side);
+            let bytes = (u64::from(size.0) * u64::from(size.1)).next_multiple_of(4);
+            Ok(Held { buffer: gpu.buffer("saliency_mask", bytes, Memory::Device)?, size })
         };
-        let places: Vec<Place> = cameras.iter().map(place).collect();
         let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).max().unwrap_or(1);
         Ok(Self {
-            masks: gpu.buffer("saliency_masks", end.max(4), Memory::Device)?,
-            rich: Vec::new(),
-            places,
+            masks: cameras.iter().map(held).collect::<Result<_, _>>()?,
             plane: gpu.buffer("saliency", 4 * pixels, Memory::Device)?,
             spread: gpu.pipeline(&pass::PASS.kernel, &[])?,
+            rich: Vec::new(),
         })
     }
 
@@ -92,29 +77,16 @@ impl Saliencies {
     }
 
     fn write(&self, gpu: &Gpu, view: usize, mask: &Plane) -> Result<(), Error> {
-        let mut recorder = gpu.recorder("saliency")?;
-        self.record_write(&mut recorder, view, mask)?;
-        recorder.submit()?;
-        Ok(())
-    }
-
-    /// Records a view's mask in place of what it had.
-    pub(super) fn record_write(&self, recorder: &mut Recorder, view: usize, mask: &Plane) -> Result<(), Error> {
-        let place = self.places.get(view).ok_or(Error::NoViews)?;
-        if (mask.width(), mask.height()) != (place.width, place.height) {
-            return Err(Error::NoViews);
-        }
+        let held = self.masks.get(view).ok_or(Error::NoViews)?;
         let byte = |value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
         let mut bytes: Vec<u8> = mask.values().iter().map(byte).collect();
-        bytes.resize(place.bytes() as usize, 0);
-        recorder.upload(&self.masks, place.first, &bytes)?;
-        Ok(())
+        bytes.resize(held.buffer.size() as usize, 0);
+        Ok(gpu.write(&held.buffer, &bytes)?)
     }
 
-    /// The mask of a view with its width and height: a byte per value, by rows.
-    pub(super) fn mask(&self, view: usize) -> Option<(BufferSlice<'_>, [u32; 2])> {
-        let place = self.places.get(view)?;
-        Some((self.masks.slice(place.first..place.first + place.bytes()), [place.width, place.height]))
+    /// The mask of a view.
+    pub(super) fn mask(&self, view: usize) -> Option<Mask<'_>> {
+        self.masks.get(view).map(|held| Mask { buffer: &held.buffer, size: held.size })
     }
 
     /// A place in a view, more often where its mask is high; `turn` counts how often the view has been looked at.
@@ -125,16 +97,16 @@ impl Saliencies {
 
     /// Records the saliency of the pixels of a view at the size of `camera`, and gives it: a float per pixel from 0 to 1.
     pub(super) fn record(&self, recorder: &mut Recorder, view: usize, camera: &Camera) -> Result<&Buffer, Error> {
-        let (mask, [mask_width, mask_height]) = self.mask(view).ok_or(Error::NoViews)?;
+        let Mask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
         let push = pass::Push { width: camera.width, height: camera.height, mask_width, mask_height };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
-        recorder.dispatch(&self.spread, &[mask, (&self.plane).into()], &push, Groups::Items(pixels))?;
+        recorder.dispatch(&self.spread, &[buffer, &self.plane], &push, Groups::Items(pixels))?;
         Ok(&self.plane)
     }
 
     /// Bytes per pixel of its buffers, and other bytes.
     pub(super) fn bytes(&self) -> [u64; 2] {
-        [self.plane.size(), self.masks.size()]
+        [self.plane.size(), self.masks.iter().map(|held| held.buffer.size()).sum()]
     }
 }
 

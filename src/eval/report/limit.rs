@@ -58,6 +58,7 @@ mod tests {
             psnr_cc: 1.0,
             ssim: 0.5,
             lpips_squeeze: None,
+            gmsd: None,
         };
         assert!(panel.clone().among(100).photograph == picture, "all of a hundred fit");
         let many = 10_000;

@@ -61,6 +61,8 @@ pub struct ViewPanel {
     pub ssim: f64,
     /// LPIPS on SqueezeNet.
     pub lpips_squeeze: Option<f64>,
+    /// Gradient magnitude similarity deviation.
+    pub gmsd: Option<f64>,
 }
 
 /// Everything a report shows.
@@ -85,8 +87,8 @@ pub struct ReportData {
 impl ViewPanel {
     /// The view's numbers.
     pub fn score(&self) -> ImageScore {
-        let Self { psnr, psnr_cc, ssim, lpips_squeeze, .. } = *self;
-        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze }
+        let Self { psnr, psnr_cc, ssim, lpips_squeeze, gmsd, .. } = *self;
+        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze, gmsd }
     }
 }
 

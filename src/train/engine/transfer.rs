@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::Engine;
+use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of};
@@ -11,7 +12,7 @@ use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
 use crate::train::saliencies::Saliencies;
-use crate::train::terms::{Geometry, GradientMaps, Perceptual};
+use crate::train::terms::{Geometry, Perceptual};
 use crate::train::{Error, State};
 
 impl Engine {
@@ -66,9 +67,9 @@ impl Engine {
         let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
         let of_saliency = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);
         let of_geometry = self.geometry.as_ref().map_or([0; 2], Geometry::bytes);
-        let of_maps = self.gradient_maps.as_ref().map_or([0; 2], GradientMaps::bytes);
+        let of_maps = self.gradient_maps.as_ref().map_or(0, GradientMapLoss::bytes);
         let of_perceptual = self.perceptual.as_ref().map_or(0, Perceptual::bytes);
-        let of_terms = [of_geometry[0] + of_maps[0], of_geometry[1] + of_maps[1] + of_perceptual];
+        let of_terms = [of_geometry[0] + of_maps, of_geometry[1] + of_perceptual];
         let of_coarse = self.coarse.as_ref().map_or(0, Coarse::bytes);
         let own = Held {
             splats: of_splats.iter().sum(),

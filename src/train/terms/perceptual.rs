@@ -1,11 +1,10 @@
 //! The perceptual distance of windows of render and photograph.
 
-use super::Compared;
-use crate::dataset::Depth;
+use crate::losses::Photograph;
 use crate::perceptual::{Distance, GradientOf, LpipsWeights, Pair, Windows};
 use crate::train::Error;
 use crate::train::settings::Texture as Weights;
-use crate::vk::{Gpu, Recorder};
+use crate::vk::{Buffer, Gpu, Recorder};
 
 /// A network on the device with room for a window.
 pub(in crate::train) struct Perceptual {
@@ -33,19 +32,20 @@ impl Perceptual {
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
-        compared: &Compared<'_>,
-        center: [f32; 2],
-        times: f64,
+        image: &Buffer,
+        photograph: &Photograph<'_>,
+        (center, times): ([f32; 2], f64),
+        grad_image: &Buffer,
     ) -> Result<(), Error> {
-        let (side, size) = (self.windows.size().0, compared.size());
-        if compared.photograph.depth != Depth::Eight || size.0.min(size.1) < side {
+        let (side, size) = (self.windows.size().0, photograph.size);
+        if photograph.bits != 8 || size.0.min(size.1) < side {
             return Ok(());
         }
         let corner = |center: f32, size: u32| ((center * size as f32) as u32).saturating_sub(side / 2).min(size - side);
         let at = (corner(center[0], size.0), corner(center[1], size.1));
-        let pair = Pair { image: compared.image, photograph: compared.photograph.buffer, size, at };
+        let pair = Pair { image, photograph: photograph.buffer, size, at };
         let weight = (self.weight * times) as f32;
-        self.windows.record(recorder, &pair, Some(&GradientOf { image: compared.grad_image, weight }))?;
+        self.windows.record(recorder, &pair, Some(&GradientOf { image: grad_image, weight }))?;
         Ok(())
     }
 

@@ -1,0 +1,201 @@
+//! `psrgs-vk compare`: trains every method on every scene, and writes what they come to.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use psrgs_vk::compare::{ABLATIONS, Finished, Run, Size, csv, markdown, page};
+use psrgs_vk::eval::Metrics;
+use psrgs_vk::format::atomic;
+use psrgs_vk::train::settings::Split;
+
+use super::console::{self, Console};
+use super::exit::Failure;
+
+const EXAMPLES: &str = "\
+Examples:
+  psrgs-vk compare fox caliterra --methods 3dgs,lean,psrgs --seeds 3 --out compared
+  psrgs-vk compare fox --ablate psrgs --split val --out ablation
+  psrgs-vk compare fox --percent 25,50,70,100 --out by-splats -- --lr-opacities 0.05
+
+A comparison that was stopped goes on where it was with the same command: finished runs are kept.";
+
+/// Train several methods on several scenes and compare what they come to
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Dataset folders
+    #[arg(value_name = "DATA", required = true)]
+    data: Vec<PathBuf>,
+    /// Folder of the runs and of the tables
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Methods; the others are compared with the first
+    #[arg(long, value_name = "M,M...", value_delimiter = ',', default_value = "3dgs,absgs,lean,psrgs")]
+    methods: Vec<String>,
+    /// In place of methods: one of them, whole and with each of its parts left out or replaced
+    #[arg(long, value_name = "M", conflicts_with = "methods")]
+    ablate: Option<String>,
+    /// Seeds of each: 0 to N - 1
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    seeds: u64,
+    /// Also with at most so many percent of the splats that 3dgs has made
+    #[arg(long, value_name = "P,P...", value_delimiter = ',')]
+    percent: Vec<u32>,
+    /// Training steps
+    #[arg(long, value_name = "N", default_value_t = 1500)]
+    iterations: u32,
+    /// Longer side of the photographs
+    #[arg(long, value_name = "PX", default_value_t = 320)]
+    max_side: u32,
+    /// Photographs that are held out, as in `train`
+    #[arg(long, value_name = "SPLIT", default_value_t = Split::Test)]
+    split: Split,
+    /// Options of `train` for all runs
+    #[arg(last = true, value_name = "OPTIONS")]
+    options: Vec<String>,
+}
+
+/// How long a run has taken, beside its metrics.
+const SECONDS: &str = "process_seconds.txt";
+
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    let runs = runs(args)?;
+    let folder = args.out.join("runs");
+    fs::create_dir_all(&folder).with_context(|| Failure::Output(folder.display().to_string()))?;
+    let mut finished: Vec<Finished> = Vec::new();
+    for (number, run) in runs.iter().enumerate() {
+        let at = folder.join(run.folder());
+        console.say(format_args!("{} of {}: {}", number + 1, runs.len(), run.folder()));
+        if !at.join("metrics.json").is_file() {
+            train(args, run, &at, &finished)?;
+        }
+        let one = read(run, &at)?;
+        console.say(format_args!(
+            "  {:.2} dB, {} splats, {:.0} s",
+            one.metrics.psnr.unwrap_or(f64::NAN),
+            one.metrics.splats,
+            one.seconds
+        ));
+        finished.push(one);
+        // After every run, so that what is there can be looked at.
+        write(args, &finished)?;
+    }
+    console::print(&markdown(&finished))?;
+    console.say(format_args!("tables and page in {}", args.out.display()));
+    Ok(())
+}
+
+/// The runs in their order: 3dgs before those whose splats are counted by it.
+fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
+    let labels: Vec<(String, String, Vec<String>)> = match &args.ablate {
+        Some(method) => std::iter::once((method.clone(), method.clone(), Vec::new()))
+            .chain(ABLATIONS.iter().map(|a| {
+                let options = a.options.iter().map(|o| (*o).to_owned()).collect();
+                (format!("{method}-{}", a.name), method.clone(), options)
+            }))
+            .collect(),
+        None => args.methods.iter().map(|m| (m.clone(), m.clone(), Vec::new())).collect(),
+    };
+    if !args.percent.is_empty() && labels.first().is_none_or(|(_, method, _)| method != "3dgs") {
+        return Err(
+            Failure::Usage("--percent: splats are counted by those of 3dgs, which must come first".into()).into()
+        );
+    }
+    let mut runs = Vec::new();
+    for data in &args.data {
+        let name = data.file_name().map(|n| n.to_string_lossy().into_owned());
+        let scene =
+            name.ok_or_else(|| Failure::Usage(format!("{}: a folder with a name is needed", data.display())))?;
+        for seed in 0..args.seeds.max(1) {
+            for (label, method, options) in &labels {
+                let sizes = std::iter::once(Size::Own).chain(args.percent.iter().map(|p| Size::Percent(*p)));
+                // 3dgs itself has all of its own splats.
+                for size in sizes.filter(|size| !(method == "3dgs" && *size == Size::Percent(100))) {
+                    runs.push(Run {
+                        scene: scene.clone(),
+                        data: data.clone(),
+                        label: label.clone(),
+                        method: method.clone(),
+                        options: options.clone(),
+                        seed,
+                        size,
+                    });
+                }
+            }
+        }
+    }
+    Ok(runs)
+}
+
+/// One training in a process of its own, whose seconds are all of its seconds.
+fn train(args: &Args, run: &Run, at: &Path, finished: &[Finished]) -> anyhow::Result<()> {
+    let program = std::env::current_exe().context("this program has no file")?;
+    let mut command = Command::new(program);
+    command.arg("--quiet").arg("train");
+    let begun = fs::read_dir(at.join("checkpoints")).is_ok_and(|mut files| files.next().is_some());
+    let mut before = 0.0;
+    if begun {
+        before = seconds(at).unwrap_or(0.0);
+        command.arg("--resume").arg(at);
+    } else {
+        command.arg(&run.data).arg("--out").arg(at).arg("--overwrite").args(["--preset", "standard"]);
+        command.args(["--scale-schedule", "--tune", "off", "--eval-every", "0"]);
+        command.args(["--iterations", &args.iterations.to_string(), "--max-side", &args.max_side.to_string()]);
+        command.args(["--split", &args.split.to_string(), "--seed", &run.seed.to_string(), "--method", &run.method]);
+        if let Size::Percent(share) = run.size {
+            let most = allowed(run, share, finished)?;
+            command.args(["--max-splats", &most.to_string()]);
+        }
+        command.args(&run.options).args(&args.options);
+    }
+    let started = Instant::now();
+    let status = command.stdin(Stdio::null()).status().context("the training cannot be started")?;
+    let taken = before + started.elapsed().as_secs_f64();
+    if at.is_dir() {
+        let text = format!("{taken:.3}\n");
+        atomic::write(&at.join(SECONDS), |out| out.write_all(text.as_bytes()))?;
+    }
+    match status.code() {
+        Some(0) => Ok(()),
+        Some(130) => Err(Failure::Interrupted("stopped; the same command goes on from here".into()).into()),
+        code => {
+            let code = code.map_or("a signal".to_owned(), |code| format!("exit code {code}"));
+            Err(Failure::Check(format!("{}: the training ended with {code}", run.folder())).into())
+        }
+    }
+}
+
+/// The splats that a share of those of 3dgs comes to.
+fn allowed(run: &Run, share: u32, finished: &[Finished]) -> anyhow::Result<u64> {
+    let same = |f: &&Finished| {
+        let of = &f.run;
+        of.method == "3dgs" && of.size == Size::Own && of.scene == run.scene && of.seed == run.seed
+    };
+    let base = finished.iter().find(same).context("3dgs has not been trained on this scene")?;
+    Ok((base.metrics.splats as u64 * u64::from(share) / 100).max(1))
+}
+
+fn seconds(at: &Path) -> Option<f64> {
+    fs::read_to_string(at.join(SECONDS)).ok()?.trim().parse().ok()
+}
+
+fn read(run: &Run, at: &Path) -> anyhow::Result<Finished> {
+    let file = at.join("metrics.json");
+    let text = fs::read_to_string(&file).with_context(|| Failure::Input(file.display().to_string()))?;
+    let metrics: Metrics = serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;
+    let seconds = seconds(at).unwrap_or(metrics.seconds);
+    Ok(Finished { run: run.clone(), metrics, seconds })
+}
+
+fn write(args: &Args, finished: &[Finished]) -> anyhow::Result<()> {
+    let title = format!("{} steps at {} px, split {}", args.iterations, args.max_side, args.split);
+    let files =
+        [("table.md", markdown(finished)), ("runs.csv", csv(finished)), ("compare.html", page(&title, finished))];
+    for (name, text) in files {
+        atomic::write(&args.out.join(name), |out| out.write_all(text.as_bytes()))?;
+    }
+    Ok(())
+}

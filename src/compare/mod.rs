@@ -1,0 +1,11 @@
+//! Methods against one another: which runs a comparison takes, what their metrics say together, and the table of it.
+
+mod interval;
+mod page;
+mod plan;
+mod table;
+
+pub use interval::{Difference, paired};
+pub use page::page;
+pub use plan::{ABLATIONS, Ablation, Run, Size};
+pub use table::{Finished, Summary, csv, markdown, summaries};

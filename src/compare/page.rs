@@ -1,0 +1,146 @@
+//! The comparison as a page that stands for itself: the table, and PSNR against splats and against seconds.
+
+use std::fmt::Write;
+
+use super::plan::Size;
+use super::table::{Finished, markdown};
+
+const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#3a7d44", "#edae49", "#6a4c93", "#00798c", "#8d6a9f", "#555555"];
+const WIDTH: f64 = 520.0;
+const HEIGHT: f64 = 340.0;
+const LEFT: f64 = 56.0;
+const BOTTOM: f64 = 44.0;
+const TOP: f64 = 28.0;
+const RIGHT: f64 = 14.0;
+
+/// HTML without outside requests.
+pub fn page(title: &str, finished: &[Finished]) -> String {
+    let mut out = format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>body{{font:15px/1.45 sans-serif;\
+         margin:2rem auto;max-width:72rem;padding:0 1rem;color:#222}}table{{border-collapse:collapse;margin:1rem 0}}td,th{{border:1px \
+         solid #ccc;padding:.25rem .5rem;text-align:left}}figure{{display:inline-block;margin:.5rem}}</style></head><body><h1>{0}</h1>\n",
+        escaped(title)
+    );
+    tables(&mut out, &markdown(finished));
+    let mut scenes: Vec<&str> = Vec::new();
+    for f in finished {
+        if !scenes.contains(&f.run.scene.as_str()) {
+            scenes.push(&f.run.scene);
+        }
+    }
+    for scene in scenes {
+        let of: Vec<&Finished> = finished.iter().filter(|f| f.run.scene == scene).collect();
+        let _ = write!(out, "<h2>{}</h2>\n", escaped(scene));
+        for (name, number) in
+            [("splats", (|f| f.metrics.splats as f64) as fn(&Finished) -> f64), ("seconds", |f| f.seconds)]
+        {
+            let _ = write!(out, "<figure>{}</figure>\n", plot(name, &of, number));
+        }
+    }
+    out + "</body></html>\n"
+}
+
+/// Markdown tables as HTML; other lines as paragraphs.
+fn tables(out: &mut String, text: &str) {
+    let mut inside = false;
+    for line in text.lines() {
+        let cells: Option<Vec<&str>> =
+            line.strip_prefix('|').and_then(|l| l.strip_suffix('|')).map(|l| l.split('|').map(str::trim).collect());
+        match cells {
+            Some(cells) if cells.iter().all(|c| !c.is_empty() && c.chars().all(|c| c == '-')) => {}
+            Some(cells) => {
+                let tag = if inside { "td" } else { "th" };
+                if !inside {
+                    out.push_str("<table>");
+                }
+                inside = true;
+                out.push_str("<tr>");
+                for cell in cells {
+                    let _ = write!(out, "<{tag}>{}</{tag}>", escaped(cell));
+                }
+                out.push_str("</tr>\n");
+            }
+            None => {
+                if inside {
+                    out.push_str("</table>\n");
+                }
+                inside = false;
+                if !line.is_empty() {
+                    let _ = write!(out, "<p>{}</p>\n", escaped(line));
+                }
+            }
+        }
+    }
+    if inside {
+        out.push_str("</table>\n");
+    }
+}
+
+/// PSNR against a number, a point for each run, those of a method joined in the order of their splats where they were limited.
+fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> String {
+    let points: Vec<(&Finished, f64, f64)> =
+        finished.iter().filter_map(|f| Some((*f, number(f), f.metrics.psnr?))).collect();
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
+        let room = (0.08 * (high - low)).max(1e-3 * high.abs()).max(1e-9);
+        (low - room, high + room)
+    };
+    let mut out =
+        format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" font-family=\"sans-serif\" font-size=\"12\">");
+    let _ = write!(out, "<text x=\"{LEFT}\" y=\"16\" font-weight=\"bold\">PSNR (dB) against {name}</text>");
+    if points.is_empty() {
+        return out + "</svg>";
+    }
+    let (x0, x1) = range(&mut points.iter().map(|p| p.1));
+    let (y0, y1) = range(&mut points.iter().map(|p| p.2));
+    let sx = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
+    let sy = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0) * (HEIGHT - TOP - BOTTOM);
+    for k in 0..=4 {
+        let share = f64::from(k) / 4.0;
+        let (x, y) = (x0 + share * (x1 - x0), y0 + share * (y1 - y0));
+        let (px, py, bottom) = (sx(x), sy(y), HEIGHT - BOTTOM);
+        let _ = write!(
+            out,
+            "<path d=\"M{px:.1} {TOP}V{bottom}M{LEFT} {py:.1}H{}\" stroke=\"#ddd\"/><text x=\"{px:.1}\" y=\"{}\" \
+             text-anchor=\"middle\">{x:.0}</text><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{y:.2}</text>",
+            WIDTH - RIGHT,
+            bottom + 16.0,
+            LEFT - 4.0,
+            py + 4.0
+        );
+    }
+    let mut labels: Vec<&str> = Vec::new();
+    for (f, ..) in &points {
+        if !labels.contains(&f.run.label.as_str()) {
+            labels.push(&f.run.label);
+        }
+    }
+    for (i, label) in labels.iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        let mut own: Vec<&(&Finished, f64, f64)> = points.iter().filter(|(f, ..)| f.run.label == *label).collect();
+        own.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if own.iter().any(|(f, ..)| f.run.size != Size::Own) {
+            let path: Vec<String> = own.iter().map(|p| format!("{:.1} {:.1}", sx(p.1), sy(p.2))).collect();
+            let _ = write!(out, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\"/>", path.join("L"));
+        }
+        for (_, x, y) in own {
+            let _ = write!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{colour}\"/>", sx(*x), sy(*y));
+        }
+        let at = (LEFT + 8.0 + 110.0 * (i % 4) as f64, HEIGHT - 12.0 + 12.0 * (i / 4) as f64 - 4.0);
+        let _ = write!(
+            out,
+            "<circle cx=\"{}\" cy=\"{}\" r=\"4\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\">{}</text>",
+            at.0,
+            at.1 - 4.0,
+            at.0 + 8.0,
+            at.1,
+            escaped(label)
+        );
+    }
+    out + "</svg>"
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,69 @@
+//! The runs of a comparison.
+
+use std::path::PathBuf;
+
+/// How many splats a run may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Size {
+    /// As many as the method makes.
+    Own,
+    /// At most this share of what `3dgs` made of the scene with the same seed, in percent.
+    Percent(u32),
+}
+
+/// A training of a comparison.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Name of the scene.
+    pub scene: String,
+    /// Its dataset.
+    pub data: PathBuf,
+    /// What the row is called: a method, or a method without one of its parts.
+    pub label: String,
+    /// The method.
+    pub method: String,
+    /// Options beyond those of all runs.
+    pub options: Vec<String>,
+    /// Seed.
+    pub seed: u64,
+    /// Splats.
+    pub size: Size,
+}
+
+impl Run {
+    /// The folder of the run among those of the comparison.
+    pub fn folder(&self) -> String {
+        let size = match self.size {
+            Size::Own => String::new(),
+            Size::Percent(share) => format!("-{share}percent"),
+        };
+        format!("{}-{}{size}-s{}", self.scene, self.label, self.seed)
+    }
+}
+
+/// A method without one of its parts, or with another form of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ablation {
+    /// What the row is called, after the method.
+    pub name: &'static str,
+    /// The options that make it.
+    pub options: &'static [&'static str],
+}
+
+/// What is left out or replaced, one at a time.
+pub const ABLATIONS: [Ablation; 14] = [
+    Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
+    Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
+    Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
+    Ablation { name: "no-stereo-splats", options: &["--stereo-splats", "0"] },
+    Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
+    Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
+    Ablation { name: "no-low-stage", options: &["--low-stage", "0"] },
+    Ablation { name: "gate-gradient", options: &["--gate", "gradient"] },
+    Ablation { name: "gate-phase", options: &["--gate", "phase"] },
+    Ablation { name: "gate-random", options: &["--gate", "random"] },
+    Ablation { name: "gate-off", options: &["--gate", "off"] },
+    Ablation { name: "no-gradient-maps", options: &["--lambda-gradients", "0", "--lambda-variation", "0"] },
+    Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"] },
+    Ablation { name: "no-coarse-steps", options: &["--coarse-steps", "0"] },
+];

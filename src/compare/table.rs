@@ -1,0 +1,205 @@
+//! What the metrics of finished runs say together.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use super::interval::paired;
+use super::plan::{Run, Size};
+use crate::eval::Metrics;
+
+/// A run with what came of it.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// The run.
+    pub run: Run,
+    /// Its metrics.
+    pub metrics: Metrics,
+    /// Seconds of the whole process.
+    pub seconds: f64,
+}
+
+/// Mean and range over the seeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Lowest.
+    pub low: f64,
+    /// Highest.
+    pub high: f64,
+}
+
+/// A scene and a label over all seeds.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Name of the scene.
+    pub scene: String,
+    /// Method or ablation.
+    pub label: String,
+    /// Splats that were allowed.
+    pub size: Size,
+    /// Number of seeds.
+    pub seeds: usize,
+    /// By the names of [`COLUMNS`]; none where no run has the number.
+    pub values: Vec<Option<Spread>>,
+}
+
+/// A number of a run.
+type Number = fn(&Finished) -> Option<f64>;
+
+/// The columns of the table: name, digits after the point, the number, and what it is multiplied by.
+pub(super) const COLUMNS: [(&str, usize, Number); 8] = [
+    ("PSNR", 2, |f| f.metrics.psnr),
+    ("SSIM", 4, |f| f.metrics.ssim),
+    ("LPIPS", 4, |f| f.metrics.lpips_squeeze),
+    ("GMSD", 4, |f| f.metrics.gmsd),
+    ("psnr_cc", 2, |f| f.metrics.psnr_cc),
+    ("splats", 0, |f| Some(f.metrics.splats as f64)),
+    ("bytes", 0, |f| Some(f.metrics.bytes as f64)),
+    ("seconds", 0, |f| Some(f.seconds)),
+];
+
+impl Spread {
+    fn of(values: &[f64]) -> Option<Self> {
+        let n = values.len() as f64;
+        (!values.is_empty()).then(|| Self {
+            mean: values.iter().sum::<f64>() / n,
+            low: values.iter().copied().fold(f64::INFINITY, f64::min),
+            high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        })
+    }
+
+    fn shown(&self, digits: usize, seeds: usize) -> String {
+        match seeds {
+            1 => format!("{:.digits$}", self.mean),
+            _ => format!("{:.digits$} ({:.digits$} to {:.digits$})", self.mean, self.low, self.high),
+        }
+    }
+}
+
+/// One for each scene, label and size, in the order of their first run.
+pub fn summaries(finished: &[Finished]) -> Vec<Summary> {
+    let mut groups: Vec<(&Run, Vec<&Finished>)> = Vec::new();
+    for one in finished {
+        let same = |run: &Run| (&run.scene, &run.label, run.size) == (&one.run.scene, &one.run.label, one.run.size);
+        match groups.iter_mut().find(|(run, _)| same(run)) {
+            Some((_, all)) => all.push(one),
+            None => groups.push((&one.run, vec![one])),
+        }
+    }
+    let summary = |(run, all): (&Run, Vec<&Finished>)| Summary {
+        scene: run.scene.clone(),
+        label: run.label.clone(),
+        size: run.size,
+        seeds: all.len(),
+        values: COLUMNS
+            .iter()
+            .map(|(_, _, number)| Spread::of(&all.iter().filter_map(|f| number(f)).collect::<Vec<_>>()))
+            .collect(),
+    };
+    groups.into_iter().map(summary).collect()
+}
+
+/// The table and the mean differences as Markdown.
+pub fn markdown(finished: &[Finished]) -> String {
+    let mut out = String::from("| scene | method | seeds |");
+    for (name, ..) in COLUMNS {
+        let _ = write!(out, " {name} |");
+    }
+    out += "\n|---|---|---|";
+    out += &"---|".repeat(COLUMNS.len());
+    out.push('\n');
+    for s in summaries(finished) {
+        let size = if let Size::Percent(share) = s.size { format!(", {share} % of 3dgs") } else { String::new() };
+        let _ = write!(out, "| {} | {}{size} | {} |", s.scene, s.label, s.seeds);
+        for ((_, digits, _), value) in COLUMNS.iter().zip(&s.values) {
+            let _ = write!(out, " {} |", value.map_or(String::new(), |v| v.shown(*digits, s.seeds)));
+        }
+        out.push('\n');
+    }
+    out + &differences(finished)
+}
+
+/// Every label against the first and, where it is there, against `lean`: over all scenes and seeds that both have.
+fn differences(finished: &[Finished]) -> String {
+    let own: Vec<&Finished> = finished.iter().filter(|f| f.run.size == Size::Own).collect();
+    let mut labels: Vec<&str> = Vec::new();
+    for f in &own {
+        if !labels.contains(&f.run.label.as_str()) {
+            labels.push(&f.run.label);
+        }
+    }
+    let mut bases: Vec<&str> = labels.first().copied().into_iter().collect();
+    if labels.contains(&"lean") && bases != ["lean"] {
+        bases.push("lean");
+    }
+    let mut out = String::new();
+    for base in bases {
+        let _ = write!(
+            out,
+            "\nAgainst {base}: mean of the paired differences over scenes and seeds with its 95 % interval.\n\n| method | pairs |"
+        );
+        let _ = writeln!(
+            out,
+            " PSNR | SSIM | LPIPS | GMSD | splats, ratio | seconds, ratio |\n|---|---|---|---|---|---|---|---|"
+        );
+        for label in labels.iter().filter(|label| **label != base) {
+            let pairs = pairs(&own, label, base);
+            let _ = write!(out, "| {label} | {} |", pairs.len());
+            for (column, digits) in [(0, 2), (1, 4), (2, 4), (3, 4)] {
+                let number = COLUMNS[column].2;
+                let each: Vec<f64> = pairs.iter().filter_map(|(a, b)| Some(number(a)? - number(b)?)).collect();
+                let _ = write!(out, " {} |", shown(&each, digits));
+            }
+            let splats = ratio(&pairs, |f| f.metrics.splats as f64);
+            let seconds = ratio(&pairs, |f| f.seconds);
+            let _ = writeln!(out, " {splats} | {seconds} |");
+        }
+    }
+    out
+}
+
+/// Runs of one label with those of another of the same scene and seed.
+fn pairs<'a>(own: &[&'a Finished], label: &str, base: &str) -> Vec<(&'a Finished, &'a Finished)> {
+    let of = |label: &str| -> BTreeMap<(&'a str, u64), &'a Finished> {
+        own.iter().filter(|f| f.run.label == label).map(|f| ((f.run.scene.as_str(), f.run.seed), *f)).collect()
+    };
+    let others = of(base);
+    of(label).into_iter().filter_map(|(key, a)| Some((a, *others.get(&key)?))).collect()
+}
+
+fn shown(differences: &[f64], digits: usize) -> String {
+    match paired(differences) {
+        None => String::new(),
+        Some(d) if d.half.is_infinite() => format!("{:+.digits$}", d.mean),
+        Some(d) if d.is_real() => format!("{:+.digits$} ± {:.digits$}", d.mean, d.half),
+        Some(d) => format!("no difference ({:+.digits$} ± {:.digits$})", d.mean, d.half),
+    }
+}
+
+/// The geometric mean of the quotients.
+fn ratio(pairs: &[(&Finished, &Finished)], number: impl Fn(&Finished) -> f64) -> String {
+    let logs: Vec<f64> = pairs.iter().map(|(a, b)| (number(a) / number(b)).ln()).filter(|r| r.is_finite()).collect();
+    if logs.is_empty() {
+        return String::new();
+    }
+    format!("{:.2}", (logs.iter().sum::<f64>() / logs.len() as f64).exp())
+}
+
+/// A line per run.
+pub fn csv(finished: &[Finished]) -> String {
+    let mut out = String::from("scene,method,percent_of_3dgs,seed");
+    for (name, ..) in COLUMNS {
+        let _ = write!(out, ",{}", name.to_lowercase());
+    }
+    out.push('\n');
+    for f in finished {
+        let percent = if let Size::Percent(share) = f.run.size { share.to_string() } else { String::new() };
+        let _ = write!(out, "{},{},{percent},{}", f.run.scene, f.run.label, f.run.seed);
+        for (_, _, number) in COLUMNS {
+            let _ = write!(out, ",{}", number(f).map_or(String::new(), |v| v.to_string()));
+        }
+        out.push('\n');
+    }
+    out
+}
