@@ -1,12 +1,18 @@
 //! Everything that decides what a training run does, as one struct: command-line options, `settings.toml` and the library's
 //! configuration are the same fields with the same names and defaults.
 
+mod check;
 mod file;
+mod group;
+mod growth;
 mod method;
 mod preset;
+mod terms;
 mod values;
 
 pub use file::SettingsError;
+pub use growth::{Density, Frequencies};
+pub use terms::{Geometry, Texture};
 pub use values::{
     Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, MaskIgnores, Method, Preset, Split, Transfer,
     Tune,
@@ -14,45 +20,7 @@ pub use values::{
 
 use std::path::PathBuf;
 
-/// Declares one group of options: the struct with its command-line options, its keys in `settings.toml` (the option names
-/// without the dashes in front), and its defaults, each written once.
-macro_rules! group {
-    (
-        $(#[$meta:meta])* pub struct $name:ident ($heading:literal) {
-            $($(#[$vmeta:meta])* pub $value:ident : $vtype:ty = $default:expr,)*
-        }
-        flags { $($(#[$fmeta:meta])* pub $flag:ident,)* }
-        optional { $($(#[$ometa:meta])* pub $option:ident : $otype:ty,)* }
-    ) => {
-        $(#[$meta])*
-        #[derive(Clone, Debug, PartialEq, clap::Args, serde::Serialize, serde::Deserialize)]
-        #[command(next_help_heading = $heading)]
-        #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-        pub struct $name {
-            $($(#[$vmeta])* #[arg(long, default_value_t = $default)] pub $value: $vtype,)*
-            $(
-                $(#[$fmeta])*
-                #[arg(
-                    long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true",
-                    default_value_t = false, action = clap::ArgAction::Set, hide_default_value = true,
-                    hide_possible_values = true
-                )]
-                pub $flag: bool,
-            )*
-            $(
-                $(#[$ometa])*
-                #[arg(long)]
-                #[serde(skip_serializing_if = "Option::is_none")]
-                pub $option: Option<$otype>,
-            )*
-        }
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($value: $default,)* $($flag: false,)* $($option: None,)* }
-            }
-        }
-    };
-}
+use group::group;
 
 group! {
     /// What is run, and for how long.
@@ -196,184 +164,6 @@ group! {
 }
 
 group! {
-    /// Growth and pruning of the set of splats.
-    pub struct Density("Density control") {
-        /// Growth begins after this step
-        #[arg(value_name = "N")]
-        pub densify_from: u32 = 500,
-        /// Growth ends before this step
-        #[arg(value_name = "N")]
-        pub densify_until: u32 = 15_000,
-        /// Steps between density changes
-        #[arg(value_name = "N")]
-        pub densify_interval: u32 = 100,
-        /// Which splats grow: threshold (all whose gradient reaches it are cloned or split) or sampled (a sample of these is split along
-        /// their longest axis)
-        #[arg(value_name = "RULE")]
-        pub growth: Growth = Growth::Threshold,
-        /// Mean screen-space gradient (normalised device coordinates) from which a splat is cloned or split
-        #[arg(value_name = "G")]
-        pub grad_threshold: f64 = 2e-4,
-        /// The same for splats of low frequencies (mask value 0) in the low-frequency stage, where growth is sampled
-        #[arg(value_name = "G")]
-        pub low_grad_threshold: f64 = 2e-4,
-        /// Probability that a splat at the threshold is split, where growth is sampled
-        #[arg(value_name = "P")]
-        pub sample_rate: f64 = 0.5,
-        /// How much of that probability is in proportion to the splat's mask value, from 0 to 1
-        #[arg(value_name = "SHARE")]
-        pub sample_mask_share: f64 = 0.0,
-        /// How much of it is in proportion to the share of views in which the splat is wrong, from 0 to 1
-        #[arg(value_name = "SHARE")]
-        pub sample_error_share: f64 = 0.0,
-        /// Mean absolute difference to the photograph above which the render is wrong at a splat
-        #[arg(value_name = "E")]
-        pub sample_error: f64 = 0.05,
-        /// What opacities are multiplied by at each density change, where growth is sampled
-        #[arg(value_name = "SHARE")]
-        pub keep_opacity: f64 = 1.0,
-        /// Splats larger than this share of the scene's extent are split, smaller ones cloned
-        #[arg(value_name = "SHARE")]
-        pub percent_dense: f64 = 0.01,
-        /// Splats less opaque than this are pruned
-        #[arg(value_name = "O")]
-        pub prune_opacity: f64 = 0.005,
-        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
-        #[arg(value_name = "SHARE")]
-        pub prune_extent: f64 = 0.1,
-        /// Steps between opacity resets (0: none)
-        #[arg(value_name = "N")]
-        pub opacity_reset_interval: u32 = 3000,
-    }
-    flags {
-        /// Judge splits by sums of absolute gradients of pixels, which do not cancel; with sampled growth all of it
-        pub absgrad,
-        /// Prune splats that have blended into no pixel since the last density change, where growth is sampled
-        pub prune_unseen,
-    }
-    optional {
-        /// The threshold for splits where it is not that for clones
-        #[arg(value_name = "G")]
-        pub split_grad_threshold: f64,
-        /// Stop growing at this many splats
-        #[arg(value_name = "N")]
-        pub max_splats: u32,
-    }
-}
-
-group! {
-    /// Low and high frequencies apart.
-    pub struct Frequencies("Low and high frequencies") {
-        /// Share of the steps that the low-frequency stage takes (0: there is none)
-        #[arg(value_name = "SHARE")]
-        pub low_stage: f64 = 0.0,
-        /// What tells texture from the rest: spectral, phase, gradient, random or off (nothing does)
-        #[arg(value_name = "GATE")]
-        pub gate: Gate = Gate::Spectral,
-        /// Width of the filter of the spectral gate, in bins of a spectrum of 256
-        #[arg(value_name = "BINS")]
-        pub sigma: f64 = 3.0,
-        /// Weight of texture in the loss of the low-frequency stage (1: that of the rest)
-        #[arg(value_name = "W")]
-        pub low_texture_weight: f64 = 1.0,
-        /// Share of the steps that see photographs of half the size or less
-        #[arg(value_name = "SHARE")]
-        pub coarse_steps: f64 = 0.0,
-    }
-    flags {}
-    optional {}
-}
-
-group! {
-    /// Depth and normals: where they are known from, and how they are trained with.
-    pub struct Geometry("Depth and normals") {
-        /// Where depths to train with come from: none, sfm (the reconstructed points) or stereo (the training photographs)
-        #[arg(value_name = "SOURCE")]
-        pub depth_prior: DepthPrior = DepthPrior::None,
-        /// Stereo works on photographs of at most this many pixels on the longer side
-        #[arg(value_name = "PX")]
-        pub stereo_side: u32 = 160,
-        /// Begin with so many splats more, on surfaces that stereo has found (0: none)
-        #[arg(value_name = "N")]
-        pub stereo_splats: u32 = 0,
-        /// Share of the steps that have a loss on depth and normals
-        #[arg(value_name = "SHARE")]
-        pub depth_steps: f64 = 0.5,
-        /// One step in so many has it, with as much more weight
-        #[arg(value_name = "N")]
-        pub depth_every: u32 = 2,
-        /// What is left of its weight at the end of these steps
-        #[arg(value_name = "SHARE")]
-        pub depth_left: f64 = 0.01,
-        /// Weight of relative errors of depth
-        #[arg(value_name = "W")]
-        pub lambda_depth: f64 = 0.1,
-        /// Relative error of depth from which on its loss is linear
-        #[arg(value_name = "R")]
-        pub depth_huber: f64 = 0.02,
-        /// How much more an error of depth counts at an edge of the photograph
-        #[arg(value_name = "B")]
-        pub depth_edges: f64 = 1.0,
-        /// Weight of second differences of depth, within that of depth
-        #[arg(value_name = "W")]
-        pub lambda_smooth: f64 = 0.01,
-        /// How fast smoothness ends towards edges of the photograph
-        #[arg(value_name = "G")]
-        pub smooth_edge_stop: f64 = 10.0,
-        /// Weight of errors of normals
-        #[arg(value_name = "W")]
-        pub lambda_normal: f64 = 0.01,
-        /// Weight of the smallest standard deviation of each splat, in units of the scene's extent
-        #[arg(value_name = "W")]
-        pub lambda_flatten: f64 = 0.0,
-    }
-    flags {}
-    optional {}
-}
-
-group! {
-    /// Losses on texture, after the low-frequency stage.
-    pub struct Texture("Texture") {
-        /// Weight of the correlation of gradient maps
-        #[arg(value_name = "W")]
-        pub lambda_gradients: f64 = 0.0,
-        /// Weight of the total variation of what is between render and photograph
-        #[arg(value_name = "W")]
-        pub lambda_variation: f64 = 0.0,
-        /// One step in so many has these two, with as much more weight
-        #[arg(value_name = "N")]
-        pub gradients_every: u32 = 4,
-        /// Weight of the perceptual distance
-        #[arg(value_name = "W")]
-        pub lambda_perceptual: f64 = 0.0,
-        /// One step in so many has it, with as much more weight
-        #[arg(value_name = "N")]
-        pub perceptual_every: u32 = 12,
-    }
-    flags {}
-    optional {}
-}
-
-impl Geometry {
-    /// The size of what is known of a photograph of this size.
-    pub fn prior_size(&self, width: u32, height: u32) -> (u32, u32) {
-        self.stereo().size(width, height)
-    }
-
-    /// How stereo works.
-    pub fn stereo(&self) -> crate::stereo::Settings {
-        crate::stereo::Settings { max_side: self.stereo_side, ..Default::default() }
-    }
-}
-
-impl Texture {
-    /// Whether gradient maps have a part in the loss.
-    pub fn wants_gradients(&self) -> bool {
-        self.lambda_gradients > 0.0 || self.lambda_variation > 0.0
-    }
-}
-
-group! {
     /// Shortcuts that make steps cheaper and change results. All are off unless asked for.
     pub struct Shortcuts("Shortcuts") {
         /// Bits of each moment of the optimiser in memory: 32, or 16 with the second moment rounded at random
@@ -492,108 +282,5 @@ impl Settings {
         let mut settings = Self::default();
         method.apply(&mut settings, |_| false);
         settings
-    }
-
-    /// Whether pixels are told apart by masks.
-    pub fn needs_masks(&self) -> bool {
-        let (density, frequencies) = (&self.density, &self.frequencies);
-        let by_stage = frequencies.low_texture_weight != 1.0
-            || (density.growth == Growth::Sampled && density.low_grad_threshold != density.grad_threshold);
-        self.texture.lambda_perceptual > 0.0
-            || self.texture.wants_gradients()
-            || self.geometry.depth_prior != DepthPrior::None
-            || (frequencies.low_stage > 0.0 && by_stage)
-            || (density.growth == Growth::Sampled && density.sample_mask_share > 0.0)
-    }
-
-    /// Whether the values make sense together; the error names the option and what it takes.
-    pub fn check(&self) -> Result<(), SettingsError> {
-        let ok = |good: bool, key: &'static str, want: &'static str| {
-            if good { Ok(()) } else { Err(SettingsError::Value { key, want }) }
-        };
-        let (run, density, optimiser) = (&self.run, &self.density, &self.optimiser);
-        ok(run.iterations >= 1, "iterations", "at least 1")?;
-        ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
-        let white = self.photographs.white_level;
-        ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;
-        ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
-        ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
-        ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;
-        ok(optimiser.lr_means > 0.0 && optimiser.lr_means.is_finite(), "lr-means", "a positive number")?;
-        ok(
-            optimiser.lr_means_final > 0.0 && optimiser.lr_means_final.is_finite(),
-            "lr-means-final",
-            "a positive number",
-        )?;
-        ok(optimiser.lr_means_steps >= 1, "lr-means-steps", "at least 1")?;
-        for (rate, key) in [(optimiser.lr_exposure, "lr-exposure"), (optimiser.lr_exposure_final, "lr-exposure-final")]
-        {
-            ok(rate > 0.0 && rate.is_finite(), key, "a positive number")?;
-        }
-        for (rate, key) in [
-            (optimiser.lr_sh_base, "lr-sh-base"),
-            (optimiser.lr_sh_rest, "lr-sh-rest"),
-            (optimiser.lr_opacities, "lr-opacities"),
-            (optimiser.lr_scales, "lr-scales"),
-            (optimiser.lr_rotations, "lr-rotations"),
-        ] {
-            ok(rate >= 0.0 && rate.is_finite(), key, "a number that is not negative")?;
-        }
-        ok(matches!(self.shortcuts.moment_bits, 16 | 32), "moment-bits", "16 or 32")?;
-        ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
-        let rate = self.shortcuts.sh_rate;
-        ok(rate >= 0.0 && rate.is_finite(), "sh-rate", "a number that is not negative")?;
-        ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
-        for (share, key) in [
-            (density.sample_rate, "sample-rate"),
-            (density.sample_mask_share, "sample-mask-share"),
-            (density.sample_error_share, "sample-error-share"),
-            (self.frequencies.low_stage, "low-stage"),
-            (self.frequencies.low_texture_weight, "low-texture-weight"),
-            (self.frequencies.coarse_steps, "coarse-steps"),
-            (self.geometry.depth_steps, "depth-steps"),
-        ] {
-            ok((0.0..=1.0).contains(&share), key, "a number from 0 to 1")?;
-        }
-        ok(density.keep_opacity > 0.0 && density.keep_opacity <= 1.0, "keep-opacity", "a number above 0, at most 1")?;
-        ok(
-            density.sample_error >= 0.0 && density.sample_error.is_finite(),
-            "sample-error",
-            "a number that is not negative",
-        )?;
-        let (geometry, texture) = (&self.geometry, &self.texture);
-        for (weight, key) in [
-            (geometry.lambda_depth, "lambda-depth"),
-            (geometry.depth_edges, "depth-edges"),
-            (geometry.lambda_smooth, "lambda-smooth"),
-            (geometry.smooth_edge_stop, "smooth-edge-stop"),
-            (geometry.lambda_normal, "lambda-normal"),
-            (geometry.lambda_flatten, "lambda-flatten"),
-            (texture.lambda_gradients, "lambda-gradients"),
-            (texture.lambda_variation, "lambda-variation"),
-            (texture.lambda_perceptual, "lambda-perceptual"),
-        ] {
-            ok(weight >= 0.0 && weight.is_finite(), key, "a number that is not negative")?;
-        }
-        ok(geometry.depth_left > 0.0 && geometry.depth_left <= 1.0, "depth-left", "a number above 0, at most 1")?;
-        ok(geometry.depth_huber > 0.0 && geometry.depth_huber.is_finite(), "depth-huber", "a positive number")?;
-        ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
-        ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
-        ok(texture.gradients_every >= 1, "gradients-every", "at least 1")?;
-        ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
-        let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
-        ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;
-        ok((0.0..=1000.0).contains(&self.frequencies.sigma), "sigma", "a number from 0 to 1000")?;
-        for (share, key) in [
-            (density.low_grad_threshold, "low-grad-threshold"),
-            (density.split_grad_threshold.unwrap_or(1.0), "split-grad-threshold"),
-            (density.grad_threshold, "grad-threshold"),
-            (density.percent_dense, "percent-dense"),
-            (density.prune_extent, "prune-extent"),
-        ] {
-            ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
-        }
-        ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
-        ok(density.max_splats != Some(0), "max-splats", "at least 1")
     }
 }

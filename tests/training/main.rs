@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod exposures;
+mod methods;
 mod photographs;
 
 use common::plane_scene;
@@ -67,6 +68,7 @@ fn assert_same(a: &State, b: &State, what: &str) {
         }
     }
     assert_eq!(bits(&a.stats), bits(&b.stats), "{what}: statistics");
+    assert_eq!(bits(&a.scores), bits(&b.scores), "{what}: scores");
 }
 
 #[test]
@@ -231,10 +233,13 @@ fn a_state_with_other_moments_is_refused() {
 }
 
 fn stops_and_resumes(gpu: &Gpu, settings: &Settings) {
-    let input = plane_scene::input(5, 64, 48, 300);
-    let truth = run(gpu, input.clone(), settings, Pacing::default());
     // 15, 30, 45: density changes; 40: opacity reset; the others lie between.
-    for stop in [1, 14, 15, 29, 40, 44, 59] {
+    stops_and_resumes_on(gpu, settings, &plane_scene::input(5, 64, 48, 300), &[1, 14, 15, 29, 40, 44, 59]);
+}
+
+fn stops_and_resumes_on(gpu: &Gpu, settings: &Settings, input: &Input, stops: &[u32]) {
+    let truth = run(gpu, input.clone(), settings, Pacing::default());
+    for &stop in stops {
         let mut first = Trainer::new(gpu, input.clone(), settings, Pacing::default(), None).expect("trainer");
         loop {
             match first.next_message().expect("message") {

@@ -1,0 +1,108 @@
+//! What settings ask for together, and whether it makes sense.
+
+use super::{DepthPrior, Growth, Settings, SettingsError};
+
+impl Settings {
+    /// Whether pixels are told apart by masks.
+    pub fn needs_masks(&self) -> bool {
+        let (density, frequencies) = (&self.density, &self.frequencies);
+        let by_stage = frequencies.low_texture_weight != 1.0
+            || (density.growth == Growth::Sampled && density.low_grad_threshold != density.grad_threshold);
+        self.texture.lambda_perceptual > 0.0
+            || self.texture.wants_gradients()
+            || self.geometry.depth_prior != DepthPrior::None
+            || (frequencies.low_stage > 0.0 && by_stage)
+            || (density.growth == Growth::Sampled && density.sample_mask_share > 0.0)
+    }
+
+    /// Whether the values make sense together; the error names the option and what it takes.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let ok = |good: bool, key: &'static str, want: &'static str| {
+            if good { Ok(()) } else { Err(SettingsError::Value { key, want }) }
+        };
+        let (run, density, optimiser) = (&self.run, &self.density, &self.optimiser);
+        ok(run.iterations >= 1, "iterations", "at least 1")?;
+        ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
+        let white = self.photographs.white_level;
+        ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;
+        ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
+        ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
+        ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;
+        ok(optimiser.lr_means > 0.0 && optimiser.lr_means.is_finite(), "lr-means", "a positive number")?;
+        ok(
+            optimiser.lr_means_final > 0.0 && optimiser.lr_means_final.is_finite(),
+            "lr-means-final",
+            "a positive number",
+        )?;
+        ok(optimiser.lr_means_steps >= 1, "lr-means-steps", "at least 1")?;
+        for (rate, key) in [(optimiser.lr_exposure, "lr-exposure"), (optimiser.lr_exposure_final, "lr-exposure-final")]
+        {
+            ok(rate > 0.0 && rate.is_finite(), key, "a positive number")?;
+        }
+        for (rate, key) in [
+            (optimiser.lr_sh_base, "lr-sh-base"),
+            (optimiser.lr_sh_rest, "lr-sh-rest"),
+            (optimiser.lr_opacities, "lr-opacities"),
+            (optimiser.lr_scales, "lr-scales"),
+            (optimiser.lr_rotations, "lr-rotations"),
+        ] {
+            ok(rate >= 0.0 && rate.is_finite(), key, "a number that is not negative")?;
+        }
+        ok(matches!(self.shortcuts.moment_bits, 16 | 32), "moment-bits", "16 or 32")?;
+        ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
+        let rate = self.shortcuts.sh_rate;
+        ok(rate >= 0.0 && rate.is_finite(), "sh-rate", "a number that is not negative")?;
+        ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
+        for (share, key) in [
+            (density.sample_rate, "sample-rate"),
+            (density.sample_mask_share, "sample-mask-share"),
+            (density.sample_error_share, "sample-error-share"),
+            (self.frequencies.low_stage, "low-stage"),
+            (self.frequencies.low_texture_weight, "low-texture-weight"),
+            (self.frequencies.coarse_steps, "coarse-steps"),
+            (self.geometry.depth_steps, "depth-steps"),
+        ] {
+            ok((0.0..=1.0).contains(&share), key, "a number from 0 to 1")?;
+        }
+        ok(density.keep_opacity > 0.0 && density.keep_opacity <= 1.0, "keep-opacity", "a number above 0, at most 1")?;
+        ok(
+            density.sample_error >= 0.0 && density.sample_error.is_finite(),
+            "sample-error",
+            "a number that is not negative",
+        )?;
+        let (geometry, texture) = (&self.geometry, &self.texture);
+        for (weight, key) in [
+            (geometry.lambda_depth, "lambda-depth"),
+            (geometry.depth_edges, "depth-edges"),
+            (geometry.lambda_smooth, "lambda-smooth"),
+            (geometry.smooth_edge_stop, "smooth-edge-stop"),
+            (geometry.lambda_normal, "lambda-normal"),
+            (geometry.lambda_flatten, "lambda-flatten"),
+            (texture.lambda_gradients, "lambda-gradients"),
+            (texture.lambda_variation, "lambda-variation"),
+            (texture.lambda_perceptual, "lambda-perceptual"),
+        ] {
+            ok(weight >= 0.0 && weight.is_finite(), key, "a number that is not negative")?;
+        }
+        ok(geometry.depth_left > 0.0 && geometry.depth_left <= 1.0, "depth-left", "a number above 0, at most 1")?;
+        ok(geometry.depth_huber > 0.0 && geometry.depth_huber.is_finite(), "depth-huber", "a positive number")?;
+        ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
+        ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
+        ok(texture.gradients_every >= 1, "gradients-every", "at least 1")?;
+        ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
+        let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
+        ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;
+        ok((0.0..=1000.0).contains(&self.frequencies.sigma), "sigma", "a number from 0 to 1000")?;
+        for (share, key) in [
+            (density.low_grad_threshold, "low-grad-threshold"),
+            (density.split_grad_threshold.unwrap_or(1.0), "split-grad-threshold"),
+            (density.grad_threshold, "grad-threshold"),
+            (density.percent_dense, "percent-dense"),
+            (density.prune_extent, "prune-extent"),
+        ] {
+            ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
+        }
+        ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
+        ok(density.max_splats != Some(0), "max-splats", "at least 1")
+    }
+}

@@ -1,0 +1,93 @@
+//! Growth, and low and high frequencies apart.
+
+use super::group::group;
+use super::{Gate, Growth};
+
+group! {
+    /// Growth and pruning of the set of splats.
+    pub struct Density("Density control") {
+        /// Growth begins after this step
+        #[arg(value_name = "N")]
+        pub densify_from: u32 = 500,
+        /// Growth ends before this step
+        #[arg(value_name = "N")]
+        pub densify_until: u32 = 15_000,
+        /// Steps between density changes
+        #[arg(value_name = "N")]
+        pub densify_interval: u32 = 100,
+        /// Which splats grow: threshold (all whose gradient reaches it are cloned or split) or sampled (a sample of these is split along
+        /// their longest axis)
+        #[arg(value_name = "RULE")]
+        pub growth: Growth = Growth::Threshold,
+        /// Mean screen-space gradient (normalised device coordinates) from which a splat is cloned or split
+        #[arg(value_name = "G")]
+        pub grad_threshold: f64 = 2e-4,
+        /// The same for splats of low frequencies (mask value 0) in the low-frequency stage, where growth is sampled
+        #[arg(value_name = "G")]
+        pub low_grad_threshold: f64 = 2e-4,
+        /// Probability that a splat at the threshold is split, where growth is sampled
+        #[arg(value_name = "P")]
+        pub sample_rate: f64 = 0.5,
+        /// How much of that probability is in proportion to the splat's mask value, from 0 to 1
+        #[arg(value_name = "SHARE")]
+        pub sample_mask_share: f64 = 0.0,
+        /// How much of it is in proportion to the share of views in which the splat is wrong, from 0 to 1
+        #[arg(value_name = "SHARE")]
+        pub sample_error_share: f64 = 0.0,
+        /// Mean absolute difference to the photograph above which the render is wrong at a splat
+        #[arg(value_name = "E")]
+        pub sample_error: f64 = 0.05,
+        /// What opacities are multiplied by at each density change, where growth is sampled
+        #[arg(value_name = "SHARE")]
+        pub keep_opacity: f64 = 1.0,
+        /// Splats larger than this share of the scene's extent are split, smaller ones cloned
+        #[arg(value_name = "SHARE")]
+        pub percent_dense: f64 = 0.01,
+        /// Splats less opaque than this are pruned
+        #[arg(value_name = "O")]
+        pub prune_opacity: f64 = 0.005,
+        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
+        #[arg(value_name = "SHARE")]
+        pub prune_extent: f64 = 0.1,
+        /// Steps between opacity resets (0: none)
+        #[arg(value_name = "N")]
+        pub opacity_reset_interval: u32 = 3000,
+    }
+    flags {
+        /// Judge splits by sums of absolute gradients of pixels, which do not cancel; with sampled growth all of it
+        pub absgrad,
+        /// Prune splats that have blended into no pixel since the last density change, where growth is sampled
+        pub prune_unseen,
+    }
+    optional {
+        /// The threshold for splits where it is not that for clones
+        #[arg(value_name = "G")]
+        pub split_grad_threshold: f64,
+        /// Stop growing at this many splats
+        #[arg(value_name = "N")]
+        pub max_splats: u32,
+    }
+}
+
+group! {
+    /// Low and high frequencies apart.
+    pub struct Frequencies("Low and high frequencies") {
+        /// Share of the steps that the low-frequency stage takes (0: there is none)
+        #[arg(value_name = "SHARE")]
+        pub low_stage: f64 = 0.0,
+        /// What tells texture from the rest: spectral, phase, gradient, random or off (nothing does)
+        #[arg(value_name = "GATE")]
+        pub gate: Gate = Gate::Spectral,
+        /// Width of the filter of the spectral gate, in bins of a spectrum of 256
+        #[arg(value_name = "BINS")]
+        pub sigma: f64 = 3.0,
+        /// Weight of texture in the loss of the low-frequency stage (1: that of the rest)
+        #[arg(value_name = "W")]
+        pub low_texture_weight: f64 = 1.0,
+        /// Share of the steps that see photographs of half the size or less
+        #[arg(value_name = "SHARE")]
+        pub coarse_steps: f64 = 0.0,
+    }
+    flags {}
+    optional {}
+}

@@ -1,0 +1,93 @@
+//! Terms of the loss beside that of colours.
+
+use super::DepthPrior;
+use super::group::group;
+
+group! {
+    /// Depth and normals: where they are known from, and how they are trained with.
+    pub struct Geometry("Depth and normals") {
+        /// Where depths to train with come from: none, sfm (the reconstructed points) or stereo (the training photographs)
+        #[arg(value_name = "SOURCE")]
+        pub depth_prior: DepthPrior = DepthPrior::None,
+        /// Stereo works on photographs of at most this many pixels on the longer side
+        #[arg(value_name = "PX")]
+        pub stereo_side: u32 = 160,
+        /// Begin with so many splats more, on surfaces that stereo has found (0: none)
+        #[arg(value_name = "N")]
+        pub stereo_splats: u32 = 0,
+        /// Share of the steps that have a loss on depth and normals
+        #[arg(value_name = "SHARE")]
+        pub depth_steps: f64 = 0.5,
+        /// One step in so many has it, with as much more weight
+        #[arg(value_name = "N")]
+        pub depth_every: u32 = 2,
+        /// What is left of its weight at the end of these steps
+        #[arg(value_name = "SHARE")]
+        pub depth_left: f64 = 0.01,
+        /// Weight of relative errors of depth
+        #[arg(value_name = "W")]
+        pub lambda_depth: f64 = 0.1,
+        /// Relative error of depth from which on its loss is linear
+        #[arg(value_name = "R")]
+        pub depth_huber: f64 = 0.02,
+        /// How much more an error of depth counts at an edge of the photograph
+        #[arg(value_name = "B")]
+        pub depth_edges: f64 = 1.0,
+        /// Weight of second differences of depth, within that of depth
+        #[arg(value_name = "W")]
+        pub lambda_smooth: f64 = 0.01,
+        /// How fast smoothness ends towards edges of the photograph
+        #[arg(value_name = "G")]
+        pub smooth_edge_stop: f64 = 10.0,
+        /// Weight of errors of normals
+        #[arg(value_name = "W")]
+        pub lambda_normal: f64 = 0.01,
+        /// Weight of the smallest standard deviation of each splat, in units of the scene's extent
+        #[arg(value_name = "W")]
+        pub lambda_flatten: f64 = 0.0,
+    }
+    flags {}
+    optional {}
+}
+
+group! {
+    /// Losses on texture, after the low-frequency stage.
+    pub struct Texture("Texture") {
+        /// Weight of the correlation of gradient maps
+        #[arg(value_name = "W")]
+        pub lambda_gradients: f64 = 0.0,
+        /// Weight of the total variation of what is between render and photograph
+        #[arg(value_name = "W")]
+        pub lambda_variation: f64 = 0.0,
+        /// One step in so many has these two, with as much more weight
+        #[arg(value_name = "N")]
+        pub gradients_every: u32 = 4,
+        /// Weight of the perceptual distance
+        #[arg(value_name = "W")]
+        pub lambda_perceptual: f64 = 0.0,
+        /// One step in so many has it, with as much more weight
+        #[arg(value_name = "N")]
+        pub perceptual_every: u32 = 12,
+    }
+    flags {}
+    optional {}
+}
+
+impl Geometry {
+    /// The size of what is known of a photograph of this size.
+    pub fn prior_size(&self, width: u32, height: u32) -> (u32, u32) {
+        self.stereo().size(width, height)
+    }
+
+    /// How stereo works.
+    pub fn stereo(&self) -> crate::stereo::Settings {
+        crate::stereo::Settings { max_side: self.stereo_side, ..Default::default() }
+    }
+}
+
+impl Texture {
+    /// Whether gradient maps have a part in the loss.
+    pub fn wants_gradients(&self) -> bool {
+        self.lambda_gradients > 0.0 || self.lambda_variation > 0.0
+    }
+}

@@ -1,0 +1,157 @@
+//! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
+
+use psrgs_vk::stereo::Prior;
+use psrgs_vk::train::settings::{DepthPrior, Growth, Method};
+use psrgs_vk::train::{Input, Pacing, Settings, View};
+
+use super::common::{gpu, plane_scene};
+use super::{run, settings, stops_and_resumes_on};
+
+/// Everything on, at a pace for few steps. The perceptual distance is that of filters: there are no weights here.
+fn everything(iterations: u32) -> Settings {
+    let mut s = settings(iterations);
+    s.density.opacity_reset_interval = 0;
+    s.density.growth = Growth::Sampled;
+    s.density.absgrad = true;
+    s.density.low_grad_threshold = 4e-4;
+    s.density.sample_mask_share = 0.5;
+    s.density.sample_error_share = 0.5;
+    s.density.prune_unseen = true;
+    s.density.keep_opacity = 0.95;
+    s.frequencies.low_stage = 0.4;
+    s.frequencies.low_texture_weight = 0.5;
+    s.frequencies.coarse_steps = 0.3;
+    s.geometry.depth_prior = DepthPrior::Stereo;
+    s.geometry.stereo_side = 32;
+    s.geometry.lambda_flatten = 0.01;
+    s.texture.lambda_gradients = 0.05;
+    s.texture.lambda_variation = 0.01;
+    s.texture.lambda_perceptual = 0.02;
+    s.texture.perceptual_every = 5;
+    s
+}
+
+/// Depth and normal of the ground as a view sees it.
+fn ground(view: &View, settings: &Settings) -> Prior {
+    let (width, height) = settings.geometry.prior_size(view.camera.width, view.camera.height);
+    let camera = view.camera.resized(width, height);
+    let (eye, r) = (camera.center(), camera.rotation);
+    let mut prior = Prior { width, height, ..Prior::default() };
+    for k in 0..width * height {
+        let (u, v) = (f64::from(k % width) + 0.5, f64::from(k / width) + 0.5);
+        let ray = [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0];
+        let down: f64 = (0..3).map(|i| r[i][2] * ray[i]).sum();
+        let depth = -eye[2] / down;
+        let [x, y] = [0, 1].map(|k: usize| eye[k] + depth * (0..3).map(|i| r[i][k] * ray[i]).sum::<f64>());
+        let there = depth > 0.0 && x.abs() < 3.0 && y.abs() < 3.0;
+        prior.depth.push(if there { depth as f32 } else { 0.0 });
+        prior.normals.push(if there { [r[0][2] as f32, r[1][2] as f32, r[2][2] as f32] } else { [0.0; 3] });
+        prior.confidence.push(if there { 1.0 } else { 0.0 });
+    }
+    prior
+}
+
+fn input(views: usize, (width, height): (u32, u32), splats: usize, settings: &Settings) -> Input {
+    let mut input = plane_scene::input(views, width, height, splats);
+    input.known.priors = input.train.iter().map(|view| Some(ground(view, settings))).collect();
+    input
+}
+
+#[test]
+fn everything_at_once_learns_and_repeats_itself() {
+    let Some(gpu) = gpu() else { return };
+    let settings = everything(90);
+    let input = input(5, (64, 48), 300, &settings);
+    let first = run(&gpu, input.clone(), &settings, Pacing::default());
+    let mean = |losses: &[f32]| losses.iter().sum::<f32>() / losses.len() as f32;
+    assert!(mean(&first.losses[80..]) < 0.6 * mean(&first.losses[27..37]), "{:?}", first.losses);
+    assert!(first.changed > 50, "{} changes", first.changed);
+    assert_eq!(first.state.scores.len(), 2 * first.state.ids.len());
+    let second = run(&gpu, input, &settings, Pacing::default());
+    super::assert_same(&first.state, &second.state, "a repetition");
+}
+
+#[test]
+fn everything_at_once_stops_and_resumes_bit_equal() {
+    let Some(gpu) = gpu() else { return };
+    let settings = everything(60);
+    stops_and_resumes_on(&gpu, &settings, &input(5, (64, 48), 300, &settings), &[14, 15, 24, 45]);
+}
+
+/// Mean distance of opaque splats from the ground, weighted by their opacity and area.
+fn off_the_ground(settings: &Settings, input: Input, gpu: &psrgs_vk::vk::Gpu) -> f64 {
+    let state = run(gpu, input, settings, Pacing::default()).state;
+    let [means, _, scales, opacities, ..] = &state.params;
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for i in 0..state.ids.len() {
+        let opacity = 1.0 / (1.0 + (-f64::from(opacities[i])).exp());
+        let area: f64 = (0..3).map(|k| f64::from(scales[3 * i + k]).exp()).sum::<f64>().powi(2);
+        sum += opacity * area * f64::from(means[3 * i + 2]).abs();
+        weights += opacity * area;
+    }
+    sum / weights
+}
+
+#[test]
+fn depth_priors_bring_splats_to_the_surface() {
+    let Some(gpu) = gpu() else { return };
+    let mut with = settings(60);
+    with.run.no_densify = true;
+    with.optimiser.lr_means = 2e-3;
+    with.optimiser.lr_means_final = 2e-3;
+    with.geometry.depth_prior = DepthPrior::Stereo;
+    with.geometry.stereo_side = 64;
+    with.geometry.lambda_depth = 2.0;
+    with.geometry.depth_left = 1.0;
+    with.geometry.depth_steps = 1.0;
+    with.geometry.depth_every = 1;
+    // Splats begin above and below the ground.
+    let mut scene = input(5, (64, 48), 300, &with);
+    for (i, z) in scene.initial.means.chunks_exact_mut(3).map(|m| &mut m[2]).enumerate() {
+        *z = if i % 2 == 0 { 0.25 } else { -0.25 };
+    }
+    let without = Settings { geometry: Default::default(), ..with.clone() };
+    let (known, unknown) = (off_the_ground(&with, scene.clone(), &gpu), off_the_ground(&without, scene, &gpu));
+    assert!(known < 0.7 * unknown, "{known} from the ground with depths, {unknown} without");
+}
+
+#[test]
+fn methods_are_values_of_options_and_named_ones_win() {
+    let plain = Settings::default();
+    assert_eq!(Settings::of_method(Method::Gs), plain);
+    let abs = Settings::of_method(Method::AbsGs);
+    assert!(
+        abs.density.absgrad && abs.density.split_grad_threshold == Some(4e-4) && abs.density.percent_dense == 0.001
+    );
+    assert_eq!(Settings { density: plain.density.clone(), run: plain.run.clone(), ..abs }, plain);
+    for (method, name) in Method::ALL {
+        assert_eq!(name.parse(), Ok(method));
+        assert_eq!(method.to_string(), name);
+        let whole = Settings::of_method(method);
+        whole.check().expect(name);
+        let mut named = plain.clone();
+        named.density.grad_threshold = 1e-3;
+        method.apply(&mut named, |key| key == "grad-threshold");
+        assert_eq!(named.density.grad_threshold, 1e-3, "{name}");
+        named.density.grad_threshold = whole.density.grad_threshold;
+        assert_eq!(named, whole, "{name}");
+    }
+    let error = "gspro".parse::<Method>().unwrap_err();
+    assert!(error.contains("planned") && error.contains("3dgs"), "{error}");
+}
+
+#[test]
+fn the_coarse_camera_sees_the_same_rays() {
+    let Some(gpu) = gpu() else { return };
+    // 33 x 21 does not divide by 2 or 4: the rows and columns that do not fill a pixel are left out.
+    let mut coarse = settings(24);
+    coarse.frequencies.coarse_steps = 1.0;
+    let fine = settings(24);
+    let [reduced, whole] =
+        [&coarse, &fine].map(|s| run(&gpu, plane_scene::input(3, 66, 42, 200), s, Pacing::default()));
+    let last = |losses: &[f32]| losses[losses.len() - 6..].iter().sum::<f32>() / 6.0;
+    assert!(reduced.losses.iter().all(|l| l.is_finite()));
+    // The same scene at half the size: its loss is of the same kind, and falls as that of the whole does.
+    assert!(last(&reduced.losses) < 0.9 * reduced.losses[0] && last(&whole.losses) < 0.9 * whole.losses[0]);
+    assert!((last(&reduced.losses) / last(&whole.losses) - 1.0).abs() < 0.3, "{:?}", reduced.losses);
+}
