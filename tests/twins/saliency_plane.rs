@@ -8,7 +8,7 @@ use super::harness::{self, Random, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
     let mut random = Random(23);
-    for mask_size in [[1, 1], [4, 3], [13, 7]] {
+    for mask_size in [[1_u32, 1], [4, 3], [13, 7]] {
         for size in [[1, 1], [4, 3], [13, 7], [39, 21], [6, 30]] {
             let [mask_width, mask_height] = mask_size;
             let [width, height] = size;
