@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{Growth, Settings};
+use super::{DepthPrior, Growth, Settings};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +77,8 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "low-stage" frequencies.low_stage = 0.25,
         "sample-mask-share" density.sample_mask_share = 0.5,
         "sample-error-share" density.sample_error_share = 0.5,
+        "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
+        "stereo-splats" geometry.stereo_splats = 30_000,
     );
 }
 
