@@ -54,7 +54,7 @@ pub fn run(gpu: &Gpu) {
                 *x = odd;
             }
         }
-        let map: Vec<u32> = (0..rows + 4).map(|_| random.word() % n.max(1) as u32 | random.word() << 30).collect();
+        let map: Vec<u32> = (0..rows + 4).map(|_| (random.word() % n.max(1) as u32) | (random.word() << 30)).collect();
         let buffers = [
             counts(&[(SCAN_TOTAL, rows as u32)]),
             bytes(&shuffled(random, room)),
