@@ -11,5 +11,5 @@ mod similarity;
 pub use camera::Camera;
 pub use frame::Frame;
 pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
-pub use morton::SplatOrder;
+pub use morton::{SplatOrder, rows_of};
 pub use similarity::{NoSimilarity, Similarity};

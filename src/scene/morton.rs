@@ -20,23 +20,32 @@ pub enum SplatOrder {
 const BITS: u32 = 21;
 
 impl Gaussians {
-    /// The same splats in the order of the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties
-    /// and means that are not finite (which come last) keep their order. Identities go with their splats.
-    pub fn in_morton_order(&self) -> Self {
+    /// The splats by the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties and means that are not
+    /// finite (which come last) keep their order.
+    pub fn morton_order(&self) -> Vec<u32> {
         let mut order: Vec<(u64, u32)> = codes(&self.means).into_iter().zip(0..).collect();
         order.sort_unstable();
-        let rows = |plane: &[f32], row: usize| -> Vec<f32> {
-            order.iter().flat_map(|&(_, i)| &plane[row * i as usize..row * (i as usize + 1)]).copied().collect()
-        };
+        order.into_iter().map(|(_, i)| i).collect()
+    }
+
+    /// The same splats in [`Self::morton_order`], with their identities.
+    pub fn in_morton_order(&self) -> Self {
+        let order = self.morton_order();
+        let rows = |plane: &[f32], row: usize| rows_of(plane, row, &order);
         Self {
             means: rows(&self.means, 3),
             quats: rows(&self.quats, 4),
             scales: rows(&self.scales, 3),
             opacities: rows(&self.opacities, 1),
             sh: std::array::from_fn(|g| rows(&self.sh[g], SH_GROUP_FLOATS)),
-            ids: order.iter().map(|&(_, i)| self.ids[i as usize]).collect(),
+            ids: rows_of(&self.ids, 1, &order),
         }
     }
+}
+
+/// Rows of `row` values of a plane in the order given.
+pub fn rows_of<T: Copy>(plane: &[T], row: usize, order: &[u32]) -> Vec<T> {
+    order.iter().flat_map(|&i| &plane[row * i as usize..row * (i as usize + 1)]).copied().collect()
 }
 
 fn codes(means: &[f32]) -> Vec<u64> {

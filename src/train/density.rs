@@ -145,9 +145,9 @@ impl DensityControl {
     }
 
     /// The same, with rows along Morton's curve after every change instead of in the order of birth, in a scene of the given extent.
-    /// Which rows there are, with what in them, is the same.
-    pub fn in_morton_order(self, gpu: &Gpu, extent: f64) -> Result<Self> {
-        Ok(Self { order: Some(Ordering::new(gpu, self.capacity, extent)?), ..self })
+    /// Which rows there are, with what in them, is the same. `shape` is that of the sorts.
+    pub fn in_morton_order(self, gpu: &Gpu, extent: f64, shape: Shape) -> Result<Self> {
+        Ok(Self { order: Some(Ordering::new(gpu, self.capacity, extent, shape)?), shape, ..self })
     }
 
     /// Bytes of its own buffers; the scratch memory is lent.

@@ -27,6 +27,7 @@ use crate::dataset::Depth;
 use crate::losses::{self, GradientMapLoss, GradientMapWeights};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
+use crate::raster::sort::Shape;
 use crate::raster::{
     DENSITY_ENTRY, ImageGradients, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats,
 };
@@ -58,7 +59,7 @@ pub struct Outcome {
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
     let control = DensityControl::new(gpu, splats, DENSITY_ENTRY)?;
     Ok(match needs.settings.device.splat_order.unwrap_or_default() {
-        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent)?,
+        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent, Shape::of(gpu.caps()))?,
         SplatOrder::Birth => control,
     })
 }

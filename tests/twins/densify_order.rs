@@ -3,6 +3,7 @@
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS};
 use psrgs_vk::pass::densify_order::{BIRTHS, CODES, CodesPush, FLAGS, ORDER, Push};
+use psrgs_vk::raster::sort::Shape;
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::densify_order::{cell, code};
 use psrgs_vk::vk::Gpu;
@@ -109,14 +110,14 @@ fn by_birth(model: &Model) -> Model {
 fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 2, 64, 65, 500, 1025] {
-        for max_splats in [None, Some(n as u32 + 3)] {
+        for (max_splats, shape) in [(None, Shape::Runs), (Some(n as u32 + 3), Shape::Groups)] {
             let rng = &mut Rng(n as u64);
             let (rows, born) = random_rows(rng, n);
             let mut mixed: Vec<Row> = rows.clone();
             (1..n).for_each(|i| mixed.swap(i, rng.below(i + 1)));
             let rules = DensityRules { max_splats, clone_threshold: 0.25, ..rules() };
             let (mut want, start) = (Model::new(&rows, 3 * n + 1, born, rng), Model::new(&mixed, 3 * n + 1, born, rng));
-            let device = OnDevice::new(&gpu, &start).in_morton_order(0.625);
+            let device = OnDevice::new(&gpu, &start).in_morton_order(0.625, shape);
             device.change(&rules, &[9]);
             density_twin::change(&mut want, &rules, 9);
             let got = device.read();
@@ -149,7 +150,7 @@ fn no_barrier_of_a_change_in_morton_order_is_idle() {
     let Some(gpu) = gpu() else { return };
     let rng = &mut Rng(3);
     let (rows, born) = random_rows(rng, 70);
-    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng)).in_morton_order(5.0);
+    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng)).in_morton_order(5.0, Shape::of(gpu.caps()));
     let mut rec = gpu.recorder("density").unwrap();
     device.record(&mut rec, &DensityRules { max_splats: Some(100), ..rules() }, 1);
     let (barriers, idle) = gpu.missed_barriers(&rec);

@@ -6,6 +6,7 @@ use super::density_model::{MEANS, Model, OPACITIES, Rng, Row, SCALES, WIDTHS};
 use super::density_twin;
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
 use psrgs_vk::pass::{densify_stats, opacity_reset};
+use psrgs_vk::raster::sort::Shape;
 use psrgs_vk::train::density::{
     ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Sampled, Scratch, logit,
 };
@@ -56,8 +57,8 @@ impl OnDevice {
         }
     }
 
-    pub(crate) fn in_morton_order(self, extent: f64) -> Self {
-        Self { control: self.control.in_morton_order(&self.gpu, extent).unwrap(), ..self }
+    pub(crate) fn in_morton_order(self, extent: f64, shape: Shape) -> Self {
+        Self { control: self.control.in_morton_order(&self.gpu, extent, shape).unwrap(), ..self }
     }
 
     pub(crate) fn record(&self, rec: &mut Recorder, rules: &DensityRules, event: u32) {

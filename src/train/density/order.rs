@@ -84,8 +84,7 @@ impl Layout {
 
 impl Ordering {
     /// For models with room for `capacity` splats in a scene of the given extent.
-    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64) -> Result<Self> {
-        let shape = Shape::of(gpu.caps());
+    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, shape: Shape) -> Result<Self> {
         let pipeline = |pass: &Pass| gpu.pipeline(&pass.kernel, &[]);
         Ok(Self {
             shape,

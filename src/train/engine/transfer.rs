@@ -1,13 +1,11 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
-use std::borrow::Cow;
-
 use super::Engine;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
-use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of};
-use crate::scene::{Camera, Gaussians, SplatOrder};
+use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of, planes_of};
+use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
 use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
@@ -18,14 +16,22 @@ use crate::train::{Error, State};
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
         let n = initial.len() as u32;
-        let ordered = match self.splat_order() {
-            SplatOrder::Morton => Cow::Owned(initial.in_morton_order()),
-            SplatOrder::Birth => Cow::Borrowed(initial),
-        };
-        let initial: &Gaussians = &ordered;
-        self.model.write(&self.gpu, initial)?;
-        if n > 0 {
-            self.gpu.write(&self.ids, &initial.ids)?;
+        match self.splat_order() {
+            SplatOrder::Birth => {
+                self.model.write(&self.gpu, initial)?;
+                if n > 0 {
+                    self.gpu.write(&self.ids, &initial.ids)?;
+                }
+            }
+            // One plane after the other, so that the host holds none but that one twice.
+            SplatOrder::Morton if n > 0 => {
+                let order = initial.morton_order();
+                for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)) {
+                    self.gpu.write(plane.buffer, &rows_of(rows, plane.floats as usize, &order))?;
+                }
+                self.gpu.write(&self.ids, &rows_of(&initial.ids, 1, &order))?;
+            }
+            SplatOrder::Morton => {}
         }
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
