@@ -69,7 +69,7 @@ mod tests {
     fn a_step_is_as_by_hand() {
         let step = picture(|x, _| if x < 8 { 0 } else { 100 });
         let low = 170.0 / (100.0_f64.powi(2) + 170.0);
-        let share = 2.0 / 6.0;
+        let share = 2.0_f64 / 6.0;
         let want = (share * (1.0 - share)).sqrt() * (1.0 - low);
         let got = gmsd(&step, &picture(|_, _| 0), None, 16, 12).unwrap();
         assert!((got - want).abs() < 1e-12, "{got} for {want}");
