@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// How many of them count at a pixel, the best ones
     #[arg(long, value_name = "N", default_value_t = Settings::default().best)]
     pub(crate) best: u32,
-    /// Sweeps over all pixels; photographs that begin at random have two more
+    /// Sweeps over all pixels; photographs that begin at random have three more
     #[arg(long, value_name = "N", default_value_t = Settings::default().iterations)]
     pub(crate) iterations: u32,
     /// Samples along a side of the windows that are compared: 3 to 6

@@ -57,8 +57,8 @@ impl Default for Settings {
             max_side: 160,
             sources: 4,
             best: 2,
-            iterations: 2,
-            random_iterations: 2,
+            iterations: 1,
+            random_iterations: 3,
             taps: 5,
             step: 1,
             first_draws: 2,
@@ -163,7 +163,7 @@ impl Settings {
 /// What stereo may cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Samples of sources over all views, see [`Budget::samples`].
+    /// Samples of sources over all views, see [`Budget::samples`]. On lavapipe one takes about 3 ns of one processor core.
     pub samples: f64,
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use psrgs_vk::dataset::{Dataset, LoadOptions};
-use psrgs_vk::format::image_out::{read_depth, read_normals};
+use psrgs_vk::format::image_out::{read_depth, read_normals, write_png};
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::world::{LidarParams, WorldParams, generate};
 
@@ -91,6 +91,41 @@ fn maps_and_a_cloud_are_written_and_training_begins_with_it() {
     assert!(trained.status.success(), "{said}");
     let digits: String = said.chars().filter(|c| *c != ',').collect();
     assert!(digits.contains(&format!("{} splats to begin with", cloud.positions.len())), "{said}");
+}
+
+/// From one place no depth can be told: that is said, and nothing fails.
+#[test]
+fn photographs_from_one_place_are_named_and_left_out() {
+    if common::gpu().is_none() {
+        return;
+    }
+    for (names, angle) in [(&["a", "b", "c"][..], 0.0_f64), (&["a", "b", "c"], 0.05), (&["a"], 0.0)] {
+        let folder = tempfile::tempdir().unwrap();
+        let images = folder.path().join("images");
+        std::fs::create_dir(&images).unwrap();
+        let mut frames = Vec::new();
+        for (k, name) in (0..).zip(names) {
+            let pixels: Vec<u8> = (0..3 * 32 * 24_u32).map(|p| (p.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+            write_png(&images.join(format!("{name}.png")), 32, 24, &pixels).unwrap();
+            let (s, c) = (angle * f64::from(k)).sin_cos();
+            frames.push(format!(
+                r#"{{"file_path":"images/{name}.png","transform_matrix":[[{c},0,{s},1],[0,1,0,2],[{},0,{c},3],[0,0,0,1]]}}"#,
+                -s
+            ));
+        }
+        let camera = r#""camera_model":"PINHOLE","fl_x":30,"fl_y":30,"cx":16,"cy":12,"w":32,"h":24"#;
+        let json = format!(r#"{{{camera},"frames":[{}]}}"#, frames.join(","));
+        std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+        let out = folder.path().join("out");
+        let done =
+            psrgs(&["stereo", folder.path().to_str().unwrap(), "--out", out.to_str().unwrap(), "--split", "none"]);
+        let said = text(&done);
+        assert!(done.status.success(), "{said}");
+        assert!(said.contains("no depth: ") && said.contains("a.png"), "{said}");
+        assert!(said.contains("0 photographs matched"), "{said}");
+        assert!(Cloud::read(&out.join("fused.ply")).unwrap().positions.is_empty());
+        assert!(!out.join("depth").exists());
+    }
 }
 
 #[test]

@@ -124,7 +124,7 @@ fn a_rendered_start_needs_no_random_draws() {
             truth.normals.iter().map(|n| (*n + 0.1 * DVec3::Y).normalize().as_vec3().to_array()).collect();
         view.start = Start::from_maps(&view.camera, &depth, &normals);
     }
-    let settings = Settings { iterations: 2, first_draws: 0, ..settings() };
+    let settings = Settings { first_draws: 0, ..settings() };
     let priors = Matcher::new(&gpu, &settings).unwrap().run(&views, |_| ()).unwrap();
     let score = score(&priors[0], &truths[0], not_at_the_edge(64, 48, 3));
     println!("{score:?}");
