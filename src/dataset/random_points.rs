@@ -60,6 +60,11 @@ fn typical_depth(cameras: &[Camera]) -> Option<f64> {
     let origin = cameras[0].center();
     let centers: Vec<[f64; 3]> =
         cameras.iter().map(|c| c.center()).map(|c| std::array::from_fn(|k| c[k] - origin[k])).collect();
+    // Turned about one place, all axes meet in it: what is left of distances then is rounding.
+    let rounding = 1e-9 * origin.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
+    if centers.iter().flatten().all(|v| v.abs() <= rounding) {
+        return None;
+    }
     converging(cameras, &centers)
         .or_else(|| overlapping(cameras, &centers))
         .filter(|depth| depth.is_finite() && *depth > 0.0)
