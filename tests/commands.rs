@@ -7,6 +7,8 @@
 mod bad_data;
 mod colmap_folder;
 mod common;
+#[path = "commands/compare.rs"]
+mod compare;
 #[path = "commands/library.rs"]
 mod library;
 #[path = "commands/memory.rs"]

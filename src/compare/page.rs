@@ -30,11 +30,11 @@ pub fn page(title: &str, finished: &[Finished]) -> String {
     }
     for scene in scenes {
         let of: Vec<&Finished> = finished.iter().filter(|f| f.run.scene == scene).collect();
-        let _ = write!(out, "<h2>{}</h2>\n", escaped(scene));
+        let _ = writeln!(out, "<h2>{}</h2>", escaped(scene));
         for (name, number) in
             [("splats", (|f| f.metrics.splats as f64) as fn(&Finished) -> f64), ("seconds", |f| f.seconds)]
         {
-            let _ = write!(out, "<figure>{}</figure>\n", plot(name, &of, number));
+            let _ = writeln!(out, "<figure>{}</figure>", plot(name, &of, number));
         }
     }
     out + "</body></html>\n"
@@ -66,7 +66,7 @@ fn tables(out: &mut String, text: &str) {
                 }
                 inside = false;
                 if !line.is_empty() {
-                    let _ = write!(out, "<p>{}</p>\n", escaped(line));
+                    let _ = writeln!(out, "<p>{}</p>", escaped(line));
                 }
             }
         }

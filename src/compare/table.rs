@@ -203,3 +203,47 @@ pub fn csv(finished: &[Finished]) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finished(scene: &str, label: &str, seed: u64, psnr: f64, splats: usize) -> Finished {
+        let run = Run {
+            scene: scene.into(),
+            data: scene.into(),
+            label: label.into(),
+            method: label.into(),
+            options: Vec::new(),
+            seed,
+            size: Size::Own,
+        };
+        let text = format!(
+            r#"{{"method": "{label}", "iterations": 1, "scene": "{scene}", "train_images": 1, "test_images": 1, "width": 8, "height": 8,
+                "seed": {seed}, "device": "none", "psnr": {psnr}, "ssim": 0.5, "splats": {splats}, "bytes": 1, "seconds": 2.0,
+                "seconds_per_iteration": 0.1, "peak_device_bytes": 1, "peak_host_bytes": null, "images": []}}"#
+        );
+        Finished { run, metrics: serde_json::from_str(&text).unwrap(), seconds: 3.0 }
+    }
+
+    #[test]
+    fn pairs_are_of_the_same_scene_and_seed() {
+        let all = [
+            finished("a", "3dgs", 0, 20.0, 100),
+            finished("a", "3dgs", 1, 21.0, 100),
+            finished("b", "3dgs", 0, 30.0, 400),
+            finished("a", "lean", 0, 21.0, 50),
+            finished("a", "lean", 1, 22.0, 50),
+            finished("b", "lean", 0, 31.0, 200),
+            finished("b", "lean", 7, 99.0, 1),
+        ];
+        let text = markdown(&all);
+        assert!(text.contains("| a | 3dgs | 2 | 20.50 (20.00 to 21.00) |"), "{text}");
+        // Three pairs, each 1 dB apart, at half the splats; what has no partner is left out.
+        assert!(text.contains("| lean | 3 | +1.00 ± 0.00 |"), "{text}");
+        assert!(text.contains("| 0.50 | 1.00 |"), "{text}");
+        assert!(text.contains("no difference (+0.0000 ± 0.0000)"), "equal SSIM: {text}");
+        assert_eq!(csv(&all).lines().count(), 8);
+        assert_eq!(summaries(&all).len(), 4);
+    }
+}

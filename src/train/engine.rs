@@ -1,5 +1,6 @@
 //! The device side of training: records an event, submits it, and later tells what came of it.
 
+mod changes;
 mod growth;
 mod transfer;
 
@@ -7,7 +8,7 @@ use std::collections::VecDeque;
 
 use super::Error;
 use super::coarse::Coarse;
-use super::density::{self, DensityControl, DensityRules, Sampled, Scratch};
+use super::density::DensityControl;
 use super::event::{Event, Kind};
 use super::exposures::{Exposures, Turn};
 use super::feed::FeedCounts;
@@ -19,7 +20,7 @@ use super::pacing::Pacing;
 use super::photographs::Photographs;
 use super::saliencies::Saliencies;
 use super::schedule::{Adam, StepPlan};
-use super::settings::{DepthPrior, Exposure, Growth as GrowthRule, Settings};
+use super::settings::{DepthPrior, Exposure, Settings};
 use super::state::State;
 use super::statistics::{Seen, Statistics};
 use super::terms::{Geometry, Perceptual};
@@ -371,53 +372,6 @@ impl Engine {
         }
         self.optimiser.record(recorder, renderer, &self.model, &shot, plan, of_aux.is_some())?;
         Ok(())
-    }
-
-    fn record_density(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan) -> Result<(), Error> {
-        let density = &self.settings.density;
-        // A change at most doubles the splats: a limit beyond that costs a pass and changes nothing.
-        let near = self.most_splats.filter(|most| self.size.splats.saturating_mul(2) > *most);
-        let rules = DensityRules {
-            clone_threshold: density.grad_threshold as f32,
-            split_threshold: density.split_grad_threshold.unwrap_or(density.grad_threshold) as f32,
-            split_absolute: density.absgrad,
-            split_scale: density.percent_dense * self.extent,
-            prune_opacity: density.prune_opacity,
-            prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
-            max_splats: density.max_splats.into_iter().chain(near).min(),
-            sampled: (density.growth == GrowthRule::Sampled).then(|| Sampled {
-                low_threshold: if plan.low { density.low_grad_threshold } else { density.grad_threshold } as f32,
-                high_threshold: density.grad_threshold as f32,
-                absolute: density.absgrad,
-                rate: density.sample_rate as f32,
-                mask_share: density.sample_mask_share as f32,
-                error_share: density.sample_error_share as f32,
-                prune_unseen: density.prune_unseen,
-            }),
-            keep_opacity: density.keep_opacity as f32,
-            seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,
-        };
-        self.density.record(recorder, &self.density_model(), &rules, event.number())?;
-        Ok(())
-    }
-
-    fn density_model(&self) -> density::Model<'_> {
-        let [rows, words] = self.renderer.idle();
-        density::Model {
-            planes: self.model.buffers(),
-            first_moments: self.optimiser.first().buffers(),
-            second_moments: self.optimiser.second().map(Planes::buffers),
-            stats: self.statistics.stats(),
-            scores: self.statistics.scores(),
-            ids: &self.ids,
-            counters: &self.renderer.counters,
-            args: &self.renderer.args,
-            scratch: Scratch { rows, words },
-        }
-    }
-
-    fn splat_order(&self) -> SplatOrder {
-        self.settings.device.splat_order.unwrap_or_default()
     }
 
     /// What came of an event. Waits for it if it is not done.

@@ -12,8 +12,9 @@ pub fn run(call: &mut TwinCall<'_>) {
     let bytes = call.get::<u8>(0);
     let mask = Mask { bytes: &bytes, size: mask_size };
     let mut saliency = call.get::<f32>(1);
-    for k in 0..(size[0] * size[1]).min(64 * call.groups as usize) {
-        saliency[k] = mask.at([k % size[0], k / size[0]], size);
+    let pixels = (size[0] * size[1]).min(64 * call.groups as usize);
+    for (k, value) in saliency.iter_mut().enumerate().take(pixels) {
+        *value = mask.at([k % size[0], k / size[0]], size);
     }
     call.set(1, &saliency);
 }

@@ -1,0 +1,57 @@
+//! Methods against one another.
+
+use std::fs;
+
+use crate::run::{fails, shared, text, works};
+
+#[test]
+fn methods_are_compared_and_a_stopped_comparison_goes_on() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (shared.data(), folder.path().join("compared"));
+    let args = |seeds: &'static str| {
+        let mut args =
+            vec!["compare", text(&data), "--out", text(&out), "--methods", "3dgs,lean,psrgs", "--seeds", seeds];
+        args.extend(["--iterations", "40", "--max-side", "64", "--percent", "50"]);
+        args.extend(["--", "--densify-from", "5", "--densify-interval", "10", "--stereo-side", "64"]);
+        args
+    };
+    works(&args("1"));
+    let read = |name: &str| fs::read_to_string(out.join(name)).expect(name);
+    let runs = read("runs.csv");
+    // 3dgs, and each of the others with all and with half of its splats.
+    assert_eq!(runs.lines().count(), 1 + 6, "{runs}");
+    let splats: Vec<u64> =
+        runs.lines().skip(1).map(|line| line.split(',').nth(9).expect("splats").parse().expect("a number")).collect();
+    for (line, splats_here) in runs.lines().skip(1).zip(&splats) {
+        let halved = line.split(',').nth(2) == Some("50");
+        // What there is at the beginning stays, however low the limit.
+        assert!(!halved || *splats_here <= splats[0].max(splats[1]), "{line}");
+    }
+    let table = read("table.md");
+    assert!(table.contains("| scene | lean, 50 % of 3dgs | 1 |") && table.contains("Against 3dgs"), "{table}");
+    assert!(table.contains("Against lean"), "{table}");
+    let page = read("compare.html");
+    assert!(page.contains("<svg") && !page.contains("http"), "the page asks for nothing from outside");
+
+    // One that was stopped before its end is trained, the others are taken as they are.
+    let model = out.join("runs/scene-lean-s0/point_cloud.ply");
+    let before = fs::metadata(&model).and_then(|m| m.modified()).expect("a model");
+    fs::remove_file(out.join("runs/scene-psrgs-s0/metrics.json")).expect("metrics");
+    fs::remove_dir_all(out.join("runs/scene-psrgs-s0/checkpoints")).expect("checkpoints");
+    works(&args("1"));
+    assert!(out.join("runs/scene-psrgs-s0/metrics.json").is_file());
+    assert_eq!(fs::metadata(&model).and_then(|m| m.modified()).expect("a model"), before, "lean was trained again");
+}
+
+#[test]
+fn a_comparison_that_cannot_be_made_says_why() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (shared.data(), folder.path().join("compared"));
+    let ends = ["compare", text(&data), "--out", text(&out), "--iterations", "5"];
+    let with = |more: &[&'static str]| [&ends[..], more].concat();
+    fails(&with(&["--methods", "lean", "--percent", "50"]), 2, &["--percent", "3dgs"]);
+    fails(&with(&["--methods", "gspro", "--seeds", "1"]), 7, &["gspro", "planned"]);
+    fails(&with(&["--methods", "lean", "--ablate", "psrgs"]), 2, &["--ablate"]);
+}
