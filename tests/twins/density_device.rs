@@ -226,11 +226,11 @@ fn children_along_the_axis_are_their_parent_together() {
         let axis = (0..3).max_by(|&i, &j| log_scales[i].total_cmp(&log_scales[j]).then(j.cmp(&i))).unwrap();
         let apart: Vec<f64> = (0..3).map(|k| f64::from(a.planes[MEANS][k] - b.planes[MEANS][k])).collect();
         let half = 0.5 * apart.iter().map(|d| d * d).sum::<f64>().sqrt();
-        for k in 0..3 {
+        for (k, log_scale) in log_scales.into_iter().enumerate() {
             let middle = 0.5 * f64::from(a.planes[MEANS][k] + b.planes[MEANS][k]);
             assert!((middle - f64::from(row.planes[MEANS][k])).abs() < 1e-6, "the mean stays");
             let variance = (2.0 * f64::from(a.planes[SCALES][k])).exp() + if k == axis { half * half } else { 0.0 };
-            assert!((variance / (2.0 * log_scales[k]).exp() - 1.0).abs() < 1e-5, "the covariance along axis {k}");
+            assert!((variance / (2.0 * log_scale).exp() - 1.0).abs() < 1e-5, "the covariance along axis {k}");
         }
         let opacity = |logit: f64| 1.0 / (1.0 + (-logit).exp());
         let child = opacity(f64::from(a.planes[OPACITIES][0]));
