@@ -49,7 +49,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let mut input = prepare::input_within(&dataset, initial, host.share)?;
     input.known.perceptual = lpips.weights();
     let begins = settings.run.init.is_none() && before.is_none();
-    let found = take_stereo(&gpu, &dataset, &mut input, &settings.geometry, begins)?;
+    let found = take_stereo(&gpu, &dataset, &mut input, &settings, begins)?;
     tell_stereo(&found, &settings, input.train.len(), console);
     if before.is_none() {
         choose_forms(&gpu, &input, &mut settings, &folder, console)?;

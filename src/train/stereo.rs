@@ -2,7 +2,7 @@
 
 use super::Error;
 use super::input::Input;
-use super::settings::{DepthPrior, Geometry};
+use super::settings::{DepthPrior, Settings};
 use crate::dataset::{Dataset, Role};
 use crate::scene::init;
 use crate::stereo::{Matcher, Observations, Prior, Scene, View, fuse};
@@ -21,15 +21,16 @@ pub struct StereoReport {
     pub skipped: Vec<String>,
 }
 
-/// Fills in the depths and normals that the settings ask for, and the splats on them. The same for the same photographs, on the same
+/// Fills in the depths and normals that the settings ask for, and splats on them, no more than there may be. The same for the same photographs, on the same
 /// device. `dataset` is that of the input. `begins` is false where the model comes from elsewhere.
 pub fn take_stereo(
     gpu: &Gpu,
     dataset: &Dataset,
     input: &mut Input,
-    settings: &Geometry,
+    training: &Settings,
     begins: bool,
 ) -> Result<StereoReport, Error> {
+    let settings = &training.geometry;
     if settings.depth_prior == DepthPrior::None {
         return Ok(StereoReport::default());
     }
@@ -46,9 +47,11 @@ pub fn take_stereo(
         _ => sparse(&scene.views, &seen),
     };
     let mut report = StereoReport::default();
-    if begins && settings.stereo_splats > 0 {
+    let allowed = training.density.max_splats.map_or(u32::MAX, |most| most.saturating_sub(input.initial.len() as u32));
+    let more = settings.stereo_splats.min(allowed) as usize;
+    if begins && more > 0 {
         let cloud = fuse(&scene.views, &priors, &wanted);
-        let step = cloud.len().div_ceil(settings.stereo_splats as usize).max(1);
+        let step = cloud.len().div_ceil(more).max(1);
         let found = cloud.iter().step_by(step).map(|p| (dataset.frame.to_dataset(p.position), p.color));
         let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
         let points: Vec<_> = reconstructed.chain(found).collect();
