@@ -63,8 +63,8 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "growth" density.growth = Growth::Sampled,
         "absgrad" density.absgrad = true,
-        "grad-threshold" density.grad_threshold = 4e-4,
-        "low-grad-threshold" density.low_grad_threshold = 4e-4,
+        "grad-threshold" density.grad_threshold = 8e-4,
+        "low-grad-threshold" density.low_grad_threshold = 8e-4,
         "prune-unseen" density.prune_unseen = true,
         "keep-opacity" density.keep_opacity = 0.98,
         "opacity-reset-interval" density.opacity_reset_interval = 0,
