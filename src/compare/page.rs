@@ -11,7 +11,7 @@ const HEIGHT: f64 = 340.0;
 const LEFT: f64 = 56.0;
 const BOTTOM: f64 = 44.0;
 const TOP: f64 = 28.0;
-const RIGHT: f64 = 14.0;
+const RIGHT: f64 = 30.0;
 
 /// HTML without outside requests.
 pub fn page(title: &str, finished: &[Finished]) -> String {

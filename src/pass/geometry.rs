@@ -35,7 +35,7 @@ crate::push_constants! {
         pub depth_weight: f32,
         /// Relative residual at which the depths' Huber function turns linear.
         pub huber: f32,
-        /// Weight of edges in the depths' E: see [`EDGES`].
+        /// Weight of edges in the depths' E, the formula of which the constant EDGES chooses.
         pub edge: f32,
         /// Weight of smoothness.
         pub smooth_weight: f32,
