@@ -317,9 +317,12 @@ impl Engine {
             photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;
             camera = Coarse::camera(whole, plan.factor);
         }
+        let of = [1.0, self.settings.frequencies.low_texture_weight as f32];
+        let weighted = plan.low && of[1] != 1.0;
+        let scored = plan.accumulate && self.statistics.scores().is_some();
         let saliency = match &self.saliencies {
-            Some(saliencies) => Some(saliencies.record(recorder, view, &camera)?),
-            None => None,
+            Some(saliencies) if weighted || scored => Some(saliencies.record(recorder, view, &camera)?),
+            _ => None,
         };
         let renderer = &self.renderer;
         let shot = self.shot(camera, plan);
@@ -332,8 +335,7 @@ impl Engine {
             Some(exposures) => exposures.record_apply(recorder, image, turn)?,
             None => image,
         };
-        let of = [1.0, self.settings.frequencies.low_texture_weight as f32];
-        let weights = saliency.filter(|_| plan.low && of[1] != 1.0).map(|saliency| Weights { saliency, of });
+        let weights = saliency.filter(|_| weighted).map(|saliency| Weights { saliency, of });
         self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
         let of_image = self.losses.grad_image();
         let compared = losses::Photograph {

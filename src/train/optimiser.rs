@@ -48,9 +48,7 @@ impl Optimiser {
         let limit = gpu.caps().limits.storage_buffers;
         let form = if limit >= needed {
             let of = |degree, aux, rest| {
-                let mut constants = fused::constants(&settings, degree, aux, rest);
-                constants.iter_mut().filter(|(name, _)| *name == "FLATTEN").for_each(|(_, v)| *v = flatten.to_bits());
-                gpu.pipeline(kernel, &constants)
+                gpu.pipeline(kernel, &fused::flattening(fused::constants(&settings, degree, aux, rest), flatten))
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
                 Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])

@@ -1,7 +1,6 @@
 //! Depth and normals against priors.
 
-use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, Photograph};
-use crate::pass::geometry::pack_prior;
+use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Photograph};
 use crate::raster::Target;
 use crate::scene::Camera;
 use crate::stereo::Prior;
@@ -44,16 +43,10 @@ impl Geometry {
     pub(in crate::train) fn fill(&mut self, gpu: &Gpu, priors: &[Option<Prior>]) -> Result<(), Error> {
         for (known, prior) in self.priors.iter_mut().zip(priors) {
             let Some(prior) = prior.as_ref().filter(|p| (p.width, p.height) == known.size) else { continue };
-            let mut depths: Vec<f32> = prior.depth.iter().copied().filter(|d| *d > 0.0 && d.is_finite()).collect();
-            if depths.is_empty() {
-                continue;
-            }
-            let middle = depths.len() / 2;
-            known.median = *depths.select_nth_unstable_by(middle, f32::total_cmp).1;
-            let normal = |n: &[f32; 3]| n.iter().any(|v| *v != 0.0).then_some(*n);
-            let maps = prior.depth.iter().zip(&prior.normals).zip(&prior.confidence);
-            let words: Vec<[u32; 2]> = maps.map(|((d, n), c)| pack_prior(*d, normal(n), *c)).collect();
-            gpu.write(&known.buffer, &words)?;
+            let packed = PackedPrior::new(known.size, &prior.depth, &prior.normals, &prior.confidence);
+            let Some(packed) = packed else { continue };
+            known.median = packed.median;
+            gpu.write(&known.buffer, &packed.words)?;
         }
         Ok(())
     }
