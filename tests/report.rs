@@ -39,6 +39,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         seconds_per_iteration: 0.171,
         peak_device_bytes: 412_000_000,
         peak_host_bytes: Some(620_000_000),
+        streaming: None,
         geometry: Geometry { floaters: Some(0.0123), surface_distance: Some(0.0456), ..Geometry::default() },
         images: Vec::new(),
     }

@@ -189,6 +189,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             seconds_per_iteration: 0.0,
             peak_device_bytes: gpu.memory_use().peak,
             peak_host_bytes: eval::peak_host_bytes(),
+            streaming: None,
             geometry,
             images: Vec::new(),
         }

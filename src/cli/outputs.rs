@@ -91,6 +91,7 @@ pub(crate) fn write(
         seconds_per_iteration: run.training_seconds / f64::from(settings.run.iterations.max(1)),
         peak_device_bytes: run.gpu.memory_use().peak,
         peak_host_bytes: eval::peak_host_bytes(),
+        streaming: trainer.streaming(),
         geometry,
         images: Vec::new(),
     }

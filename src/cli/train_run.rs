@@ -78,11 +78,8 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let mut trainer = Trainer::new(&gpu, input, settings, host.pacing, restart)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
-    if let Some(counts) = trainer.feed_counts() {
-        console.detail(format_args!(
-            "photographs: {} uploaded in their steps, {} of them waited for; {} decoded",
-            counts.asked, counts.waited, counts.decoded
-        ));
+    if let Some(streaming) = trainer.streaming() {
+        console.detail(format_args!("photographs: {streaming}"));
     }
     let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
     outputs::write(&finished, &mut trainer, &mut lpips, console)

@@ -6,6 +6,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::geometry::Geometry;
 
+/// Waits that are told one by one; `metrics.json` has all of them.
+const TOLD_WAITS: usize = 20;
+
 /// Quality of one held-out view. Values are taken after rounding the render to 8 bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageScore {
@@ -77,11 +80,55 @@ pub struct Metrics {
     pub peak_device_bytes: u64,
     /// Largest resident set of the process; `null` where the system does not tell.
     pub peak_host_bytes: Option<u64>,
+    /// How photographs came to their steps; absent where all lay on the device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub streaming: Option<Streaming>,
     /// How well the geometry agrees with a known one.
     #[serde(flatten)]
     pub geometry: Geometry,
     /// Each held-out view.
     pub images: Vec<ImageScore>,
+}
+
+/// How photographs came to the steps of a training that does not hold all of them on its device.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Streaming {
+    /// Photographs that steps were given.
+    pub asked: u64,
+    /// Of those, how many still lay where an earlier step was given them.
+    pub reused: u64,
+    /// Photographs decoded.
+    pub decoded: u64,
+    /// The steps that had to wait for theirs.
+    pub waits: Vec<PhotographWait>,
+}
+
+/// A step that had to wait until its photograph was decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PhotographWait {
+    /// The step.
+    pub step: u32,
+    /// How long the host waited.
+    pub seconds: f64,
+    /// Whether the device had done by then all that was submitted before.
+    pub device_idle: bool,
+}
+
+impl std::fmt::Display for Streaming {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { asked, reused, decoded, waits } = self;
+        write!(f, "{asked} uploaded in their steps, {reused} of them still there from before; {decoded} decoded; ")?;
+        if waits.is_empty() {
+            return f.write_str("none waited for");
+        }
+        write!(f, "{} waited for:", waits.len())?;
+        for (i, wait) in waits.iter().take(TOLD_WAITS).enumerate() {
+            let comma = if i == 0 { "" } else { "," };
+            let idle = if wait.device_idle { " with the device idle" } else { "" };
+            write!(f, "{comma} {:.3} s at step {}{idle}", wait.seconds, wait.step)?;
+        }
+        if waits.len() > TOLD_WAITS { f.write_str(", ...") } else { Ok(()) }
+    }
 }
 
 /// Errors of reading and writing metrics.

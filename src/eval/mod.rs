@@ -12,7 +12,7 @@ mod ssim;
 pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
-pub use metrics::{ImageScore, Metrics, MetricsError, mean, mean_if_all, peak_host_bytes};
+pub use metrics::{ImageScore, Metrics, MetricsError, PhotographWait, Streaming, mean, mean_if_all, peak_host_bytes};
 pub use quality::Quality;
 pub use report::{Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, ViewPanel, render_report, write_report};
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};

@@ -2,6 +2,7 @@
 
 mod changes;
 mod growth;
+mod streaming;
 mod transfer;
 
 use std::collections::VecDeque;
@@ -11,13 +12,12 @@ use super::coarse::Coarse;
 use super::density::DensityControl;
 use super::event::{Event, Kind};
 use super::exposures::{Exposures, Turn};
-use super::feed::FeedCounts;
 use super::input::Input;
 use super::losses::{Losses, Weights};
 use super::memory::Needs;
 use super::optimiser::Optimiser;
 use super::pacing::Pacing;
-use super::photographs::Photographs;
+use super::photographs::{Photographs, Residency};
 use super::saliencies::Saliencies;
 use super::schedule::{Adam, StepPlan};
 use super::settings::{DepthPrior, Exposure, Settings};
@@ -111,6 +111,18 @@ impl Engine {
         pacing: Pacing,
         state: Option<State>,
     ) -> Result<Self, Error> {
+        Self::looking_at(gpu, input, settings, variants, pacing, (state, &[]))
+    }
+
+    /// The same where the views of the first steps are known, so that their photographs are decoded meanwhile.
+    pub(super) fn looking_at(
+        gpu: &Gpu,
+        input: &Input,
+        settings: &Settings,
+        variants: Variants,
+        pacing: Pacing,
+        (state, first_views): (Option<State>, &[usize]),
+    ) -> Result<Self, Error> {
         let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
         let most_splats = most_splats(gpu);
         if initial_splats > most_splats {
@@ -118,6 +130,8 @@ impl Engine {
             return Err(Error::TooMany { what, wanted, limit, remedy: "a smaller initial model" });
         }
         let needs = Needs::new(gpu, &input.outline(), settings, pacing)?;
+        let first = if needs.residency == Residency::Streamed { first_views } else { &[] };
+        let feed = Photographs::feed(&input.train, pacing, first);
         let capacities = needs.at_start(variants, initial_splats, pacing)?;
         let photographs = needs.photographs(gpu, needs.residency)?;
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, capacities)?;
@@ -125,7 +139,7 @@ impl Engine {
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
-        engine.photographs.fill(gpu, &input.train, pacing)?;
+        engine.photographs.fill(gpu, &input.train, feed)?;
         if let Some(saliencies) = &mut engine.saliencies {
             saliencies.fill(gpu, &input.train, &settings.frequencies, settings.run.seed, pacing.decoders())?;
         }
@@ -227,26 +241,6 @@ impl Engine {
         self.renderer.variants()
     }
 
-    /// How many views [`Self::look_ahead`] has a use for: 0 when all photographs are on the device or decoded.
-    pub fn ahead(&self) -> usize {
-        self.photographs.ahead()
-    }
-
-    /// Names the views of the next steps, so that their photographs are decoded meanwhile.
-    pub fn look_ahead(&self, views: &[usize]) {
-        self.photographs.look_ahead(views);
-    }
-
-    /// Gives back what the host keeps of photographs. No step may follow.
-    pub fn release_photographs(&mut self) {
-        self.photographs.release();
-    }
-
-    /// How photographs came to their steps; `None` when all are on the device.
-    pub fn feed_counts(&self) -> Option<FeedCounts> {
-        self.photographs.counts()
-    }
-
     /// Records and submits an event; waits for nothing on the device, and for a photograph only where it was not named ahead.
     pub fn submit(&mut self, event: Event, plan: &StepPlan, view: usize) -> Result<Ticket, Error> {
         self.submit_with(event, plan, view, SubmitOrder::default())
@@ -311,7 +305,7 @@ impl Engine {
 
     fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
         let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
-        let mut photograph = self.photographs.record(&self.gpu, recorder, view, self.recorded)?;
+        let mut photograph = self.photographs.record(&self.gpu, recorder, (view, plan.step), self.recorded)?;
         let mut camera = *whole;
         if let (Some(coarse), 2..) = (&self.coarse, plan.factor) {
             photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;

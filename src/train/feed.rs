@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use crate::dataset::{self, Pixels, Supply};
 
@@ -29,6 +30,8 @@ struct State {
     wanted: Vec<usize>,
     ready: HashMap<usize, Result<Arc<Pixels>, dataset::Error>>,
     busy: HashSet<usize>,
+    /// Those wanted that an earlier call has named already.
+    foreseen: HashSet<usize>,
     counts: FeedCounts,
     closed: bool,
 }
@@ -38,8 +41,12 @@ struct State {
 pub struct FeedCounts {
     /// Photographs asked for.
     pub asked: u64,
-    /// Of those, how many had to be waited for.
+    /// Of those, how many still lay where an earlier step was given them.
+    pub reused: u64,
+    /// Of those asked for, how many had to be waited for.
     pub waited: u64,
+    /// Of those asked for, how many had not been named before the use of another: nothing could be done for them meanwhile.
+    pub unforeseen: u64,
     /// Photographs decoded.
     pub decoded: u64,
 }
@@ -49,7 +56,9 @@ impl std::ops::Add for FeedCounts {
     fn add(self, other: Self) -> Self {
         Self {
             asked: self.asked + other.asked,
+            reused: self.reused + other.reused,
             waited: self.waited + other.waited,
+            unforeseen: self.unforeseen + other.unforeseen,
             decoded: self.decoded + other.decoded,
         }
     }
@@ -89,26 +98,42 @@ impl Feed {
 
     /// A photograph: at once where it is decoded, else as soon as it is.
     pub(super) fn get(&self, view: usize) -> Result<Arc<Pixels>, dataset::Error> {
-        let Some(supply) = self.shared.supplies.get(view) else { return Ok(Arc::new(Pixels::Rgba8(Vec::new()))) };
+        self.get_timed(view).map(|(pixels, _)| pixels)
+    }
+
+    /// The same, with the seconds that it was waited for; `None` where it was there.
+    pub(super) fn get_timed(&self, view: usize) -> Result<(Arc<Pixels>, Option<f64>), dataset::Error> {
+        let Some(supply) = self.shared.supplies.get(view) else {
+            return Ok((Arc::new(Pixels::Rgba8(Vec::new())), None));
+        };
         if self.threads.is_empty() || supply.is_decoded() {
             lock(&self.shared.state).counts.asked += 1;
-            return supply.pixels();
+            return Ok((supply.pixels()?, None));
         }
+        let started = Instant::now();
         let mut state = lock(&self.shared.state);
         state.counts.asked += 1;
-        if !state.ready.contains_key(&view) {
-            state.counts.waited += 1;
-        }
+        let there = state.ready.contains_key(&view);
+        state.counts.waited += u64::from(!there);
+        state.counts.unforeseen += u64::from(!state.foreseen.contains(&view));
         if !state.wanted.contains(&view) {
             state.wanted.insert(0, view);
             self.shared.work.notify_all();
         }
         let missing = |state: &mut State| !state.ready.contains_key(&view);
         let mut state = self.shared.done.wait_while(state, missing).unwrap_or_else(PoisonError::into_inner);
-        match state.ready.get(&view) {
+        let pixels = match state.ready.get(&view) {
             Some(Ok(pixels)) => Ok(pixels.clone()),
             _ => state.ready.remove(&view).unwrap_or_else(|| supply.pixels()),
-        }
+        };
+        Ok((pixels?, (!there).then(|| started.elapsed().as_secs_f64())))
+    }
+
+    /// A photograph was needed, and lay elsewhere still.
+    pub(super) fn reused(&self) {
+        let counts = &mut lock(&self.shared.state).counts;
+        counts.asked += 1;
+        counts.reused += 1;
     }
 
     /// So far.
@@ -131,7 +156,7 @@ impl Drop for Feed {
 impl Shared {
     fn want(&self, views: &[usize], most: usize) {
         let mut state = lock(&self.state);
-        state.wanted.clear();
+        state.foreseen = state.wanted.drain(..).collect();
         for view in views {
             if state.wanted.len() < most && !state.wanted.contains(view) {
                 state.wanted.push(*view);

@@ -22,6 +22,7 @@ mod message;
 mod optimiser;
 mod pacing;
 mod photographs;
+mod places;
 pub mod prepare;
 mod saliencies;
 pub mod schedule;

@@ -1,10 +1,14 @@
 //! The photographs of a training on the device: all of them, or those of the next steps.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use super::Error;
 use super::feed::{Feed, FeedCounts};
 use super::input::View;
 use super::pacing::Pacing;
+use super::places::Places;
 use crate::dataset::Depth;
+use crate::eval::PhotographWait;
 use crate::pass::loss;
 use crate::scene::Camera;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
@@ -44,11 +48,14 @@ enum Place {
     Streamed(Stream),
 }
 
-/// Memory that is mapped all the time, one for each event in flight and one more, and where its content lands.
+/// Memory that is mapped all the time, one for each event in flight and one more, and where its content lands. What steps that have
+/// to be taken again look at still lies there.
 struct Stream {
     staging: Vec<Buffer>,
+    places: Mutex<Places>,
     landings: Vec<Buffer>,
     feed: Feed,
+    waits: Mutex<Vec<PhotographWait>>,
     /// Of feeds that are gone.
     before: FeedCounts,
 }
@@ -77,9 +84,8 @@ impl Photographs {
                 values: 0.0,
             })
             .collect();
-        let bytes = |known: &Known| known.pixels * known.depth.bytes_per_pixel();
         let place = if residency == Residency::Streamed {
-            let largest = known.iter().map(bytes).max().unwrap_or(0);
+            let largest = known.iter().map(Known::bytes).max().unwrap_or(0);
             let buffers = |name: &str, count: usize, memory| {
                 (0..count)
                     .map(|i| gpu.buffer(&format!("{name} {i}"), largest, memory))
@@ -87,25 +93,33 @@ impl Photographs {
             };
             Place::Streamed(Stream {
                 staging: buffers("photographs on their way", in_flight + 1, Memory::Upload)?,
+                places: Mutex::new(Places::new(in_flight + 1)),
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
+                waits: Mutex::default(),
                 before: FeedCounts::default(),
             })
         } else {
-            let buffer = |(i, k)| gpu.buffer(&format!("photograph {i}"), bytes(k), Memory::Device);
+            let buffer = |(i, k): (usize, &Known)| gpu.buffer(&format!("photograph {i}"), k.bytes(), Memory::Device);
             Place::Resident(known.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?)
         };
         Ok(Self { views: known, place })
     }
 
-    /// Uploads the photographs, or begins to decode those that are looked at first.
-    pub(super) fn fill(&mut self, gpu: &Gpu, views: &[View], pacing: Pacing) -> Result<(), Error> {
+    /// What decodes the photographs, which begins with those that are looked at first.
+    pub(super) fn feed(views: &[View], pacing: Pacing, first: &[usize]) -> Feed {
+        let supplies = views.iter().map(|view| view.photograph.clone()).collect();
+        let feed = Feed::new(supplies, pacing.decoded_ahead, pacing.decoders());
+        feed.look_ahead(first);
+        feed
+    }
+
+    /// Uploads the photographs, or keeps what decodes them for their steps.
+    pub(super) fn fill(&mut self, gpu: &Gpu, views: &[View], feed: Feed) -> Result<(), Error> {
         for (known, view) in self.views.iter_mut().zip(views) {
             known.name.clone_from(&view.name);
             known.values = loss::values(view.camera.width, view.camera.height, view.masked());
         }
-        let supplies = views.iter().map(|view| view.photograph.clone()).collect();
-        let feed = Feed::new(supplies, pacing.decoded_ahead, pacing.decoders());
         match &mut self.place {
             Place::Streamed(stream) => stream.feed = feed,
             Place::Resident(buffers) => {
@@ -122,38 +136,39 @@ impl Photographs {
         Ok(())
     }
 
-    /// How many views [`Self::look_ahead`] has a use for.
+    /// How many views [`Self::look_ahead`] has a use for: those of all steps that may have to be taken again lie there still, and as
+    /// many as fit are decoded beside them.
     pub(super) fn ahead(&self) -> usize {
-        if let Place::Streamed(stream) = &self.place { stream.feed.ahead() } else { 0 }
+        match &self.place {
+            Place::Streamed(stream) if stream.feed.ahead() > 0 => stream.feed.ahead() + lock(&stream.places).count(),
+            _ => 0,
+        }
     }
 
     /// The views of the next steps.
     pub(super) fn look_ahead(&self, views: &[usize]) {
         if let Place::Streamed(stream) = &self.place {
-            stream.feed.look_ahead(views);
+            let missing = lock(&stream.places).missing(views);
+            stream.feed.look_ahead(&missing);
         }
     }
 
     /// A photograph for a recording: as it lies on the device, or with its upload at this place of the recording. `number` counts
-    /// recordings, so that none writes into memory of one that is still in flight.
+    /// recordings, so that none lands where the one before has.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder,
-        view: usize,
+        (view, step): (usize, u32),
         number: u64,
     ) -> Result<Shown<'_>, Error> {
         let known = self.views.get(view).ok_or(Error::NoViews)?;
         let buffer = match &self.place {
             Place::Resident(buffers) => buffers.get(view).ok_or(Error::NoViews)?,
             Place::Streamed(stream) => {
-                let of = |buffers: &[Buffer]| (number % buffers.len().max(1) as u64) as usize;
-                let staging = &stream.staging[of(&stream.staging)];
-                let landing = &stream.landings[of(&stream.landings)];
-                let pixels = stream.feed.get(view)?;
-                known.check(pixels.bytes().len())?;
-                gpu.store(staging, pixels.bytes())?;
-                recorder.copy(staging, 0, landing, 0, pixels.bytes().len() as u64)?;
+                let staging = stream.staged(gpu, known, (view, step))?;
+                let landing = &stream.landings[(number % stream.landings.len().max(1) as u64) as usize];
+                recorder.copy(staging, 0, landing, 0, known.bytes())?;
                 landing
             }
         };
@@ -163,6 +178,11 @@ impl Photographs {
     /// How the photographs of the steps so far came; `None` when all are on the device.
     pub(super) fn counts(&self) -> Option<FeedCounts> {
         if let Place::Streamed(stream) = &self.place { Some(stream.before + stream.feed.counts()) } else { None }
+    }
+
+    /// The steps so far that had to wait for their photographs.
+    pub(super) fn waits(&self) -> Vec<PhotographWait> {
+        if let Place::Streamed(stream) = &self.place { lock(&stream.waits).clone() } else { Vec::new() }
     }
 
     /// Gives back what the host keeps of photographs: no step is to come.
@@ -182,9 +202,40 @@ impl Photographs {
     }
 }
 
+impl Stream {
+    /// The mapped buffer that a photograph lies in from now on.
+    fn staged(&self, gpu: &Gpu, known: &Known, (view, step): (usize, u32)) -> Result<&Buffer, Error> {
+        let mut places = lock(&self.places);
+        if let Some(place) = places.find(view) {
+            self.feed.reused();
+            return self.staging.get(place).ok_or(Error::NoViews);
+        }
+        let (pixels, waited) = self.feed.get_timed(view)?;
+        if let Some(seconds) = waited {
+            let device_idle = gpu.is_done(gpu.last_ticket())?;
+            lock(&self.waits).push(PhotographWait { step, seconds, device_idle });
+        }
+        known.check(pixels.bytes().len())?;
+        let place = places.clear_oldest().ok_or(Error::NoViews)?;
+        let staging = self.staging.get(place).ok_or(Error::NoViews)?;
+        gpu.store(staging, pixels.bytes())?;
+        places.fill(place, view);
+        Ok(staging)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl Known {
+    /// Of its pixels.
+    fn bytes(&self) -> u64 {
+        self.pixels * self.depth.bytes_per_pixel()
+    }
+
     fn check(&self, found: usize) -> Result<(), Error> {
-        let expected = (self.pixels * self.depth.bytes_per_pixel()) as usize;
+        let expected = self.bytes() as usize;
         if found != expected || expected == 0 {
             return Err(Error::PhotographSize { name: self.name.clone(), found, expected });
         }

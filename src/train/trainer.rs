@@ -2,6 +2,7 @@
 //! when a buffer turned out too small.
 
 mod recovery;
+mod streaming;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use super::cost::MemoryCost;
 use super::engine::{Engine, Outcome};
 use super::event::{Event, Kind};
 use super::exposures::ExposureMatrix;
-use super::feed::{Feed, FeedCounts};
+use super::feed::Feed;
 use super::history::History;
 use super::input::{Input, View};
 use super::message::Message;
@@ -93,7 +94,8 @@ impl Trainer {
             Some(kept) => kept,
             None => chosen_variants(gpu, settings)?,
         };
-        let engine = Engine::new(gpu, &input, settings, variants, pacing, state)?;
+        let first = streaming::first_views(&schedule, step, pacing);
+        let engine = Engine::looking_at(gpu, &input, settings, variants, pacing, (state, &first))?;
         let last_splats = engine.initial_splats();
         let truth = input.held_out.iter().map(|view| view.photograph.clone()).collect();
         Ok(Self {
@@ -139,6 +141,9 @@ impl Trainer {
         while self.has_room() && self.next <= last {
             self.submit_next(SubmitOrder::default())?;
         }
+        if evaluate && self.next > last {
+            self.look_ahead_to_scoring();
+        }
         if let Some((event, ticket)) = self.in_flight.pop_front() {
             let outcome = self.engine.outcome(ticket)?;
             return self.look(event, outcome);
@@ -175,15 +180,6 @@ impl Trainer {
         self.in_flight.push_back((self.next, ticket));
         self.next = self.next.next(&self.schedule);
         Ok(ticket)
-    }
-
-    /// Has the photographs of the next steps decoded.
-    fn look_ahead(&self) {
-        let (ahead, step) = (self.engine.ahead() as u32, self.next.step);
-        if ahead > 0 && self.next.kind == Kind::Step {
-            let steps = step..step.saturating_add(ahead).min(self.schedule.iterations + 1);
-            self.engine.look_ahead(&steps.map(|t| self.schedule.view_at(t)).collect::<Vec<_>>());
-        }
     }
 
     fn seconds(&self) -> f64 {
@@ -382,11 +378,6 @@ impl Trainer {
     /// What the training costs in device memory.
     pub fn memory(&self) -> MemoryCost {
         self.engine.memory()
-    }
-
-    /// How photographs came to their steps; `None` when all are on the device.
-    pub fn feed_counts(&self) -> Option<FeedCounts> {
-        self.engine.feed_counts()
     }
 
     /// The schedule in force.

@@ -1,0 +1,32 @@
+//! Photographs that come to their steps while training goes on.
+
+use super::Engine;
+use crate::eval::PhotographWait;
+use crate::train::feed::FeedCounts;
+
+impl Engine {
+    /// How many views [`Self::look_ahead`] has a use for: 0 when all photographs are on the device or decoded.
+    pub fn ahead(&self) -> usize {
+        self.photographs.ahead()
+    }
+
+    /// Names the views of the next steps, so that their photographs are decoded meanwhile.
+    pub fn look_ahead(&self, views: &[usize]) {
+        self.photographs.look_ahead(views);
+    }
+
+    /// Gives back what the host keeps of photographs. No step may follow.
+    pub fn release_photographs(&mut self) {
+        self.photographs.release();
+    }
+
+    /// How photographs came to their steps; `None` when all are on the device.
+    pub fn feed_counts(&self) -> Option<FeedCounts> {
+        self.photographs.counts()
+    }
+
+    /// The steps so far that had to wait for their photographs.
+    pub fn photograph_waits(&self) -> Vec<PhotographWait> {
+        self.photographs.waits()
+    }
+}
