@@ -11,6 +11,8 @@ mod common;
 mod compare;
 #[path = "commands/library.rs"]
 mod library;
+#[path = "commands/lidar.rs"]
+mod lidar;
 #[path = "commands/memory.rs"]
 mod memory;
 #[path = "commands/other_trainers.rs"]

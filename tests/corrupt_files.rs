@@ -10,6 +10,8 @@ use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
 use psrgs_vk::format::checkpoint::Checkpoint;
 use psrgs_vk::format::{FrameFile, image_out, ply};
 use psrgs_vk::scene::{Frame, Gaussians};
+use psrgs_vk::train::cloud;
+use psrgs_vk::world::{self, LidarParams, World, WorldParams};
 
 /// Says the file's name and a place in it.
 fn names_the_place(message: &str, file: &Path) -> bool {
@@ -310,4 +312,79 @@ fn frames() {
         let error = FrameFile::read(&file).expect_err("truncated").to_string();
         assert!(names_the_place(&error, &file), "{error}");
     }
+}
+
+/// A laser scan as the test world writes it, and the same compressed: whole, truncated, damaged, foreign, and with sizes in the header
+/// that the file does not have.
+#[test]
+fn laser_scans() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let (las, laz) = (root.path().join("scan.las"), root.path().join("scan.laz"));
+    let echoes = scan(&las, &laz);
+    for file in [&las, &laz] {
+        let read = || cloud::read(file).map_err(|e| e.to_string());
+        let positions = read().expect("a scan");
+        assert_eq!(positions.len(), echoes.len());
+        for (got, want) in positions.iter().zip(&echoes) {
+            assert!((0..3).all(|k| (got[k] - want[k]).abs() <= 0.0005 + 1e-9), "{got:?}, {want:?}");
+        }
+        let whole = fs::read(file).expect("file");
+        // Some lengths of every part; the compressed file's last bytes are a table that decoding does not need.
+        let lengths = (0..380).chain((380..whole.len() - 60).step_by(173));
+        for length in lengths {
+            replace(file, &whole[..length]);
+            match read() {
+                Ok(points) => panic!("{length} bytes of {}: {} points were read", whole.len(), points.len()),
+                Err(message) => assert!(names_the_place(&message, file), "{length} bytes: {message}"),
+            }
+        }
+        replace(file, &whole);
+        damaged_everywhere(file, read);
+        foreign(file, || cloud::read(file).map_err(|e| e.to_string()));
+        // LAS 1.4 counts points in 8 bytes (where 4 older ones are 0) and extended records in 4; nothing is made room for.
+        let none = (107, [0; 4].as_slice());
+        let (all, many, one) = ([0xff; 8], (1_u64 << 40).to_le_bytes(), 1_u32.to_le_bytes());
+        for edits in [[none, (247, &all)], [none, (247, &many)], [(235, &all), (243, &one)], [none, (243, &all)]] {
+            let mut bytes = whole.clone();
+            for (at, value) in edits {
+                bytes[at..at + value.len()].copy_from_slice(value);
+            }
+            replace(file, bytes);
+            match read() {
+                Ok(points) => panic!("{edits:?}: {} points were read", points.len()),
+                Err(message) => assert!(names_the_place(&message, file), "{edits:?}: {message}"),
+            }
+        }
+        replace(file, &whole);
+    }
+    // The table of chunks says how many there are, and each chunk how long its layers are.
+    let whole = fs::read(&laz).expect("file");
+    let data = u32::from_le_bytes(whole[96..100].try_into().expect("four bytes")) as usize;
+    let table = u64::from_le_bytes(whole[data..data + 8].try_into().expect("eight bytes")) as usize;
+    for (at, field) in [(table + 4, "number of chunks"), (data + 8 + 36 + 4, "layers of a chunk")] {
+        let mut bytes = whole.clone();
+        bytes[at..at + 4].fill(0xff);
+        replace(&laz, bytes);
+        let message = cloud::read(&laz).map(|points| points.len()).expect_err("a size beyond the file").to_string();
+        assert!(message.contains(field) && message.contains(" at byte "), "{message}");
+    }
+}
+
+/// Writes the scan of a small world, and the same compressed; gives its positions.
+fn scan(las: &Path, laz: &Path) -> Vec<[f64; 3]> {
+    let lidar = LidarParams { density: 0.4, ..LidarParams::default() };
+    let params = WorldParams { images: 1, offpath: 0, max_side: 32, lidar, ..WorldParams::default() };
+    let folder = tempfile::tempdir().expect("temporary folder");
+    world::generate(&params, folder.path(), &mut |_| ()).expect("a world");
+    fs::copy(folder.path().join("lidar.las"), las).expect("copied");
+    let mut reader = ::las::Reader::from_path(las).expect("a LAS file");
+    let raw = reader.header().clone().into_raw().expect("a header");
+    let mut header = ::las::Builder::new(raw).expect("a header");
+    header.point_format.is_compressed = true;
+    let mut writer = ::las::Writer::from_path(laz, header.into_header().expect("a header")).expect("a LAZ file");
+    for point in reader.points() {
+        writer.write_point(point.expect("a point")).expect("written");
+    }
+    writer.close().expect("closed");
+    World::new(&params).expect("a world").lidar().into_iter().map(|echo| echo.position).collect()
 }

@@ -9,7 +9,8 @@ use anyhow::Context as _;
 use psrgs_vk::compare::{ABLATIONS, Finished, Run, Size, csv, markdown, page};
 use psrgs_vk::eval::Metrics;
 use psrgs_vk::format::atomic;
-use psrgs_vk::train::settings::Split;
+use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 
 use super::console::{self, Console};
 use super::exit::Failure;
@@ -53,6 +54,9 @@ pub(crate) struct Args {
     /// Photographs that are held out, as in `train`
     #[arg(long, value_name = "SPLIT", default_value_t = Split::Test)]
     split: Split,
+    /// The cloud for rsgs, as in `train` [default: the dataset's lidar.las, lidar.laz or lidar.ply, else mvs]
+    #[arg(long, value_name = "FILE")]
+    lidar: Option<LidarCloud>,
     /// Options of `train` for all runs
     #[arg(last = true, value_name = "OPTIONS")]
     options: Vec<String>,
@@ -112,6 +116,10 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
         for seed in 0..args.seeds.max(1) {
             for (label, method, options) in &labels {
                 let sizes = std::iter::once(Size::Own).chain(args.percent.iter().map(|p| Size::Percent(*p)));
+                let (label, options) = match method.as_str() {
+                    "rsgs" => with_cloud(label, options, args.lidar.clone().unwrap_or_else(|| cloud_of(data))),
+                    _ => (label.clone(), options.clone()),
+                };
                 // 3dgs itself has all of its own splats.
                 for size in sizes.filter(|size| !(method == "3dgs" && *size == Size::Percent(100))) {
                     runs.push(Run {
@@ -128,6 +136,22 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
         }
     }
     Ok(runs)
+}
+
+/// The laser scan that lies in a dataset, or else the surfaces of stereo.
+fn cloud_of(data: &Path) -> LidarCloud {
+    let files = ["lidar.las", "lidar.laz", "lidar.ply"].map(|name| data.join(name));
+    files.into_iter().find(|file| file.is_file()).map_or(LidarCloud::Mvs, LidarCloud::File)
+}
+
+/// A row of rsgs, which says where there was no laser scan.
+fn with_cloud(label: &str, options: &[String], cloud: LidarCloud) -> (String, Vec<String>) {
+    let mut settings = Settings::of_method(Method::Rsgs);
+    let with = options.iter().cloned().chain(["--lidar".to_owned(), cloud.to_string()]).collect();
+    settings.density.lidar = Some(cloud);
+    let note = settings.method_name();
+    let note = note.strip_prefix(&Method::Rsgs.to_string()).unwrap_or_default();
+    (format!("{label}{note}"), with)
 }
 
 /// One training in a process of its own, whose seconds are all of its seconds.

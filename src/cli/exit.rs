@@ -128,6 +128,8 @@ fn of_training(error: &train::Error) -> u8 {
         train::Error::NotDeterministic | train::Error::NoFloatAtomics | train::Error::PerSplatInColumns => USAGE,
         train::Error::Init(_)
         | train::Error::NoViews
+        | train::Error::CloudElsewhere { .. }
+        | train::Error::NoCloud
         | train::Error::PhotographSize { .. }
         | train::Error::Checkpoint { .. }
         | train::Error::CheckpointText(_) => INPUT,

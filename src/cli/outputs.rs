@@ -70,7 +70,7 @@ pub(crate) fn write(
     });
     let sized = views.first().map(|v| v.camera).or_else(|| run.dataset.views.first().map(|v| v.camera));
     let metrics = Metrics {
-        method: settings.run.method.to_string(),
+        method: settings.method_name(),
         iterations: settings.run.iterations,
         scene: scene_name(run.dataset),
         train_images: run.dataset.views_of(Role::Train).count(),

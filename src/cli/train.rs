@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::parser::ValueSource;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::Shortcuts;
+use psrgs_vk::train::settings::{LidarCloud, Shortcuts};
 
 use super::console::{self, Console};
 use super::exit::Failure;
@@ -127,6 +127,9 @@ impl Args {
         let out = self.resume.clone().or_else(|| self.out.clone()).unwrap_or_else(|| default_out(data, &settings));
         settings.data = Some(absolute(data)?);
         settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
+        if let Some(LidarCloud::File(file)) = &mut settings.density.lidar {
+            *file = absolute(&file)?;
+        }
         let weights = &mut settings.scoring.perceptual_weights;
         *weights = weights.as_ref().map(absolute).transpose()?;
         Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite, preset })

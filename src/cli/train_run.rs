@@ -27,6 +27,9 @@ use super::train::Plan;
 /// Steps of a training from which on a few more are taken before it to tell its time.
 const WORTH_TIMING: u32 = 1000;
 
+/// Share of the first splats near a cloud below which it may be shifted.
+const FEW_NEAR: f64 = 0.1;
+
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
     let folder = RunFolder::open(plan)?;
@@ -60,7 +63,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     console.say(format_args!(
         "{}, {} steps, seed {}, {} splats to begin with",
-        settings.run.method,
+        settings.method_name(),
         HumanCount(settings.run.iterations.into()),
         settings.run.seed,
         HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
@@ -133,6 +136,20 @@ fn choose_forms(
 /// What depths there are to train with.
 fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
     let prior = settings.geometry.depth_prior;
+    if let (Some(cloud), Some(lidar)) = (&found.cloud, &settings.density.lidar) {
+        console.say(format_args!(
+            "cloud from {lidar}: {} points; splats grow within {:.3} of it, as {:.1} % of the first ones are",
+            HumanCount(cloud.points as u64),
+            cloud.within,
+            100.0 * cloud.near
+        ));
+        if cloud.near < FEW_NEAR {
+            console.warn(format_args!(
+                "few of the first splats are near the cloud: a shift against the cameras (of heights, say) would show so; \
+                 --lidar-distance widens what counts as near"
+            ));
+        }
+    }
     if prior == DepthPrior::None {
         return;
     }

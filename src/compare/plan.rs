@@ -37,7 +37,9 @@ impl Run {
             Size::Own => String::new(),
             Size::Percent(share) => format!("-{share}percent"),
         };
-        format!("{}-{}{size}-s{}", self.scene, self.label, self.seed)
+        // A note after the name is for the tables.
+        let label = self.label.split(' ').next().unwrap_or_default();
+        format!("{}-{label}{size}-s{}", self.scene, self.seed)
     }
 }
 

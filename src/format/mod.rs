@@ -6,6 +6,7 @@ mod error;
 mod exposure_file;
 mod frame_file;
 pub mod image_out;
+pub mod las;
 pub mod ply;
 pub(crate) mod source;
 mod transform_file;

@@ -6,8 +6,10 @@ mod streaming;
 mod transfer;
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use super::Error;
+use super::cloud::Gate;
 use super::coarse::Coarse;
 use super::density::DensityControl;
 use super::event::{Event, Kind};
@@ -83,6 +85,7 @@ pub struct Engine {
     gradient_maps: Option<GradientMapLoss>,
     perceptual: Option<Perceptual>,
     density: DensityControl,
+    gate: Option<Arc<Gate>>,
     finish: Pipeline,
     ring: Buffer,
     next_slot: u64,
@@ -136,6 +139,7 @@ impl Engine {
         let photographs = needs.photographs(gpu, needs.residency)?;
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, capacities)?;
         engine.initial_splats = initial_splats;
+        engine.gate = input.known.gate.clone();
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
@@ -198,6 +202,7 @@ impl Engine {
             saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
+            gate: None,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,

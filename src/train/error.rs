@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::cloud::Bounds;
 use super::memory::readable;
 use crate::{dataset, format, scene, vk};
 
@@ -52,6 +53,25 @@ pub enum Error {
         /// Buffers that the device binds.
         limit: u32,
     },
+    /// A cloud lies elsewhere than what the cameras look at.
+    #[error(
+        "{}: the cloud is in another frame than the cameras: {}, and they look at {scene}. Give it in the coordinates of the dataset, or \
+         leave it out with --lidar mvs",
+        file.display(), where_cloud(cloud.as_deref())
+    )]
+    CloudElsewhere {
+        /// Its file.
+        file: PathBuf,
+        /// Its bounds; none where it has no points.
+        cloud: Option<Box<Bounds>>,
+        /// Those of the reconstructed points.
+        scene: Box<Bounds>,
+    },
+    /// Stereo found no cloud.
+    #[error(
+        "--lidar mvs: stereo has found no surface that photographs agree on; give a laser scan (--lidar CLOUD.ply, .las or .laz)"
+    )]
+    NoCloud,
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,
@@ -120,6 +140,10 @@ pub enum Error {
     /// A text section of a checkpoint cannot be read.
     #[error("checkpoint: {0}")]
     CheckpointText(#[from] serde_json::Error),
+}
+
+fn where_cloud(cloud: Option<&Bounds>) -> String {
+    cloud.map_or_else(|| "it has no points".to_owned(), |bounds| format!("it has {bounds}"))
 }
 
 fn where_saved(file: Option<&Path>) -> String {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::cloud::Gate;
 use crate::dataset::{Depth, Pixels, Supply};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
@@ -52,6 +53,8 @@ pub struct Known {
     pub priors: Vec<Option<Prior>>,
     /// Weights for the perceptual distance; a bank of filters stands in for them.
     pub perceptual: Option<Arc<LpipsWeights>>,
+    /// Where splats may grow; everywhere without.
+    pub gate: Option<Arc<Gate>>,
 }
 
 impl Input {

@@ -2,6 +2,7 @@
 
 mod checkpoint;
 mod choice;
+pub mod cloud;
 mod coarse;
 mod cost;
 pub mod density;
@@ -54,5 +55,5 @@ pub use photographs::Residency;
 pub use schedule::{Schedule, StepPlan};
 pub use settings::Settings;
 pub use state::State;
-pub use stereo::{StereoReport, take_stereo};
+pub use stereo::{CloudReport, StereoReport, take_stereo};
 pub use trainer::{Restart, Trainer};

@@ -14,8 +14,8 @@ pub use file::SettingsError;
 pub use growth::{Density, Frequencies};
 pub use terms::{Geometry, Texture};
 pub use values::{
-    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, MaskIgnores, Method, Preset, Split, Transfer,
-    Tune,
+    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, LidarCloud, MaskIgnores, Method, Preset, Split,
+    Transfer, Tune,
 };
 
 use std::path::PathBuf;
@@ -277,6 +277,14 @@ impl Shortcuts {
 }
 
 impl Settings {
+    /// What the method is called in tables: without a laser scan `rsgs` says so.
+    pub fn method_name(&self) -> String {
+        match (self.run.method, &self.density.lidar) {
+            (Method::Rsgs, Some(LidarCloud::Mvs)) => format!("{} (MVS cloud, no LiDAR)", self.run.method),
+            (method, _) => method.to_string(),
+        }
+    }
+
     /// The defaults of a method.
     pub fn of_method(method: Method) -> Self {
         let mut settings = Self::default();

@@ -1,11 +1,14 @@
-//! What stereo and the reconstructed points say of the views of a training.
+//! What stereo, the reconstructed points and a cloud say of the views of a training.
+
+use std::sync::Arc;
 
 use super::Error;
+use super::cloud::{self, Gate};
 use super::input::Input;
-use super::settings::{DepthPrior, Settings};
+use super::settings::{DepthPrior, LidarCloud, Settings};
 use crate::dataset::{Dataset, Role};
-use crate::scene::init;
-use crate::stereo::{Matcher, Observations, Prior, Scene, View, fuse};
+use crate::scene::{Camera, init};
+use crate::stereo::{self, FusedPoint, Matcher, Observations, Prior, Scene, View, fuse};
 use crate::vk::Gpu;
 
 /// What was found.
@@ -19,10 +22,24 @@ pub struct StereoReport {
     pub splats: usize,
     /// Names of views of which nothing is known.
     pub skipped: Vec<String>,
+    /// The cloud that growth keeps to.
+    pub cloud: Option<CloudReport>,
 }
 
-/// Fills in the depths and normals that the settings ask for, and splats on them, no more than there may be. The same for the same photographs, on the same
-/// device. `dataset` is that of the input. `begins` is false where the model comes from elsewhere.
+/// A cloud that growth keeps to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CloudReport {
+    /// Its points.
+    pub points: usize,
+    /// How near splats have to be, in the dataset's units.
+    pub within: f64,
+    /// Share of the splats to begin with that are.
+    pub near: f64,
+}
+
+/// Fills in the depths and normals that the settings ask for, splats on them, no more than there may be, and the cloud that growth keeps
+/// to. The same for the same photographs, on the same device. `dataset` is that of the input. `begins` is false where the model comes
+/// from elsewhere.
 pub fn take_stereo(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -31,42 +48,104 @@ pub fn take_stereo(
     begins: bool,
 ) -> Result<StereoReport, Error> {
     let settings = &training.geometry;
-    if settings.depth_prior == DepthPrior::None {
-        return Ok(StereoReport::default());
-    }
-    let wanted = settings.stereo();
-    let index = |name: &str| dataset.views_of(Role::Train).find(|(_, view)| view.name == name).map(|(i, _)| i);
-    let chosen: Vec<usize> = input.train.iter().filter_map(|view| index(&view.name)).collect();
-    let seen = Observations::of(dataset, &chosen, wanted.seed.into());
-    let pixels = input.train.iter().map(|view| view.photograph.pixels()).collect::<Result<Vec<_>, _>>()?;
-    let pictures = input.train.iter().zip(&pixels).map(|(v, p)| (v.name.as_str(), &v.camera, p.as_ref()));
-    let scene = Scene::new(pictures, &seen, &wanted);
-    drop(pixels);
-    let priors = match settings.depth_prior {
-        DepthPrior::Stereo => Matcher::new(gpu, &wanted)?.run(&scene.views, |_| ())?,
-        _ => sparse(&scene.views, &seen),
-    };
     let mut report = StereoReport::default();
-    let allowed = training.density.max_splats.map_or(u32::MAX, |most| most.saturating_sub(input.initial.len() as u32));
-    let more = settings.stereo_splats.min(allowed) as usize;
-    if begins && more > 0 {
-        let cloud = fuse(&scene.views, &priors, &wanted);
-        let step = cloud.len().div_ceil(more).max(1);
-        let found = cloud.iter().step_by(step).map(|p| (dataset.frame.to_dataset(p.position), p.color));
-        let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
-        let points: Vec<_> = reconstructed.chain(found).collect();
-        report.splats = points.len() - dataset.points.len();
-        if report.splats > 0 {
-            input.initial = init::from_points(&points, &dataset.frame)?;
+    // What is wrong with a file is told before stereo takes its time.
+    let mut cloud = match &training.density.lidar {
+        Some(LidarCloud::File(file)) => Some(cloud::placed(file, dataset)?),
+        _ => None,
+    };
+    let made = training.density.lidar == Some(LidarCloud::Mvs);
+    let wanted = settings.stereo();
+    let matched = match settings.depth_prior {
+        DepthPrior::Stereo => Some(Stereo::matched(gpu, dataset, input, &wanted)?),
+        _ if made => Some(Stereo::matched(gpu, dataset, input, &wanted)?),
+        _ => None,
+    };
+    if let Some(stereo) = &matched {
+        let allowed =
+            training.density.max_splats.map_or(u32::MAX, |most| most.saturating_sub(input.initial.len() as u32));
+        let more = settings.stereo_splats.min(allowed) as usize;
+        if made || (begins && more > 0) {
+            let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
+            if begins && more > 0 {
+                report.splats = begin_on(&fused, more, dataset, input)?;
+            }
+            if made {
+                cloud = Some(fused.iter().map(|p| p.position).collect());
+            }
         }
+    }
+    let priors = match (settings.depth_prior, matched, &cloud) {
+        (DepthPrior::None, ..) => Vec::new(),
+        (DepthPrior::Sfm, ..) => sparse(&scene(dataset, input, &wanted)?.views, &observations(dataset, input, &wanted)),
+        (DepthPrior::Lidar, None, Some(cloud)) => {
+            let reduced = |c: &Camera| {
+                let (width, height) = settings.prior_size(c.width, c.height);
+                c.resized(width, height)
+            };
+            cloud::maps(&input.train.iter().map(|view| reduced(&view.camera)).collect::<Vec<_>>(), cloud)
+        }
+        (DepthPrior::Stereo | DepthPrior::Lidar, matched, _) => matched.map(|m| m.priors).unwrap_or_default(),
+    };
+    if let Some(cloud) = &cloud {
+        let within = training.density.lidar_distance * f64::from(input.extent);
+        let gate = Gate::new(cloud, within).ok_or(Error::NoCloud)?;
+        let near = gate.near(&input.initial.means);
+        report.cloud = Some(CloudReport {
+            points: cloud.len(),
+            within: within / dataset.frame.scale,
+            near: near.iter().filter(|n| **n).count() as f64 / near.len().max(1) as f64,
+        });
+        input.known.gate = Some(Arc::new(gate));
     }
     let known = |prior: &Prior| prior.depth.iter().any(|d| *d > 0.0);
     report.views = priors.iter().filter(|p| known(p)).count();
     report.share = priors.iter().map(Prior::share).sum::<f64>() / report.views.max(1) as f64;
-    let unknown = scene.names.iter().zip(&priors).filter(|(_, prior)| !known(prior));
-    report.skipped = unknown.map(|(name, _)| name.clone()).collect();
+    let unknown = input.train.iter().zip(&priors).filter(|(_, prior)| !known(prior));
+    report.skipped = unknown.map(|(view, _)| view.name.clone()).collect();
     input.known.priors = priors.into_iter().map(|prior| known(&prior).then_some(prior)).collect();
     Ok(report)
+}
+
+/// What the training views see, and which of them can be compared.
+pub(super) fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Scene, Error> {
+    let seen = observations(dataset, input, wanted);
+    let pixels = input.train.iter().map(|view| view.photograph.pixels()).collect::<Result<Vec<_>, _>>()?;
+    let pictures = input.train.iter().zip(&pixels).map(|(v, p)| (v.name.as_str(), &v.camera, p.as_ref()));
+    Ok(Scene::new(pictures, &seen, wanted))
+}
+
+fn observations(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Observations {
+    let index = |name: &str| dataset.views_of(Role::Train).find(|(_, view)| view.name == name).map(|(i, _)| i);
+    let chosen: Vec<usize> = input.train.iter().filter_map(|view| index(&view.name)).collect();
+    Observations::of(dataset, &chosen, wanted.seed.into())
+}
+
+/// The views and what stereo found of them.
+struct Stereo {
+    scene: Scene,
+    priors: Vec<Prior>,
+}
+
+impl Stereo {
+    fn matched(gpu: &Gpu, dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Self, Error> {
+        let scene = scene(dataset, input, wanted)?;
+        let priors = Matcher::new(gpu, wanted)?.run(&scene.views, |_| ())?;
+        Ok(Self { scene, priors })
+    }
+}
+
+/// Adds about `more` splats on surfaces to those that a model begins with; gives how many.
+fn begin_on(fused: &[FusedPoint], more: usize, dataset: &Dataset, input: &mut Input) -> Result<usize, Error> {
+    let step = fused.len().div_ceil(more).max(1);
+    let found = fused.iter().step_by(step).map(|p| (dataset.frame.to_dataset(p.position), p.color));
+    let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
+    let points: Vec<_> = reconstructed.chain(found).collect();
+    let added = points.len() - dataset.points.len();
+    if added > 0 {
+        input.initial = init::from_points(&points, &dataset.frame)?;
+    }
+    Ok(added)
 }
 
 /// Depths at the points that three views and more see; nothing between them.

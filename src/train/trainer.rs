@@ -1,6 +1,7 @@
 //! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
 //! when a buffer turned out too small.
 
+mod ready;
 mod recovery;
 mod streaming;
 
@@ -174,6 +175,7 @@ impl Trainer {
 
     /// Submits the next event.
     pub(super) fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
+        self.make_ready()?;
         let plan = self.schedule.step(self.next.step);
         self.look_ahead();
         let ticket = self.engine.submit_with(self.next, &plan, self.schedule.view_at(self.next.step), order)?;

@@ -1,7 +1,7 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
 
 use psrgs_vk::stereo::Prior;
-use psrgs_vk::train::settings::{DepthPrior, Growth, Method};
+use psrgs_vk::train::settings::{DepthPrior, Growth, LidarCloud, Method};
 use psrgs_vk::train::{Input, Pacing, Settings, View};
 
 use super::common::{gpu, plane_scene};
@@ -127,9 +127,13 @@ fn methods_are_values_of_options_and_named_ones_win() {
     for (method, name) in Method::ALL {
         assert_eq!(name.parse(), Ok(method));
         assert_eq!(method.to_string(), name);
-        let whole = Settings::of_method(method);
-        whole.check().expect(name);
+        let mut whole = Settings::of_method(method);
         let mut named = plain.clone();
+        if method == Method::Rsgs {
+            whole.check().expect_err("no cloud");
+            (whole.density.lidar, named.density.lidar) = (Some(LidarCloud::Mvs), Some(LidarCloud::Mvs));
+        }
+        whole.check().expect(name);
         named.density.grad_threshold = 1e-3;
         method.apply(&mut named, |key| key == "grad-threshold");
         assert_eq!(named.density.grad_threshold, 1e-3, "{name}");

@@ -1,6 +1,6 @@
 //! What settings ask for together, and whether it makes sense.
 
-use super::{DepthPrior, Growth, Settings, SettingsError};
+use super::{DepthPrior, Growth, Method, Settings, SettingsError};
 
 impl Settings {
     /// Whether pixels are told apart by masks.
@@ -92,12 +92,20 @@ impl Settings {
         ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
         let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
         ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;
+        let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
+        ok(
+            density.lidar.is_some() || !wants_cloud,
+            "lidar",
+            "a laser scan (--lidar CLOUD.ply, .las or .laz), or the cloud that stereo makes (--lidar mvs), where --method is rsgs or \
+             --depth-prior is lidar",
+        )?;
         ok((0.0..=1000.0).contains(&self.frequencies.sigma), "sigma", "a number from 0 to 1000")?;
         for (share, key) in [
             (density.low_grad_threshold, "low-grad-threshold"),
             (density.split_grad_threshold.unwrap_or(1.0), "split-grad-threshold"),
             (density.grad_threshold, "grad-threshold"),
             (density.percent_dense, "percent-dense"),
+            (density.lidar_distance, "lidar-distance"),
             (density.prune_extent, "prune-extent"),
         ] {
             ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;

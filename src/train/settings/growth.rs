@@ -1,7 +1,7 @@
 //! Growth, and low and high frequencies apart.
 
 use super::group::group;
-use super::{Gate, Growth};
+use super::{Gate, Growth, LidarCloud};
 
 group! {
     /// Growth and pruning of the set of splats.
@@ -52,6 +52,9 @@ group! {
         /// Steps between opacity resets (0: none)
         #[arg(value_name = "N")]
         pub opacity_reset_interval: u32 = 3000,
+        /// Splats farther than this share of the scene's extent from the cloud of --lidar do not grow
+        #[arg(value_name = "SHARE")]
+        pub lidar_distance: f64 = 0.02,
     }
     flags {
         /// Judge splits by sums of absolute gradients of pixels, which do not cancel; with sampled growth all of it
@@ -66,6 +69,10 @@ group! {
         /// Stop growing at this many splats
         #[arg(value_name = "N")]
         pub max_splats: u32,
+        /// Splats grow only near this cloud: a laser scan in the dataset's coordinates (PLY, LAS or LAZ), or mvs for the surfaces that
+        /// stereo finds
+        #[arg(value_name = "FILE")]
+        pub lidar: LidarCloud,
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DepthPrior, Growth, Settings};
+use super::{DepthPrior, Gate, Growth, Settings};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub enum Method {
     Gs,
     /// `absgs`: 3dgs with splits by sums of absolute gradients (Ye et al. 2024).
     AbsGs,
+    /// `rsgs`: 3dgs whose splats grow near a LiDAR cloud only, with its depths and planes in the loss (after Li et al. 2024).
+    Rsgs,
     /// `lean`: 3dgs with sampled growth, fading in place of opacity resets, and coarse photographs first; nothing of the paper.
     Lean,
     /// `psrgs`: progressive spectral residual splatting, as far as it pays.
@@ -20,12 +22,17 @@ pub enum Method {
 }
 
 /// Methods that later versions bring; named so that asking for one says so.
-const PLANNED: [&str; 3] = ["gspro", "rsgs", "psrgs-paper"];
+const PLANNED: [&str; 2] = ["gspro", "psrgs-paper"];
 
 impl Method {
     /// All methods, with what they are called.
-    pub const ALL: [(Self, &str); 4] =
-        [(Self::Gs, "3dgs"), (Self::AbsGs, "absgs"), (Self::Lean, "lean"), (Self::Psrgs, "psrgs")];
+    pub const ALL: [(Self, &str); 5] = [
+        (Self::Gs, "3dgs"),
+        (Self::AbsGs, "absgs"),
+        (Self::Rsgs, "rsgs"),
+        (Self::Lean, "lean"),
+        (Self::Psrgs, "psrgs"),
+    ];
 
     /// Puts its values in place of those that are not `named`, by their keys in the file.
     pub fn apply(self, settings: &mut Settings, named: impl Fn(&str) -> bool) {
@@ -33,6 +40,7 @@ impl Method {
         match self {
             Self::Gs => {}
             Self::AbsGs => absgs(settings, &named),
+            Self::Rsgs => rsgs(settings, &named),
             Self::Lean => lean(settings, &named),
             Self::Psrgs => {
                 lean(settings, &named);
@@ -56,6 +64,14 @@ fn absgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "absgrad" density.absgrad = true,
         "split-grad-threshold" density.split_grad_threshold = Some(4e-4),
         "percent-dense" density.percent_dense = 0.001,
+    );
+}
+
+/// Depths and planes count everywhere: nothing tells texture from the rest.
+fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    unless_named!(named, settings:
+        "depth-prior" geometry.depth_prior = DepthPrior::Lidar,
+        "gate" frequencies.gate = Gate::Off,
     );
 }
 

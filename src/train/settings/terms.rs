@@ -6,7 +6,8 @@ use super::group::group;
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
     pub struct Geometry("Depth and normals") {
-        /// Where depths to train with come from: none, sfm (the reconstructed points) or stereo (the training photographs)
+        /// Where depths to train with come from: none, sfm (the reconstructed points), stereo (the training photographs) or lidar (the
+        /// cloud of --lidar)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
         /// Stereo works on photographs of at most this many pixels on the longer side

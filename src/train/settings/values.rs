@@ -1,6 +1,7 @@
 //! The types of single settings: each is read from and written as one word, on the command line and in `settings.toml`.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 pub use super::method::Method;
@@ -67,6 +68,8 @@ pub enum DepthPrior {
     Sfm,
     /// Multi-view stereo on the training photographs.
     Stereo,
+    /// The cloud that growth keeps to.
+    Lidar,
 }
 
 impl fmt::Display for DepthPrior {
@@ -75,6 +78,7 @@ impl fmt::Display for DepthPrior {
             Self::None => "none",
             Self::Sfm => "sfm",
             Self::Stereo => "stereo",
+            Self::Lidar => "lidar",
         })
     }
 }
@@ -86,12 +90,44 @@ impl FromStr for DepthPrior {
             "none" => Ok(Self::None),
             "sfm" => Ok(Self::Sfm),
             "stereo" => Ok(Self::Stereo),
-            _ => Err(format!("no depth prior `{word}`: it is none, sfm or stereo")),
+            "lidar" => Ok(Self::Lidar),
+            _ => Err(format!("no depth prior `{word}`: it is none, sfm, stereo or lidar")),
         }
     }
 }
 
 as_word!(DepthPrior);
+
+/// The cloud of points that growth keeps to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LidarCloud {
+    /// Made by multi-view stereo of the training photographs: no laser scan.
+    Mvs,
+    /// A laser scan: PLY, LAS or LAZ.
+    File(PathBuf),
+}
+
+impl fmt::Display for LidarCloud {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mvs => f.write_str("mvs"),
+            Self::File(file) => write!(f, "{}", file.display()),
+        }
+    }
+}
+
+impl FromStr for LidarCloud {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "" => Err("no file: it is mvs or a PLY, LAS or LAZ file".to_owned()),
+            "mvs" => Ok(Self::Mvs),
+            file => Ok(Self::File(file.into())),
+        }
+    }
+}
+
+as_word!(LidarCloud);
 
 impl fmt::Display for Split {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -1,0 +1,69 @@
+//! Where points lie.
+
+use std::fmt;
+
+use crate::dataset::{Dataset, Role};
+use crate::scene::Frame;
+
+/// Share of the reconstructed points that may lie outside on either side of an axis: a few are always far off.
+const OUTSIDE: f64 = 0.01;
+/// By how much of its longest side a box is widened on all sides.
+const WIDENED: f64 = 0.1;
+
+/// A box along the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub low: [f64; 3],
+    /// Largest coordinates.
+    pub high: [f64; 3],
+}
+
+impl Bounds {
+    /// Of points; `None` without any.
+    pub fn of(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
+        let mut points = points.into_iter();
+        let first = points.next()?;
+        let both = |b: Self, p: [f64; 3]| Self {
+            low: std::array::from_fn(|k| b.low[k].min(p[k])),
+            high: std::array::from_fn(|k| b.high[k].max(p[k])),
+        };
+        Some(points.fold(Self { low: first, high: first }, both))
+    }
+
+    /// Of what a dataset's cameras look at, in its coordinates: of the reconstructed points, where there are any, else of the cameras
+    /// and what is as far from them as their extent.
+    pub fn of_dataset(dataset: &Dataset) -> Self {
+        if dataset.points.is_empty() {
+            let centers = dataset.views_of(Role::Train).map(|(_, view)| view.camera.center());
+            let reach = Frame::EXTENT / dataset.frame.scale;
+            let [low, high] = [dataset.frame.offset; 2];
+            return Self::of(centers).unwrap_or(Self { low, high }).widened_by(reach);
+        }
+        let mut out = Self { low: [0.0; 3], high: [0.0; 3] };
+        for k in 0..3 {
+            let mut values: Vec<f64> = dataset.points.iter().map(|p| p.position[k]).collect();
+            values.sort_by(f64::total_cmp);
+            let outside = (OUTSIDE * values.len() as f64) as usize;
+            (out.low[k], out.high[k]) = (values[outside], values[values.len() - 1 - outside]);
+        }
+        let longest = (0..3).map(|k| out.high[k] - out.low[k]).fold(0.0, f64::max);
+        out.widened_by(WIDENED * longest)
+    }
+
+    fn widened_by(self, by: f64) -> Self {
+        Self { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
+    }
+
+    /// Whether a point lies in it.
+    pub fn contains(&self, p: [f64; 3]) -> bool {
+        (0..3).all(|k| (self.low[k]..=self.high[k]).contains(&p[k]))
+    }
+}
+
+impl fmt::Display for Bounds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z]: [[f64; 2]; 3] = std::array::from_fn(|k| [self.low[k], self.high[k]]);
+        write!(f, "x {:.1} to {:.1}, y {:.1} to {:.1}, z {:.1} to {:.1}", x[0], x[1], y[0], y[1], z[0], z[1])
+    }
+}

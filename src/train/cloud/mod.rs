@@ -1,0 +1,50 @@
+//! Points on surfaces that were measured, by a laser scanner or else by stereo: where splats may grow, and depths and normals to train
+//! with (after RS-Gaussian, Li et al. 2024, whose LiDAR cloud limits where splats grow and split; its code is not public, so the
+//! distance and the terms of the loss are this project's).
+
+mod bounds;
+mod gate;
+mod maps;
+mod normals;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+pub use bounds::Bounds;
+pub use gate::Gate;
+pub use maps::maps;
+
+use super::Error;
+use crate::dataset::Dataset;
+use crate::format::{At, Error as FileError, las, ply};
+
+/// The positions in a PLY, LAS or LAZ file, told apart by how they begin.
+pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, FileError> {
+    let mut opened = File::open(file).map_err(FileError::io(file, "open"))?;
+    let mut begins = Vec::new();
+    opened.by_ref().take(4).read_to_end(&mut begins).map_err(FileError::io(file, "read"))?;
+    match begins.as_slice() {
+        magic if *magic == las::MAGIC => las::read(file),
+        [b'p', b'l', b'y', ..] => Ok(ply::Cloud::read(file)?.positions),
+        _ => {
+            let problem =
+                "neither a PLY file, which begins with 'ply', nor a LAS or LAZ file, which begins with 'LASF'";
+            Err(FileError::malformed(file, "signature", At::Byte(0), problem))
+        }
+    }
+}
+
+/// The positions in a file in scene coordinates, if they lie where the dataset's cameras look.
+pub fn placed(file: &Path, dataset: &Dataset) -> Result<Vec<[f64; 3]>, Error> {
+    let positions = read(file)?;
+    let scene = Bounds::of_dataset(dataset);
+    if positions.iter().any(|p| scene.contains(*p)) {
+        return Ok(positions.into_iter().map(|p| dataset.frame.to_scene(p)).collect());
+    }
+    Err(Error::CloudElsewhere {
+        file: file.to_owned(),
+        cloud: Bounds::of(positions.iter().copied()).map(Box::new),
+        scene: Box::new(scene),
+    })
+}
