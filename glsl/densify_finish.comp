@@ -14,10 +14,11 @@ void main() {
     const uint total = counters[COUNTER_SCAN_TOTAL];
     const uint kept = offsets[push.stride];
     const uint cloned = offsets[2u * push.stride] - kept;
-    const uint split = offsets[3u * push.stride] - offsets[2u * push.stride];
+    // A split whose first child keeps its parent's row is among the kept.
+    const uint replaced = offsets[3u * push.stride] - offsets[2u * push.stride];
     counters[COUNTER_CLONED] = cloned;
-    counters[COUNTER_SPLIT] = split;
-    counters[COUNTER_PRUNED] = counters[COUNTER_SPLATS] - kept - split;
+    counters[COUNTER_SPLIT] = total - offsets[3u * push.stride];
+    counters[COUNTER_PRUNED] = counters[COUNTER_SPLATS] - kept - replaced;
     counters[COUNTER_BAD_SPLATS] += tally[0];
     counters[COUNTER_NEXT_ID] += total - kept;
     counters[COUNTER_SPLATS] = total;

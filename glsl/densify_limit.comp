@@ -19,14 +19,15 @@ void main() {
     const uint excess = total > push.max_splats ? total - push.max_splats : 0u;
     const uint clones = push.stride;
     const uint children = 2u * push.stride;
-    const uint growth = offsets[3u * push.stride] - offsets[clones];
+    const uint second = 3u * push.stride;
+    const uint growth = (offsets[children] - offsets[clones]) + (total - offsets[second]);
     const uint admitted = growth > excess ? growth - excess : 0u;
-    const uint rank = (offsets[clones + i] - offsets[clones]) + (offsets[children + i] - offsets[children]);
+    const uint rank = (offsets[clones + i] - offsets[clones]) + (offsets[second + i] - offsets[second]);
     if (rank < admitted) return;
     if (flags[clones + i] != 0u) flags[clones + i] = 0u;
-    if (flags[children + i] != 0u) {
+    if (flags[second + i] != 0u) {
         flags[i] = 1u;
         flags[children + i] = 0u;
-        flags[children + push.stride + i] = 0u;
+        flags[second + i] = 0u;
     }
 }

@@ -23,7 +23,8 @@ void main() {
         const uint e = kind * push.stride + i;
         if (flags[e] != 0u) {
             const uint row = offsets[e];
-            map[row] = map_entry(i, kind);
+            const bool moved = kind == KIND_KEPT && flags[KIND_CHILD_B * push.stride + i] != 0u;
+            map[row] = map_entry(i, moved ? KIND_CHILD_A : kind);
             ids[row] = kind == KIND_KEPT ? old_ids[i] : born + (row - kept);
         }
     }

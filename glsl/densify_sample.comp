@@ -1,7 +1,8 @@
 #version 460
 // densify_sample: decides what a density change makes of every splat where growth is sampled: a splat whose gradient reaches the
 // threshold of the frequencies that it shows is split with a probability that grows with its gradient, its mask value and how
-// often it is wrong (progressive spectral residual splatting, arXiv 2503.00848; error counts as in FastGS). Nothing is cloned.
+// often it is wrong (progressive spectral residual splatting, arXiv 2503.00848; error counts as in FastGS). Nothing is cloned. Of a
+// split's two children the first takes its parent's row and identity, the second is new.
 // Splats that blended into no pixel of the views since the last change are pruned. Nothing here is transcendental, so the sets are
 // the same on every device.
 // One thread owns one splat of the capacity and its flag in each of the four segments of `flags`, which are `stride` words
@@ -71,7 +72,7 @@ bool drawn(uint i, vec4 s) {
 void main() {
     const uint i = global_index();
     if (i >= push.stride) return;
-    bool kept = false;
+    bool lives = false;
     bool child = false;
     if (i < counters[COUNTER_SPLATS]) {
         if (all_finite(i)) {
@@ -80,16 +81,14 @@ void main() {
             const bool seen = push.prune_unseen == 0u || s.y > 0.0;
             const bool opaque = !(opacities[i] < push.prune_opacity);
             const bool size_ok = push.prune_large == 0u || !(largest > push.prune_scale);
-            const bool lives = opaque && size_ok && seen;
-            const bool split = drawn(i, s);
-            kept = lives && !split;
-            child = lives && split;
+            lives = opaque && size_ok && seen;
+            child = lives && drawn(i, s);
         } else {
             atomicAdd(tally[0], 1u);
         }
     }
-    flags[i] = uint(kept);
+    flags[i] = uint(lives);
     flags[push.stride + i] = 0u;
-    flags[2u * push.stride + i] = uint(child);
+    flags[2u * push.stride + i] = 0u;
     flags[3u * push.stride + i] = uint(child);
 }

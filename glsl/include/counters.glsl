@@ -15,6 +15,7 @@ const uint COUNTER_SPLIT = 9u;
 const uint COUNTER_PRUNED = 10u;
 const uint COUNTER_NEXT_ID = 11u;     // identity of the next splat to be born
 const uint COUNTER_SCAN_TOTAL = 12u;  // total of the last prefix sum
+const uint COUNTER_CONSTRAINED = 13u; // splats with an identity below it were there at the end of the low-frequency stage
 const uint COUNTER_COUNT = 16u;
 
 const uint STATUS_PAIRS = 1u;         // more pairs than the pair buffers hold

@@ -1,5 +1,6 @@
 // What the density passes share: the kinds of row that a density change produces, packed into one word of the map.
-// Rows come in the order kept, clones, first children, second children, each in the order of their sources.
+// Rows come in the order kept, clones, first children, second children, each in the order of their sources. A source that is kept
+// and has a second child is that child's sibling from then on, in the row and with the identity that it had.
 #ifndef DENSIFY_GLSL
 #define DENSIFY_GLSL
 

@@ -8,6 +8,8 @@ crate::push_constants! {
     pub struct Push {
         /// Number of the event.
         pub event: u32,
+        /// 1 to make the splats that there are the constrained set.
+        pub constrain: u32,
     }
 }
 

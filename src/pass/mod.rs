@@ -7,6 +7,7 @@ pub mod blend_backward;
 pub mod blend_forward;
 pub mod camera;
 pub mod compact;
+pub mod constrain;
 pub mod convolution;
 pub mod counters;
 pub mod crop;
@@ -99,6 +100,9 @@ pub const ALL: &[&Pass] = &[
     &blend_forward::COLUMN_EMULATED,
     &blend_forward::PIXEL,
     &compact::PASS,
+    &constrain::ADD,
+    &constrain::KEEP,
+    &constrain::PASS,
     &convolution::PASS,
     &crop::GRADIENT,
     &crop::PAIR,

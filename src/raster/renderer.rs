@@ -17,7 +17,7 @@ use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{blend_forward, counters, project};
+use crate::pass::{blend_forward, constrain, counters, project};
 use crate::scene::Camera;
 use crate::twin::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
@@ -210,6 +210,20 @@ impl Renderer {
         target: &Target,
         aux: bool,
     ) -> Result<Lists<'_>, vk::Error> {
+        self.record_forward_of(recorder, model, shot, target, aux, None)
+    }
+
+    /// The same of the constrained set alone, where the model's identities are given: of those below the bound that stands in
+    /// [`counters::CONSTRAINED`].
+    pub fn record_forward_of(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        shot: &Shot,
+        target: &Target,
+        aux: bool,
+        constrained: Option<&Buffer>,
+    ) -> Result<Lists<'_>, vk::Error> {
         let channels = if aux && self.with_aux { &self.all } else { &self.color };
         let (width, height) = (shot.camera.width, shot.camera.height);
         self.record_plan(recorder)?;
@@ -218,6 +232,10 @@ impl Renderer {
         buffers.extend(model.buffers());
         buffers.extend([&self.splat2d, &self.tile_counts, &self.normals]);
         recorder.dispatch(&channels.project, &buffers, &push, self.per_splat())?;
+        if let Some(ids) = constrained {
+            let constrain = self.gpu.pipeline(&constrain::PASS.kernel, &[])?;
+            recorder.dispatch(&constrain, &[&self.counters, ids, &self.tile_counts], &(), self.per_splat())?;
+        }
 
         let side = self.variants.tile.size();
         let inputs = Inputs {

@@ -25,7 +25,7 @@ use super::schedule::{Adam, StepPlan};
 use super::settings::{DepthPrior, Exposure, Settings};
 use super::state::State;
 use super::statistics::{Seen, Statistics};
-use super::terms::{Geometry, Perceptual};
+use super::terms::{Constrained, Geometry, Perceptual};
 use crate::dataset::Depth;
 use crate::losses::{self, GradientMapLoss, GradientMapWeights};
 use crate::pass::camera::{NEAR, Projection};
@@ -84,6 +84,7 @@ pub struct Engine {
     geometry: Option<Geometry>,
     gradient_maps: Option<GradientMapLoss>,
     perceptual: Option<Perceptual>,
+    constrained: Option<Constrained>,
     density: DensityControl,
     gate: Option<Arc<Gate>>,
     finish: Pipeline,
@@ -199,6 +200,7 @@ impl Engine {
             geometry: aux.then(|| Geometry::new(gpu, &cameras, &settings.geometry)).transpose()?,
             gradient_maps: settings.texture.wants_gradients().then(|| GradientMapLoss::new(gpu, &sizes)).transpose()?,
             perceptual: None,
+            constrained: settings.wants_constrained().then(|| Constrained::new(gpu, splats)).transpose()?,
             saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
@@ -294,7 +296,8 @@ impl Engine {
             Kind::Density => self.record_density(recorder, event, plan)?,
             Kind::Reset => self.density.record_reset(recorder, &self.density_model(), RESET_OPACITY)?,
         }
-        let push = finish::Push { event: event.number() };
+        let constrain = u32::from(event.kind == Kind::Step && plan.constrain);
+        let push = finish::Push { event: event.number(), constrain };
         let at = RING_SLOT * self.next_slot;
         let slot = self.ring.slice(at..at + RING_SLOT);
         let buffers = [(&self.renderer.counters).into(), self.losses.result().into(), slot];
@@ -326,6 +329,22 @@ impl Engine {
         let renderer = &self.renderer;
         let shot = self.shot(camera, plan);
         let geometry = self.geometry.as_ref().zip(plan.geometry).filter(|(geometry, _)| geometry.knows(view));
+        let compared = losses::Photograph {
+            buffer: photograph.buffer,
+            bits: photograph.depth.bits(),
+            size: (camera.width, camera.height),
+            values: photograph.values,
+            mask: self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view)),
+        };
+        let of_image = self.losses.grad_image();
+        let texture = &self.settings.texture;
+        let maps = self.gradient_maps.as_ref().zip(plan.gradients);
+        let beside = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
+        if let Some((constrained, (maps, times))) = beside {
+            let weight = (texture.lambda_constrained * times) as f32;
+            let (model, at) = ((&self.model, &self.ids), (&shot, &self.target));
+            constrained.record(recorder, renderer, model, at, (maps, &compared, weight), of_image)?;
+        }
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, geometry.is_some())?;
         let (pixels, known) = (camera.width * camera.height, plan.step);
         let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
@@ -336,16 +355,7 @@ impl Engine {
         };
         let weights = saliency.filter(|_| weighted).map(|saliency| Weights { saliency, of });
         self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
-        let of_image = self.losses.grad_image();
-        let compared = losses::Photograph {
-            buffer: photograph.buffer,
-            bits: photograph.depth.bits(),
-            size: (camera.width, camera.height),
-            values: photograph.values,
-            mask: self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view)),
-        };
-        if let (Some(maps), Some(times)) = (&self.gradient_maps, plan.gradients) {
-            let texture = &self.settings.texture;
+        if let Some((maps, times)) = maps {
             let [correlation, variation] =
                 [texture.lambda_gradients, texture.lambda_variation].map(|weight| (weight * times) as f32);
             let weights = GradientMapWeights { correlation, variation };
@@ -370,6 +380,9 @@ impl Engine {
         if plan.accumulate {
             let seen = Seen { camera: &camera, image: shown, photograph: &photograph, saliency };
             self.statistics.record(recorder, renderer, seen)?;
+        }
+        if let Some((constrained, _)) = beside {
+            constrained.record_add(recorder, renderer)?;
         }
         self.optimiser.record(recorder, renderer, &self.model, &shot, plan, of_aux.is_some())?;
         Ok(())

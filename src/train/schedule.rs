@@ -80,6 +80,8 @@ pub struct StepPlan {
     pub seen: u32,
     /// Whether the step belongs to the low-frequency stage.
     pub low: bool,
+    /// Whether it is the first after that stage: the splats that it sees are the constrained set.
+    pub constrain: bool,
     /// By what the photograph is reduced.
     pub factor: u32,
     /// What the weights of depth and normals are multiplied by, where the step has them.
@@ -220,6 +222,7 @@ impl Schedule {
             lr_exposure: self.lr_exposure(t),
             seen: t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1,
             low: t <= self.low_until,
+            constrain: self.low_until > 0 && t == self.low_until + 1,
             factor: self.factor_at(t),
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),

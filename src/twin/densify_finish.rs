@@ -15,8 +15,9 @@ pub fn run(call: &mut TwinCall<'_>) {
     let kept = offsets[stride];
     let total = counters[SCAN_TOTAL];
     counters[CLONED] = offsets[2 * stride] - kept;
-    counters[SPLIT] = offsets[3 * stride] - offsets[2 * stride];
-    counters[PRUNED] = counters[SPLATS] - kept - counters[SPLIT];
+    let replaced = offsets[3 * stride] - offsets[2 * stride];
+    counters[SPLIT] = total - offsets[3 * stride];
+    counters[PRUNED] = counters[SPLATS] - kept - replaced;
     counters[BAD_SPLATS] = counters[BAD_SPLATS].wrapping_add(tally[0]);
     counters[NEXT_ID] = counters[NEXT_ID].wrapping_add(total - kept);
     counters[SPLATS] = total;

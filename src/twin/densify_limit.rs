@@ -6,13 +6,14 @@ use crate::pass::densify_limit::Push;
 
 /// Withdraws the growth of the last sources from `flags` (four segments of `stride` words). `total` is the sum of the flags.
 pub fn limit(flags: &mut [u32], stride: usize, splats: usize, total: u32, max_splats: u32) {
-    let growth: u32 = flags[stride..3 * stride].iter().sum();
+    let sum = |kind: usize| flags[kind * stride..(kind + 1) * stride].iter().sum::<u32>();
+    let growth = sum(1) + sum(3);
     let admitted = growth.saturating_sub(total.saturating_sub(max_splats));
     let mut rank = 0;
     for i in 0..splats {
-        let grows = flags[stride + i] + flags[2 * stride + i];
+        let grows = flags[stride + i] + flags[3 * stride + i];
         if rank >= admitted {
-            if flags[2 * stride + i] != 0 {
+            if flags[3 * stride + i] != 0 {
                 flags[i] = 1;
             }
             for kind in 1..4 {

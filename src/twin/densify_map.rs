@@ -28,7 +28,9 @@ pub fn run(call: &mut TwinCall<'_>) {
             let e = kind * stride + i;
             if flags[e] != 0 {
                 let row = offsets[e];
-                map[row as usize] = entry(i, kind);
+                // Kept beside a second child: the first of them, in its parent's row.
+                let moved = kind == 0 && flags[3 * stride + i] != 0;
+                map[row as usize] = entry(i, if moved { 2 } else { kind });
                 ids[row as usize] = if kind == 0 { id } else { counters[NEXT_ID].wrapping_add(row - kept) };
             }
         }

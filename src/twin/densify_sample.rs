@@ -32,7 +32,7 @@ pub fn sample(scales: [f32; 3], opacity: f32, stats: [f32; 4], scores: [f32; 2],
     let draw = (bits([push.seed, push.event, id, DRAW_SPLIT])[0] >> 8) as f32;
     let split = draw < probability(stats, scores, push) * 16_777_216.0;
     let child = u32::from(lives && split);
-    [u32::from(lives && !split), 0, child, child]
+    [u32::from(lives), 0, 0, child]
 }
 
 /// Adapter over raw buffers.

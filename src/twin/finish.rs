@@ -10,6 +10,9 @@ pub fn run(call: &mut TwinCall<'_>) {
     let mut counts = call.get::<u32>(0);
     if counts[counters::STATUS] == 0 {
         counts[counters::DONE] = push.event;
+        if push.constrain != 0 {
+            counts[counters::CONSTRAINED] = counts[counters::NEXT_ID];
+        }
     }
     let loss = call.get::<u32>(1);
     call.set(2, &[&counts[..counters::COUNT], &loss[..3]].concat());

@@ -7,6 +7,7 @@ pub mod adam;
 pub mod blend_backward;
 pub mod blend_forward;
 pub mod compact;
+pub mod constrain;
 pub mod convolution;
 pub mod crop;
 pub mod densify_classify;

@@ -16,6 +16,7 @@ mod blend_forward;
 mod blend_scene;
 mod blend_twin;
 mod compact;
+mod constrain;
 mod convolution;
 mod crop;
 mod densify_order;
@@ -74,6 +75,7 @@ cases! {
         "blend_backward_splat_emulated_slots" "blend_backward_splat_slots";
     blend_forward: "blend_forward_column" "blend_forward_column_emulated" "blend_forward_pixel";
     compact: "compact" "gather_counts";
+    constrain: "constrain" "grad2d_add" "grad2d_keep";
     convolution: "convolution";
     crop: "crop_gradient" "crop_pair";
     densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";

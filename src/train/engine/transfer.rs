@@ -10,7 +10,7 @@ use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
 use crate::train::saliencies::Saliencies;
-use crate::train::terms::{Geometry, Perceptual};
+use crate::train::terms::{Constrained, Geometry, Perceptual};
 use crate::train::{Error, State};
 
 impl Engine {
@@ -69,6 +69,7 @@ impl Engine {
             self.ids.size(),
             self.statistics.bytes(),
             self.density.bytes(),
+            self.constrained.as_ref().map_or(0, Constrained::bytes),
         ];
         let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
         let of_saliency = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);

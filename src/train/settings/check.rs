@@ -15,6 +15,11 @@ impl Settings {
             || (density.growth == Growth::Sampled && density.sample_mask_share > 0.0)
     }
 
+    /// Whether the constrained set is rendered beside the full one.
+    pub fn wants_constrained(&self) -> bool {
+        self.texture.lambda_constrained > 0.0
+    }
+
     /// Whether the values make sense together; the error names the option and what it takes.
     pub fn check(&self) -> Result<(), SettingsError> {
         let ok = |good: bool, key: &'static str, want: &'static str| {
@@ -80,6 +85,7 @@ impl Settings {
             (geometry.lambda_flatten, "lambda-flatten"),
             (texture.lambda_gradients, "lambda-gradients"),
             (texture.lambda_variation, "lambda-variation"),
+            (texture.lambda_constrained, "lambda-constrained"),
             (texture.lambda_perceptual, "lambda-perceptual"),
         ] {
             ok(weight >= 0.0 && weight.is_finite(), key, "a number that is not negative")?;
@@ -89,6 +95,8 @@ impl Settings {
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
         ok(texture.gradients_every >= 1, "gradients-every", "at least 1")?;
+        let staged = texture.lambda_constrained == 0.0 || self.frequencies.low_stage > 0.0;
+        ok(staged, "lambda-constrained", "0 where there is no --low-stage")?;
         ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
         let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
         ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;

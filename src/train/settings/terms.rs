@@ -57,10 +57,14 @@ group! {
         /// Weight of the correlation of gradient maps
         #[arg(value_name = "W")]
         pub lambda_gradients: f64 = 0.0,
+        /// The same of the gradient maps of the constrained set: the splats that were there at the end of the low-frequency stage,
+        /// rendered alone
+        #[arg(value_name = "W")]
+        pub lambda_constrained: f64 = 0.0,
         /// Weight of the total variation of what is between render and photograph
         #[arg(value_name = "W")]
         pub lambda_variation: f64 = 0.0,
-        /// One step in so many has these two, with as much more weight
+        /// One step in so many has these three, with as much more weight
         #[arg(value_name = "N")]
         pub gradients_every: u32 = 4,
         /// Weight of the perceptual distance
@@ -89,6 +93,6 @@ impl Geometry {
 impl Texture {
     /// Whether gradient maps have a part in the loss.
     pub fn wants_gradients(&self) -> bool {
-        self.lambda_gradients > 0.0 || self.lambda_variation > 0.0
+        self.lambda_gradients > 0.0 || self.lambda_variation > 0.0 || self.lambda_constrained > 0.0
     }
 }
