@@ -12,7 +12,8 @@ use std::process::Command;
 
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
-    Curve, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, ViewPanel, render_report, write_report,
+    Curve, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel, ViewPanel, render_report,
+    write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -57,11 +58,17 @@ fn example(views: usize, side: u32) -> ReportData {
             let (photograph, values) = world.photograph(&view.camera, k as u32);
             let render = image::imageops::blur(&photograph, 0.8 + 0.3 * k as f32);
             let (width, height) = photograph.dimensions();
+            let stages = (k == 0).then(|| StagePanel {
+                mask: image::imageops::blur(&photograph, 8.0),
+                low: image::imageops::blur(&photograph, 3.0),
+                high: photograph.clone(),
+            });
             ViewPanel {
                 name: view.name.clone(),
                 photograph,
                 render,
                 depth: Some(DepthMap { width, height, values }),
+                stages,
                 psnr: 24.31 - 1.2 * k as f64,
                 psnr_cc: 24.9 - 1.1 * k as f64,
                 ssim: 0.831 - 0.02 * k as f64,
@@ -141,13 +148,16 @@ fn page_is_self_contained_and_shows_everything() {
         assert!(!page.contains(needle), "{needle}");
     }
     let sources = attributes(&page, "src");
-    assert_eq!(sources.len(), 8, "four pictures a view");
+    assert_eq!(sources.len(), 11, "four pictures a view, and three of the stages");
     let pictures: Vec<RgbImage> = sources.iter().map(|s| decode(s)).collect();
-    for (k, view) in data.views.iter().enumerate() {
+    for (first, view) in [0, 7].into_iter().zip(&data.views) {
         // Small pages are lossless.
-        assert_eq!(pictures[4 * k], view.photograph);
-        assert_eq!(pictures[4 * k + 1], view.render);
-        for p in &pictures[4 * k..4 * k + 4] {
+        assert_eq!(pictures[first], view.photograph);
+        assert_eq!(pictures[first + 1], view.render);
+        if let Some(stages) = &view.stages {
+            assert_eq!(pictures[first + 4..first + 7], [stages.mask.clone(), stages.low.clone(), stages.high.clone()]);
+        }
+        for p in &pictures[first..first + 4] {
             assert_eq!(p.dimensions(), view.photograph.dimensions());
         }
         assert!(page.contains(&view.name));
@@ -195,6 +205,7 @@ fn pages_stay_small() {
             photograph: a.clone(),
             render: b.clone(),
             depth: None,
+            stages: None,
             psnr: 8.0,
             psnr_cc: 8.5,
             ssim: 0.0,

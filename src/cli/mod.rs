@@ -25,6 +25,7 @@ mod render;
 mod run_folder;
 mod saliency;
 mod score_size;
+mod stages;
 mod stereo;
 mod train;
 mod train_run;

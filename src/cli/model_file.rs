@@ -11,6 +11,7 @@ use psrgs_vk::vk::{self, Gpu};
 
 use super::colour::Colour;
 use super::console::Console;
+use super::exit::Failure;
 use super::model_frame::{FrameArgs, ModelFrame};
 
 /// A model file that was read.
@@ -24,7 +25,37 @@ pub(crate) struct ModelFile {
     pub(crate) antialias: bool,
 }
 
+/// Splats of a model by the stage of their birth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Set {
+    /// There at the end of the low-frequency stage.
+    Low,
+    /// Born after.
+    High,
+    /// All.
+    Full,
+}
+
 impl ModelFile {
+    /// The splats of a set alone. `file` is where it was read from.
+    pub(crate) fn of_set(mut self, set: Set, file: &Path) -> Result<Self, Failure> {
+        let all = self.splats() as u32;
+        let rows = match (set, self.model.constrained) {
+            (Set::Full, _) => return Ok(self),
+            (Set::Low, Some(first)) => 0..all.min(first as u32),
+            (Set::High, Some(first)) => all.min(first as u32)..all,
+            (_, None) => {
+                return Err(Failure::Input(format!(
+                    "{}: --set: the file has no line 'comment psrgs-vk constrained N', so its splats are not told apart by stage; \
+                     train with --low-stage (as psrgs does), or leave --set out",
+                    file.display()
+                )));
+            }
+        };
+        self.model.gaussians = self.model.gaussians.rows(&rows.collect::<Vec<_>>());
+        Ok(self)
+    }
+
     /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's. Editors drop
     /// the comments of a file: then the shift of its coordinates is that of `frame.json` beside it. `antialias` is what the user
     /// asked for; without it the file decides.

@@ -14,6 +14,7 @@ use super::console::Console;
 use super::lpips::Lpips;
 use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, REPORT, RunFolder};
+use super::stages;
 use super::train::Plan;
 
 /// Folder of the held-out renders.
@@ -42,10 +43,14 @@ pub(crate) fn write(
 ) -> anyhow::Result<()> {
     let settings = &run.plan.settings;
     let seconds = run.started.elapsed().as_secs_f64().max(run.training_seconds);
-    let model = trainer.model()?;
+    let mut model = trainer.model()?;
+    let constrained = trainer.constrained_below()?.map(|bound| {
+        model = model.in_order_of_birth();
+        model.ids.partition_point(|id| *id < bound)
+    });
     let frame = run.dataset.frame;
     let file = run.folder.file(MODEL);
-    ply::save(&file, &model, &frame, settings.model.antialias)?;
+    ply::save_staged(&file, &model, &frame, settings.model.antialias, constrained)?;
     FrameFile::new(frame).write(&run.folder.file(FRAME_FILE))?;
     let exposures = trainer.exposures()?;
     if let Some(exposures) = &exposures {
@@ -62,6 +67,14 @@ pub(crate) fn write(
         scores.push(panel.score());
         panels.push(panel.among(views.len()));
     }
+
+    if let Some(first) = constrained {
+        // Pictures of the stages need room for the model once more.
+        if let Err(problem) = stages::add(run, trainer, &model, first, &views, &mut panels) {
+            console.warn(format_args!("the report has no pictures of the stages: {problem:#}"));
+        }
+    }
+    let sigmas = stages::sigmas(trainer, run.folder)?;
 
     // What is wrong with the ground truth must not cost the results of a training.
     let geometry = known_geometry(run, &model, trainer).unwrap_or_else(|problem| {
@@ -102,8 +115,8 @@ pub(crate) fn write(
         title: format!("{} on {}", metrics.method, metrics.scene),
         settings: named_settings(&settings.to_toml()?),
         curves: curves(trainer.history()),
-        files: files(exposures.is_some()),
-        notes: run.dataset.warnings.iter().map(ToString::to_string).collect(),
+        files: files(exposures.is_some(), sigmas.is_some()),
+        notes: run.dataset.warnings.iter().map(ToString::to_string).chain(sigmas).collect(),
         views: panels,
         metrics,
     };
@@ -158,14 +171,19 @@ fn curves(history: &History) -> Vec<Curve> {
     if let Some(&(_, last)) = splats.last() {
         splats.push((history.loss.len() as f64, last));
     }
-    vec![
+    let mut curves = vec![
         curve("Loss", "", loss.collect()),
         curve("Held-out PSNR", "dB", history.quality.iter().map(|q| (f64::from(q.0), q.1)).collect()),
         curve("Splats", "", splats),
-    ]
+    ];
+    if !history.sigmas.is_empty() {
+        let sigmas = history.sigmas.iter().map(|(step, _, sigma, _)| (f64::from(*step), *sigma));
+        curves.push(curve("Sigma of the saliency filter, by step's photograph", "bins", sigmas.collect()));
+    }
+    curves
 }
 
-fn files(exposures: bool) -> Vec<(String, String)> {
+fn files(exposures: bool, sigmas: bool) -> Vec<(String, String)> {
     let mut files = vec![
         (MODEL, "the model, for any viewer of Gaussian splats"),
         (METRICS, "the numbers of this page"),
@@ -174,6 +192,9 @@ fn files(exposures: bool) -> Vec<(String, String)> {
     ];
     if exposures {
         files.push((EXPOSURE_FILE, "how each photograph that was trained on differs in colour from the model"));
+    }
+    if sigmas {
+        files.push((stages::SIGMA_FILE, "the width of the saliency filter that was learned for each photograph"));
     }
     files.into_iter().map(|(file, what)| (file.to_owned(), what.to_owned())).collect()
 }

@@ -8,7 +8,7 @@ use psrgs_vk::scene::Camera;
 use super::colour::Colour;
 use super::console::Console;
 use super::exit::Failure;
-use super::model_file::ModelFile;
+use super::model_file::{ModelFile, Set};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
 use super::{device, progress};
@@ -18,7 +18,8 @@ use super::{device, progress};
 #[command(after_help = "\
 Examples:
   psrgs-vk render fox-model/point_cloud.ply --cameras fox --out pictures
-  psrgs-vk render fox-model/point_cloud.ply --cameras fox --views test --depth --out pictures")]
+  psrgs-vk render fox-model/point_cloud.ply --cameras fox --views test --depth --out pictures
+  psrgs-vk render fox-model/point_cloud.ply --cameras fox --set low --out low")]
 pub(crate) struct Args {
     /// Model, a PLY file in the INRIA layout
     pub(crate) model: PathBuf,
@@ -37,6 +38,9 @@ pub(crate) struct Args {
     /// Also write depth (along the camera's axis) and normals as EXR
     #[arg(long)]
     pub(crate) depth: bool,
+    /// Which splats: those that were there at the end of the low-frequency stage (low), those that came after (high), or all (full)
+    #[arg(long, value_enum, default_value_t = Set::Full)]
+    pub(crate) set: Set,
     /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
     #[arg(long, value_name = "COLOUR", default_value = "black")]
     pub(crate) background: Colour,
@@ -68,7 +72,7 @@ impl Views {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?.of_set(args.set, &args.model)?;
     let options = LoadOptions { max_side: Some(args.max_side), photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
     let wanted: Vec<(&str, Camera)> = dataset

@@ -243,6 +243,10 @@ fn follow(
             }
             Message::Density { step, cloned, split, pruned, splats } => progress
                 .detail(format_args!("step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats")),
+            Message::Sigma { step, learned } => progress.detail(format_args!(
+                "step {step}: sigma {:.2} for photograph {} (loss {:.4})",
+                learned.sigma, learned.view, learned.loss
+            )),
             Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
             Message::Grown { what, capacity, replay_from } => {
                 progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));

@@ -14,5 +14,7 @@ pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
 pub use metrics::{ImageScore, Metrics, MetricsError, PhotographWait, Streaming, mean, mean_if_all, peak_host_bytes};
 pub use quality::Quality;
-pub use report::{Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, ViewPanel, render_report, write_report};
+pub use report::{
+    Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report, write_report,
+};
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};

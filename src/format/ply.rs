@@ -8,8 +8,10 @@
 //! comment psrgs-vk version 0.1.0
 //! comment psrgs-vk antialias 0
 //! comment psrgs-vk offset 500000 4600000 100
+//! comment psrgs-vk constrained 12345
 //! ```
 //!
+//! The first so many splats as `constrained` says are those that were there at the end of the low-frequency stage.
 //! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
 
 mod cloud;
@@ -43,18 +45,32 @@ pub struct Model {
     pub shift: [f64; 3],
     /// Whether the model was trained with the anti-aliasing factor on the opacity, where the file says it.
     pub antialias: Option<bool>,
+    /// How many of the splats, the first ones, were there at the end of the low-frequency stage, where the file says it.
+    pub constrained: Option<usize>,
     /// The version of this program that wrote the file, where one did.
     pub version: Option<String>,
 }
 
 /// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`].
 pub fn save(file: &Path, gaussians: &Gaussians, frame: &Frame, antialias: bool) -> Result<(), Error> {
+    save_staged(file, gaussians, frame, antialias, None)
+}
+
+/// The same of a model whose first `constrained` splats were there at the end of the low-frequency stage.
+pub fn save_staged(
+    file: &Path,
+    gaussians: &Gaussians,
+    frame: &Frame,
+    antialias: bool,
+    constrained: Option<usize>,
+) -> Result<(), Error> {
     let shift = frame.shift();
     let model = Model {
         gaussians: frame.gaussians_to_dataset(gaussians, shift),
         sh_degree: 3,
         shift,
         antialias: Some(antialias),
+        constrained,
         version: Some(env!("CARGO_PKG_VERSION").to_owned()),
     };
     write(file, &model)

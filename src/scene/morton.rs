@@ -30,15 +30,26 @@ impl Gaussians {
 
     /// The same splats in [`Self::morton_order`], with their identities.
     pub fn in_morton_order(&self) -> Self {
-        let order = self.morton_order();
-        let rows = |plane: &[f32], row: usize| rows_of(plane, row, &order);
+        self.rows(&self.morton_order())
+    }
+
+    /// The same splats in the order of their identities.
+    pub fn in_order_of_birth(&self) -> Self {
+        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        order.sort_by_key(|i| self.ids.get(*i as usize));
+        self.rows(&order)
+    }
+
+    /// Some of the splats, by their rows, with their identities.
+    pub fn rows(&self, order: &[u32]) -> Self {
+        let rows = |plane: &[f32], row: usize| rows_of(plane, row, order);
         Self {
             means: rows(&self.means, 3),
             quats: rows(&self.quats, 4),
             scales: rows(&self.scales, 3),
             opacities: rows(&self.opacities, 1),
             sh: std::array::from_fn(|g| rows(&self.sh[g], SH_GROUP_FLOATS)),
-            ids: rows_of(&self.ids, 1, &order),
+            ids: rows_of(&self.ids, 1, order),
         }
     }
 }

@@ -16,6 +16,9 @@ const SCORES: &str = "scores";
 /// Section of the exposures, where there are any.
 const EXPOSURES: &str = "exposures";
 
+/// Section of the learned widths of the saliency filter, where there are any.
+const SIGMA: &str = "sigma";
+
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {
     /// Where to go on.
@@ -47,6 +50,9 @@ impl Checkpointed {
         }
         if !state.exposures.is_empty() {
             out.put_values(EXPOSURES, &state.exposures);
+        }
+        if !state.sigma.is_empty() {
+            out.put_text(SIGMA, &state.sigma);
         }
         for (k, (name, _)) in PLANES.into_iter().enumerate() {
             out.put_values(name, &state.params[k]);
@@ -91,8 +97,9 @@ impl Checkpointed {
         let has = |section: &str| file.names().any(|name| name == section);
         let scores = if has(SCORES) { rows(SCORES, 2)? } else { Vec::new() };
         let exposures = if has(EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
+        let sigma = if has(SIGMA) { file.text(SIGMA)?.to_owned() } else { String::new() };
         let (params, stats) = (planes("")?, rows("stats", 4)?);
-        let state = State { params, moments, stats, scores, counters, ids, exposures };
+        let state = State { params, moments, stats, scores, counters, ids, exposures, sigma };
         Ok(Self {
             restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),

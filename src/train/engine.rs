@@ -22,7 +22,8 @@ use super::pacing::Pacing;
 use super::photographs::{Photographs, Residency};
 use super::saliencies::Saliencies;
 use super::schedule::{Adam, StepPlan};
-use super::settings::{DepthPrior, Exposure, Settings};
+use super::settings::{DepthPrior, Exposure, Settings, SigmaLearning};
+use super::sigma::{SigmaTraining, SigmaUpdate};
 use super::state::State;
 use super::statistics::{Seen, Statistics};
 use super::terms::{Constrained, Geometry, Perceptual};
@@ -56,6 +57,8 @@ pub struct Outcome {
     pub counters: Vec<u32>,
     /// Loss of the step's view.
     pub loss: f32,
+    /// What was submitted of it.
+    pub ticket: Ticket,
 }
 
 /// Density control for as many splats, which keeps them in the order of the settings.
@@ -80,6 +83,7 @@ pub struct Engine {
     losses: Losses,
     exposures: Option<Exposures>,
     saliencies: Option<Saliencies>,
+    sigma: Option<SigmaTraining>,
     coarse: Option<Coarse>,
     geometry: Option<Geometry>,
     gradient_maps: Option<GradientMapLoss>,
@@ -146,7 +150,12 @@ impl Engine {
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
         engine.photographs.fill(gpu, &input.train, feed)?;
         if let Some(saliencies) = &mut engine.saliencies {
-            saliencies.fill(gpu, &input.train, &settings.frequencies, settings.run.seed, pacing.decoders())?;
+            let (frequencies, seed) = (&settings.frequencies, settings.run.seed);
+            let cache = saliencies.fill(gpu, &input.train, frequencies, seed, pacing.decoders())?;
+            if frequencies.sigma_learning != SigmaLearning::Off {
+                let (lumas, of) = (cache.images().cloned().collect(), (seed, pacing.events_in_flight()));
+                engine.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, frequencies, of)?);
+            }
         }
         if let Some(geometry) = &mut engine.geometry {
             geometry.fill(gpu, &input.known.priors)?;
@@ -202,6 +211,7 @@ impl Engine {
             perceptual: None,
             constrained: settings.wants_constrained().then(|| Constrained::new(gpu, splats)).transpose()?,
             saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
+            sigma: None,
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
             gate: None,
@@ -319,6 +329,12 @@ impl Engine {
             photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;
             camera = Coarse::camera(whole, plan.factor);
         }
+        if let (Some(sigma), Some(saliencies)) = (&self.sigma, &self.saliencies)
+            && let (Some(bytes), Some(mask)) = (sigma.mask(view, plan.step), saliencies.mask(view))
+        {
+            recorder.upload(mask.buffer, 0, bytes)?;
+        }
+        let learned = self.sigma.as_ref().filter(|_| plan.learn_sigma);
         let of = [1.0, self.settings.frequencies.low_texture_weight as f32];
         let weighted = plan.low && of[1] != 1.0;
         let scored = plan.accumulate && self.statistics.scores().is_some();
@@ -338,6 +354,10 @@ impl Engine {
         };
         let of_image = self.losses.grad_image();
         let texture = &self.settings.texture;
+        if let Some(sigma) = learned.filter(|sigma| sigma.wants_low()) {
+            let _ = renderer.record_forward_of(recorder, &self.model, &shot, &self.target, false, Some(&self.ids))?;
+            sigma.record(recorder, (plan.step, &camera, true), &self.target.image)?;
+        }
         let maps = self.gradient_maps.as_ref().zip(plan.gradients);
         let beside = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
         if let Some((constrained, (maps, times))) = beside {
@@ -354,6 +374,9 @@ impl Engine {
             None => image,
         };
         let weights = saliency.filter(|_| weighted).map(|saliency| Weights { saliency, of });
+        if let Some(sigma) = learned {
+            sigma.record(recorder, (plan.step, &camera, false), shown)?;
+        }
         self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
         if let Some((maps, times)) = maps {
             let [correlation, variation] =
@@ -388,6 +411,14 @@ impl Engine {
         Ok(())
     }
 
+    /// Learns what a step that is done tells of the saliency filter's width, where `plan` says so. Steps are to be told in their order.
+    pub fn learn_sigma(&mut self, plan: &StepPlan, view: usize, by: Ticket) -> Result<Option<SigmaUpdate>, Error> {
+        match self.sigma.as_mut().filter(|_| plan.learn_sigma) {
+            Some(sigma) => sigma.learn(&self.gpu, (plan.step, view), by),
+            None => Ok(None),
+        }
+    }
+
     /// What came of an event. Waits for it if it is not done.
     pub fn outcome(&mut self, ticket: Ticket) -> Result<Outcome, Error> {
         self.gpu.wait(ticket)?;
@@ -396,6 +427,6 @@ impl Engine {
             self.gpu.read_ready(&self.ring, RING_SLOT * slot, finish::REPORT_WORDS, ticket)?.unwrap_or_default();
         let loss = words.get(counters::COUNT).map_or(f32::NAN, |bits| f32::from_bits(*bits));
         let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
-        Ok(Outcome { counters, loss })
+        Ok(Outcome { counters, loss, ticket })
     }
 }

@@ -13,6 +13,9 @@ pub struct History {
     pub splats: Vec<(u32, u32)>,
     /// (step, PSNR in dB, SSIM, seconds) of every evaluation.
     pub quality: Vec<(u32, f64, f64, f64)>,
+    /// (step, view, sigma, loss) of every update of the saliency filter's width.
+    #[serde(default)]
+    pub sigmas: Vec<(u32, usize, f64, f64)>,
 }
 
 impl History {
@@ -31,6 +34,10 @@ impl History {
                 self.quality.retain(|(s, ..)| s < step);
                 self.quality.push((*step, quality.psnr, quality.ssim, *seconds));
             }
+            Message::Sigma { step, learned } => {
+                self.sigmas.retain(|(s, ..)| s < step);
+                self.sigmas.push((*step, learned.view, learned.sigma, learned.loss));
+            }
             _ => {}
         }
     }
@@ -40,5 +47,6 @@ impl History {
         self.loss.truncate(step as usize);
         self.splats.retain(|(s, _)| *s <= step);
         self.quality.retain(|(s, ..)| *s <= step);
+        self.sigmas.retain(|(s, ..)| *s <= step);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::sigma::SigmaUpdate;
 use crate::eval::Quality;
 
 /// A message of the training stream.
@@ -32,6 +33,13 @@ pub enum Message {
         pruned: u32,
         /// Splats after the change.
         splats: u32,
+    },
+    /// The width of the saliency filter was learned from a step.
+    Sigma {
+        /// Step.
+        step: u32,
+        /// What was learned.
+        learned: SigmaUpdate,
     },
     /// Opacities were clamped.
     OpacityReset {

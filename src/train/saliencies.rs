@@ -6,6 +6,7 @@ use super::Error;
 use super::input::View;
 use super::schedule::{Stream, draw};
 use super::settings::Frequencies;
+use super::sigma::bytes;
 use crate::losses::Mask;
 use crate::pass::saliency_plane as pass;
 use crate::saliency::{Cache, Plane, Settings};
@@ -78,10 +79,7 @@ impl Saliencies {
 
     fn write(&self, gpu: &Gpu, view: usize, mask: &Plane) -> Result<(), Error> {
         let held = self.masks.get(view).ok_or(Error::NoViews)?;
-        let byte = |value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let mut bytes: Vec<u8> = mask.values().iter().map(byte).collect();
-        bytes.resize(held.buffer.size() as usize, 0);
-        Ok(gpu.write(&held.buffer, &bytes)?)
+        Ok(gpu.write(&held.buffer, &bytes(mask))?)
     }
 
     /// The mask of a view.

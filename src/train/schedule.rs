@@ -5,7 +5,7 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
-use super::settings::{Background, DepthPrior, Settings};
+use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -90,6 +90,8 @@ pub struct StepPlan {
     pub gradients: Option<f64>,
     /// The same of the perceptual distance.
     pub perceptual: Option<f64>,
+    /// Whether the width of the saliency filter is learned from what it shows.
+    pub learn_sigma: bool,
 }
 
 /// The schedule of a run.
@@ -124,6 +126,8 @@ pub struct Schedule {
     geometry_left: f64,
     gradients: Every,
     perceptual: Every,
+    sigma: Every,
+    sigma_from: u32,
     sh_degree: u32,
     sh_every: u32,
     densify: bool,
@@ -159,6 +163,7 @@ impl Schedule {
         let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
 
         let sh_every = settings.shortcuts.sh_every.max(1);
+        let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
         let rest_factor = if sh_every > 1 { settings.shortcuts.sh_rate } else { 1.0 };
         Self {
             iterations: run.iterations,
@@ -170,7 +175,7 @@ impl Schedule {
             prune_large_after,
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
-            low_until: (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32,
+            low_until,
             coarse_until: (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32,
             geometry_until: match settings.geometry.depth_prior {
                 DepthPrior::None => 0,
@@ -180,6 +185,15 @@ impl Schedule {
             geometry_left: settings.geometry.depth_left,
             gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
             perceptual: Every::new(settings.texture.perceptual_every, settings.texture.lambda_perceptual > 0.0),
+            sigma: Every::new(
+                settings.frequencies.sigma_every,
+                settings.frequencies.sigma_learning != SigmaLearning::Off,
+            ),
+            // Composites have two sets to be made of from the second step of the high-frequency stage on.
+            sigma_from: match settings.frequencies.sigma_learning {
+                SigmaLearning::Composite => low_until.saturating_add(2),
+                _ => 0,
+            },
             sh_degree: settings.model.sh_degree,
             sh_every,
             densify: !run.no_densify,
@@ -227,6 +241,7 @@ impl Schedule {
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),
             perceptual: self.perceptual.at(t, self.low_until),
+            learn_sigma: self.learns_sigma_at(t),
         }
     }
 
@@ -236,6 +251,11 @@ impl Schedule {
         due.then(|| {
             f64::from(self.geometry_every) * log_linear([1.0, self.geometry_left], t, self.geometry_until.max(1))
         })
+    }
+
+    /// Photographs of reduced size say nothing of what is fine.
+    fn learns_sigma_at(&self, t: u32) -> bool {
+        self.factor_at(t) == 1 && self.sigma.at(t, self.sigma_from.saturating_sub(1)).is_some()
     }
 
     /// A quarter of the photograph's size in the first quarter of the coarse steps, half of it in the others.

@@ -14,8 +14,8 @@ pub use file::SettingsError;
 pub use growth::{Density, Frequencies};
 pub use terms::{Geometry, Texture};
 pub use values::{
-    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, LidarCloud, MaskIgnores, Method, Preset, Split,
-    Transfer, Tune,
+    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, LidarCloud, MaskIgnores, Method, Preset,
+    SigmaLearning, Split, Transfer, Tune,
 };
 
 use std::path::PathBuf;

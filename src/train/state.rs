@@ -17,6 +17,8 @@ pub struct State {
     pub counters: Vec<u32>,
     /// Exposures of the photographs with their moments ([`crate::pass::exposure`]); empty where they are off.
     pub exposures: Vec<f32>,
+    /// What was learned of the saliency filter's width, as JSON; empty where nothing is.
+    pub sigma: String,
 }
 
 impl State {

@@ -27,6 +27,7 @@ use super::{Error, evaluate};
 use crate::format::checkpoint;
 use crate::pass::counters;
 use crate::raster::{Picture, Variants};
+use crate::saliency;
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{Gpu, SubmitOrder, Ticket};
 
@@ -234,6 +235,10 @@ impl Trainer {
                 if !outcome.loss.is_finite() {
                     return Err(Error::LossNotFinite { step: event.step });
                 }
+                let (plan, view) = (self.schedule.step(event.step), self.schedule.view_at(event.step));
+                if let Some(learned) = self.engine.learn_sigma(&plan, view, outcome.ticket)? {
+                    self.tell(Message::Sigma { step: event.step, learned });
+                }
                 self.tell(Message::Step {
                     step: event.step,
                     loss: outcome.loss,
@@ -350,6 +355,34 @@ impl Trainer {
     pub fn model(&mut self) -> Result<Gaussians, Error> {
         self.settle()?;
         self.engine.model()
+    }
+
+    /// Splats with an identity below this were there at the end of the low-frequency stage; `None` where there was none, or it has not
+    /// come to its end.
+    pub fn constrained_below(&mut self) -> Result<Option<u32>, Error> {
+        self.settle()?;
+        self.engine.constrained_below()
+    }
+
+    /// The loss of some photographs over the width of the saliency filter, by where the model as it is fails, evenly spread over those that are trained on; with
+    /// their names. Nothing where no width is learned.
+    pub fn sigma_curves(&mut self, most: usize) -> Result<Vec<(String, saliency::Curve)>, Error> {
+        let step = self.settle()?;
+        let plan = self.schedule.step(step.max(1));
+        let background = self.settings.model.background.evaluated();
+        let every = self.names.len().div_ceil(most.max(1)).max(1);
+        let mut curves = Vec::new();
+        for view in (0..self.names.len()).step_by(every) {
+            if let Some(curve) = self.engine.sigma_curve(view, plan.sh_degree, background)? {
+                curves.push((self.names[view].clone(), curve));
+            }
+        }
+        Ok(curves)
+    }
+
+    /// Names of the photographs that are trained on.
+    pub fn names(&self) -> &[String] {
+        &self.names
     }
 
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.

@@ -106,6 +106,53 @@ fn render_gives_the_pictures_of_training_and_depth_in_the_units_of_the_dataset()
     assert!((0.7..1.4).contains(&ratio), "median depth is {ratio} times the true one");
 }
 
+/// A training with stages and learned widths: its model tells the splats of the stages apart, its report shows them.
+#[test]
+fn the_sets_of_the_stages_are_rendered_apart() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (run, data) = (folder.path().join("run"), shared.data());
+    let mut args = vec!["train", text(&data), "--out", text(&run), "--method", "psrgs-paper", "--depth-prior", "none"];
+    args.extend(["--stereo-splats", "0", "--iterations", "100", "--densify-from", "10", "--densify-interval", "20"]);
+    args.extend([
+        "--densify-until",
+        "90",
+        "--sigma-every",
+        "5",
+        "--low-stage",
+        "0.4",
+        "--grad-threshold",
+        "1e-4",
+        "-v",
+    ]);
+    let said = works(&args);
+    assert!(said.contains(": sigma "), "{said}");
+    let file = run.join("point_cloud.ply");
+    let model = ply::read(&file).expect("a model");
+    let (low, all) = (model.constrained.expect("a constrained set"), model.gaussians.len());
+    assert!(low > 100 && low < all, "{low} of {all}");
+    let report = fs::read_to_string(run.join("report.html")).expect("a report");
+    for title in ["Texture mask", "Low frequencies", "High frequencies", "Sigma of the saliency filter"] {
+        assert!(report.contains(title), "{title}");
+    }
+    let sigmas = json(&run.join("sigma.json"));
+    assert_eq!(sigmas["photographs"].as_array().expect("photographs").len(), 7);
+    assert!(!sigmas["curves"].as_array().expect("curves").is_empty());
+
+    let mut pictures = Vec::new();
+    for set in ["low", "high", "full"] {
+        let out = folder.path().join(set);
+        works(&["render", text(&file), "--cameras", text(&data), "--out", text(&out), "--set", set, "--views", "test"]);
+        pictures.push(rgb(&out.join("view_0008.png")));
+    }
+    moved(&pictures[2], &rgb(&run.join("renders/view_0008.render.png")));
+    let apart = |a: &[u8], b: &[u8]| a.iter().zip(b).filter(|(x, y)| x.abs_diff(**y) > 8).count();
+    assert!(apart(&pictures[0], &pictures[2]) > 100 && apart(&pictures[1], &pictures[2]) > 100);
+    let without = shared.model();
+    let args = ["render", text(&without), "--cameras", text(&data), "--set", "low", "--out", text(folder.path())];
+    fails(&args, 3, &["point_cloud.ply", "constrained", "--low-stage"]);
+}
+
 #[test]
 fn views_are_those_asked_for_and_photographs_are_not_needed() {
     let Some(shared) = shared() else { return };

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod constrained;
 mod geometry;
 
 use common::guards::Guards;

@@ -29,6 +29,19 @@ fn ply_comes_back_bit_for_bit_in_the_identity_frame() {
     }
 }
 
+#[test]
+fn the_first_splats_are_told_to_be_the_constrained_set() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let file = folder.path().join("point_cloud.ply");
+    for constrained in [None, Some(0), Some(3), Some(5)] {
+        ply::save_staged(&file, &splats(5), &Frame::IDENTITY, false, constrained).expect("written");
+        assert_eq!(ply::read(&file).expect("read").constrained, constrained);
+    }
+    ply::save_staged(&file, &splats(5), &Frame::IDENTITY, false, Some(6)).expect("written");
+    let error = ply::read(&file).expect_err("more than there are").to_string();
+    assert!(error.contains("constrained 6") && error.contains("point_cloud.ply"), "{error}");
+}
+
 /// INRIA's layout, as its own files begin, read by a reader that is not ours.
 #[test]
 fn ply_has_the_layout_of_inria_for_an_independent_reader() {

@@ -1,7 +1,7 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
 
 use psrgs_vk::stereo::Prior;
-use psrgs_vk::train::settings::{DepthPrior, Growth, LidarCloud, Method};
+use psrgs_vk::train::settings::{DepthPrior, Growth, LidarCloud, Method, SigmaLearning};
 use psrgs_vk::train::{Input, Pacing, Settings, View};
 
 use super::common::{gpu, plane_scene};
@@ -26,6 +26,9 @@ fn everything(iterations: u32) -> Settings {
     s.geometry.lambda_flatten = 0.01;
     s.texture.lambda_gradients = 0.05;
     s.texture.lambda_variation = 0.01;
+    s.texture.lambda_constrained = 0.05;
+    s.frequencies.sigma_learning = SigmaLearning::Errors;
+    s.frequencies.sigma_every = 2;
     s.texture.lambda_perceptual = 0.02;
     s.texture.perceptual_every = 5;
     s

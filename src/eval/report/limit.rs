@@ -54,6 +54,7 @@ mod tests {
             photograph: picture.clone(),
             render: picture.clone(),
             depth: Some(depth),
+            stages: None,
             psnr: 1.0,
             psnr_cc: 1.0,
             ssim: 0.5,

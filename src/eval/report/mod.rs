@@ -53,6 +53,8 @@ pub struct ViewPanel {
     pub render: RgbImage,
     /// Depth of the render.
     pub depth: Option<DepthMap>,
+    /// The stages of the training, where it had some.
+    pub stages: Option<StagePanel>,
     /// PSNR in decibels.
     pub psnr: f64,
     /// PSNR in decibels after a colour fit.
@@ -63,6 +65,27 @@ pub struct ViewPanel {
     pub lpips_squeeze: Option<f64>,
     /// Gradient magnitude similarity deviation.
     pub gmsd: Option<f64>,
+}
+
+/// What the stages of a training make of a view, at the size of its photograph.
+#[derive(Clone, Debug)]
+pub struct StagePanel {
+    /// Which pixels are texture.
+    pub mask: RgbImage,
+    /// The splats that were there at the end of the low-frequency stage, alone.
+    pub low: RgbImage,
+    /// The splats that came after, alone.
+    pub high: RgbImage,
+}
+
+impl StagePanel {
+    fn pictures(&self) -> [(&'static str, &'static str, &RgbImage); 3] {
+        [
+            ("mask", "Texture mask", &self.mask),
+            ("low", "Low frequencies", &self.low),
+            ("high", "High frequencies", &self.high),
+        ]
+    }
 }
 
 /// Everything a report shows.
@@ -170,6 +193,11 @@ fn check(view: &ViewPanel) -> Result<(), ReportError> {
     let wrong = |what, got| Err(ReportError::Size { name: view.name.clone(), what, got, expected });
     if view.render.dimensions() != expected {
         return wrong("render", view.render.dimensions());
+    }
+    for (kind, _, picture) in view.stages.iter().flat_map(StagePanel::pictures) {
+        if picture.dimensions() != expected {
+            return wrong(kind, picture.dimensions());
+        }
     }
     match &view.depth {
         Some(d) if (d.width, d.height) != expected => wrong("depth", (d.width, d.height)),
@@ -368,6 +396,9 @@ fn card(
         let (picture, (low, high)) = panel::depth(depth);
         let bar = scale(&Colormap::depth(), &significant(f64::from(low)), &significant(f64::from(high)));
         add("depth", "Depth", &picture, &bar)?;
+    }
+    for (kind, title, picture) in view.stages.iter().flat_map(StagePanel::pictures) {
+        add(kind, title, picture, "")?;
     }
     let gap = "<span class=\"gap\"></span>";
     let lpips = view.lpips_squeeze.map_or_else(String::new, |v| format!(" {gap} LPIPS <b>{v:.3}</b>"));

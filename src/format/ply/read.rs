@@ -306,7 +306,11 @@ pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> 
                     *out = word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(wrong)?;
                 }
             }
-            (Some("antialias" | "offset"), _) => return Err(wrong()),
+            (Some("constrained"), [count]) => {
+                let all = model.gaussians.len();
+                model.constrained = Some(count.parse().ok().filter(|n| *n <= all).ok_or_else(wrong)?);
+            }
+            (Some("antialias" | "offset" | "constrained"), _) => return Err(wrong()),
             _ => {}
         }
     }

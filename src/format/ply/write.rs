@@ -54,6 +54,9 @@ fn header(model: &Model) -> String {
     if let Some(antialias) = model.antialias {
         comment("antialias", u8::from(antialias).to_string());
     }
+    if let Some(constrained) = model.constrained {
+        comment("constrained", constrained.to_string());
+    }
     if model.shift != [0.0; 3] {
         // The shortest decimals that read back as the same f64.
         comment("offset", model.shift.map(|v| v.to_string()).join(" "));

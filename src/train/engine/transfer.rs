@@ -5,11 +5,13 @@ use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of, planes_of};
+use crate::saliency::Curve;
 use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
 use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
 use crate::train::exposures::{self, ExposureMatrix, Exposures};
 use crate::train::saliencies::Saliencies;
+use crate::train::sigma::SigmaTraining;
 use crate::train::terms::{Constrained, Geometry, Perceptual};
 use crate::train::{Error, State};
 
@@ -56,6 +58,9 @@ impl Engine {
         self.statistics.restore(&self.gpu, &state.stats, &state.scores)?;
         if let Some(exposures) = &self.exposures {
             exposures.restore(&self.gpu, &state.exposures)?;
+        }
+        if let Some(sigma) = self.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
+            sigma.restore(&state.sigma)?;
         }
         self.gpu.write(&self.renderer.counters, &state.counters)?;
         Ok(())
@@ -138,6 +143,22 @@ impl Engine {
         Ok(words[counters::SPLATS])
     }
 
+    /// The bound of the constrained set; `None` where there is none. Waits.
+    pub fn constrained_below(&self) -> Result<Option<u32>, Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        Ok(Some(words[counters::CONSTRAINED]).filter(|bound| *bound > 0))
+    }
+
+    /// The loss of a view over the width of the saliency filter; `None` where that is not learned, or the view has nothing to tell. Waits.
+    pub fn sigma_curve(&mut self, view: usize, sh_degree: u32, background: [f32; 3]) -> Result<Option<Curve>, Error> {
+        if self.sigma.is_none() {
+            return Ok(None);
+        }
+        let camera = *self.cameras.get(view).ok_or(Error::NoViews)?;
+        let picture = self.picture(&camera, sh_degree, background, false)?;
+        self.sigma.as_ref().map_or(Ok(None), |sigma| sigma.curve(view, &picture.rgbt))
+    }
+
     /// Everything a restart needs, read back. Waits.
     pub fn state(&self) -> Result<State, Error> {
         let counters: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
@@ -152,6 +173,7 @@ impl Engine {
             scores,
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
+            sigma: self.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
         })
     }
 

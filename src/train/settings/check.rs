@@ -1,6 +1,7 @@
 //! What settings ask for together, and whether it makes sense.
 
-use super::{DepthPrior, Growth, Method, Settings, SettingsError};
+use super::{DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning};
+use crate::saliency::LearnSettings;
 
 impl Settings {
     /// Whether pixels are told apart by masks.
@@ -107,6 +108,17 @@ impl Settings {
             "a laser scan (--lidar CLOUD.ply, .las or .laz), or the cloud that stereo makes (--lidar mvs), where --method is rsgs or \
              --depth-prior is lidar",
         )?;
+        let frequencies = &self.frequencies;
+        if frequencies.sigma_learning != SigmaLearning::Off {
+            let LearnSettings { lowest, highest, .. } = LearnSettings::default();
+            let inside = frequencies.sigma > lowest && frequencies.sigma < highest;
+            ok(inside, "sigma", "between 0.5 and 12 where it is learned")?;
+            ok(frequencies.gate == Gate::Spectral, "sigma-learning", "off unless --gate is spectral")?;
+            ok(frequencies.sigma_every >= 1, "sigma-every", "at least 1")?;
+            ok(self.needs_masks(), "sigma-learning", "off where nothing looks at masks")?;
+        }
+        let staged = frequencies.sigma_learning != SigmaLearning::Composite || frequencies.low_stage > 0.0;
+        ok(staged, "sigma-learning", "other than composite where there is no --low-stage")?;
         ok((0.0..=1000.0).contains(&self.frequencies.sigma), "sigma", "a number from 0 to 1000")?;
         for (share, key) in [
             (density.low_grad_threshold, "low-grad-threshold"),

@@ -1,7 +1,7 @@
 //! Growth, and low and high frequencies apart.
 
 use super::group::group;
-use super::{Gate, Growth, LidarCloud};
+use super::{Gate, Growth, LidarCloud, SigmaLearning};
 
 group! {
     /// Growth and pruning of the set of splats.
@@ -88,6 +88,13 @@ group! {
         /// Width of the filter of the spectral gate, in bins of a spectrum of 256
         #[arg(value_name = "BINS")]
         pub sigma: f64 = 3.0,
+        /// How that width is learned for each photograph: off, errors (a mask is to tell where the model fails) or composite (a mask is to be
+        /// where the splats after the low-frequency stage are worth their price)
+        #[arg(value_name = "HOW")]
+        pub sigma_learning: SigmaLearning = SigmaLearning::Off,
+        /// Steps between updates of what is learned
+        #[arg(value_name = "N")]
+        pub sigma_every: u32 = 15,
         /// Weight of texture in the loss of the low-frequency stage (1: that of the rest)
         #[arg(value_name = "W")]
         pub low_texture_weight: f64 = 1.0,

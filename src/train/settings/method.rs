@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DepthPrior, Gate, Growth, Settings};
+use super::{DepthPrior, Gate, Growth, Settings, SigmaLearning};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,19 +19,22 @@ pub enum Method {
     Lean,
     /// `psrgs`: progressive spectral residual splatting, as far as it pays.
     Psrgs,
+    /// `psrgs-paper`: the same with every part of the paper, whether it pays or not.
+    PsrgsPaper,
 }
 
 /// Methods that later versions bring; named so that asking for one says so.
-const PLANNED: [&str; 2] = ["gspro", "psrgs-paper"];
+const PLANNED: [&str; 1] = ["gspro"];
 
 impl Method {
     /// All methods, with what they are called.
-    pub const ALL: [(Self, &str); 5] = [
+    pub const ALL: [(Self, &str); 6] = [
         (Self::Gs, "3dgs"),
         (Self::AbsGs, "absgs"),
         (Self::Rsgs, "rsgs"),
         (Self::Lean, "lean"),
         (Self::Psrgs, "psrgs"),
+        (Self::PsrgsPaper, "psrgs-paper"),
     ];
 
     /// Puts its values in place of those that are not `named`, by their keys in the file.
@@ -44,6 +47,11 @@ impl Method {
             Self::Lean => lean(settings, &named),
             Self::Psrgs => {
                 lean(settings, &named);
+                psrgs(settings, &named);
+            }
+            Self::PsrgsPaper => {
+                lean(settings, &named);
+                psrgs_paper(settings, &named);
                 psrgs(settings, &named);
             }
         }
@@ -95,6 +103,20 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "sample-error-share" density.sample_error_share = 0.5,
         "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
         "stereo-splats" geometry.stereo_splats = 30_000,
+    );
+}
+
+/// What the paper has and `psrgs` has not. Its thresholds are those of the caption of its second figure: high where frequencies are low.
+fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    unless_named!(named, settings:
+        "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
+        "low-texture-weight" frequencies.low_texture_weight = 0.3,
+        "sigma-learning" frequencies.sigma_learning = SigmaLearning::Errors,
+        "lambda-flatten" geometry.lambda_flatten = 0.01,
+        "lambda-gradients" texture.lambda_gradients = 0.05,
+        "lambda-constrained" texture.lambda_constrained = 0.05,
+        "lambda-variation" texture.lambda_variation = 0.005,
+        "lambda-perceptual" texture.lambda_perceptual = 0.03,
     );
 }
 

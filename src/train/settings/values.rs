@@ -58,6 +58,42 @@ impl FromStr for Growth {
 
 as_word!(Growth);
 
+/// How the width of the saliency filter is learned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SigmaLearning {
+    /// It stays what it is.
+    #[default]
+    Off,
+    /// From where the model fails.
+    Errors,
+    /// From what the splats after the low-frequency stage are worth.
+    Composite,
+}
+
+impl fmt::Display for SigmaLearning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::Errors => "errors",
+            Self::Composite => "composite",
+        })
+    }
+}
+
+impl FromStr for SigmaLearning {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "off" => Ok(Self::Off),
+            "errors" => Ok(Self::Errors),
+            "composite" => Ok(Self::Composite),
+            _ => Err(format!("no way to learn sigma `{word}`: it is off, errors or composite")),
+        }
+    }
+}
+
+as_word!(SigmaLearning);
+
 /// Where depths and normals to train with come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthPrior {

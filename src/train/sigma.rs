@@ -1,0 +1,266 @@
+//! The width of the saliency filter by photograph, learned beside the scene. Every so many steps the step's render is copied to the host;
+//! once the step is done the network takes one update from it, and the photograph gets the mask of its new width some steps later: so
+//! many that every step in flight then has been looked at, so that a run is the same however far the host is ahead, and resumed.
+
+use serde::{Deserialize, Serialize};
+
+use super::Error;
+use super::input::View;
+use super::settings::{Frequencies, SigmaLearning};
+use crate::dataset::Pixels;
+use crate::saliency::{Curve, LearnSettings, Plane, Renders, Settings, SigmaLearner, Spectrum, Target, spaced};
+use crate::scene::Camera;
+use crate::vk::{self, Buffer, Gpu, Memory, Recorder, Ticket};
+
+/// Steps from an update to the mask that it makes: more than ever in flight.
+const DELAY: u32 = 64;
+
+/// Widths at which a loss is drawn.
+const CURVE_POINTS: usize = 9;
+
+/// What an update has learned of a photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SigmaUpdate {
+    /// The photograph, by its position among those that are trained on.
+    pub view: usize,
+    /// The width that the network gives it from now on, in bins of a spectrum of 256.
+    pub sigma: f64,
+    /// Loss of the mask before the update.
+    pub loss: f64,
+}
+
+/// A mask from a step on.
+struct Mask {
+    from: u32,
+    sigma: f64,
+    level: f64,
+    bytes: Vec<u8>,
+}
+
+/// A photograph as learning needs it, at the size of its mask.
+struct Image {
+    luma: Plane,
+    /// Share of each pixel that is not masked, where any is.
+    coverage: Option<Plane>,
+    /// Red, green and blue, where composites are learned from.
+    colors: Vec<f32>,
+}
+
+/// The network, the photographs, and the masks that it has made of them.
+pub(super) struct SigmaTraining {
+    learner: SigmaLearner,
+    how: SigmaLearning,
+    every: u32,
+    settings: Settings,
+    images: Vec<Image>,
+    masks: Vec<Vec<Mask>>,
+    /// Of each step in flight: the render of the full set, and of the constrained set where composites are learned from.
+    landings: Vec<[Buffer; 2]>,
+    sizes: Vec<(u32, u32)>,
+}
+
+impl SigmaTraining {
+    /// For these views and masks of them (`lumas`, at the size of the masks), with at most `in_flight` steps on the device.
+    pub(super) fn new(
+        gpu: &Gpu,
+        views: &[View],
+        lumas: Vec<Plane>,
+        frequencies: &Frequencies,
+        (seed, in_flight): (u64, usize),
+    ) -> Result<Self, Error> {
+        let settings = Settings::default();
+        let learned = LearnSettings { start: frequencies.sigma, seed, ..LearnSettings::default() };
+        let how = frequencies.sigma_learning;
+        let (mut features, mut images) = (Vec::new(), Vec::new());
+        for (view, luma) in views.iter().zip(lumas) {
+            features.push(*Spectrum::new(&luma, &settings)?.features());
+            images.push(Image::new(view, luma, how)?);
+        }
+        let pixels = views.iter().map(|v| u64::from(v.camera.width) * u64::from(v.camera.height)).max().unwrap_or(1);
+        let of_low = if how == SigmaLearning::Composite { pixels } else { 1 };
+        let landing = |_| -> Result<[Buffer; 2], vk::Error> {
+            Ok([
+                gpu.buffer("learned_render", 16 * pixels, Memory::Readback)?,
+                gpu.buffer("learned_low_render", 16 * of_low, Memory::Readback)?,
+            ])
+        };
+        Ok(Self {
+            learner: SigmaLearner::new(&features, &learned)?,
+            how,
+            every: frequencies.sigma_every.max(1),
+            settings,
+            masks: views.iter().map(|_| Vec::new()).collect(),
+            images,
+            landings: (0..=in_flight).map(landing).collect::<Result<_, _>>()?,
+            sizes: views.iter().map(|v| (v.camera.width, v.camera.height)).collect(),
+        })
+    }
+
+    /// Whether both sets are rendered where something is learned.
+    pub(super) fn wants_low(&self) -> bool {
+        self.how == SigmaLearning::Composite
+    }
+
+    fn landing(&self, step: u32) -> &[Buffer; 2] {
+        &self.landings[(step / self.every) as usize % self.landings.len()]
+    }
+
+    /// Records keeping the render of a step for the update; `low`: of the constrained set.
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder,
+        (step, camera, low): (u32, &Camera, bool),
+        image: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let to = &self.landing(step)[usize::from(low)];
+        recorder.copy(image, 0, to, 0, 16 * u64::from(camera.width) * u64::from(camera.height))
+    }
+
+    /// The mask of a view in a step, where it is not the one that it began with.
+    pub(super) fn mask(&self, view: usize, step: u32) -> Option<&[u8]> {
+        let masks = self.masks.get(view)?;
+        masks.iter().rev().find(|mask| mask.from <= step).map(|mask| mask.bytes.as_slice())
+    }
+
+    /// One update from a step that is done. Nothing where there is nothing to tell.
+    pub(super) fn learn(
+        &mut self,
+        gpu: &Gpu,
+        (step, view): (u32, usize),
+        ticket: Ticket,
+    ) -> Result<Option<SigmaUpdate>, Error> {
+        let Some(image) = self.images.get(view) else { return Ok(None) };
+        let (width, height) = self.sizes[view];
+        let read = |buffer: &Buffer| gpu.read_ready::<f32>(buffer, 0, 4 * (width * height) as usize, ticket);
+        let [full, low] = self.landing(step);
+        let Some(full) = read(full)? else { return Ok(None) };
+        let spectrum = Spectrum::new(&image.luma, &self.settings)?;
+        let update = if self.how == SigmaLearning::Composite {
+            let Some(low) = read(low)? else { return Ok(None) };
+            let [low, full] = [low, full].map(|render| image.colors_of(&render, (width, height)));
+            let renders = Renders { low: &low?, full: &full?, photograph: &image.colors };
+            self.learner.learn_from_composite(&spectrum, &renders)?
+        } else {
+            self.learner.learn_from_errors(&spectrum, &image.errors(&full, (width, height))?)?
+        };
+        let Some(update) = update else { return Ok(None) };
+        let choice = self.learner.choose(spectrum.features());
+        let from = step.saturating_add(DELAY);
+        self.add(view, (from, choice.sigma, choice.level), &spectrum)?;
+        // What no later step asks for goes.
+        let masks = &mut self.masks[view];
+        let used = masks.iter().rposition(|mask| mask.from <= step).unwrap_or(0);
+        masks.drain(..used);
+        Ok(Some(SigmaUpdate { view, sigma: choice.sigma, loss: update.loss }))
+    }
+
+    /// The loss over sigma of a view that is rendered like this (a vec4 per pixel); `None` where there is nothing to tell.
+    pub(super) fn curve(&self, view: usize, render: &[f32]) -> Result<Option<Curve>, Error> {
+        let (Some(image), Some(size)) = (self.images.get(view), self.sizes.get(view)) else { return Ok(None) };
+        let spectrum = Spectrum::new(&image.luma, &self.settings)?;
+        let learned = self.learner.settings();
+        let side = image.luma.width().min(image.luma.height());
+        let blur = learned.error_blur * f64::from(side) / 256.0;
+        let errors = image.errors(render, *size)?;
+        let target = Target::of_errors(&errors, spectrum.size(), blur, learned.failing);
+        let Some(target) = target.filter(|_| !spectrum.is_flat()) else { return Ok(None) };
+        let sigmas = spaced(learned.lowest, learned.highest, CURVE_POINTS);
+        Ok(Some(Curve::of_target(&spectrum, &target, &sigmas)?))
+    }
+
+    fn add(&mut self, view: usize, (from, sigma, level): (u32, f64, f64), spectrum: &Spectrum) -> Result<(), Error> {
+        let mask = spectrum.map(sigma)?.mask(level).plane();
+        self.masks[view].push(Mask { from, sigma, level, bytes: bytes(&mask) });
+        Ok(())
+    }
+
+    /// What a restart needs.
+    pub(super) fn state(&self) -> Result<String, Error> {
+        let masks = self.masks.iter().map(|of| of.iter().map(|m| (m.from, m.sigma, m.level)).collect()).collect();
+        Ok(serde_json::to_string(&Kept { learner: self.learner.clone(), masks })?)
+    }
+
+    /// Goes on from a state of the same training.
+    pub(super) fn restore(&mut self, text: &str) -> Result<(), Error> {
+        let kept: Kept = serde_json::from_str(text)?;
+        if kept.masks.len() != self.images.len() {
+            let (found, expected) = (kept.masks.len(), self.images.len());
+            return Err(Error::Checkpoint { section: "sigma".to_owned(), found, expected });
+        }
+        self.learner = kept.learner;
+        for (view, masks) in kept.masks.into_iter().enumerate().filter(|(_, masks)| !masks.is_empty()) {
+            let spectrum = Spectrum::new(&self.images[view].luma, &self.settings)?;
+            masks.into_iter().try_for_each(|mask| self.add(view, mask, &spectrum))?;
+        }
+        Ok(())
+    }
+}
+
+/// What stands in a checkpoint.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    learner: SigmaLearner,
+    /// Of each view: the step from which on a mask is used, its sigma and level.
+    masks: Vec<Vec<(u32, f64, f64)>>,
+}
+
+impl Image {
+    fn new(view: &View, luma: Plane, how: SigmaLearning) -> Result<Self, Error> {
+        let size = (view.camera.width, view.camera.height);
+        let masked = view.masked() > 0;
+        let composite = how == SigmaLearning::Composite;
+        if !masked && !composite {
+            return Ok(Self { luma, coverage: None, colors: Vec::new() });
+        }
+        let pixels = view.photograph.pixels()?;
+        let rgba: Vec<f32> = match pixels.as_ref() {
+            Pixels::Rgba8(values) => values.iter().map(|v| f32::from(*v) / 255.0).collect(),
+            Pixels::Rgba16(values) => values.iter().map(|v| f32::from(*v) / 65_535.0).collect(),
+        };
+        let coverage = if masked {
+            let counts = rgba.chunks_exact(4).map(|p| if p[3] > 0.0 { 1.0 } else { 0.0 }).collect();
+            Some(Plane::new(size.0, size.1, counts)?.resized(luma.width(), luma.height()))
+        } else {
+            None
+        };
+        let mut image = Self { luma, coverage, colors: Vec::new() };
+        if composite {
+            image.colors = image.colors_of(&rgba, size)?;
+        }
+        Ok(image)
+    }
+
+    /// Where a render (a vec4 per pixel) differs from the photograph, at the size of the mask.
+    fn errors(&self, render: &[f32], size: (u32, u32)) -> Result<Plane, Error> {
+        let luma = |p: &[f32]| (0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]).clamp(0.0, 1.0);
+        let shown = plane(render, size, luma)?.resized(self.luma.width(), self.luma.height());
+        let differences = shown.values().iter().zip(self.luma.values()).map(|(a, b)| (a - b).abs());
+        let values = match &self.coverage {
+            Some(coverage) => differences.zip(coverage.values()).map(|(d, c)| d * c).collect(),
+            None => differences.collect(),
+        };
+        Ok(Plane::new(self.luma.width(), self.luma.height(), values)?)
+    }
+
+    /// Red, green and blue of an image (a vec4 per pixel) at the size of the mask.
+    fn colors_of(&self, rgba: &[f32], size: (u32, u32)) -> Result<Vec<f32>, Error> {
+        let channel = |c: usize| -> Result<Plane, Error> {
+            Ok(plane(rgba, size, |p| p[c].clamp(0.0, 1.0))?.resized(self.luma.width(), self.luma.height()))
+        };
+        let [r, g, b] = [channel(0)?, channel(1)?, channel(2)?];
+        Ok(r.values().iter().zip(g.values()).zip(b.values()).flat_map(|((r, g), b)| [*r, *g, *b]).collect())
+    }
+}
+
+/// A value of each pixel of a vec4 image; 0 where it is not finite.
+fn plane(rgba: &[f32], (width, height): (u32, u32), value: impl Fn(&[f32]) -> f32) -> Result<Plane, Error> {
+    let values = rgba.chunks_exact(4).map(|p| if p.iter().all(|v| v.is_finite()) { value(p) } else { 0.0 });
+    Ok(Plane::new(width, height, values.collect())?)
+}
+
+/// A mask as the device has it: a byte per value, in whole words.
+pub(super) fn bytes(mask: &Plane) -> Vec<u8> {
+    let mut bytes: Vec<u8> = mask.values().iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes
+}

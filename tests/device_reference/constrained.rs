@@ -1,0 +1,188 @@
+//! The gradient-map loss of the constrained set beside the full one: the gradients that the device adds to the model's against the f64
+//! renderer, loss and backward, and these against differences of the loss.
+
+use psrgs_vk::losses::{GradientMapLoss, GradientMapWeights, Photograph};
+use psrgs_vk::pass::constrain::{ADD, KEEP};
+use psrgs_vk::pass::gradient_map::{Push, windows};
+use psrgs_vk::pass::{counters, loss};
+use psrgs_vk::raster::{GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
+use psrgs_vk::twin::gradient_map::Scene;
+use psrgs_vk::twin::loss::{counting, unpack};
+use psrgs_vk::twin::reference::{self, Image, ImageGradient};
+use psrgs_vk::twin::splat::Splat;
+use psrgs_vk::vk::{Gpu, Memory, slices};
+
+use super::common::guards::Guards;
+use super::common::splats::Random;
+use super::{Case, FLOOR, NAMES, case, common, planes_of};
+
+/// Identities below this are constrained: every third splat.
+const BOUND: u32 = 1000;
+const WEIGHT: f32 = 0.7;
+
+fn constrained(i: usize) -> bool {
+    i.is_multiple_of(3)
+}
+
+/// A photograph of noise over a slope, masked where the constrained set's render is near a decision.
+fn photograph(image: &Image, width: u32) -> Vec<u32> {
+    let mut random = Random::new(5);
+    let pixel = |(k, margin): (usize, &f64)| {
+        let slope = 90.0 * (k as u32 % width) as f64 / f64::from(width);
+        let [r, g, b] = std::array::from_fn(|_| (slope + 60.0 * (1.0 + random.symmetric())) as u32);
+        r | g << 8 | b << 16 | u32::from(*margin > super::BAND) << 24
+    };
+    image.margin.iter().enumerate().map(pixel).collect()
+}
+
+/// The loss of an image in f64.
+fn scene(case: &Case, target: &[u32], image: &Image) -> Scene<'static, f64> {
+    let (width, height) = (case.shot.camera.width, case.shot.camera.height);
+    let masked = target.iter().filter(|t| **t >> 24 == 0).count() as u32;
+    let push = Push {
+        width,
+        height,
+        mask_width: 0,
+        mask_height: 0,
+        weight: WEIGHT,
+        tv_weight: 0.0,
+        values: loss::values(width, height, masked),
+    };
+    let row = |i: usize| [image.color[i][0], image.color[i][1], image.color[i][2], image.transmittance[i]];
+    Scene {
+        push,
+        variation: false,
+        image: (0..image.color.len()).map(row).collect(),
+        photo: unpack(target, 8),
+        counts: counting(target, 8),
+        mask: None,
+    }
+}
+
+/// Its gradient by the constrained splats.
+fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
+    let image = reference::render(splats, &case.shot.camera, &case.settings);
+    let scene = scene(case, target, &image);
+    let pixels = image.color.len();
+    let maps: Vec<_> = (0..pixels).map(|k| scene.sobel(k)).collect();
+    let windows: Vec<_> =
+        (0..windows(scene.push.width, scene.push.height) as usize).map(|w| scene.window(&maps, w)).collect();
+    let flows = Scene::flows(&maps, &windows);
+    let [r, m] = windows.iter().fold([0.0; 2], |[r, m], w| [r + w.row[0], m + w.row[1]]);
+    let mut upstream = ImageGradient::zeros(pixels);
+    for k in 0..pixels {
+        upstream.color[k] = scene.grad_row(&flows, &[r, m, 0.0, 0.0], k).1;
+    }
+    planes_of(&reference::backward(splats, &case.shot.camera, &case.settings, &upstream))
+}
+
+/// The passes of a training step that has both sets, the full one having no loss of its own here.
+fn on_device(gpu: &Gpu, tile: TileShape, case: &Case, target: &[u32]) -> [Vec<f32>; 8] {
+    let variants = Variants::new(tile, GradientSum::Slots);
+    let n = case.model.len() as u32;
+    let (width, height) = (case.shot.camera.width, case.shot.camera.height);
+    let side = variants.tile.size();
+    let tiles = width.div_ceil(side) * height.div_ceil(side);
+    let size =
+        Size { splats: n, pairs: 40_000, tiles, aux: false, train: true, count: false, clamp_gradient_passes: false };
+    let renderer = Renderer::new(gpu, variants, size).unwrap();
+    let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
+    model.write(gpu, &case.model).unwrap();
+    let shown = Target::new(gpu, "", width * height, false).unwrap();
+    let upload = |name: &str, bytes: &[u8]| {
+        let buffer = gpu.buffer(name, bytes.len() as u64, Memory::Device).unwrap();
+        gpu.write(&buffer, bytes).unwrap();
+        buffer
+    };
+    let ids: Vec<u32> = (0..n).map(|i| if constrained(i as usize) { i } else { BOUND + i }).collect();
+    let ids = upload("ids", bytemuck::cast_slice(&ids));
+    let buffer = upload("photograph", bytemuck::cast_slice(target));
+    let grad_image = upload("grad_image", &vec![0; 16 * (width * height) as usize]);
+    let kept = upload("kept", &vec![0; 48 * n as usize]);
+    let mut words = [0u32; counters::COUNT];
+    (words[counters::SPLATS], words[counters::CONSTRAINED]) = (n, BOUND);
+    let masked = target.iter().filter(|t| **t >> 24 == 0).count() as u32;
+    let values = loss::values(width, height, masked);
+    let compared = Photograph { buffer: &buffer, bits: 8, size: (width, height), values, mask: None };
+    let maps = GradientMapLoss::new(gpu, &[(width, height)]).unwrap();
+
+    let mut rec = gpu.recorder("both sets").unwrap();
+    rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
+    let lists = renderer.record_forward_of(&mut rec, &model, &case.shot, &shown, false, Some(&ids)).unwrap();
+    let weights = GradientMapWeights { correlation: WEIGHT, variation: 0.0 };
+    maps.record(&mut rec, &shown.image, &compared, &weights, &grad_image).unwrap();
+    renderer.record_blend_backward(&mut rec, &lists, &grad_image, &case.shot, &shown).unwrap();
+    let grad2d = renderer.grad2d().unwrap();
+    let [counts, tile_counts, held] = slices([&renderer.counters, &renderer.tile_counts, &kept]);
+    let keep = gpu.pipeline(&KEEP.kernel, &[]).unwrap();
+    rec.dispatch(&keep, &[counts, tile_counts, grad2d, held], &(), renderer.per_splat()).unwrap();
+    let lists = renderer.record_forward(&mut rec, &model, &case.shot, &shown, false).unwrap();
+    rec.fill(&grad_image, 0).unwrap();
+    renderer.record_blend_backward(&mut rec, &lists, &grad_image, &case.shot, &shown).unwrap();
+    let add = gpu.pipeline(&ADD.kernel, &[]).unwrap();
+    rec.dispatch(&add, &[counts, tile_counts, held, grad2d], &(), renderer.per_splat()).unwrap();
+    renderer.record_project_backward(&mut rec, &model, &grads, &case.shot).unwrap();
+    rec.submit().unwrap();
+    grads.read(gpu, n).unwrap()
+}
+
+/// A splat's row of a plane among those of the model.
+fn spread(rows: &[f64], of: usize, chosen: &[usize], splats: usize) -> Vec<f64> {
+    let mut out = vec![0.0; of * splats];
+    for (from, to) in chosen.iter().enumerate() {
+        out[of * to..of * (to + 1)].copy_from_slice(&rows[of * from..of * (from + 1)]);
+    }
+    out
+}
+
+#[test]
+fn gradients_of_the_constrained_set_agree_with_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut case = case((61, 45), 1, false, 300, 77);
+    case.model.opacities.iter_mut().for_each(|o| *o = o.abs() + 0.3);
+    case.splats = Splat::all(&case.model);
+    let chosen: Vec<usize> = (0..case.splats.len()).filter(|i| constrained(*i)).collect();
+    let alone: Vec<Splat<f64>> = chosen.iter().map(|i| case.splats[*i].clone()).collect();
+    let image = reference::render(&alone, &case.shot.camera, &case.settings);
+    let target = photograph(&image, case.shot.camera.width);
+    let want = wanted(&case, &alone, &target);
+
+    // Differences of the loss through render and maps, for parameters of splats that matter.
+    let value = |splats: &[Splat<f64>]| {
+        let image = reference::render(splats, &case.shot.camera, &case.settings);
+        scene(&case, &target, &image).value()[0]
+    };
+    let mut checked = 0;
+    for (plane, row, at) in [(0, 3, 0), (2, 3, 7), (3, 1, 10), (4, 12, 11)] {
+        let mut largest: Vec<usize> = (0..want[plane].len()).collect();
+        largest.sort_by(|a, b| want[plane][*b].abs().total_cmp(&want[plane][*a].abs()));
+        for k in largest.into_iter().take(4) {
+            let h = 1e-6;
+            let moved = |by: f64| {
+                let mut splats = alone.clone();
+                let mut values = splats[k / row].to_array();
+                values[at + k % row] += by;
+                splats[k / row] = Splat::from_array(&values);
+                value(&splats)
+            };
+            let slope = (moved(h) - moved(-h)) / (2.0 * h);
+            let close = (slope - want[plane][k]).abs() <= 1e-3 * want[plane][k].abs();
+            assert!(want[plane][k] != 0.0, "{}: no gradient", NAMES[plane]);
+            // A pixel that crosses a decision between the two has another slope; few do.
+            checked += usize::from(close);
+        }
+    }
+    assert!(checked >= 14, "only {checked} of 16 derivatives are those of the loss");
+
+    for tile in [TileShape::Column, TileShape::Pixel] {
+        let got = on_device(&gpu, tile, &case, &target);
+        for p in 0..5 {
+            let of = want[p].len() / chosen.len();
+            let want = spread(&want[p], of, &chosen, case.splats.len());
+            let name = format!("{tile:?}, {}", NAMES[p]);
+            Guards { floor: FLOOR, ..Guards::of(1e-3) }.check(&name, got[p].len(), &got[p], &want);
+        }
+    }
+    gpu.check_canaries().unwrap();
+    common::assert_no_messages(&gpu);
+}
