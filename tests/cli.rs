@@ -186,7 +186,7 @@ fn usage_errors_have_their_code_and_say_what_to_do() {
     fails(&["train"], 2, &["train DATA --out DIR"]);
     fails(&["train", "fox", "--itertions", "5"], 2, &["--iterations"]);
     fails(&["train", "fox", "--resume", "run"], 2, &["--resume"]);
-    fails(&["train", "fox", "--method", "gspro"], 2, &["planned", "3dgs"]);
+    fails(&["train", "fox", "--method", "gsplat"], 2, &["no method `gsplat`", "3dgs"]);
     fails(&["train", "fox", "--method", "nerf"], 2, &["3dgs"]);
     fails(&[], 2, &["Usage"]);
 }

@@ -157,11 +157,15 @@ fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console:
         0 => String::new(),
         n => format!("; {} splats more to begin with", HumanCount(n as u64)),
     };
-    console.say(format_args!(
-        "depths from {prior}: {} of {views} photographs, {:.1} % of their pixels{splats}",
-        found.views,
-        100.0 * found.share
-    ));
+    if prior == DepthPrior::Propagation {
+        console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
+    } else {
+        console.say(format_args!(
+            "depths from {prior}: {} of {views} photographs, {:.1} % of their pixels{splats}",
+            found.views,
+            100.0 * found.share
+        ));
+    }
     if let [first, rest @ ..] = found.skipped.as_slice() {
         let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
         console.warn(format_args!(
@@ -246,6 +250,10 @@ fn follow(
             Message::Sigma { step, learned } => progress.detail(format_args!(
                 "step {step}: sigma {:.2} for photograph {} (loss {:.4})",
                 learned.sigma, learned.view, learned.loss
+            )),
+            Message::Propagated { step, added, share, splats } => progress.detail(format_args!(
+                "step {step}: depths of {:.1} % of a photograph propagated, {added} splats added: {splats} splats",
+                100.0 * share
             )),
             Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
             Message::Grown { what, capacity, replay_from } => {

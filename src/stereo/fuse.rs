@@ -68,6 +68,11 @@ pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedP
     points
 }
 
+/// The point that a pixel with a depth shows.
+pub fn lifted_pixel(view: &View, prior: &Prior, pixel: usize) -> FusedPoint {
+    merged(&[lifted(view, prior, pixel)])
+}
+
 fn middle(prior: &Prior, pixel: usize) -> (f64, f64) {
     let (x, y) = (pixel % prior.width as usize, pixel / prior.width as usize);
     (x as f64 + 0.5, y as f64 + 0.5)

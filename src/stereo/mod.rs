@@ -32,7 +32,7 @@ mod work;
 
 pub use accuracy::{Accuracy, Known};
 pub use error::Error;
-pub use fuse::{FusedPoint, fuse};
+pub use fuse::{FusedPoint, fuse, lifted_pixel};
 pub use matcher::Matcher;
 pub use prior::Prior;
 pub use scene::{Scene, Skipped};

@@ -18,6 +18,8 @@ const EXPOSURES: &str = "exposures";
 
 /// Section of the learned widths of the saliency filter, where there are any.
 const SIGMA: &str = "sigma";
+/// Section of the depths and normals that were propagated, where there are any.
+const PRIORS: &str = "priors";
 
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {
@@ -53,6 +55,9 @@ impl Checkpointed {
         }
         if !state.sigma.is_empty() {
             out.put_text(SIGMA, &state.sigma);
+        }
+        if !state.priors.is_empty() {
+            out.put_values(PRIORS, &state.priors);
         }
         for (k, (name, _)) in PLANES.into_iter().enumerate() {
             out.put_values(name, &state.params[k]);
@@ -98,8 +103,9 @@ impl Checkpointed {
         let scores = if has(SCORES) { rows(SCORES, 2)? } else { Vec::new() };
         let exposures = if has(EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
         let sigma = if has(SIGMA) { file.text(SIGMA)?.to_owned() } else { String::new() };
+        let priors = if has(PRIORS) { file.values(PRIORS)? } else { Vec::new() };
         let (params, stats) = (planes("")?, rows("stats", 4)?);
-        let state = State { params, moments, stats, scores, counters, ids, exposures, sigma };
+        let state = State { params, moments, stats, scores, counters, ids, exposures, sigma, priors };
         Ok(Self {
             restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
             settings: file.text("settings")?.to_owned(),

@@ -2,6 +2,7 @@
 
 mod changes;
 mod growth;
+mod propagate;
 mod streaming;
 mod transfer;
 
@@ -20,6 +21,7 @@ use super::memory::Needs;
 use super::optimiser::Optimiser;
 use super::pacing::Pacing;
 use super::photographs::{Photographs, Residency};
+use super::propagation::Propagation;
 use super::saliencies::Saliencies;
 use super::schedule::{Adam, StepPlan};
 use super::settings::{DepthPrior, Exposure, Settings, SigmaLearning};
@@ -46,6 +48,8 @@ const RING_SLOTS: u64 = 64;
 const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
+
+pub use propagate::Brought;
 
 /// What grew, and its new capacity.
 pub(super) type Growth = Vec<(&'static str, u64)>;
@@ -91,6 +95,7 @@ pub struct Engine {
     constrained: Option<Constrained>,
     density: DensityControl,
     gate: Option<Arc<Gate>>,
+    propagation: Option<Arc<Propagation>>,
     finish: Pipeline,
     ring: Buffer,
     next_slot: u64,
@@ -145,6 +150,7 @@ impl Engine {
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, capacities)?;
         engine.initial_splats = initial_splats;
         engine.gate = input.known.gate.clone();
+        engine.propagation = engine.propagation_of(input)?;
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
@@ -215,6 +221,7 @@ impl Engine {
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
             gate: None,
+            propagation: None,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,

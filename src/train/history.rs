@@ -9,7 +9,7 @@ use super::message::Message;
 pub struct History {
     /// Loss of every step, from the first.
     pub loss: Vec<f32>,
-    /// (step, splats) after every density change, and at the beginning.
+    /// (step, splats) after every density change and propagation, and at the beginning.
     pub splats: Vec<(u32, u32)>,
     /// (step, PSNR in dB, SSIM, seconds) of every evaluation.
     pub quality: Vec<(u32, f64, f64, f64)>,
@@ -29,7 +29,9 @@ impl History {
                     self.splats.push((*step, *splats));
                 }
             }
-            Message::Density { step, splats, .. } => self.splats.push((*step, *splats)),
+            Message::Density { step, splats, .. } | Message::Propagated { step, splats, .. } => {
+                self.splats.push((*step, *splats));
+            }
             Message::Evaluated { step, quality, seconds, .. } => {
                 self.quality.retain(|(s, ..)| s < step);
                 self.quality.push((*step, quality.psnr, quality.ssim, *seconds));

@@ -6,7 +6,7 @@ use super::cloud::Gate;
 use crate::dataset::{Depth, Pixels, Supply};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
-use crate::stereo::Prior;
+use crate::stereo::{Prior, Scene};
 
 /// A photograph with its camera in scene coordinates.
 #[derive(Clone, Debug)]
@@ -55,6 +55,8 @@ pub struct Known {
     pub perceptual: Option<Arc<LpipsWeights>>,
     /// Where splats may grow; everywhere without.
     pub gate: Option<Arc<Gate>>,
+    /// The views as stereo sees them, in their order, where depths are propagated.
+    pub scene: Option<Arc<Scene>>,
 }
 
 impl Input {

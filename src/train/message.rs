@@ -41,6 +41,17 @@ pub enum Message {
         /// What was learned.
         learned: SigmaUpdate,
     },
+    /// Depths of a step's view were propagated before it.
+    Propagated {
+        /// Step.
+        step: u32,
+        /// Splats that were added.
+        added: u32,
+        /// Share of the view's pixels that have a depth.
+        share: f64,
+        /// Splats after that.
+        splats: u32,
+    },
     /// Opacities were clamped.
     OpacityReset {
         /// Step.

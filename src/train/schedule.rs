@@ -5,7 +5,10 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
+mod propagations;
+
 use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
+use propagations::Propagations;
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -128,6 +131,7 @@ pub struct Schedule {
     perceptual: Every,
     sigma: Every,
     sigma_from: u32,
+    propagations: Propagations,
     sh_degree: u32,
     sh_every: u32,
     densify: bool,
@@ -165,7 +169,7 @@ impl Schedule {
         let sh_every = settings.shortcuts.sh_every.max(1);
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
         let rest_factor = if sh_every > 1 { settings.shortcuts.sh_rate } else { 1.0 };
-        Self {
+        let mut out = Self {
             iterations: run.iterations,
             densify_from: scaled(density.densify_from),
             densify_until,
@@ -194,6 +198,7 @@ impl Schedule {
                 SigmaLearning::Composite => low_until.saturating_add(2),
                 _ => 0,
             },
+            propagations: Propagations::default(),
             sh_degree: settings.model.sh_degree,
             sh_every,
             densify: !run.no_densify,
@@ -210,7 +215,14 @@ impl Schedule {
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],
             seed: run.seed,
             views,
-        }
+        };
+        out.propagations = Propagations::new(&settings.geometry, scaled, |t| out.view_at(t));
+        out
+    }
+
+    /// Whether depths are propagated before a step, and the ratio from which on splats are added.
+    pub fn propagates(&self, t: u32) -> Option<f64> {
+        self.propagations.at(t)
     }
 
     /// What step `t` does.

@@ -19,6 +19,8 @@ pub struct State {
     pub exposures: Vec<f32>,
     /// What was learned of the saliency filter's width, as JSON; empty where nothing is.
     pub sigma: String,
+    /// What was propagated, for each view the median of its depths and its packed prior; empty where nothing is propagated.
+    pub priors: Vec<u32>,
 }
 
 impl State {

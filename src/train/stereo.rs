@@ -14,7 +14,7 @@ use crate::vk::Gpu;
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StereoReport {
-    /// Views of which something is known.
+    /// Views of which something is known, or will be where depths are propagated.
     pub views: usize,
     /// Share of their pixels that have a depth.
     pub share: f64,
@@ -76,7 +76,7 @@ pub fn take_stereo(
         }
     }
     let priors = match (settings.depth_prior, matched, &cloud) {
-        (DepthPrior::None, ..) => Vec::new(),
+        (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
         (DepthPrior::Sfm, ..) => sparse(&scene(dataset, input, &wanted)?.views, &observations(dataset, input, &wanted)),
         (DepthPrior::Lidar, None, Some(cloud)) => {
             let reduced = |c: &Camera| {
@@ -103,12 +103,18 @@ pub fn take_stereo(
     report.share = priors.iter().map(Prior::share).sum::<f64>() / report.views.max(1) as f64;
     let unknown = input.train.iter().zip(&priors).filter(|(_, prior)| !known(prior));
     report.skipped = unknown.map(|(view, _)| view.name.clone()).collect();
+    if settings.depth_prior == DepthPrior::Propagation {
+        let scene = scene(dataset, input, &wanted)?;
+        report.views = scene.views.len() - scene.skipped.len();
+        report.skipped = scene.skipped.iter().map(|view| view.name.clone()).collect();
+        input.known.scene = Some(Arc::new(scene));
+    }
     input.known.priors = priors.into_iter().map(|prior| known(&prior).then_some(prior)).collect();
     Ok(report)
 }
 
 /// What the training views see, and which of them can be compared.
-pub(super) fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Scene, Error> {
+fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
     let pixels = input.train.iter().map(|view| view.photograph.pixels()).collect::<Result<Vec<_>, _>>()?;
     let pictures = input.train.iter().zip(&pixels).map(|(v, p)| (v.name.as_str(), &v.camera, p.as_ref()));

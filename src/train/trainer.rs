@@ -61,6 +61,8 @@ pub struct Trainer {
     pub(super) messages: VecDeque<Message>,
     /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
+    /// Depths have been propagated up to this step.
+    propagated: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
@@ -112,6 +114,7 @@ impl Trainer {
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
             attended: step,
+            propagated: step,
             evaluated: step,
             checkpoints: None,
             history,

@@ -51,6 +51,25 @@ fn a_comparison_that_cannot_be_made_says_why() {
     let ends = ["compare", text(&data), "--out", text(&out), "--iterations", "5"];
     let with = |more: &[&'static str]| [&ends[..], more].concat();
     fails(&with(&["--methods", "lean", "--percent", "50"]), 2, &["--percent", "3dgs"]);
-    fails(&with(&["--methods", "gspro", "--seeds", "1"]), 7, &["gspro", "planned"]);
+    fails(&with(&["--methods", "gsplat", "--seeds", "1"]), 7, &["gsplat", "psrgs-paper"]);
     fails(&with(&["--methods", "lean", "--ablate", "psrgs"]), 2, &["--ablate"]);
+}
+
+#[test]
+fn rsgs_takes_the_scan_of_the_dataset_or_says_that_it_had_none() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let data = shared.data();
+    let table = |out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let ends =
+            ["compare", text(&data), "--out", text(&out), "--seeds", "1", "--iterations", "25", "--max-side", "64"];
+        works(&[&ends[..], more, &["--", "--stereo-side", "64", "--propagate-from", "0"]].concat());
+        assert!(out.join("runs/scene-rsgs-s0/metrics.json").is_file());
+        fs::read_to_string(out.join("table.md")).expect("a table")
+    };
+    let both = table("scan", &["--methods", "rsgs,gspro"]);
+    assert!(both.contains("| scene | rsgs | 1 |") && both.contains("| scene | gspro | 1 |"), "{both}");
+    let made = table("made", &["--methods", "rsgs", "--lidar", "mvs"]);
+    assert!(made.contains("| scene | rsgs (MVS cloud, no LiDAR) | 1 |"), "{made}");
 }

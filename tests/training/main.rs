@@ -7,6 +7,7 @@ mod common;
 mod exposures;
 mod methods;
 mod photographs;
+mod propagation;
 
 use common::plane_scene;
 use psrgs_vk::dataset::Pixels;

@@ -143,8 +143,8 @@ fn methods_are_values_of_options_and_named_ones_win() {
         named.density.grad_threshold = whole.density.grad_threshold;
         assert_eq!(named, whole, "{name}");
     }
-    let error = "gspro".parse::<Method>().unwrap_err();
-    assert!(error.contains("planned") && error.contains("3dgs"), "{error}");
+    let error = "gsplat".parse::<Method>().unwrap_err();
+    assert!(error.contains("gsplat") && error.contains("3dgs"), "{error}");
 }
 
 #[test]

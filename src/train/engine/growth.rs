@@ -41,18 +41,36 @@ impl Engine {
             }
         }
         words[counters::STATUS] = 0;
+        self.resize(variants, size, &words)?;
+        Ok((words[counters::DONE], grown))
+    }
+
+    /// Makes room for `wanted` splats as far as they fit, with these counters; gives for how many there is room. Waits.
+    pub(super) fn room_for(&mut self, wanted: u32, words: &[u32]) -> Result<u32, Error> {
+        if wanted > self.size.splats {
+            let planned = larger(wanted, self.size.splats, most_splats(&self.gpu), "splats", "--max-splats")?;
+            let planned = planned.min(self.most_splats.unwrap_or(u32::MAX));
+            let variants = self.renderer.variants();
+            match self.needs.splats(variants, self.size.pairs, wanted, planned) {
+                Some(splats) => self.resize(variants, Size { splats, ..self.size }, words)?,
+                None => self.most_splats = Some(self.size.splats),
+            }
+        }
+        Ok(self.size.splats)
+    }
+
+    fn resize(&mut self, variants: Variants, size: Size, words: &[u32]) -> Result<(), Error> {
         let splats = size.splats;
         if splats > self.size.splats {
             // What nothing outlives a step in goes before larger planes come.
             self.density = density_control(&self.gpu, 1, &self.needs)?;
             let constrained = self.constrained.take().is_some();
-            self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, &words)?;
+            self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, words)?;
             self.grow_planes(splats)?;
             self.density = density_control(&self.gpu, splats, &self.needs)?;
             self.constrained = constrained.then(|| Constrained::new(&self.gpu, splats)).transpose()?;
         }
-        self.rebuild(variants, size, &words)?;
-        Ok((words[counters::DONE], grown))
+        self.rebuild(variants, size, words)
     }
 
     /// After a failed [`Self::grow`]: clears the status, so that the state can be saved. Gives the number of the last event done.

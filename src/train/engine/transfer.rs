@@ -62,6 +62,9 @@ impl Engine {
         if let Some(sigma) = self.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
             sigma.restore(&state.sigma)?;
         }
+        if let (Some(geometry), Some(_)) = (&mut self.geometry, &self.propagation) {
+            geometry.restore(&self.gpu, &state.priors)?;
+        }
         self.gpu.write(&self.renderer.counters, &state.counters)?;
         Ok(())
     }
@@ -174,6 +177,10 @@ impl Engine {
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
             sigma: self.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
+            priors: match (&self.geometry, &self.propagation) {
+                (Some(geometry), Some(_)) => geometry.state(&self.gpu)?,
+                _ => Vec::new(),
+            },
         })
     }
 

@@ -84,6 +84,8 @@ impl Settings {
             (geometry.smooth_edge_stop, "smooth-edge-stop"),
             (geometry.lambda_normal, "lambda-normal"),
             (geometry.lambda_flatten, "lambda-flatten"),
+            (geometry.propagate_ratio, "propagate-ratio"),
+            (geometry.propagate_ratio_final, "propagate-ratio-final"),
             (texture.lambda_gradients, "lambda-gradients"),
             (texture.lambda_variation, "lambda-variation"),
             (texture.lambda_constrained, "lambda-constrained"),
@@ -95,6 +97,7 @@ impl Settings {
         ok(geometry.depth_huber > 0.0 && geometry.depth_huber.is_finite(), "depth-huber", "a positive number")?;
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
+        ok(geometry.propagate_every >= 1, "propagate-every", "at least 1")?;
         ok(texture.gradients_every >= 1, "gradients-every", "at least 1")?;
         let staged = texture.lambda_constrained == 0.0 || self.frequencies.low_stage > 0.0;
         ok(staged, "lambda-constrained", "0 where there is no --low-stage")?;

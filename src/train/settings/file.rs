@@ -162,7 +162,7 @@ mod tests {
         for (text, line, key) in [
             ("[run]\niterations = 5\nitertions = 6\n", 3, "itertions"),
             ("[run]\niterations = -5\n", 2, "iterations"),
-            ("\n[run]\nmethod = \"gspro\"\n", 3, "gspro"),
+            ("\n[run]\nmethod = \"gsplat\"\n", 3, "gsplat"),
             ("[rum]\n", 1, "rum"),
             ("[run]\nseed = 1\nseed = 2\n", 3, "seed"),
             ("[device]\nmax-device-memory = \"6GX\"\n", 2, "6GX"),

@@ -6,8 +6,8 @@ use super::group::group;
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
     pub struct Geometry("Depth and normals") {
-        /// Where depths to train with come from: none, sfm (the reconstructed points), stereo (the training photographs) or lidar (the
-        /// cloud of --lidar)
+        /// Where depths to train with come from: none, sfm (the reconstructed points), stereo (the training photographs), lidar (the
+        /// cloud of --lidar) or propagation (renders that stereo goes on from in early steps, once for each photograph)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
         /// Stereo works on photographs of at most this many pixels on the longer side
@@ -46,6 +46,21 @@ group! {
         /// Weight of the smallest standard deviation of each splat, in units of the scene's extent
         #[arg(value_name = "W")]
         pub lambda_flatten: f64 = 0.0,
+        /// Depths are propagated after this step
+        #[arg(value_name = "N")]
+        pub propagate_from: u32 = 1000,
+        /// Depths are propagated before this step
+        #[arg(value_name = "N")]
+        pub propagate_until: u32 = 6000,
+        /// Steps between propagations
+        #[arg(value_name = "N")]
+        pub propagate_every: u32 = 20,
+        /// Splats are added where the rendered depth differs from the propagated one by more than this share of it, at first ...
+        #[arg(value_name = "R")]
+        pub propagate_ratio: f64 = 1.0,
+        /// ... and at last
+        #[arg(value_name = "R")]
+        pub propagate_ratio_final: f64 = 0.8,
     }
     flags {}
     optional {}

@@ -106,6 +106,8 @@ pub enum DepthPrior {
     Stereo,
     /// The cloud that growth keeps to.
     Lidar,
+    /// Stereo that begins with renders while training goes on.
+    Propagation,
 }
 
 impl fmt::Display for DepthPrior {
@@ -115,6 +117,7 @@ impl fmt::Display for DepthPrior {
             Self::Sfm => "sfm",
             Self::Stereo => "stereo",
             Self::Lidar => "lidar",
+            Self::Propagation => "propagation",
         })
     }
 }
@@ -127,7 +130,8 @@ impl FromStr for DepthPrior {
             "sfm" => Ok(Self::Sfm),
             "stereo" => Ok(Self::Stereo),
             "lidar" => Ok(Self::Lidar),
-            _ => Err(format!("no depth prior `{word}`: it is none, sfm, stereo or lidar")),
+            "propagation" => Ok(Self::Propagation),
+            _ => Err(format!("no depth prior `{word}`: it is none, sfm, stereo, lidar or propagation")),
         }
     }
 }

@@ -23,6 +23,12 @@ struct Known {
     median: f32,
 }
 
+impl Known {
+    fn words(&self) -> usize {
+        2 * self.size.0 as usize * self.size.1 as usize
+    }
+}
+
 impl Geometry {
     /// For views of these cameras, nothing being known of any.
     pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera], settings: &Settings) -> Result<Self, vk::Error> {
@@ -41,12 +47,51 @@ impl Geometry {
 
     /// Uploads what is known of the views, in their order; what is missing or of another size stays unknown.
     pub(in crate::train) fn fill(&mut self, gpu: &Gpu, priors: &[Option<Prior>]) -> Result<(), Error> {
-        for (known, prior) in self.priors.iter_mut().zip(priors) {
-            let Some(prior) = prior.as_ref().filter(|p| (p.width, p.height) == known.size) else { continue };
-            let packed = PackedPrior::new(known.size, &prior.depth, &prior.normals, &prior.confidence);
-            let Some(packed) = packed else { continue };
-            known.median = packed.median;
-            gpu.write(&known.buffer, &packed.words)?;
+        for (view, prior) in priors.iter().enumerate() {
+            if let Some(prior) = prior {
+                self.set(gpu, view, prior)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Uploads what is known of a view; what is of another size stays unknown.
+    pub(in crate::train) fn set(&mut self, gpu: &Gpu, view: usize, prior: &Prior) -> Result<(), Error> {
+        let Some(known) = self.priors.get_mut(view).filter(|k| k.size == (prior.width, prior.height)) else {
+            return Ok(());
+        };
+        let packed = PackedPrior::new(known.size, &prior.depth, &prior.normals, &prior.confidence);
+        let Some(packed) = packed else { return Ok(()) };
+        known.median = packed.median;
+        Ok(gpu.write(&known.buffer, &packed.words)?)
+    }
+
+    /// What is known of all views: for each the median as bits and the prior's words, zeros where nothing is known. Waits.
+    pub(in crate::train) fn state(&self, gpu: &Gpu) -> Result<Vec<u32>, vk::Error> {
+        let mut out = Vec::new();
+        for known in &self.priors {
+            let words = known.words();
+            out.push(known.median.to_bits());
+            match known.median > 0.0 {
+                true => out.extend(gpu.read_at::<u32>(&known.buffer, 0, words)?),
+                false => out.resize(out.len() + words, 0),
+            }
+        }
+        Ok(out)
+    }
+
+    /// Takes back what [`Self::state`] gave.
+    pub(in crate::train) fn restore(&mut self, gpu: &Gpu, state: &[u32]) -> Result<(), Error> {
+        let expected = self.priors.iter().map(|known| 1 + known.words()).sum();
+        if state.len() != expected {
+            return Err(Error::Checkpoint { section: "priors".to_owned(), found: state.len(), expected });
+        }
+        let mut rest = state;
+        for known in &mut self.priors {
+            let (row, after) = rest.split_at(1 + known.words());
+            rest = after;
+            known.median = f32::from_bits(row[0]);
+            gpu.write(&known.buffer, &row[1..])?;
         }
         Ok(())
     }
