@@ -91,6 +91,25 @@ fn named_options_win_over_the_file_and_the_file_over_defaults() {
     assert!(got["data"].as_str().is_some_and(|d| d.starts_with('/') && d.ends_with("/fox")), "{}", got["data"]);
 }
 
+#[test]
+fn psrgs_is_the_method_where_none_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let chosen = |args: &[&str]| {
+        let got = settings(args);
+        let word = |group: &str, key: &str| got[group][key].as_str().expect("a word").to_owned();
+        (word("run", "method"), word("density", "growth"), word("geometry", "depth-prior"))
+    };
+    let is = |method: &str, growth: &str, prior: &str| (method.to_owned(), growth.to_owned(), prior.to_owned());
+    let best = is("psrgs", "sampled", "stereo");
+    assert_eq!(chosen(&["fox"]), best);
+    assert_eq!(chosen(&["fox", "--method", "3dgs"]), is("3dgs", "threshold", "none"));
+    assert_eq!(chosen(&["fox", "--growth", "threshold"]).1, "threshold", "options by name win over the method");
+    let silent = write(folder.path(), "silent.toml", "[run]\nseed = 3\n");
+    assert_eq!(chosen(&["fox", "--config", &silent]), best);
+    let named = write(folder.path(), "named.toml", "[run]\nmethod = \"3dgs\"\n");
+    assert_eq!(chosen(&["fox", "--config", &named]).0, "3dgs");
+}
+
 /// Longer side, steps, and whether the schedule is scaled.
 fn size_and_steps(settings: &toml::Table) -> (i64, i64, bool) {
     let number = |group: &str, key: &str| settings[group][key].as_integer().expect("a number");

@@ -27,3 +27,5 @@ mod training;
 mod tuning;
 #[path = "commands/viewing.rs"]
 mod viewing;
+#[path = "commands/weights.rs"]
+mod weights;

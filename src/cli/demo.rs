@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use indicatif::HumanCount;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::train::settings::{DeviceChoice, Method};
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
@@ -38,6 +38,9 @@ pub(crate) struct Args {
     out: PathBuf,
     #[command(flatten)]
     world: WorldArgs,
+    /// Training method, as in `train`
+    #[arg(long, value_name = "M", default_value_t = train::METHOD)]
+    method: Method,
     /// Training steps
     #[arg(long, value_name = "N", default_value_t = 2000)]
     iterations: u32,
@@ -116,6 +119,7 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     // More would show on pictures of this size as time, hardly as quality.
     settings.density.max_splats = Some(args.max_splats);
     settings.device = args.device.clone();
+    args.method.apply(&mut settings, |key| key == "max-splats");
     settings.check()?;
     Ok(settings)
 }

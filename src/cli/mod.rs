@@ -79,10 +79,16 @@ enum Command {
     Completions(completions::Args),
 }
 
+/// The command with all its options. The library's settings begin as those of the reference; who trains without naming a method gets
+/// the one that is better.
+fn program() -> clap::Command {
+    Cli::command().mut_subcommand("train", |c| c.mut_arg("method", |arg| arg.default_value(train::METHOD.name())))
+}
+
 /// Runs the command and turns its outcome into an exit code and, for an error, a message on standard error.
 pub(crate) fn main() -> ExitCode {
     let started = Instant::now();
-    let matches = Cli::command().get_matches();
+    let matches = program().get_matches();
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
@@ -118,8 +124,8 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Stereo(args) => stereo::run(args, console, started),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
-        Command::Weights(args) => weights::run(args),
-        Command::Completions(args) => completions::run(args, &mut Cli::command()),
+        Command::Weights(args) => weights::run(args, console),
+        Command::Completions(args) => completions::run(args, &mut program()),
     }
 }
 
@@ -129,6 +135,6 @@ mod tests {
 
     #[test]
     fn options_do_not_contradict_each_other() {
-        Cli::command().debug_assert();
+        program().debug_assert();
     }
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::parser::ValueSource;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{LidarCloud, Shortcuts};
+use psrgs_vk::train::settings::{LidarCloud, Method, Shortcuts};
 
 use super::console::{self, Console};
 use super::exit::Failure;
@@ -64,6 +64,9 @@ pub(crate) struct Args {
     pub(crate) settings: Settings,
 }
 
+/// The method where none is named.
+pub(crate) const METHOD: Method = Method::Psrgs;
+
 /// A run as the options describe it.
 #[derive(Debug)]
 pub(crate) struct Plan {
@@ -105,6 +108,9 @@ impl Args {
                 let set = |key: &str| given(key) || written.iter().any(|k| k == key);
                 if let Some(chosen) = settings.run.preset {
                     chosen.apply(&mut settings, false, set);
+                }
+                if !set("method") {
+                    settings.run.method = METHOD;
                 }
                 settings.run.method.apply(&mut settings, set);
                 settings

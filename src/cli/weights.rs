@@ -1,14 +1,15 @@
 //! `psrgs-vk weights`: where the weights of `lpips_squeeze` come from.
 
+mod fetch;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use psrgs_vk::perceptual::{LpipsWeights, PUBLIC_FILES, PublicFile};
-use sha2::{Digest, Sha256};
 
-use super::console;
+use super::console::{self, Console};
 use super::exit::Failure;
 use super::lpips;
 
@@ -17,19 +18,29 @@ use super::lpips;
 #[command(after_help = "\
 Examples:
   psrgs-vk weights                            where to get them, and where to put them
+  psrgs-vk weights --fetch                    get them, and keep them where they are looked for
   psrgs-vk weights --dir my-weights --check   whether a folder has what is needed")]
 pub(crate) struct Args {
     /// Folder of the weights [default: psrgs-vk/weights in the user's data folder]
     #[arg(long, value_name = "DIR", env = "PSRGS_WEIGHTS", hide_env_values = true)]
     dir: Option<PathBuf>,
+    /// Download the files that are not there, and keep those whose SHA-256 is the published one
+    #[arg(long)]
+    fetch: bool,
+    /// Download from here: an address under which the files have their names [default: where they were published]
+    #[arg(long, value_name = "URL", requires = "fetch")]
+    from: Option<String>,
     /// Fail unless the folder's weights can be read and fit each other
     #[arg(long)]
     check: bool,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let folder = args.dir.clone().or_else(lpips::folder);
     let folder = folder.context("there is no home folder to look in: name one with --dir")?;
+    if args.fetch {
+        fetch_all(&folder, args.from.as_deref(), console)?;
+    }
     let mut text =
         format!("Put these files into {} (or into a folder that --perceptual-weights names):\n", folder.display());
     for file in &PUBLIC_FILES {
@@ -55,17 +66,36 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Fetches what is not there. One file that cannot be had does not keep the others away.
+fn fetch_all(folder: &Path, from: Option<&str>, console: &Console) -> anyhow::Result<()> {
+    let mut failed = None;
+    for file in &PUBLIC_FILES {
+        if sum_of(&folder.join(file.name))?.as_deref() == Some(file.sha256) {
+            console.say(format_args!("{}: there already", file.name));
+            continue;
+        }
+        match fetch::fetch(file, from, folder) {
+            Ok(()) => console.say(format_args!("{}: fetched, as published ({})", file.name, file.licence)),
+            Err(problem) => failed = failed.or(Some(problem)),
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
 /// Whether the file is in the folder, and is the one that is meant.
 fn state(folder: &Path, file: &PublicFile) -> anyhow::Result<String> {
-    let path = folder.join(file.name);
-    if !path.is_file() {
-        return Ok("not there".to_owned());
-    }
-    let bytes = fs::read(&path).with_context(|| Failure::Input(path.display().to_string()))?;
-    let sum: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
-    Ok(if sum == file.sha256 {
-        "there, as published".to_owned()
-    } else {
-        format!("there, with other content: SHA-256 {sum}")
+    Ok(match sum_of(&folder.join(file.name))? {
+        None => "not there".to_owned(),
+        Some(sum) if sum == file.sha256 => "there, as published".to_owned(),
+        Some(sum) => format!("there, with other content: SHA-256 {sum}"),
     })
+}
+
+/// The SHA-256 of a file; `None` where there is none.
+fn sum_of(path: &Path) -> anyhow::Result<Option<String>> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let bytes = fs::read(path).with_context(|| Failure::Input(path.display().to_string()))?;
+    Ok(Some(fetch::sum(&bytes)))
 }

@@ -13,7 +13,9 @@ use crate::common;
 pub const STEPS: u32 = 150;
 
 /// Options of the training that all tests share: growth is part of it.
-pub const OPTIONS: [&str; 12] = [
+pub const OPTIONS: [&str; 14] = [
+    "--method",
+    "3dgs",
     "--iterations",
     "150",
     "--deterministic",

@@ -38,6 +38,11 @@ impl Method {
         (Self::PsrgsPaper, "psrgs-paper"),
     ];
 
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(method, _)| *method == self).map_or("", |(_, name)| name)
+    }
+
     /// Puts its values in place of those that are not `named`, by their keys in the file.
     pub fn apply(self, settings: &mut Settings, named: impl Fn(&str) -> bool) {
         settings.run.method = self;
@@ -138,7 +143,7 @@ fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(Self::ALL.iter().find(|(method, _)| method == self).map_or("", |(_, name)| name))
+        f.write_str(self.name())
     }
 }
 
