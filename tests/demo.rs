@@ -88,7 +88,8 @@ fn trained_depth_is_that_of_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("demo");
     // As many points as there are cells to find them in, and cameras where they are: what is judged is the training.
-    let args = ["--images", "40", "--max-side", "128", "--iterations", "800", "--max-splats", "8000"];
+    let args =
+        ["--method", "3dgs", "--images", "40", "--max-side", "128", "--iterations", "800", "--max-splats", "8000"];
     let scene =
         ["--pixels-per-point", "40", "--without", "pose-noise,exposure,sensor-noise,outliers,water,plain,wires"];
     let args = [args.as_slice(), &scene].concat();

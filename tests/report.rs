@@ -34,6 +34,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         ssim: None,
         lpips_squeeze: None,
         gmsd: None,
+        psnr_high_frequency: None,
         splats: 48_213,
         bytes: 11_957_120,
         seconds: 283.4,
@@ -74,6 +75,7 @@ fn example(views: usize, side: u32) -> ReportData {
                 ssim: 0.831 - 0.02 * k as f64,
                 lpips_squeeze: Some(0.137 + 0.01 * k as f64),
                 gmsd: Some(0.05),
+                psnr_high_frequency: None,
             }
         })
         .collect();
@@ -211,6 +213,7 @@ fn pages_stay_small() {
             ssim: 0.0,
             lpips_squeeze: None,
             gmsd: None,
+            psnr_high_frequency: None,
         })
         .collect();
     let page = render_report(&data).unwrap();
@@ -254,7 +257,7 @@ fn metrics_have_exactly_the_promised_keys() {
     let path = dir.path().join("metrics.json");
     let score = |name: &str, psnr, ssim| {
         let name = name.into();
-        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None, gmsd: None }
+        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None, gmsd: None, psnr_high_frequency: None }
     };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
     m.write(&path).unwrap();

@@ -83,6 +83,8 @@ struct Scores<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     lpips_squeeze: Option<f64>,
     gmsd: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    psnr_high_frequency: Option<f64>,
     #[serde(flatten)]
     geometry: Geometry,
     images: &'a [ImageScore],
@@ -160,6 +162,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             ssim: mean(images.iter().map(|i| i.ssim)),
             lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
             gmsd: mean_if_all(images.iter().map(|i| i.gmsd)),
+            psnr_high_frequency: mean_if_all(images.iter().map(|i| i.psnr_high_frequency)),
             geometry,
             images: &images,
         };
@@ -183,9 +186,12 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             ssim: None,
             lpips_squeeze: None,
             gmsd: None,
+            psnr_high_frequency: None,
             splats: model.splats(),
             bytes: model.bytes,
             seconds: started.elapsed().as_secs_f64(),
+            seconds_stereo: 0.0,
+            seconds_saliency: 0.0,
             seconds_per_iteration: 0.0,
             peak_device_bytes: gpu.memory_use().peak,
             peak_host_bytes: eval::peak_host_bytes(),

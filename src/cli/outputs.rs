@@ -32,6 +32,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) started: Instant,
     /// Seconds of training, earlier stretches of a resumed run included.
     pub(crate) training_seconds: f64,
+    /// Seconds of multi-view stereo.
+    pub(crate) stereo_seconds: f64,
 }
 
 /// Writes the model, the renders, the metrics and the report.
@@ -98,9 +100,12 @@ pub(crate) fn write(
         ssim: None,
         lpips_squeeze: None,
         gmsd: None,
+        psnr_high_frequency: None,
         splats: model.len(),
         bytes,
         seconds,
+        seconds_stereo: run.stereo_seconds,
+        seconds_saliency: trainer.saliency_seconds(),
         seconds_per_iteration: run.training_seconds / f64::from(settings.run.iterations.max(1)),
         peak_device_bytes: run.gpu.memory_use().peak,
         peak_host_bytes: eval::peak_host_bytes(),
@@ -125,6 +130,14 @@ pub(crate) fn write(
         let fitted = data.metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
         let lpips = data.metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
         console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}"));
+    }
+    let shares: Vec<String> = [("stereo", run.stereo_seconds), ("masks", trainer.saliency_seconds())]
+        .into_iter()
+        .filter(|(_, part)| *part > 0.0)
+        .map(|(what, part)| format!("{what} {part:.1} s ({:.1} %)", 100.0 * part / seconds))
+        .collect();
+    if !shares.is_empty() {
+        console.say(format_args!("{seconds:.0} s in all, of which {}", shares.join(", ")));
     }
     let known: Vec<String> = geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     if !known.is_empty() {

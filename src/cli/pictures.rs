@@ -62,10 +62,23 @@ impl Pictures {
         self.rgb(at, "render", size, &rgb)?;
         self.rgb(at, "photograph", size, &truth)?;
         let depth = self.geometry(at, picture)?;
-        let ImageScore { name, psnr, psnr_cc, ssim, lpips_squeeze, gmsd } = score(view, &photograph, &rgb);
+        let ImageScore { name, psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency } =
+            score(view, &photograph, &rgb);
         let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
         let (photograph, render) = (image(truth)?, image(rgb)?);
-        Ok(ViewPanel { name, photograph, render, depth, stages: None, psnr, psnr_cc, ssim, lpips_squeeze, gmsd })
+        Ok(ViewPanel {
+            name,
+            photograph,
+            render,
+            depth,
+            stages: None,
+            psnr,
+            psnr_cc,
+            ssim,
+            lpips_squeeze,
+            gmsd,
+            psnr_high_frequency,
+        })
     }
 
     /// Where a file of a view belongs: `NAME.KIND.EXTENSION`, or `NAME.EXTENSION`.

@@ -52,9 +52,22 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let mut input = prepare::input_within(&dataset, initial, host.share)?;
     input.known.perceptual = lpips.weights();
     let begins = settings.run.init.is_none() && before.is_none();
+    let before_stereo = Instant::now();
     let found = take_stereo(&gpu, &dataset, &mut input, &settings, begins)?;
+    let stereo_seconds = if found.views > 0 { before_stereo.elapsed().as_secs_f64() } else { 0.0 };
     tell_stereo(&found, &settings, input.train.len(), console);
     if before.is_none() {
+        let coarse = prepare::coarse_by_spectra(&input, &mut settings)?;
+        if let Some([half, quarter]) = coarse {
+            folder.write_settings(&settings)?;
+            console.say(format_args!(
+                "photographs of half the size keep {:.0} % of the spectrum's amplitude, of a quarter {:.0} %: reduced ones in the first \
+                 {:.0} % of the steps",
+                100.0 * half,
+                100.0 * quarter,
+                100.0 * settings.frequencies.coarse_steps
+            ));
+        }
         choose_forms(&gpu, &input, &mut settings, &folder, console)?;
     }
     let settings = &settings;
@@ -84,7 +97,8 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     if let Some(streaming) = trainer.streaming() {
         console.detail(format_args!("photographs: {streaming}"));
     }
-    let finished = Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds };
+    let finished =
+        Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds, stereo_seconds };
     outputs::write(&finished, &mut trainer, &mut lpips, console)
 }
 

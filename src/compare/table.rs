@@ -40,7 +40,7 @@ pub struct Summary {
     pub size: Size,
     /// Number of seeds.
     pub seeds: usize,
-    /// PSNR, SSIM, LPIPS, GMSD, psnr_cc, splats, bytes and seconds; none where no run has the number.
+    /// As [`COLUMNS`] has them; none where no run has the number.
     pub values: Vec<Option<Spread>>,
 }
 
@@ -48,12 +48,13 @@ pub struct Summary {
 type Number = fn(&Finished) -> Option<f64>;
 
 /// The columns of the table: name, digits after the point, the number, and what it is multiplied by.
-pub(super) const COLUMNS: [(&str, usize, Number); 8] = [
+pub(super) const COLUMNS: [(&str, usize, Number); 9] = [
     ("PSNR", 2, |f| f.metrics.psnr),
     ("SSIM", 4, |f| f.metrics.ssim),
     ("LPIPS", 4, |f| f.metrics.lpips_squeeze),
     ("GMSD", 4, |f| f.metrics.gmsd),
     ("psnr_cc", 2, |f| f.metrics.psnr_cc),
+    ("psnr_hf", 2, |f| f.metrics.psnr_high_frequency),
     ("splats", 0, |f| Some(f.metrics.splats as f64)),
     ("bytes", 0, |f| Some(f.metrics.bytes as f64)),
     ("seconds", 0, |f| Some(f.seconds)),
@@ -141,12 +142,12 @@ fn differences(finished: &[Finished]) -> String {
         );
         let _ = writeln!(
             out,
-            " PSNR | SSIM | LPIPS | GMSD | splats, ratio | seconds, ratio |\n|---|---|---|---|---|---|---|---|"
+            " PSNR | SSIM | LPIPS | GMSD | psnr_hf | splats, ratio | seconds, ratio |\n|---|---|---|---|---|---|---|---|---|"
         );
         for label in labels.iter().filter(|label| **label != base) {
             let pairs = pairs(&own, label, base);
             let _ = write!(out, "| {label} | {} |", pairs.len());
-            for (column, digits) in [(0, 2), (1, 4), (2, 4), (3, 4)] {
+            for (column, digits) in [(0, 2), (1, 4), (2, 4), (3, 4), (5, 2)] {
                 let number = COLUMNS[column].2;
                 let each: Vec<f64> = pairs.iter().filter_map(|(a, b)| Some(number(a)? - number(b)?)).collect();
                 let _ = write!(out, " {} |", shown(&each, digits));

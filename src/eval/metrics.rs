@@ -29,6 +29,9 @@ pub struct ImageScore {
     /// Gradient magnitude similarity deviation ([`super::gmsd`]), 0 for equal images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gmsd: Option<f64>,
+    /// PSNR where the photograph has high frequencies ([`super::psnr_high_frequency`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_high_frequency: Option<f64>,
 }
 
 /// The numbers of a run. The field names are the keys of `metrics.json`.
@@ -68,12 +71,21 @@ pub struct Metrics {
     /// Mean of the views' gradient magnitude similarity deviation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gmsd: Option<f64>,
+    /// Mean of the views' PSNR where their photographs have high frequencies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_high_frequency: Option<f64>,
     /// Gaussians of the final model.
     pub splats: usize,
     /// Size of `point_cloud.ply` in bytes.
     pub bytes: u64,
     /// Seconds from the start of the process to the final model.
     pub seconds: f64,
+    /// Of them, seconds of what comes before the first step, where it takes any: multi-view stereo ...
+    #[serde(default)]
+    pub seconds_stereo: f64,
+    /// ... and the masks of the photographs.
+    #[serde(default)]
+    pub seconds_saliency: f64,
     /// Mean seconds of a training step.
     pub seconds_per_iteration: f64,
     /// Largest amount of device memory allocated at once.
@@ -161,6 +173,7 @@ impl Metrics {
         self.ssim = mean(images.iter().map(|i| i.ssim));
         self.lpips_squeeze = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
         self.gmsd = mean_if_all(images.iter().map(|i| i.gmsd));
+        self.psnr_high_frequency = mean_if_all(images.iter().map(|i| i.psnr_high_frequency));
         self.images = images;
         self
     }

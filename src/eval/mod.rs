@@ -8,6 +8,7 @@ mod metrics;
 mod quality;
 mod report;
 mod ssim;
+mod texture;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
@@ -18,3 +19,4 @@ pub use report::{
     Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report, write_report,
 };
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
+pub use texture::psnr_high_frequency;

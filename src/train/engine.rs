@@ -8,6 +8,7 @@ mod transfer;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::Error;
 use super::cloud::Gate;
@@ -88,6 +89,7 @@ pub struct Engine {
     exposures: Option<Exposures>,
     saliencies: Option<Saliencies>,
     sigma: Option<SigmaTraining>,
+    saliency_seconds: f64,
     coarse: Option<Coarse>,
     geometry: Option<Geometry>,
     gradient_maps: Option<GradientMapLoss>,
@@ -156,12 +158,14 @@ impl Engine {
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
         engine.photographs.fill(gpu, &input.train, feed)?;
         if let Some(saliencies) = &mut engine.saliencies {
+            let started = Instant::now();
             let (frequencies, seed) = (&settings.frequencies, settings.run.seed);
             let cache = saliencies.fill(gpu, &input.train, frequencies, seed, pacing.decoders())?;
             if frequencies.sigma_learning != SigmaLearning::Off {
                 let (lumas, of) = (cache.images().cloned().collect(), (seed, pacing.events_in_flight()));
                 engine.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, frequencies, of)?);
             }
+            engine.saliency_seconds = started.elapsed().as_secs_f64();
         }
         if let Some(geometry) = &mut engine.geometry {
             geometry.fill(gpu, &input.known.priors)?;
@@ -218,6 +222,7 @@ impl Engine {
             constrained: settings.wants_constrained().then(|| Constrained::new(gpu, splats)).transpose()?,
             saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
             sigma: None,
+            saliency_seconds: 0.0,
             coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
             gate: None,
@@ -243,6 +248,11 @@ impl Engine {
     /// Most splats that the device memory has room for, where that is what limits them.
     pub fn most_splats(&self) -> Option<u32> {
         self.most_splats
+    }
+
+    /// Seconds that the masks of the photographs took.
+    pub fn saliency_seconds(&self) -> f64 {
+        self.saliency_seconds
     }
 
     /// Splats at the start of this run.

@@ -5,7 +5,9 @@ use super::engine::Engine;
 use super::feed::Feed;
 use super::input::View;
 use crate::dataset::Pixels;
-use crate::eval::{ImageScore, Quality, gmsd, psnr, psnr_cc, psnr_cc_where, psnr_where, ssim, ssim_where};
+use crate::eval::{
+    ImageScore, Quality, gmsd, psnr, psnr_cc, psnr_cc_where, psnr_high_frequency, psnr_where, ssim, ssim_where,
+};
 
 /// Renders every view and compares it with its photograph, both rounded to 8 bits.
 pub(super) fn quality(
@@ -40,5 +42,6 @@ pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
     let [psnr, psnr_cc, ssim] = [psnr, fitted, ssim].map(|value| value.unwrap_or(f64::NAN));
     let counts = (view.masked() > 0).then(|| photograph.counting());
     let gmsd = gmsd(rgb, &truth, counts.as_deref(), width, height);
-    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze: None, gmsd }
+    let psnr_high_frequency = psnr_high_frequency(rgb, photograph, view.camera.width, view.camera.height);
+    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze: None, gmsd, psnr_high_frequency }
 }

@@ -122,6 +122,8 @@ pub struct Schedule {
     pub low_until: u32,
     /// Last step that sees a reduced photograph; 0 where there is none.
     pub coarse_until: u32,
+    /// Last step that sees one of a quarter of the size.
+    pub quarter_until: u32,
     /// Last step with a loss on depth and normals; 0 where there is none.
     pub geometry_until: u32,
     geometry_every: u32,
@@ -167,6 +169,7 @@ impl Schedule {
         let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
 
         let sh_every = settings.shortcuts.sh_every.max(1);
+        let coarse_until = (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32;
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
         let rest_factor = if sh_every > 1 { settings.shortcuts.sh_rate } else { 1.0 };
         let mut out = Self {
@@ -180,7 +183,8 @@ impl Schedule {
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
             low_until,
-            coarse_until: (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32,
+            coarse_until,
+            quarter_until: (settings.frequencies.coarse_quarter * f64::from(coarse_until)) as u32,
             geometry_until: match settings.geometry.depth_prior {
                 DepthPrior::None => 0,
                 _ => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
@@ -270,11 +274,11 @@ impl Schedule {
         self.factor_at(t) == 1 && self.sigma.at(t, self.sigma_from.saturating_sub(1)).is_some()
     }
 
-    /// A quarter of the photograph's size in the first quarter of the coarse steps, half of it in the others.
+    /// A quarter of the photograph's size in the first of the coarse steps, half of it in the others.
     fn factor_at(&self, t: u32) -> u32 {
         match t {
             t if t > self.coarse_until => 1,
-            t if t <= self.coarse_until / 4 => 4,
+            t if t <= self.quarter_until => 4,
             _ => 2,
         }
     }

@@ -63,7 +63,7 @@ pub fn take_stereo(
     };
     if let Some(stereo) = &matched {
         let allowed =
-            training.density.max_splats.map_or(u32::MAX, |most| most.saturating_sub(input.initial.len() as u32));
+            training.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(input.initial.len() as u32));
         let more = settings.stereo_splats.min(allowed) as usize;
         if made || (begins && more > 0) {
             let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);

@@ -383,6 +383,11 @@ impl Trainer {
         Ok(curves)
     }
 
+    /// Seconds that the masks of the photographs took, before the first step.
+    pub fn saliency_seconds(&self) -> f64 {
+        self.engine.saliency_seconds()
+    }
+
     /// Names of the photographs that are trained on.
     pub fn names(&self) -> &[String] {
         &self.names

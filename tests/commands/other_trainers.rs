@@ -196,7 +196,8 @@ fn the_comparison_script_alternates_scores_and_writes_a_table() {
         (output.status.success(), said)
     };
     let program = env!("CARGO_BIN_EXE_psrgs-vk");
-    let common = "--out {out}/run --iterations {steps} --max-side {size} --seed {seed} --deterministic -q";
+    let common =
+        "--method 3dgs --out {out}/run --iterations {steps} --max-side {size} --seed {seed} --deterministic -q";
     let copy = "cp {out}/run/point_cloud.ply {ply}";
 
     let (ok, said) = compare(&format!("{program} train {{data}} {common} && {copy}"), "same");

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use crate::run::{OPTIONS, STEPS, Shared, command, psrgs, shared, stderr, text, works};
 
-const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim gmsd splats bytes seconds \
+const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images \
                     psnr_offpath depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
                     depth_median_error_offpath normal_median_degrees floaters";

@@ -60,6 +60,7 @@ mod tests {
             ssim: 0.5,
             lpips_squeeze: None,
             gmsd: None,
+            psnr_high_frequency: None,
         };
         assert!(panel.clone().among(100).photograph == picture, "all of a hundred fit");
         let many = 10_000;

@@ -65,6 +65,8 @@ pub struct ViewPanel {
     pub lpips_squeeze: Option<f64>,
     /// Gradient magnitude similarity deviation.
     pub gmsd: Option<f64>,
+    /// PSNR in decibels where the photograph has high frequencies.
+    pub psnr_high_frequency: Option<f64>,
 }
 
 /// What the stages of a training make of a view, at the size of its photograph.
@@ -110,8 +112,8 @@ pub struct ReportData {
 impl ViewPanel {
     /// The view's numbers.
     pub fn score(&self) -> ImageScore {
-        let Self { psnr, psnr_cc, ssim, lpips_squeeze, gmsd, .. } = *self;
-        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze, gmsd }
+        let Self { psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency, .. } = *self;
+        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency }
     }
 }
 

@@ -66,6 +66,7 @@ impl Settings {
             (self.frequencies.low_stage, "low-stage"),
             (self.frequencies.low_texture_weight, "low-texture-weight"),
             (self.frequencies.coarse_steps, "coarse-steps"),
+            (self.frequencies.coarse_quarter, "coarse-quarter"),
             (self.geometry.depth_steps, "depth-steps"),
         ] {
             ok((0.0..=1.0).contains(&share), key, "a number from 0 to 1")?;

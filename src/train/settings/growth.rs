@@ -101,7 +101,14 @@ group! {
         /// Share of the steps that see photographs of half the size or less
         #[arg(value_name = "SHARE")]
         pub coarse_steps: f64 = 0.0,
+        /// Share of those that see a quarter of the size, the first ones
+        #[arg(value_name = "SHARE")]
+        pub coarse_quarter: f64 = 0.25,
     }
-    flags {}
+    flags {
+        /// Make the coarse steps as many as reduced photographs keep of the spectra: --coarse-steps times the share that half the size
+        /// keeps, and among them as many with a quarter of the size as that keeps
+        pub coarse_spectrum,
+    }
     optional {}
 }
