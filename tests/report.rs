@@ -38,6 +38,8 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         splats: 48_213,
         bytes: 11_957_120,
         seconds: 283.4,
+        seconds_stereo: 0.0,
+        seconds_saliency: 0.0,
         seconds_per_iteration: 0.171,
         peak_device_bytes: 412_000_000,
         peak_host_bytes: Some(620_000_000),
