@@ -17,7 +17,8 @@ impl Trainer {
     /// [`Message::Step`] says which steps were really done.
     ///
     /// The host is held up only by what earlier calls have submitted: when as many events as [`super::Pacing`] allows are on
-    /// their way, when buffers grow, and where an evaluation or a checkpoint is due. So everything that a step waits for must
+    /// their way, when buffers grow, where an evaluation or a checkpoint is due, and where the host has a part in training (a cloud
+    /// that growth keeps to, depths that are propagated). So everything that a step waits for must
     /// come without further calls.
     pub fn step(&mut self, order: SubmitOrder<'_>) -> Result<Option<Ticket>, Error> {
         loop {

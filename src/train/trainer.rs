@@ -313,7 +313,8 @@ impl Trainer {
                 let outcome = self.engine.outcome(ticket)?;
                 self.look(event, outcome)?;
             }
-            if self.next.kind == Kind::Step {
+            // A step that has to be repeated after its propagation belongs to what is done.
+            if self.next.kind == Kind::Step && self.propagated < self.next.step {
                 return Ok(self.next.step - 1);
             }
             self.submit_next(SubmitOrder::default())?;
