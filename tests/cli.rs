@@ -226,6 +226,8 @@ fn a_resumed_run_keeps_what_its_steps_depend_on() {
     fails(&["train", "--resume", run, "--seed", "8"], 2, &["settings of the run"]);
     write(folder.path(), "settings.toml", "data = \"/fox\"\n[run]\nscale-schedule = true\niterations = 1500\n");
     fails(&["train", "--resume", run, "--iterations", "3000"], 2, &["--scale-schedule"]);
+    write(folder.path(), "settings.toml", "data = \"/fox\"\n[texture]\nlambda-perceptual = 0.1\n");
+    fails(&["train", "--resume", run, "--perceptual-weights", "/elsewhere"], 2, &["settings of the run"]);
 }
 
 #[test]

@@ -283,6 +283,8 @@ fn metrics_have_exactly_the_promised_keys() {
         "splats",
         "bytes",
         "seconds",
+        "seconds_saliency",
+        "seconds_stereo",
         "seconds_per_iteration",
         "peak_device_bytes",
         "peak_host_bytes",
@@ -382,7 +384,7 @@ document.body.dataset.found = JSON.stringify(found);
         assert_eq!(found["share"], "70%", "{found}");
         assert_eq!(found["spoken"], "70 % photograph, the rest depth", "{found}");
         assert_eq!(found["right"], "Depth", "{found}");
-        assert_eq!((found["broken"].as_u64(), found["images"].as_u64()), (Some(0), Some(18)), "{found}");
+        assert_eq!((found["broken"].as_u64(), found["images"].as_u64()), (Some(0), Some(21)), "{found}");
         assert_eq!(found["sliders"], 3, "{found}");
         assert!(found["reading"].as_str().unwrap().ends_with("at step 4"), "{found}");
         assert_eq!(found["splats"], "48,213 at step 1500", "{found}");

@@ -157,12 +157,14 @@ fn default_out(data: &Path, settings: &Settings) -> PathBuf {
 
 /// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ.
 fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<()> {
-    let free = |key: &str| FREE_ON_RESUME.contains(&key);
+    // What a training learns from is no longer a matter of scores alone.
+    let learned_from = |key: &str| key == "perceptual-weights" && before.texture.lambda_perceptual > 0.0;
+    let free = |key: &str| FREE_ON_RESUME.contains(&key) && !learned_from(key);
     let kept = resumed.over(before, free)?;
     if kept != *resumed {
         return Err(Failure::Usage(format!(
             "--resume goes on with the settings of the run; only these can be changed: --{}",
-            FREE_ON_RESUME.join(", --")
+            FREE_ON_RESUME.into_iter().filter(|key| free(key)).collect::<Vec<_>>().join(", --")
         ))
         .into());
     }

@@ -22,7 +22,7 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     // 3dgs, and each of the others with all and with half of its splats.
     assert_eq!(runs.lines().count(), 1 + 6, "{runs}");
     let splats: Vec<u64> =
-        runs.lines().skip(1).map(|line| line.split(',').nth(9).expect("splats").parse().expect("a number")).collect();
+        runs.lines().skip(1).map(|line| line.split(',').nth(10).expect("splats").parse().expect("a number")).collect();
     // A run with a limit follows the one without. What is reconstructed stays, however low the limit.
     for (k, line) in runs.lines().skip(1).enumerate().filter(|(_, line)| line.split(',').nth(2) == Some("50")) {
         assert!(splats[k] <= splats[k - 1], "{line}");
