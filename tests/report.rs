@@ -3,6 +3,9 @@
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
 
+#[cfg(unix)]
+#[path = "report/browser.rs"]
+mod browser;
 mod common;
 #[path = "report/geometry.rs"]
 mod geometry;

@@ -6,11 +6,14 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use indicatif::HumanCount;
-use psrgs_vk::dataset::{Dataset, Format, LoadOptions, Role, Split, View};
+use psrgs_vk::dataset::{Dataset, Format, HostShare, LoadOptions, Role, Split, View};
+use psrgs_vk::eval::peak_host_bytes;
 use psrgs_vk::format::image_out::{read_depth, read_normals, write_depth, write_luminance, write_normals};
 use psrgs_vk::format::ply::Cloud;
-use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Scene, Settings, Start, fuse};
+use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
 use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::train::{HostMemory, shares_memory};
+use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
 use super::exit::Failure;
@@ -119,7 +122,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let dataset = Dataset::load(&args.data, &options)?;
     dataset.warnings.iter().for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
-    let mut scene = Scene::of(&dataset, &settings, View::photograph)?;
+    let share = host_share(&gpu, &dataset, &settings, args, console);
+    let mut scene = Scene::of(&dataset, &settings, &share, View::photograph)?;
     if args.random_start {
         scene.views.iter_mut().for_each(|view| view.start = Start::Random);
     }
@@ -153,8 +157,38 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         args.out.join("fused.ply").display()
     ));
     compare(&dataset, &scene, &priors, console)?;
-    console.detail(format_args!("{} in all", progress::duration(started.elapsed().as_secs_f64())));
+    let peak = peak_host_bytes().map_or(String::new(), |bytes| format!(", {} of host memory at most", mib(bytes)));
+    console.detail(format_args!("{} in all{peak}", progress::duration(started.elapsed().as_secs_f64())));
     Ok(())
+}
+
+fn mib(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// What photographs may take of the host's memory while they are decoded.
+fn host_share(gpu: &Gpu, dataset: &Dataset, settings: &Settings, args: &Args, console: &Console) -> HostShare {
+    let views = || dataset.views_of(Role::Train).map(|(_, view)| view);
+    let room = Room::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
+    let matching = room.host + if shares_memory(gpu) { room.device } else { 0 };
+    let memory = HostMemory::new(args.device.host_memory.map(|bytes| bytes.0)).after(matching);
+    let share = memory.share(views().map(View::decoding_bytes).max().unwrap_or(0));
+    let short = memory.short_by(&share);
+    let told = format!(
+        "host memory: of the {} that may be used {} are in use or set aside for matching; {} for decoding, on {} thread{}",
+        mib(memory.budget),
+        mib(memory.in_use),
+        mib(share.decoding),
+        share.threads,
+        if share.threads == 1 { "" } else { "s" }
+    );
+    match short {
+        0 => console.detail(told),
+        _ => {
+            console.warn(format_args!("{told}; that is {} more than may be used, and the least that works", mib(short)))
+        }
+    }
+    share
 }
 
 fn tell_skipped(scene: &Scene, console: &Console) {

@@ -53,7 +53,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     input.known.perceptual = lpips.weights();
     let begins = settings.run.init.is_none() && before.is_none();
     let before_stereo = Instant::now();
-    let found = take_stereo(&gpu, &dataset, &mut input, &settings, begins)?;
+    let found = take_stereo(&gpu, &dataset, &mut input, &settings, &host.share, begins)?;
     let stereo_seconds = if found.views > 0 { before_stereo.elapsed().as_secs_f64() } else { 0.0 };
     tell_stereo(&found, &settings, input.train.len(), console);
     if before.is_none() {
@@ -115,7 +115,7 @@ pub(crate) fn host_plan(gpu: &Gpu, dataset: &Dataset, settings: &Settings, splat
     let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
-    Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan))
+    Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan, settings))
 }
 
 /// Chooses the forms of the passes and keeps them with the settings where a repetition needs them: where they belong to equal

@@ -26,6 +26,7 @@ mod supply;
 mod survey;
 mod tone;
 mod tracks;
+mod turns;
 mod undistort;
 mod warning;
 

@@ -3,8 +3,7 @@
 
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
@@ -128,7 +127,7 @@ impl Supply {
         }
     }
 
-    /// Bytes of another photograph's memory that decoding it takes, about.
+    /// Bytes that decoding it takes, about; the pixels of what is kept packed come on top.
     pub fn decoding_bytes(&self) -> u64 {
         match &self.inner.place {
             Place::Decoded(_) => 0,
@@ -177,51 +176,21 @@ impl Dataset {
     pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
         let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
         let all: u64 = views.iter().map(|view| view.pixel_bytes()).sum();
-        let intake = Intake {
-            decoded: all <= share.keep,
-            left: Mutex::new(share.keep),
-            decoding: Gate::new(share.decoding),
-            next: AtomicUsize::new(0),
-            found: Mutex::new((0..views.len()).map(|_| None).collect()),
-        };
-        std::thread::scope(|scope| {
-            for _ in 0..share.threads.clamp(1, views.len().max(1)) {
-                scope.spawn(|| intake.work(&views));
-            }
-        });
+        let intake = Intake { decoded: all <= share.keep, left: Mutex::new(share.keep) };
+        let costs: Vec<u64> = views.iter().map(|view| view.decoding_bytes()).collect();
+        let found = share.in_turns(&costs, |at| views.get(at).map_or(Ok(None), |view| intake.one(view)));
         share.keep = *lock(&intake.left);
         // In the order of the names, so that of several problems always the same one is told.
-        let found = intake.found.into_inner().unwrap_or_else(PoisonError::into_inner);
-        found.into_iter().map(|supply| supply.unwrap_or(Ok(None))).collect()
+        found.into_iter().collect()
     }
 }
 
-type Found = Option<Result<Option<Supply>, Error>>;
-
-/// Threads of its own rather than a pool's: one that waits for memory would wait for a task that it has to run itself.
 struct Intake {
     decoded: bool,
     left: Mutex<u64>,
-    decoding: Gate,
-    next: AtomicUsize,
-    found: Mutex<Vec<Found>>,
 }
 
 impl Intake {
-    fn work(&self, views: &[&View]) {
-        loop {
-            let at = self.next.fetch_add(1, Ordering::Relaxed);
-            let Some(view) = views.get(at) else { return };
-            let supply = {
-                let _room = self.decoding.enter(view.decoding_bytes());
-                self.one(view)
-            };
-            if let Some(place) = lock(&self.found).get_mut(at) {
-                *place = Some(supply);
-            }
-        }
-    }
-
     fn one(&self, view: &View) -> Result<Option<Supply>, Error> {
         let file = photograph::read(&view.path)?;
         let Photograph { mut pixels, clipped, .. } = photograph::decode_bytes(view, &file)?;
@@ -265,38 +234,6 @@ impl Intake {
     }
 }
 
-/// Lets in what fits beside what is inside already, and always one.
-struct Gate {
-    most: u64,
-    inside: Mutex<(u64, usize)>,
-    left: Condvar,
-}
-
-struct Inside<'a>(&'a Gate, u64);
-
-impl Gate {
-    fn new(most: u64) -> Self {
-        Self { most, inside: Mutex::new((0, 0)), left: Condvar::new() }
-    }
-
-    fn enter(&self, bytes: u64) -> Inside<'_> {
-        let full = |(inside, count): &mut (u64, usize)| *count > 0 && inside.saturating_add(bytes) > self.most;
-        let mut inside = self.left.wait_while(lock(&self.inside), full).unwrap_or_else(PoisonError::into_inner);
-        inside.0 += bytes;
-        inside.1 += 1;
-        Inside(self, bytes)
-    }
-}
-
-impl Drop for Inside<'_> {
-    fn drop(&mut self) {
-        let mut inside = lock(&self.0.inside);
-        inside.0 -= self.1;
-        inside.1 -= 1;
-        self.0.left.notify_all();
-    }
-}
-
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -323,28 +260,5 @@ fn unpack(bytes: &[u8], depth: Depth) -> Result<Pixels, Error> {
     match (depth, DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?) {
         (Depth::Eight, image) => Ok(Pixels::Rgba8(image.into_rgba8().into_raw())),
         (Depth::Sixteen, image) => Ok(Pixels::Rgba16(image.into_rgba16().into_raw())),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_gate_lets_one_in_and_no_more_than_fit() {
-        let gate = Gate::new(10);
-        let large = gate.enter(100);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                let _a = gate.enter(4);
-                let _b = gate.enter(6);
-                sender.send(*lock(&gate.inside)).expect("heard");
-            });
-            assert!(receiver.try_recv().is_err(), "nothing fits beside what is too large");
-            drop(large);
-            assert_eq!(receiver.recv().expect("let in"), (10, 2));
-        });
-        assert_eq!(*lock(&gate.inside), (0, 0));
     }
 }

@@ -7,10 +7,10 @@
 //!
 //! ```no_run
 //! use psrgs_vk::stereo::{self, Matcher, Settings};
-//! # use psrgs_vk::{dataset::Dataset, vk::Gpu};
+//! # use psrgs_vk::{dataset::{Dataset, HostShare}, vk::Gpu};
 //! # fn example(gpu: Gpu, dataset: Dataset) -> Result<(), Box<dyn std::error::Error>> {
 //! let settings = Settings::default();
-//! let scene = stereo::Scene::of(&dataset, &settings, |view| view.photograph())?;
+//! let scene = stereo::Scene::of(&dataset, &settings, &HostShare::unlimited(), |view| view.photograph())?;
 //! let priors = Matcher::new(&gpu, &settings)?.run(&scene.views, |_| ())?;
 //! let cloud = stereo::fuse(&scene.views, &priors, &settings);
 //! # Ok(())
@@ -23,6 +23,7 @@ mod fuse;
 mod links;
 mod matcher;
 mod prior;
+mod room;
 mod scene;
 mod settings;
 mod sources;
@@ -35,7 +36,8 @@ pub use error::Error;
 pub use fuse::{FusedPoint, fuse, lifted_pixel};
 pub use matcher::Matcher;
 pub use prior::Prior;
-pub use scene::{Scene, Skipped};
+pub use room::Room;
+pub use scene::{Pending, Scene, Skipped};
 pub use settings::{Budget, Settings};
 pub use sources::{Observations, choose_sources};
 pub use start::{Start, depth_range};

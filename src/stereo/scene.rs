@@ -1,9 +1,11 @@
 //! From a dataset's photographs and points to views that can be matched.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::{Error, Observations, Settings, Start, View, choose_sources, depth_range};
-use crate::dataset::{self, Dataset, Photograph, Pixels, Role};
+use crate::dataset::{self, Dataset, HostShare, Photograph, Pixels, Role};
 use crate::saliency::Plane;
 use crate::scene::Camera;
 
@@ -11,6 +13,8 @@ use crate::scene::Camera;
 const DRAWN: usize = 4000;
 /// A view with fewer observed points than this begins at random.
 const FEW_POINTS: usize = 8;
+/// Bytes that reducing a photograph takes per pixel of it: its pixels, a channel of them, and the rows of it that are reduced.
+const REDUCING: u64 = 16;
 
 /// A view that is left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,52 +42,69 @@ pub struct Scene {
     pub skipped: Vec<Skipped>,
 }
 
+/// A photograph that is not decoded yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Pending<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its camera in the coordinates of the scene, at the size that it is decoded at.
+    pub camera: Camera,
+    /// Bytes that decoding it takes.
+    pub bytes: u64,
+}
+
 impl Scene {
-    /// The training photographs of a dataset, decoded by `photograph` in parallel. No other is read.
+    /// The training photographs of a dataset, decoded by `photograph` in turns, as `share` has room for them. No other is read.
     pub fn of(
         dataset: &Dataset,
         settings: &Settings,
+        share: &HostShare,
         photograph: impl Fn(&dataset::View) -> Result<Photograph, dataset::Error> + Sync,
     ) -> Result<Self, Error> {
         settings.check()?;
         let chosen: Vec<usize> = dataset.views_of(Role::Train).map(|(i, _)| i).collect();
         let seen = Observations::of(dataset, &chosen, settings.seed.into());
-        let pictures: Vec<Result<(String, Camera, Photograph), dataset::Error>> = chosen
-            .par_iter()
-            .filter_map(|&i| Some((dataset.views.get(i)?, dataset.scene_camera(i)?)))
-            .map(|(view, camera)| Ok((view.name.clone(), camera, photograph(view)?)))
+        let views: Vec<(&dataset::View, Camera)> =
+            chosen.iter().filter_map(|&i| Some((dataset.views.get(i)?, dataset.scene_camera(i)?))).collect();
+        let pending: Vec<Pending<'_>> = views
+            .iter()
+            .map(|(view, camera)| Pending { name: &view.name, camera: *camera, bytes: view.decoding_bytes() })
             .collect();
-        let pictures = pictures.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(Self::new(pictures.iter().map(|(n, c, p)| (n.as_str(), c, &p.pixels)), &seen, settings))
+        let pixels = |k: usize| match views.get(k) {
+            Some((view, _)) => Ok(Arc::new(photograph(view)?.pixels)),
+            None => Ok(Arc::new(Pixels::Rgba8(Vec::new()))),
+        };
+        Ok(Self::new(&pending, &seen, settings, share, pixels)?)
     }
 
-    /// Photographs with their names and cameras (in scene coordinates, at the size of the photograph), and what they see. Pixels
-    /// without alpha are not matched. Sources, depths and first hypotheses come from the points.
-    pub fn new<'a>(
-        pictures: impl IntoIterator<Item = (&'a str, &'a Camera, &'a Pixels)>,
+    /// Photographs, of which `pixels` decodes one by its number, and what they see. They are decoded in turns, as `share` has room for
+    /// them, and only what is matched of each stays. Pixels without alpha are not matched. Sources, depths and first hypotheses come
+    /// from the points.
+    pub fn new(
+        pending: &[Pending<'_>],
         seen: &Observations,
         settings: &Settings,
-    ) -> Self {
-        let pictures: Vec<(&str, &Camera, &Pixels)> = pictures.into_iter().collect();
-        let cameras: Vec<Camera> = pictures
-            .iter()
-            .map(|(_, camera, _)| {
-                let (width, height) = settings.size(camera.width, camera.height);
-                camera.resized(width, height)
-            })
-            .collect();
+        share: &HostShare,
+        pixels: impl Fn(usize) -> Result<Arc<Pixels>, dataset::Error> + Sync,
+    ) -> Result<Self, dataset::Error> {
+        let reduced = |camera: &Camera| {
+            let (width, height) = settings.size(camera.width, camera.height);
+            camera.resized(width, height)
+        };
+        let cameras: Vec<Camera> = pending.iter().map(|pending| reduced(&pending.camera)).collect();
         let sources = choose_sources(&cameras, seen, settings.checks as usize);
-        let own = seen.by_view(pictures.len());
-        let views: Vec<View> = pictures
-            .par_iter()
-            .zip(&cameras)
-            .zip(sources.into_par_iter().zip(own))
-            .map(|(((_, full, pixels), camera), (sources, own))| view(full, pixels, camera, sources, &own, seen))
-            .collect();
-        let names: Vec<String> = pictures.iter().map(|(name, ..)| (*name).to_owned()).collect();
+        let own = seen.by_view(pending.len());
+        let of = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
+        let costs: Vec<u64> = pending.iter().map(|pending| pending.bytes + REDUCING * of(&pending.camera)).collect();
+        let views = share.in_turns(&costs, |k| {
+            let (full, decoded) = (&pending[k].camera, pixels(k)?);
+            Ok(view(full, &decoded, &cameras[k], sources[k].clone(), &own[k], seen))
+        });
+        let views = views.into_iter().collect::<Result<Vec<View>, dataset::Error>>()?;
+        let names: Vec<String> = pending.iter().map(|pending| pending.name.to_owned()).collect();
         let alone = views.iter().enumerate().filter(|(_, view)| view.sources.is_empty());
         let skipped = alone.map(|(view, _)| Skipped { view, name: names[view].clone() }).collect();
-        Self { views, names, skipped }
+        Ok(Self { views, names, skipped })
     }
 }
 
@@ -191,15 +212,16 @@ fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
 
 /// Red, green, blue and alpha from 0 to 1, at another size; what is not as many as the pixels counts as black and missing.
 fn channels(pixels: &Pixels, from: (u32, u32), to: (u32, u32)) -> Vec<[f32; 4]> {
-    let full: Vec<[f32; 4]> = match pixels {
-        Pixels::Rgba8(v) => v.chunks_exact(4).map(|p| [0, 1, 2, 3].map(|k| f32::from(p[k]) / 255.0)).collect(),
-        Pixels::Rgba16(v) => v.chunks_exact(4).map(|p| [0, 1, 2, 3].map(|k| f32::from(p[k]) / 65535.0)).collect(),
-    };
-    if from == to && full.len() == to.0 as usize * to.1 as usize {
-        return full;
-    }
-    let plane = |k: usize| {
-        let made = Plane::new(from.0, from.1, full.iter().map(|p| p[k]).collect());
+    // A channel at a time: all four of a large photograph would take more than the photograph.
+    let plane = |k: usize| -> Vec<f32> {
+        let full: Vec<f32> = match pixels {
+            Pixels::Rgba8(v) => v.chunks_exact(4).map(|p| f32::from(p[k]) / 255.0).collect(),
+            Pixels::Rgba16(v) => v.chunks_exact(4).map(|p| f32::from(p[k]) / 65535.0).collect(),
+        };
+        if from == to && full.len() == to.0 as usize * to.1 as usize {
+            return full;
+        }
+        let made = Plane::new(from.0, from.1, full);
         made.map(|plane| plane.resized(to.0, to.1).values().to_vec()).unwrap_or_default()
     };
     let planes = [plane(0), plane(1), plane(2), plane(3)];

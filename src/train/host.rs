@@ -6,8 +6,10 @@ use super::input::Outline;
 use super::memory::{MemoryPlan, readable};
 use super::pacing::Pacing;
 use super::photographs::{LANDINGS, Residency};
+use super::settings::{DepthPrior, Settings};
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
+use crate::stereo::Room;
 use crate::vk::{DeviceKind, Gpu};
 
 /// Where nothing can be found out.
@@ -42,6 +44,16 @@ impl HostMemory {
         Self { budget: asked.unwrap_or_else(|| in_use + free().unwrap_or(FREE_UNKNOWN) / 2), in_use }
     }
 
+    /// When so many bytes more are in use.
+    pub fn after(self, bytes: u64) -> Self {
+        Self { in_use: self.in_use.saturating_add(bytes), ..self }
+    }
+
+    /// Bytes that decoding takes beyond what may be used.
+    pub fn short_by(self, share: &HostShare) -> u64 {
+        self.in_use.saturating_add(SLACK).saturating_add(share.decoding).saturating_sub(self.budget)
+    }
+
     /// What photographs may take where nothing is trained.
     pub fn share(self, largest_decoding: u64) -> HostShare {
         let left = self.budget.saturating_sub(self.in_use).saturating_sub(SLACK);
@@ -54,6 +66,11 @@ impl HostMemory {
 fn decoders(left: u64, each: u64) -> (u64, usize) {
     let threads = (left / PART / each.max(1)).clamp(1, MOST_THREADS.min(cores() as u64));
     (threads * each, threads as usize)
+}
+
+/// Whether the device works in the host's memory.
+pub fn shares_memory(gpu: &Gpu) -> bool {
+    matches!(gpu.caps().kind, DeviceKind::Cpu | DeviceKind::Integrated)
 }
 
 /// How a training shares the host's memory.
@@ -79,20 +96,39 @@ pub struct HostPlan {
 
 impl HostPlan {
     /// For the training that `plan` tells the device memory of.
-    pub fn new(gpu: &Gpu, memory: HostMemory, dataset: &Dataset, outline: &Outline, plan: &MemoryPlan) -> Self {
+    pub fn new(
+        gpu: &Gpu,
+        memory: HostMemory,
+        dataset: &Dataset,
+        outline: &Outline,
+        plan: &MemoryPlan,
+        settings: &Settings,
+    ) -> Self {
         let decoding = dataset.views.iter().map(|view| view.decoding_bytes()).max().unwrap_or(0);
-        let shared = matches!(gpu.caps().kind, DeviceKind::Cpu | DeviceKind::Integrated);
-        Self::of(memory, outline, plan, decoding, shared)
+        let sizes = outline.train.iter().map(|(camera, _)| (camera.width, camera.height));
+        let stereo = match settings.geometry.depth_prior {
+            DepthPrior::None => Room::default(),
+            _ => Room::of(&settings.geometry.stereo(), sizes),
+        };
+        Self::of(memory, outline, plan, (decoding, stereo), shares_memory(gpu))
     }
 
-    fn of(memory: HostMemory, outline: &Outline, plan: &MemoryPlan, each_decoding: u64, shared: bool) -> Self {
+    fn of(
+        memory: HostMemory,
+        outline: &Outline,
+        plan: &MemoryPlan,
+        (each_decoding, stereo): (u64, Room),
+        shared: bool,
+    ) -> Self {
         let mut pacing = Pacing::default();
         let largest = outline.largest();
         let decoded = Outline::bytes(&outline.train) + Outline::bytes(&outline.held_out);
         let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
         let report = REPORT_BYTES.min(REPORT_PER_BYTE * Outline::bytes(&outline.held_out));
         let read_back = READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
-        let model = on_device + read_back + report;
+        // Depths are found before the training allocates; what is found stays until it has it.
+        let before = stereo.host + if shared { stereo.device } else { 0 };
+        let model = (on_device + read_back + report + stereo.results).max(before);
         let left = memory.budget.saturating_sub(memory.in_use).saturating_sub(SLACK).saturating_sub(model);
         let (decoding, threads) = decoders(left, each_decoding);
         let ring = largest * (pacing.events_in_flight() as u64 + 1 + if shared { LANDINGS as u64 } else { 0 });
@@ -204,7 +240,7 @@ mod tests {
 
     fn planned(budget: u64, views: usize, shared: bool) -> HostPlan {
         let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB };
-        HostPlan::of(memory, &outline(views), &plan(views), 4 * MIB, shared)
+        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, Room::default()), shared)
     }
 
     #[test]
@@ -239,6 +275,23 @@ mod tests {
         let plan = planned(150, 100, true);
         assert!(plan.short_by > 0 && plan.share.threads == 1 && plan.pacing.decoded_ahead == 2, "{plan:?}");
         assert!(plan.to_string().contains("the least that works"), "{plan}");
+    }
+
+    #[test]
+    fn what_is_matched_before_the_training_is_part_of_the_plan() {
+        let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB };
+        let with = |host, device, results, shared| {
+            let room = Room { host: host * MIB, device: device * MIB, results: results * MIB };
+            HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), shared).training
+        };
+        let none = with(0, 0, 0, true);
+        assert_eq!(with(90, 0, 30, true), none + 30 * MIB, "what is found is there while the training allocates");
+        let most = |shared| with(300, 200, 150, shared);
+        assert!(most(true) > none + 200 * MIB && most(false) < most(true), "{} and {}", most(true), most(false));
+        let share = memory.after(200 * MIB).share(10 * MIB);
+        assert!(share.keep + share.decoding + 378 * MIB <= 1000 * MIB, "{share:?}");
+        assert_eq!(memory.after(200 * MIB).short_by(&share), 0);
+        assert_eq!(memory.after(900 * MIB).short_by(&memory.after(900 * MIB).share(10 * MIB)), 88 * MIB);
     }
 
     #[test]

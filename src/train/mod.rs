@@ -48,7 +48,7 @@ pub use event::{Event, Kind};
 pub use exposures::ExposureMatrix;
 pub use feed::FeedCounts;
 pub use history::History;
-pub use host::{HostMemory, HostPlan};
+pub use host::{HostMemory, HostPlan, shares_memory};
 pub use input::{Input, Known, Outline, View};
 pub use memory::MemoryPlan;
 pub use message::Message;

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::Error;
 use super::cloud::{self, Gate};
-use super::input::Input;
+use super::input::{self, Input, Outline};
 use super::settings::{DepthPrior, LidarCloud, Settings};
-use crate::dataset::{Dataset, Role};
+use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, init};
-use crate::stereo::{self, FusedPoint, Matcher, Observations, Prior, Scene, View, fuse};
+use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, View, fuse};
 use crate::vk::Gpu;
 
 /// What was found.
@@ -38,13 +38,14 @@ pub struct CloudReport {
 }
 
 /// Fills in the depths and normals that the settings ask for, splats on them, no more than there may be, and the cloud that growth keeps
-/// to. The same for the same photographs, on the same device. `dataset` is that of the input. `begins` is false where the model comes
-/// from elsewhere.
+/// to. The same for the same photographs, on the same device. `dataset` is that of the input. Photographs that are not kept decoded are
+/// decoded in turns, as `share` has room for them. `begins` is false where the model comes from elsewhere.
 pub fn take_stereo(
     gpu: &Gpu,
     dataset: &Dataset,
     input: &mut Input,
     training: &Settings,
+    share: &HostShare,
     begins: bool,
 ) -> Result<StereoReport, Error> {
     let settings = &training.geometry;
@@ -57,8 +58,8 @@ pub fn take_stereo(
     let made = training.density.lidar == Some(LidarCloud::Mvs);
     let wanted = settings.stereo();
     let matched = match settings.depth_prior {
-        DepthPrior::Stereo => Some(Stereo::matched(gpu, dataset, input, &wanted)?),
-        _ if made => Some(Stereo::matched(gpu, dataset, input, &wanted)?),
+        DepthPrior::Stereo => Some(Stereo::matched(gpu, dataset, input, &wanted, share)?),
+        _ if made => Some(Stereo::matched(gpu, dataset, input, &wanted, share)?),
         _ => None,
     };
     if let Some(stereo) = &matched {
@@ -77,7 +78,7 @@ pub fn take_stereo(
     }
     let priors = match (settings.depth_prior, matched, &cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
-        (DepthPrior::Sfm, ..) => sparse(&scene(dataset, input, &wanted)?.views, &observations(dataset, input, &wanted)),
+        (DepthPrior::Sfm, ..) => sparse(&scene(dataset, input, &wanted, share)?.views, &observations(dataset, input, &wanted)),
         (DepthPrior::Lidar, None, Some(cloud)) => {
             let reduced = |c: &Camera| {
                 let (width, height) = settings.prior_size(c.width, c.height);
@@ -104,7 +105,7 @@ pub fn take_stereo(
     let unknown = input.train.iter().zip(&priors).filter(|(_, prior)| !known(prior));
     report.skipped = unknown.map(|(view, _)| view.name.clone()).collect();
     if settings.depth_prior == DepthPrior::Propagation {
-        let scene = scene(dataset, input, &wanted)?;
+        let scene = scene(dataset, input, &wanted, share)?;
         report.views = scene.views.len() - scene.skipped.len();
         report.skipped = scene.skipped.iter().map(|view| view.name.clone()).collect();
         input.known.scene = Some(Arc::new(scene));
@@ -114,11 +115,19 @@ pub fn take_stereo(
 }
 
 /// What the training views see, and which of them can be compared.
-fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Scene, Error> {
+fn scene(
+    dataset: &Dataset,
+    input: &Input,
+    wanted: &stereo::Settings,
+    share: &HostShare,
+) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
-    let pixels = input.train.iter().map(|view| view.photograph.pixels()).collect::<Result<Vec<_>, _>>()?;
-    let pictures = input.train.iter().zip(&pixels).map(|(v, p)| (v.name.as_str(), &v.camera, p.as_ref()));
-    Ok(Scene::new(pictures, &seen, wanted))
+    let bytes = |view: &input::View| {
+        view.photograph.decoding_bytes() + Outline::bytes(&[(view.camera, view.photograph.depth())])
+    };
+    let pending: Vec<Pending<'_>> =
+        input.train.iter().map(|view| Pending { name: &view.name, camera: view.camera, bytes: bytes(view) }).collect();
+    Ok(Scene::new(&pending, &seen, wanted, share, |k| input.train[k].photograph.pixels())?)
 }
 
 fn observations(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Observations {
@@ -134,8 +143,14 @@ struct Stereo {
 }
 
 impl Stereo {
-    fn matched(gpu: &Gpu, dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> Result<Self, Error> {
-        let scene = scene(dataset, input, wanted)?;
+    fn matched(
+        gpu: &Gpu,
+        dataset: &Dataset,
+        input: &Input,
+        wanted: &stereo::Settings,
+        share: &HostShare,
+    ) -> Result<Self, Error> {
+        let scene = scene(dataset, input, wanted, share)?;
         let priors = Matcher::new(gpu, wanted)?.run(&scene.views, |_| ())?;
         Ok(Self { scene, priors })
     }

@@ -4,6 +4,7 @@
 mod clouds;
 #[path = "../common/mod.rs"]
 mod common;
+mod exposed_world;
 mod exposures;
 mod methods;
 mod photographs;

@@ -63,7 +63,7 @@ fn planned(
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     let splats = initial.len() as u32;
     let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
-    let host = HostPlan::new(gpu, memory, dataset, &outline, &plan);
+    let host = HostPlan::new(gpu, memory, dataset, &outline, &plan, settings);
     if host.short_by > 0 {
         problems.push(host.to_string());
     }

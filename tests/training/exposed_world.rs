@@ -1,0 +1,128 @@
+//! Exposures of a world whose photographs have known ones: its gains act on light, before the camera's response curve, so that no
+//! map of encoded colours is exactly theirs; what the maps come to on the photographs' colours is compared.
+
+use std::path::Path;
+
+use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
+use psrgs_vk::train::settings::{Background, Exposure};
+use psrgs_vk::train::{ExposureMatrix, Pacing, Settings, Trainer, prepare};
+use psrgs_vk::world::{Effect, Effects, LidarParams, World, WorldParams, generate};
+
+use crate::common;
+
+/// Brighter values are at the end of the curve: a photograph shows nothing of their gain.
+const BRIGHT: u8 = 250;
+
+/// The camera's response: extended Reinhard curve, then that of sRGB, from light to 0..1.
+fn response(light: f64) -> f64 {
+    let x = 1.32 * light;
+    let y = (x * (1.0 + x / (2.6 * 2.6)) / (1.0 + x)).min(1.0);
+    if y <= 0.003_130_8 { 12.92 * y } else { 1.055 * y.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Its inverse.
+fn light(value: f64) -> f64 {
+    let y = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    let (a, b) = (1.0 / (2.6 * 2.6), 1.0 - y);
+    ((b * b + 4.0 * a * y).sqrt() - b) / (2.0 * a) / 1.32
+}
+
+/// The gain by which the mean of a picture becomes that of what its map makes of it.
+fn gain(clean: &[[u8; 3]], map: &ExposureMatrix) -> f64 {
+    let encoded = |pixel: &[u8; 3]| pixel.map(|v| f64::from(v) / 255.0);
+    let shown = |c: [f64; 3]| map.iter().map(|row| row[3] + (0..3).map(|k| row[k] * c[k]).sum::<f64>()).sum::<f64>();
+    let wanted: f64 = clean.iter().map(|pixel| shown(encoded(pixel))).sum();
+    let lights: Vec<f64> = clean.iter().flat_map(|pixel| encoded(pixel).map(light)).collect();
+    let (mut low, mut high) = (0.5, 2.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        let sum: f64 = lights.iter().map(|l| response(middle * l)).sum();
+        if sum < wanted { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[test]
+fn the_response_is_that_of_the_world() {
+    for value in [0.0, 0.01, 0.2, 0.5, 0.9] {
+        assert!((response(light(value)) - value).abs() < 1e-12, "{value}");
+    }
+    let mut identity = [[0.0; 4]; 3];
+    (0..3).for_each(|k| identity[k][k] = 1.0);
+    assert!((gain(&[[20, 90, 200], [3, 60, 120]], &identity) - 1.0).abs() < 1e-9);
+    // A photograph of the world is its clean picture at that gain, but for rounding.
+    let mut effects = Effects::none();
+    effects.take(Effect::Exposure, &Effects::default());
+    let params = WorldParams { images: 4, max_side: 48, extent: 40.0, effects, ..WorldParams::default() };
+    let world = World::new(&params).expect("a world");
+    for (k, view) in (0..).zip(world.views()) {
+        let shot = world.shot(view, k);
+        let off = shot.clean.pixels().zip(shot.photograph.pixels()).flat_map(|(clean, taken)| {
+            (0..3).map(move |c| (f64::from(clean.0[c]), f64::from(taken.0[c]))).filter(|(clean, _)| *clean < 250.0)
+        });
+        let off = off.map(|(clean, taken)| 255.0 * response(world.exposure(k) * light(clean / 255.0)) - taken);
+        assert!(off.fold(0.0, |most: f64, v| most.max(v.abs())) < 1.3, "photograph {k}");
+    }
+}
+
+/// Geometry comes from the laser points, and transparency shows in front of a background that changes: in front of a black one, a
+/// model that is not opaque yet is darker from above than at a slant, and the photographs' maps make up for it.
+#[test]
+fn gains_of_the_world_are_found_to_a_hundredth() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut effects = Effects::none();
+    effects.take(Effect::Exposure, &Effects::default());
+    let params = WorldParams {
+        images: 12,
+        max_side: 96,
+        extent: 40.0,
+        nadir_share: 1.0,
+        pixels_per_point: 6,
+        offpath: 0,
+        lidar: LidarParams { density: 3.0, ..LidarParams::default() },
+        effects,
+        ..WorldParams::default()
+    };
+    generate(&params, folder.path(), &mut |_| ()).expect("a world");
+    let world = World::new(&params).expect("a world");
+    let options = LoadOptions { split: Split::None, ..LoadOptions::default() };
+    let dataset = Dataset::load(folder.path(), &options).expect("loads");
+    let mut settings = Settings::default();
+    settings.run.iterations = 1200;
+    settings.run.eval_every = 0;
+    settings.run.no_densify = true;
+    settings.run.init = Some(folder.path().join("lidar.ply"));
+    settings.model.sh_degree = 0;
+    settings.model.background = Background::Random;
+    settings.optimiser.exposure = Exposure::Affine;
+    settings.optimiser.lr_exposure_final = 3e-4;
+    settings.optimiser.lr_opacities = 0.1;
+    let input = prepare::input(&dataset, &settings).expect("an input");
+    let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None).expect("trainer");
+    while trainer.next_message().expect("message").is_some() {}
+    let maps = trainer.exposures().expect("read").expect("exposures are on");
+    assert_eq!(maps.len(), 12);
+
+    let found: Vec<(f64, f64)> = (0..)
+        .zip(world.views())
+        .map(|(number, view)| {
+            let (_, map) = maps
+                .iter()
+                .find(|(name, _)| Path::new(name).file_stem() == Path::new(&view.name).file_stem())
+                .expect("a map");
+            let (clean, _) = world.clean(&view.camera);
+            let clean: Vec<[u8; 3]> = clean.pixels().map(|p| p.0).filter(|p| p.iter().all(|v| *v < BRIGHT)).collect();
+            (world.exposure(number), gain(&clean, map))
+        })
+        .collect();
+    let mean = |of: fn(&(f64, f64)) -> f64| (found.iter().map(|f| of(f).ln()).sum::<f64>() / found.len() as f64).exp();
+    let (truth, own) = (mean(|f| f.0), mean(|f| f.1));
+    let off: Vec<f64> = found.iter().map(|(t, f)| (f / own) / (t / truth) - 1.0).collect();
+    let spread = |of: fn(f64, f64) -> f64| found.iter().map(|f| f.0 / truth).fold(1.0, of);
+    println!("gains from {:.3} to {:.3}, found with errors {off:.4?}", spread(f64::min), spread(f64::max));
+    assert!(spread(f64::max) - spread(f64::min) > 0.1, "there is something to find");
+    let root = (off.iter().map(|e| e * e).sum::<f64>() / off.len() as f64).sqrt();
+    assert!(root < 0.01, "{root}: {off:.4?}");
+    assert!(off.iter().all(|e| e.abs() < 0.02), "{off:.4?}");
+}
