@@ -15,6 +15,8 @@ mod library;
 mod lidar;
 #[path = "commands/memory.rs"]
 mod memory;
+#[path = "commands/newcomer.rs"]
+mod newcomer;
 #[path = "commands/other_trainers.rs"]
 mod other_trainers;
 #[path = "commands/run.rs"]

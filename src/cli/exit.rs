@@ -131,6 +131,7 @@ fn of_training(error: &train::Error) -> u8 {
         | train::Error::CloudElsewhere { .. }
         | train::Error::NoCloud
         | train::Error::PhotographSize { .. }
+        | train::Error::OtherPhotographs { .. }
         | train::Error::Checkpoint { .. }
         | train::Error::CheckpointText(_) => INPUT,
         train::Error::TooMany { .. } | train::Error::MemoryLimit { .. } => MEMORY,

@@ -13,6 +13,7 @@ use super::colour::Colour;
 use super::console::Console;
 use super::exit::Failure;
 use super::model_frame::{FrameArgs, ModelFrame};
+use super::run_folder::MODEL;
 
 /// A model file that was read.
 pub(crate) struct ModelFile {
@@ -60,6 +61,12 @@ impl ModelFile {
     /// the comments of a file: then the shift of its coordinates is that of `frame.json` beside it. `antialias` is what the user
     /// asked for; without it the file decides.
     pub(crate) fn read(file: &Path, antialias: bool, frame: &FrameArgs, console: &Console) -> anyhow::Result<Self> {
+        if file.is_dir() {
+            let instead = file.join(MODEL);
+            let remedy =
+                if instead.is_file() { format!("; its model is {}", instead.display()) } else { String::new() };
+            return Err(Failure::Input(format!("{}: a folder, and a model is a file{remedy}", file.display())).into());
+        }
         let mut model = ply::read(file)?;
         let given = frame.read()?;
         let mut known_from = if model.version.is_some() { "written by psrgs-vk" } else { "assumed; else give --frame" };

@@ -37,7 +37,9 @@ impl RunFolder {
     pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
         let path = plan.out.clone();
         let checkpoints = path.join(CHECKPOINTS);
-        fs::create_dir_all(&checkpoints).map_err(|e| unwritable(&checkpoints, &e))?;
+        let elsewhere =
+            |e: &io::Error| Failure::Output(format!("{}: {e}; choose another --out", checkpoints.display()));
+        fs::create_dir_all(&checkpoints).map_err(|e| elsewhere(&e))?;
         let lock_file = path.join(LOCK);
         let lock = File::create(&lock_file).map_err(|e| unwritable(&lock_file, &e))?;
         match lock.try_lock() {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::hint;
 use crate::format;
 
 /// A dataset could not be loaded.
@@ -11,12 +12,14 @@ pub enum Error {
     #[error(transparent)]
     File(#[from] format::Error),
     /// No model was found.
-    #[error("{}: no dataset here; looked for {looked_for}", folder.display())]
+    #[error("{}: no dataset here; looked for {looked_for}; {instead}", folder.display())]
     NoModel {
         /// The folder that was given.
         folder: PathBuf,
         /// The files that would have been read.
         looked_for: String,
+        /// What is there instead, and what to do about it.
+        instead: String,
     },
     /// A camera model that is not known.
     #[error(
@@ -54,7 +57,7 @@ pub enum Error {
         name: String,
     },
     /// No folder with photographs.
-    #[error("{}: no folder of photographs; looked for {looked_for}", folder.display())]
+    #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images", folder.display())]
     NoPhotographs {
         /// The dataset.
         folder: PathBuf,
@@ -153,6 +156,10 @@ pub enum Error {
 }
 
 impl Error {
+    pub(super) fn no_model(folder: &Path, looked_for: String) -> Self {
+        Self::NoModel { folder: folder.to_owned(), looked_for, instead: hint::instead_of_dataset(folder) }
+    }
+
     pub(crate) fn undecodable(file: &Path, field: &'static str, at: u64, problem: impl std::fmt::Display) -> Self {
         Self::Undecodable { file: file.to_owned(), field, at, problem: problem.to_string() }
     }

@@ -7,6 +7,7 @@ mod colmap;
 mod error;
 mod extent;
 mod folder;
+mod hint;
 mod jpeg_end;
 mod jpeg_reduced;
 mod json;

@@ -25,7 +25,7 @@ impl Format {
     pub const ALL: [Self; 3] = [Self::Colmap, Self::Nerfstudio, Self::Opensfm];
 
     /// Whether a folder has this layout.
-    fn is_in(self, dataset: &Path) -> bool {
+    pub(super) fn is_in(self, dataset: &Path) -> bool {
         match self {
             Self::Colmap => colmap::Files::find(dataset).is_some(),
             Self::Nerfstudio => dataset.join(nerfstudio::FILE).is_file(),
@@ -115,12 +115,12 @@ impl Model {
             Some(format) if found.contains(&format) => format,
             Some(format) => {
                 let looked_for = format.looked_for().to_owned();
-                return Err(Error::NoModel { folder: dataset.to_owned(), looked_for });
+                return Err(Error::no_model(dataset, looked_for));
             }
-            None => *found.first().ok_or_else(|| Error::NoModel {
-                folder: dataset.to_owned(),
-                looked_for: Format::ALL.map(Format::looked_for).join(", "),
-            })?,
+            None => {
+                let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "));
+                *found.first().ok_or_else(none)?
+            }
         };
         let mut model = match format {
             Format::Colmap => colmap::read(dataset)?,

@@ -20,6 +20,8 @@ const EXPOSURES: &str = "exposures";
 const SIGMA: &str = "sigma";
 /// Section of the depths and normals that were propagated, where there are any.
 const PRIORS: &str = "priors";
+/// Section of the photographs that are trained on; older checkpoints have none.
+const VIEWS: &str = "views";
 
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {
@@ -42,6 +44,9 @@ impl Checkpointed {
         out.put_text("settings", &self.settings);
         out.put_text("variants", &serde_json::to_string(&self.restart.variants)?);
         out.put_text("history", &serde_json::to_string(&self.restart.history)?);
+        if let Some(trained_on) = &self.restart.trained_on {
+            out.put_text(VIEWS, &serde_json::to_string(trained_on)?);
+        }
         out.put_values("step", &[self.restart.step]);
         out.put_values("seconds", &[self.restart.seconds]);
         out.put_values("counters", &state.counters);
@@ -104,10 +109,18 @@ impl Checkpointed {
         let exposures = if has(EXPOSURES) { file.values(EXPOSURES)? } else { Vec::new() };
         let sigma = if has(SIGMA) { file.text(SIGMA)?.to_owned() } else { String::new() };
         let priors = if has(PRIORS) { file.values(PRIORS)? } else { Vec::new() };
+        let trained_on = if has(VIEWS) { Some(serde_json::from_str(file.text(VIEWS)?)?) } else { None };
         let (params, stats) = (planes("")?, rows("stats", 4)?);
         let state = State { params, moments, stats, scores, counters, ids, exposures, sigma, priors };
         Ok(Self {
-            restart: Restart { step: file.value("step")?, seconds: file.value("seconds")?, state, variants, history },
+            restart: Restart {
+                step: file.value("step")?,
+                seconds: file.value("seconds")?,
+                state,
+                variants,
+                history,
+                trained_on,
+            },
             settings: file.text("settings")?.to_owned(),
         })
     }

@@ -127,6 +127,14 @@ pub enum Error {
         /// Where the training so far was saved.
         saved: Option<PathBuf>,
     },
+    /// A run cannot go on with photographs that it has not been trained on.
+    #[error(
+        "the dataset is not the one that the run was trained on: {what}. Put that one back, or train anew with another --out"
+    )]
+    OtherPhotographs {
+        /// The first difference.
+        what: String,
+    },
     /// A section of a checkpoint has the wrong size.
     #[error("checkpoint, section '{section}': {found} values where {expected} are expected")]
     Checkpoint {

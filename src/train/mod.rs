@@ -34,6 +34,7 @@ mod state;
 mod statistics;
 mod stereo;
 mod terms;
+mod trained_on;
 mod trainer;
 pub mod tune;
 
@@ -59,4 +60,5 @@ pub use settings::Settings;
 pub use sigma::SigmaUpdate;
 pub use state::State;
 pub use stereo::{CloudReport, StereoReport, take_stereo};
+pub use trained_on::TrainedOn;
 pub use trainer::{Restart, Trainer};

@@ -23,6 +23,7 @@ use super::pacing::Pacing;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::state::State;
+use super::trained_on::TrainedOn;
 use super::{Error, evaluate};
 use crate::format::checkpoint;
 use crate::pass::counters;
@@ -43,6 +44,8 @@ pub struct Restart {
     pub variants: Variants,
     /// The curves so far.
     pub history: History,
+    /// What it has looked at; `None` where that is not known.
+    pub trained_on: Option<TrainedOn>,
 }
 
 /// A running training.
@@ -51,8 +54,8 @@ pub struct Trainer {
     pub(super) schedule: Schedule,
     pub(super) settings: Settings,
     held_out: Vec<View>,
-    /// Names of the photographs to train on.
-    names: Vec<String>,
+    /// The photographs to train on.
+    trained_on: TrainedOn,
     /// Their photographs.
     truth: Feed,
     pacing: Pacing,
@@ -89,6 +92,10 @@ impl Trainer {
         if input.train.is_empty() {
             return Err(Error::NoViews);
         }
+        let trained_on = TrainedOn::of(&input.train);
+        if let Some(before) = restart.as_ref().and_then(|r| r.trained_on.as_ref()) {
+            before.check(&trained_on)?;
+        }
         let schedule = Schedule::new(settings, input.train.len());
         let (step, seconds_before, state, variants, history) = match restart {
             Some(r) => (r.step, r.seconds, Some(r.state), Some(r.variants), r.history),
@@ -106,7 +113,7 @@ impl Trainer {
             engine,
             schedule,
             settings: settings.clone(),
-            names: input.train.into_iter().map(|view| view.name).collect(),
+            trained_on,
             held_out: input.held_out,
             truth: Feed::new(truth, pacing.decoded_ahead, pacing.decoders()),
             pacing,
@@ -397,7 +404,7 @@ impl Trainer {
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
     pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
         self.settle()?;
-        Ok(self.engine.exposures()?.map(|all| self.names.iter().cloned().zip(all).collect()))
+        Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 
     /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
@@ -406,7 +413,8 @@ impl Trainer {
         let mut history = self.history.clone();
         history.rewind(step);
         let (state, variants) = (self.engine.state()?, self.engine.variants());
-        Ok(Restart { step, seconds: self.seconds(), state, variants, history })
+        let trained_on = Some(self.trained_on.clone());
+        Ok(Restart { step, seconds: self.seconds(), state, variants, history, trained_on })
     }
 
     /// Splats after the last event that was looked at.

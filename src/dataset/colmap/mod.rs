@@ -51,10 +51,8 @@ impl Files {
 
 /// Reads the model of a dataset. Points are in ascending order of their ids, which is the same for both kinds of files.
 pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
-    let files = Files::find(dataset).ok_or_else(|| Error::NoModel {
-        folder: dataset.to_owned(),
-        looked_for: "cameras and images in sparse/0 and in sparse".to_owned(),
-    })?;
+    let files = Files::find(dataset)
+        .ok_or_else(|| Error::no_model(dataset, "cameras and images in sparse/0 and in sparse".to_owned()))?;
     let (cameras, poses, points) = if files.binary {
         let points = files.points.as_deref().map(points::read_binary).transpose()?;
         (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)

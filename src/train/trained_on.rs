@@ -1,0 +1,86 @@
+//! Which photographs a training looks at, kept with it: a resumed one is to look at the same.
+
+use super::Error;
+use super::input::View;
+use crate::scene::Camera;
+
+/// Numbers of a camera may differ by so much: they are worked out anew, perhaps on another machine.
+const TOLERANCE: f64 = 1e-6;
+
+/// Names and cameras (in scene coordinates) of the photographs to train on.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct TrainedOn {
+    pub(super) names: Vec<String>,
+    cameras: Vec<Vec<f64>>,
+}
+
+impl TrainedOn {
+    pub(super) fn of(views: &[View]) -> Self {
+        Self {
+            names: views.iter().map(|view| view.name.clone()).collect(),
+            cameras: views.iter().map(|view| numbers(&view.camera)).collect(),
+        }
+    }
+
+    /// Whether a training that looked at these may go on with others.
+    pub(super) fn check(&self, now: &Self) -> Result<(), Error> {
+        let other = |what: String| Err(Error::OtherPhotographs { what });
+        if self.names.len() != now.names.len() {
+            return other(format!(
+                "it has {} photographs to train on, and the run had {}",
+                now.names.len(),
+                self.names.len()
+            ));
+        }
+        for (k, (before, name)) in self.names.iter().zip(&now.names).enumerate() {
+            if before != name {
+                return other(format!("'{name}' is where the run had '{before}'"));
+            }
+            let same = |(a, b): (&f64, &f64)| (a - b).abs() <= TOLERANCE * a.abs().max(1.0);
+            let (a, b) = (self.cameras.get(k), now.cameras.get(k));
+            let equal = a.zip(b).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(same));
+            if !equal {
+                return other(format!("the camera of '{name}' is another one"));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn numbers(camera: &Camera) -> Vec<f64> {
+    let Camera { rotation, translation, fx, fy, cx, cy, width, height } = camera;
+    let [a, b, c] = *rotation;
+    [a, b, c, *translation]
+        .concat()
+        .into_iter()
+        .chain([*fx, *fy, *cx, *cy, (*width).into(), (*height).into()])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Pixels;
+
+    fn view(name: &str, at: f64) -> View {
+        let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let camera =
+            Camera { rotation, translation: [at, 0.0, 0.0], fx: 9.0, fy: 9.0, cx: 1.0, cy: 1.0, width: 2, height: 2 };
+        View::new(name, camera, Pixels::Rgba8(vec![255; 16]))
+    }
+
+    #[test]
+    fn others_are_told_from_the_same() {
+        let run = TrainedOn::of(&[view("a", 0.0), view("b", 1.0)]);
+        let complaint =
+            |views: &[View]| run.check(&TrainedOn::of(views)).err().map(|e| e.to_string()).unwrap_or_default();
+        assert_eq!(complaint(&[view("a", 0.0), view("b", 1.0 + 1e-9)]), "");
+        for (views, words) in [
+            (vec![view("a", 0.0)], "1 photographs to train on, and the run had 2"),
+            (vec![view("a", 0.0), view("c", 1.0)], "'c' is where the run had 'b'"),
+            (vec![view("a", 0.0), view("b", 1.001)], "camera of 'b'"),
+        ] {
+            assert!(complaint(&views).contains(words), "{}", complaint(&views));
+        }
+    }
+}

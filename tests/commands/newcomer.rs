@@ -1,0 +1,90 @@
+//! What someone does who is new to it: each mistake has its exit code, and a message with the place and what to do.
+
+use std::fs;
+
+use psrgs_vk::world::{WorldParams, generate};
+
+use crate::common;
+use crate::run::{copy_of, fails, shared, text, works};
+
+#[test]
+fn wrong_folders_are_told_with_the_right_one() {
+    let Some(shared) = shared() else { return };
+    let root = tempfile::tempdir().expect("a temporary folder");
+    let out = root.path().join("run");
+    let (data, above) = (shared.data(), shared.data().parent().expect("a folder").to_owned());
+    let without_cameras = copy_of(&data);
+    fs::remove_dir_all(without_cameras.path().join("sparse")).expect("removed");
+    let without_photographs = copy_of(&data);
+    fs::remove_dir_all(without_photographs.path().join("images")).expect("removed");
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    for (folder, words) in [
+        (root.path().join("nowhere"), &["nowhere", "no such folder"][..]),
+        (data.join("images"), &["the dataset is the folder above it", text(&data)]),
+        (above, &["there is one in", text(&data)]),
+        (data.join("images/view_0001.jpg"), &["view_0001.jpg", "it is a file"]),
+        (without_cameras.path().to_owned(), &["sparse/0", "nothing says where they were taken from", "COLMAP"]),
+        (without_photographs.path().to_owned(), &["no folder of photographs", "images_N", "--images"]),
+        (empty.path().to_owned(), &["no dataset here", "docs/GUIDE.md"]),
+    ] {
+        fails(&["train", text(&folder), "--out", text(&out), "--iterations", "2"], 3, words);
+        fails(&["stereo", text(&folder), "--out", text(&out)], 3, &words[..1]);
+    }
+    assert!(!out.join("point_cloud.ply").exists());
+}
+
+#[test]
+fn other_mistakes_are_told_with_what_to_do() {
+    let Some(shared) = shared() else { return };
+    let (data, run) = (shared.data(), shared.run());
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let taken = folder.path().join("taken");
+    fs::write(&taken, "").expect("written");
+    let (data, run_text) = (text(&data), text(&run));
+    let out = folder.path().join("out");
+    for (args, code, words) in [
+        (&["train", data, "--iteration", "2"][..], 2, &["--iteration", "--iterations"][..]),
+        (&["trian", data], 2, &["train"]),
+        (&["train", data, "--method", "gaussian"], 2, &["gaussian", "3dgs, absgs"]),
+        (&["train", data, "--iterations", "ten"], 2, &["--iterations", "ten"]),
+        (&["train", data, "--max-side", "0", "--out", text(&out)], 2, &["max-side", "at least 16"]),
+        (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another --out"]),
+        (&["train", data, "--out", run_text, "--iterations", "2"], 2, &["--resume", "--overwrite", "another --out"]),
+        (&["train", "--resume", data], 3, &["no run to resume", "settings.toml"]),
+        (&["render", run_text, "--cameras", data, "--out", text(&out)], 3, &["a folder", "point_cloud.ply"]),
+        (&["eval", run_text, data], 3, &["a folder", "point_cloud.ply"]),
+    ] {
+        fails(args, code, words);
+    }
+    let misnamed = copy_of(&shared.data());
+    fs::create_dir(misnamed.path().join("masks")).expect("a folder");
+    image::GrayImage::new(64, 48).save(misnamed.path().join("masks/mask1.png")).expect("written");
+    let said = works(&["train", text(misnamed.path()), "--out", text(&out), "--iterations", "2", "--max-side", "64"]);
+    assert!(said.contains("masks: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)"), "{said}");
+}
+
+/// The folder of the dataset has been replaced by another with photographs of the same names.
+#[test]
+fn a_run_does_not_go_on_with_another_dataset() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (folder.path().join("scene"), folder.path().join("run"));
+    let scene = |seed: u64, images: u32| {
+        let _ = fs::remove_dir_all(&data);
+        let params =
+            WorldParams { images, max_side: 64, seed, offpath: 0, pixels_per_point: 16, ..WorldParams::default() };
+        generate(&params, &data, &mut |_| ()).expect("a scene");
+    };
+    scene(1, 9);
+    let begin = ["train", text(&data), "--out", text(&out), "--iterations", "4", "--checkpoint-every", "2"];
+    works(&begin);
+    let go_on = ["train", "--resume", text(&out), "--iterations", "6"];
+    scene(2, 9);
+    fails(&go_on, 3, &["not the one that the run was trained on", "camera of 'view_0001.jpg'", "another --out"]);
+    scene(1, 10);
+    fails(&go_on, 3, &["8 photographs to train on, and the run had 7"]);
+    scene(1, 9);
+    works(&go_on);
+}
