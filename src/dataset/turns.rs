@@ -109,8 +109,8 @@ mod tests {
             });
             assert_eq!(done, (0..60).collect::<Vec<_>>());
             let most = std::mem::take(&mut *lock(&most));
-            assert!(most <= 8 && most >= 5, "{most} on {threads} threads");
+            assert!((5..=8).contains(&most), "{most} on {threads} threads");
         }
-        assert_eq!(HostShare::unlimited().in_turns(&[], |at| at), []);
+        assert!(HostShare::unlimited().in_turns(&[], |at| at).is_empty());
     }
 }

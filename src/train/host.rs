@@ -6,7 +6,7 @@ use super::input::Outline;
 use super::memory::{MemoryPlan, readable};
 use super::pacing::Pacing;
 use super::photographs::{LANDINGS, Residency};
-use super::settings::{DepthPrior, Settings};
+use super::settings::{DepthPrior, LidarCloud, Settings};
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
 use crate::stereo::Room;
@@ -106,9 +106,12 @@ impl HostPlan {
     ) -> Self {
         let decoding = dataset.views.iter().map(|view| view.decoding_bytes()).max().unwrap_or(0);
         let sizes = outline.train.iter().map(|(camera, _)| (camera.width, camera.height));
+        let room = Room::of(&settings.geometry.stereo(), sizes);
         let stereo = match settings.geometry.depth_prior {
-            DepthPrior::None => Room::default(),
-            _ => Room::of(&settings.geometry.stereo(), sizes),
+            DepthPrior::None if settings.density.lidar != Some(LidarCloud::Mvs) => Room::default(),
+            // What views are matched with stays.
+            DepthPrior::Propagation => Room { results: room.host, ..room },
+            _ => room,
         };
         Self::of(memory, outline, plan, (decoding, stereo), shares_memory(gpu))
     }

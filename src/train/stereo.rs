@@ -78,7 +78,9 @@ pub fn take_stereo(
     }
     let priors = match (settings.depth_prior, matched, &cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
-        (DepthPrior::Sfm, ..) => sparse(&scene(dataset, input, &wanted, share)?.views, &observations(dataset, input, &wanted)),
+        (DepthPrior::Sfm, ..) => {
+            sparse(&scene(dataset, input, &wanted, share)?.views, &observations(dataset, input, &wanted))
+        }
         (DepthPrior::Lidar, None, Some(cloud)) => {
             let reduced = |c: &Camera| {
                 let (width, height) = settings.prior_size(c.width, c.height);
@@ -115,12 +117,7 @@ pub fn take_stereo(
 }
 
 /// What the training views see, and which of them can be compared.
-fn scene(
-    dataset: &Dataset,
-    input: &Input,
-    wanted: &stereo::Settings,
-    share: &HostShare,
-) -> Result<Scene, Error> {
+fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings, share: &HostShare) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
     let bytes = |view: &input::View| {
         view.photograph.decoding_bytes() + Outline::bytes(&[(view.camera, view.photograph.depth())])

@@ -381,11 +381,11 @@ impl Trainer {
         let step = self.settle()?;
         let plan = self.schedule.step(step.max(1));
         let background = self.settings.model.background.evaluated();
-        let every = self.names.len().div_ceil(most.max(1)).max(1);
+        let every = self.trained_on.names.len().div_ceil(most.max(1)).max(1);
         let mut curves = Vec::new();
-        for view in (0..self.names.len()).step_by(every) {
+        for view in (0..self.trained_on.names.len()).step_by(every) {
             if let Some(curve) = self.engine.sigma_curve(view, plan.sh_degree, background)? {
-                curves.push((self.names[view].clone(), curve));
+                curves.push((self.trained_on.names[view].clone(), curve));
             }
         }
         Ok(curves)
@@ -398,7 +398,7 @@ impl Trainer {
 
     /// Names of the photographs that are trained on.
     pub fn names(&self) -> &[String] {
-        &self.names
+        &self.trained_on.names
     }
 
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.

@@ -34,9 +34,9 @@ fn the_budget_holds_with_photographs_larger_than_it() {
     if common::gpu().is_none() {
         return;
     }
-    const BUDGET: u64 = 576 * MIB;
+    const BUDGET: u64 = 800 * MIB;
     let (width, height) = (1600, 1200);
-    let names: Vec<String> = (0..80).map(|i| format!("{i:03}.jpg")).collect();
+    let names: Vec<String> = (0..130).map(|i| format!("{i:03}.jpg")).collect();
     let mut folder = Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), [0.0; 3]);
     let params = vec![1500.0, 1500.0, 800.0, 600.0];
     folder.cameras = vec![CameraRow { id: 1, model: PINHOLE, size: [width.into(), height.into()], params }];
