@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use psrgs_vk::dataset::HostShare;
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::stereo::{Observations, Scene};
+use psrgs_vk::stereo::{Observations, Pending, Scene};
 use psrgs_vk::train::settings::Method;
 use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer};
 
@@ -39,11 +40,12 @@ fn input(settings: &Settings) -> Input {
     };
     let views = points.iter().map(|p| (0..VIEWS as u32).filter(|v| sees(*v as usize, p)).collect()).collect();
     let seen = Observations { points, views, drawn: false };
-    let pixels: Vec<_> = input.train.iter().map(|view| view.photograph.pixels().expect("pixels")).collect();
-    let pictures = input.train.iter().zip(&pixels).map(|(v, p)| (v.name.as_str(), &v.camera, p.as_ref()));
-    let scene = Scene::new(pictures, &seen, &settings.geometry.stereo());
+    let pending: Vec<Pending<'_>> =
+        input.train.iter().map(|view| Pending { name: &view.name, camera: view.camera, bytes: 0 }).collect();
+    let share = HostShare::unlimited();
+    let pixels = |k: usize| input.train[k].photograph.pixels();
+    let scene = Scene::new(&pending, &seen, &settings.geometry.stereo(), &share, pixels).expect("pixels");
     assert!(scene.skipped.is_empty());
-    drop(pixels);
     input.known.scene = Some(Arc::new(scene));
     input.initial.opacities.fill(2.0);
     input
