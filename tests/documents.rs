@@ -24,14 +24,14 @@ fn tests_under(folder: &Path, found: &mut Vec<String>) {
     }
 }
 
-#[test]
-fn every_portability_rule_names_its_test() {
+/// How many numbered rows of a document's tables there are; the last column of each names tests, and each of these is there.
+fn rows_with_tests(document: &str) -> usize {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut tests = Vec::new();
     tests_under(&root.join("tests"), &mut tests);
     tests_under(&root.join("src"), &mut tests);
     let cases = fs::read_to_string(root.join("tests/twins/main.rs")).unwrap();
-    let document = fs::read_to_string(root.join("docs/PORTABILITY.md")).unwrap();
+    let document = fs::read_to_string(root.join(document)).unwrap();
     let rules = document.lines().filter(|line| {
         line.strip_prefix("| ").and_then(|rest| rest.split(' ').next()).is_some_and(|n| n.parse::<u32>().is_ok())
     });
@@ -51,7 +51,19 @@ fn every_portability_rule_names_its_test() {
         }
         assert!(named > 0, "names no test: {rule}");
     }
+    count
+}
+
+#[test]
+fn every_portability_rule_names_its_test() {
+    let count = rows_with_tests("docs/PORTABILITY.md");
     assert!(count >= 15, "{count} rules found");
+}
+
+#[test]
+fn every_hard_case_and_promise_names_its_test() {
+    let count = rows_with_tests("docs/ACCURACY.md");
+    assert!(count >= 24 + 8, "{count} hard cases and promises found");
 }
 
 /// The part of a file between `ANCHOR: name` and `ANCHOR_END: name`, without the indentation they share.
