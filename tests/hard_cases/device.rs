@@ -172,7 +172,7 @@ impl Scene {
     }
 }
 
-/// Which pixels are away from every decision; at least `most_left_out` of them are.
+/// Which pixels are away from every decision; a share of at most `most_left_out` is not.
 pub(crate) fn decided(what: &str, image: &Image, most_left_out: f64) -> Vec<bool> {
     let decided: Vec<bool> = image.margin.iter().map(|m| *m > BAND).collect();
     let left_out = decided.iter().filter(|d| !**d).count();

@@ -10,7 +10,7 @@ use super::common::plane_scene;
 use super::training::{mapped_input, settings, tail, trained};
 
 /// A twentieth of the light, and a twentieth of the contrast about grey, in 8 bits: the gradient of an absolute difference keeps its
-/// size, so the models learn, and what is seen of splats is darker, so fewer of them grow.
+/// size, so models learn and grow. Black photographs leave nothing to learn but to be gone.
 #[test]
 fn dark_and_low_contrast_photographs() {
     let Some(gpu) = common::gpu() else { return };
