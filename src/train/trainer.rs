@@ -33,6 +33,7 @@ use crate::scene::{Camera, Gaussians};
 use crate::vk::{Gpu, SubmitOrder, Ticket};
 
 /// What a resumed training begins with.
+#[derive(Clone)]
 pub struct Restart {
     /// Last step that is done.
     pub step: u32,

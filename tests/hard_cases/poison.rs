@@ -84,8 +84,7 @@ fn without(state: &State) -> State {
 
 /// The training goes on from another state.
 fn from(gpu: &Gpu, settings: &Settings, restart: &Restart, state: State) -> Trainer {
-    let Restart { step, seconds, variants, ref history, .. } = *restart;
-    let restart = Restart { step, seconds, state, variants, history: history.clone() };
+    let restart = Restart { state, ..restart.clone() };
     Trainer::new(gpu, input(), settings, Pacing::default(), Some(restart)).expect("trainer")
 }
 
