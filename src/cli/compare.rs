@@ -34,7 +34,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Methods; the others are compared with the first
-    #[arg(long, value_name = "M,M...", value_delimiter = ',', default_value = "3dgs,absgs,gspro,rsgs,lean,psrgs-paper,psrgs")]
+    #[arg(
+        long,
+        value_name = "M,M...",
+        value_delimiter = ',',
+        default_value = "3dgs,absgs,gspro,rsgs,lean,psrgs-paper,psrgs"
+    )]
     methods: Vec<String>,
     /// In place of methods: one of them, whole and with each of its parts left out or replaced
     #[arg(long, value_name = "M", conflicts_with = "methods")]
