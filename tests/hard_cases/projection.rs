@@ -261,14 +261,14 @@ fn logit_of_1() {
     }
 }
 
-/// Sizes from a ten-millionth of a pixel to a pixel with the anti-aliasing factor, a ratio of determinants that cancels when it is
-/// formed as `ac - b^2`.
+/// Sizes from a ten-millionth of a pixel to a pixel, and discs on edge that are thin in one direction only, with the anti-aliasing
+/// factor: a ratio of determinants that cancels when it is formed as `ac - b^2`.
 #[test]
 fn sub_pixel_splats_with_antialiasing() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(64, 40);
     let mut random = Random::new(12);
-    let splats: Vec<_> = (0..140)
+    let mut splats: Vec<_> = (0..140)
         .map(|i| {
             let at = [2.0 + f64::from(i % 20) * 3.1, 3.0 + f64::from(i / 20) * 5.2];
             let sigma = 10f64.powf(-7.0 + 7.0 * f64::from(i) / 139.0);
@@ -278,6 +278,14 @@ fn sub_pixel_splats_with_antialiasing() {
             splat
         })
         .collect();
+    for i in 0..20 {
+        let at = [random.between(5.0, 59.0), random.between(5.0, 35.0)];
+        let mut splat = round(&mut random, &camera, at, 1.5 + 0.01 * f64::from(i), 12.0, 0.97);
+        splat.log_scale[0] += (0.02f64 / 12.0).ln();
+        let angle = 0.2 + 0.1 * f64::from(i);
+        splat.quat = [angle.cos(), 0.0, 0.0, angle.sin()];
+        splats.push(splat);
+    }
     let scene = Scene::new(&splats, camera, true);
     let image = scene.wanted();
     assert!(image.blended.iter().sum::<u32>() > 140, "{}", image.blended.iter().sum::<u32>());
@@ -297,7 +305,8 @@ fn sub_pixel_splats_with_antialiasing() {
         let side = variants.tile.size();
         let grid = TileGrid { image: [64, 40], tile: [side; 2] };
         let view = View::<f32>::of(&push);
-        let twin = (0..140).filter(|i| project(&Splat::<f32>::of(&scene.model, *i), &view, Some(&grid)).is_ok());
+        let twin =
+            (0..splats.len()).filter(|i| project(&Splat::<f32>::of(&scene.model, *i), &view, Some(&grid)).is_ok());
         assert_eq!(got.counters[counters::VISIBLE] as usize, twin.count(), "{what}: splats seen");
     }
 }
