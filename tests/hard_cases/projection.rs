@@ -261,7 +261,7 @@ fn logit_of_1() {
     }
 }
 
-/// Sizes from a ten-millionth of a pixel to a pixel, and discs on edge that are thin in one direction only, with the anti-aliasing
+/// Sizes from a ten-millionth of a pixel to a pixel, and needles that are thin in one direction only, with the anti-aliasing
 /// factor: a ratio of determinants that cancels when it is formed as `ac - b^2`.
 #[test]
 fn sub_pixel_splats_with_antialiasing() {
@@ -282,6 +282,7 @@ fn sub_pixel_splats_with_antialiasing() {
         let at = [random.between(5.0, 59.0), random.between(5.0, 35.0)];
         let mut splat = round(&mut random, &camera, at, 1.5 + 0.01 * f64::from(i), 12.0, 0.97);
         splat.log_scale[0] += (0.02f64 / 12.0).ln();
+        splat.log_scale[2] = splat.log_scale[0];
         let angle = 0.2 + 0.1 * f64::from(i);
         splat.quat = [angle.cos(), 0.0, 0.0, angle.sin()];
         splats.push(splat);
