@@ -191,7 +191,7 @@ fn curves(history: &History) -> Vec<Curve> {
     ];
     if !history.sigmas.is_empty() {
         let sigmas = history.sigmas.iter().map(|(step, _, sigma, _)| (f64::from(*step), *sigma));
-        curves.push(curve("Sigma of the saliency filter, by step's photograph", "bins", sigmas.collect()));
+        curves.push(curve("Sigma of the saliency filter", "bins", sigmas.collect()));
     }
     curves
 }

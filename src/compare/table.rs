@@ -40,7 +40,7 @@ pub struct Summary {
     pub size: Size,
     /// Number of seeds.
     pub seeds: usize,
-    /// As [`COLUMNS`] has them; none where no run has the number.
+    /// PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, splats, bytes and seconds; none where no run has the number.
     pub values: Vec<Option<Spread>>,
 }
 

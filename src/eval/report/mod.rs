@@ -211,7 +211,7 @@ fn check(view: &ViewPanel) -> Result<(), ReportError> {
 }
 
 const HINT: &str = "<p class=\"hint\">Drag over a large picture, or focus it and use the arrow keys, to uncover what lies \
-    under the photograph. Render, error and depth can each be chosen for that by their names.</p>";
+    under the photograph. Each of the others can be chosen for that by its name.</p>";
 
 fn section(id: &str, heading: &str, intro: &str, class: &str, body: &str) -> String {
     if body.is_empty() {
