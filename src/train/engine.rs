@@ -3,6 +3,7 @@
 mod changes;
 mod growth;
 mod propagate;
+mod step;
 mod streaming;
 mod transfer;
 
@@ -15,29 +16,27 @@ use super::cloud::Gate;
 use super::coarse::Coarse;
 use super::density::DensityControl;
 use super::event::{Event, Kind};
-use super::exposures::{Exposures, Turn};
+use super::exposures::Exposures;
 use super::input::Input;
-use super::losses::{Losses, Weights};
+use super::losses::Losses;
 use super::memory::Needs;
 use super::optimiser::Optimiser;
 use super::pacing::Pacing;
 use super::photographs::{Photographs, Residency};
 use super::propagation::Propagation;
 use super::saliencies::Saliencies;
-use super::schedule::{Adam, StepPlan};
+use super::schedule::StepPlan;
 use super::settings::{DepthPrior, Exposure, Settings, SigmaLearning};
 use super::sigma::{SigmaTraining, SigmaUpdate};
 use super::state::State;
-use super::statistics::{Seen, Statistics};
+use super::statistics::Statistics;
 use super::terms::{Constrained, Geometry, Perceptual};
 use crate::dataset::Depth;
-use crate::losses::{self, GradientMapLoss, GradientMapWeights};
+use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
-use crate::raster::{
-    DENSITY_ENTRY, ImageGradients, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats,
-};
+use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
 use crate::scene::{Camera, SplatOrder};
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket};
 
@@ -336,96 +335,6 @@ impl Engine {
         let projection =
             Projection { sh_degree: plan.sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: true };
         Shot { camera, projection, background: plan.background }
-    }
-
-    fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
-        let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
-        let mut photograph = self.photographs.record(&self.gpu, recorder, (view, plan.step), self.recorded)?;
-        let mut camera = *whole;
-        if let (Some(coarse), 2..) = (&self.coarse, plan.factor) {
-            photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;
-            camera = Coarse::camera(whole, plan.factor);
-        }
-        if let (Some(sigma), Some(saliencies)) = (&self.sigma, &self.saliencies)
-            && let (Some(bytes), Some(mask)) = (sigma.mask(view, plan.step), saliencies.mask(view))
-        {
-            recorder.upload(mask.buffer, 0, bytes)?;
-        }
-        let learned = self.sigma.as_ref().filter(|_| plan.learn_sigma);
-        let of = [1.0, self.settings.frequencies.low_texture_weight as f32];
-        let weighted = plan.low && of[1] != 1.0;
-        let scored = plan.accumulate && self.statistics.scores().is_some();
-        let saliency = match &self.saliencies {
-            Some(saliencies) if weighted || scored => Some(saliencies.record(recorder, view, &camera)?),
-            _ => None,
-        };
-        let renderer = &self.renderer;
-        let shot = self.shot(camera, plan);
-        let geometry = self.geometry.as_ref().zip(plan.geometry).filter(|(geometry, _)| geometry.knows(view));
-        let compared = losses::Photograph {
-            buffer: photograph.buffer,
-            bits: photograph.depth.bits(),
-            size: (camera.width, camera.height),
-            values: photograph.values,
-            mask: self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view)),
-        };
-        let of_image = self.losses.grad_image();
-        let texture = &self.settings.texture;
-        if let Some(sigma) = learned.filter(|sigma| sigma.wants_low()) {
-            let _ = renderer.record_forward_of(recorder, &self.model, &shot, &self.target, false, Some(&self.ids))?;
-            sigma.record(recorder, (plan.step, &camera, true), &self.target.image)?;
-        }
-        let maps = self.gradient_maps.as_ref().zip(plan.gradients);
-        let beside = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
-        if let Some((constrained, (maps, times))) = beside {
-            let weight = (texture.lambda_constrained * times) as f32;
-            let (model, at) = ((&self.model, &self.ids), (&shot, &self.target));
-            constrained.record(recorder, renderer, model, at, (maps, &compared, weight), of_image)?;
-        }
-        let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, geometry.is_some())?;
-        let (pixels, known) = (camera.width * camera.height, plan.step);
-        let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
-        let image = &self.target.image;
-        let shown = match &self.exposures {
-            Some(exposures) => exposures.record_apply(recorder, image, turn)?,
-            None => image,
-        };
-        let weights = saliency.filter(|_| weighted).map(|saliency| Weights { saliency, of });
-        if let Some(sigma) = learned {
-            sigma.record(recorder, (plan.step, &camera, false), shown)?;
-        }
-        self.losses.record(recorder, shown, &photograph, weights, (camera.width, camera.height))?;
-        if let Some((maps, times)) = maps {
-            let [correlation, variation] =
-                [texture.lambda_gradients, texture.lambda_variation].map(|weight| (weight * times) as f32);
-            let weights = GradientMapWeights { correlation, variation };
-            maps.record(recorder, shown, &compared, &weights, of_image)?;
-        }
-        if let (Some(perceptual), Some(times)) = (&self.perceptual, plan.perceptual) {
-            let place = self.saliencies.as_ref().map_or([0.5; 2], |s| s.place(view, plan.seen));
-            perceptual.record(recorder, shown, &compared, (place, times), of_image)?;
-        }
-        if let Some(exposures) = &self.exposures {
-            let once = (plan.adam != Adam::None).then(|| renderer.once());
-            exposures.record_backward(recorder, image, of_image, turn, once)?;
-        }
-        let of_aux = match geometry {
-            Some((geometry, times)) => {
-                Some(geometry.record(recorder, &self.target, &compared, (view, times), of_image)?)
-            }
-            None => None,
-        };
-        let gradients = ImageGradients { of_image, of_aux };
-        renderer.record_blend_backward(recorder, &lists, gradients, &shot, &self.target)?;
-        if plan.accumulate {
-            let seen = Seen { camera: &camera, image: shown, photograph: &photograph, saliency };
-            self.statistics.record(recorder, renderer, seen)?;
-        }
-        if let Some((constrained, _)) = beside {
-            constrained.record_add(recorder, renderer)?;
-        }
-        self.optimiser.record(recorder, renderer, &self.model, &shot, plan, of_aux.is_some())?;
-        Ok(())
     }
 
     /// Learns what a step that is done tells of the saliency filter's width, where `plan` says so. Steps are to be told in their order.

@@ -1,6 +1,7 @@
 //! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
 //! when a buffer turned out too small.
 
+mod look;
 mod ready;
 mod recovery;
 mod streaming;
@@ -12,7 +13,7 @@ use std::time::Instant;
 use super::checkpoint::Checkpointed;
 use super::choice::chosen_variants;
 use super::cost::MemoryCost;
-use super::engine::{Engine, Outcome};
+use super::engine::Engine;
 use super::event::{Event, Kind};
 use super::exposures::ExposureMatrix;
 use super::feed::Feed;
@@ -26,7 +27,6 @@ use super::state::State;
 use super::trained_on::TrainedOn;
 use super::{Error, evaluate};
 use crate::format::checkpoint;
-use crate::pass::counters;
 use crate::raster::{Picture, Variants};
 use crate::saliency;
 use crate::scene::{Camera, Gaussians};
@@ -231,62 +231,6 @@ impl Trainer {
     fn tell(&mut self, message: Message) {
         self.history.add(&message);
         self.messages.push_back(message);
-    }
-
-    pub(super) fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
-        if outcome.counters[counters::STATUS] != 0 {
-            return self.recover();
-        }
-        let splats = outcome.counters[counters::SPLATS];
-        match event.kind {
-            Kind::Step => {
-                if outcome.counters[counters::BAD_SPLATS] > 0 {
-                    self.warn_of_bad_splats(event.step, outcome.counters[counters::BAD_SPLATS]);
-                }
-                if !outcome.loss.is_finite() {
-                    return Err(Error::LossNotFinite { step: event.step });
-                }
-                let (plan, view) = (self.schedule.step(event.step), self.schedule.view_at(event.step));
-                if let Some(learned) = self.engine.learn_sigma(&plan, view, outcome.ticket)? {
-                    self.tell(Message::Sigma { step: event.step, learned });
-                }
-                self.tell(Message::Step {
-                    step: event.step,
-                    loss: outcome.loss,
-                    splats,
-                    pairs: outcome.counters[counters::PAIRS],
-                    seconds: self.seconds(),
-                });
-            }
-            Kind::Density => {
-                self.tell(Message::Density {
-                    step: event.step,
-                    cloned: outcome.counters[counters::CLONED],
-                    split: outcome.counters[counters::SPLIT],
-                    pruned: outcome.counters[counters::PRUNED],
-                    splats,
-                });
-                self.warn_of_full_memory(event.step, splats);
-                if splats == 0 && self.last_splats > 0 {
-                    self.tell(Message::Warning(format!(
-                        "step {}: every splat was pruned; the model is empty from here on",
-                        event.step
-                    )));
-                }
-            }
-            Kind::Reset => self.tell(Message::OpacityReset { step: event.step }),
-        }
-        self.last_splats = splats;
-        Ok(())
-    }
-
-    fn warn_of_bad_splats(&mut self, step: u32, count: u32) {
-        if !self.pending_check {
-            self.pending_check = true;
-            self.tell(Message::Warning(format!(
-                "step {step}: {count} splats with values that are not finite are left out; the next density change drops them"
-            )));
-        }
     }
 
     fn attend(&mut self, stop: u32) -> Result<(), Error> {
