@@ -70,6 +70,8 @@ pub(crate) fn write(
         panels.push(panel.among(views.len()));
     }
 
+    // What a training took, before what only its report takes.
+    let peak_device_bytes = run.gpu.memory_use().peak;
     if let Some(first) = constrained {
         // Pictures of the stages need room for the model once more.
         if let Err(problem) = stages::add(run, trainer, &model, first, &views, &mut panels) {
@@ -107,7 +109,7 @@ pub(crate) fn write(
         seconds_stereo: run.stereo_seconds,
         seconds_saliency: trainer.saliency_seconds(),
         seconds_per_iteration: run.training_seconds / f64::from(settings.run.iterations.max(1)),
-        peak_device_bytes: run.gpu.memory_use().peak,
+        peak_device_bytes,
         peak_host_bytes: eval::peak_host_bytes(),
         streaming: trainer.streaming(),
         geometry,

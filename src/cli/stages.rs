@@ -122,16 +122,19 @@ pub(crate) fn sigmas(trainer: &mut Trainer, folder: &RunFolder) -> anyhow::Resul
     let flat = curves.iter().filter(|curve| curve.flat).count();
     let rises: Vec<String> =
         curves.iter().filter_map(|c| c.rise.map(|rise| format!("{:.1} %", 100.0 * rise))).collect();
-    let sentence = format!(
-        "The width of the saliency filter was learned in {} updates of {} photographs: {least:.2} to {most:.2} bins of 256. From the \
-         best to the worst width between 0.5 and 12 the loss of {} photographs rises by {}; {flat} of them are flat (less than {:.0} %). \
-         {SIGMA_FILE} has all of it.",
+    let mut sentence = format!(
+        "The width of the saliency filter was learned in {} updates of {} photographs: {least:.2} to {most:.2} bins of 256.",
         updates.len(),
-        learned.len(),
-        curves.len(),
-        rises.join(", "),
-        100.0 * FLAT
+        learned.len()
     );
+    if !rises.is_empty() {
+        sentence += &format!(
+            " From the best to the worst width the loss of {} photographs rises by {}; {flat} of them are flat (less than {:.0} %).",
+            rises.len(),
+            rises.join(", "),
+            100.0 * FLAT
+        );
+    }
     let text = serde_json::to_string_pretty(&serde_json::json!({ "photographs": learned, "curves": curves }))?;
     atomic::write(&folder.file(SIGMA_FILE), |out| out.write_all(text.as_bytes()))?;
     Ok(Some(sentence))

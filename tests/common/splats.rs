@@ -90,3 +90,17 @@ pub fn in_view(random: &mut Random, camera: &Camera) -> Splat<f64> {
     splat.sh[0] = splat.sh[0].map(|v| 1.0 + 0.5 * v);
     splat
 }
+
+/// The camera as the device gets it.
+pub fn rounded(camera: Camera) -> Camera {
+    let f = |v: f64| f64::from(v as f32);
+    Camera {
+        rotation: camera.rotation.map(|row| row.map(f)),
+        translation: camera.translation.map(f),
+        fx: f(camera.fx),
+        fy: f(camera.fy),
+        cx: f(camera.cx),
+        cy: f(camera.cy),
+        ..camera
+    }
+}

@@ -6,11 +6,11 @@ mod constrained;
 mod geometry;
 
 use common::guards::Guards;
-use common::splats::{Random, camera, spread};
+use common::splats::{Random, camera, rounded, spread};
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::{adam, counters, project_backward_adam as fused};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
-use psrgs_vk::scene::{Camera, Gaussians};
+use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{Splat, View};
@@ -32,20 +32,6 @@ struct Case {
     settings: Settings,
     splats: Vec<Splat<f64>>,
     image: Image,
-}
-
-/// The camera as the device gets it.
-fn rounded(camera: Camera) -> Camera {
-    let f = |v: f64| f64::from(v as f32);
-    Camera {
-        rotation: camera.rotation.map(|row| row.map(f)),
-        translation: camera.translation.map(f),
-        fx: f(camera.fx),
-        fy: f(camera.fy),
-        cx: f(camera.cx),
-        cy: f(camera.cy),
-        ..camera
-    }
 }
 
 /// Ratio of the axes of the projected ellipse; 1 for a splat that is not seen.

@@ -9,7 +9,7 @@ use psrgs_vk::twin::splat::Splat;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::guards::Guards;
-use super::common::splats::{Random, to_scene};
+use super::common::splats::{Random, rounded, to_scene};
 
 /// Pixels nearer than this to a decision are left out: 16 roundings to f32, in units of the decision's condition.
 pub(crate) const BAND: f64 = 16.0 / (1u64 << 24) as f64;
@@ -37,20 +37,6 @@ pub(crate) struct Backward {
     /// Evaluated and blended pixel-splats of the forward pass, and of the backward pass.
     pub(crate) pairs: [u32; 4],
     pub(crate) counters: Vec<u32>,
-}
-
-/// The camera as the device gets it.
-fn rounded(camera: Camera) -> Camera {
-    let f = |v: f64| f64::from(v as f32);
-    Camera {
-        rotation: camera.rotation.map(|row| row.map(f)),
-        translation: camera.translation.map(f),
-        fx: f(camera.fx),
-        fy: f(camera.fy),
-        cx: f(camera.cx),
-        cy: f(camera.cy),
-        ..camera
-    }
 }
 
 /// A camera at the origin that looks along z.

@@ -20,8 +20,11 @@ impl Trainer {
                 if !outcome.loss.is_finite() {
                     return Err(Error::LossNotFinite { step: event.step });
                 }
-                let (plan, view) = (self.schedule.step(event.step), self.schedule.view_at(event.step));
-                if let Some(learned) = self.engine.learn_sigma(&plan, view, outcome.ticket)? {
+                let plan = self.schedule.step(event.step);
+                if plan.learn_sigma
+                    && let Some(learned) =
+                        self.engine.learn_sigma(&plan, self.schedule.view_at(event.step), outcome.ticket)?
+                {
                     self.tell(Message::Sigma { step: event.step, learned });
                 }
                 self.tell(Message::Step {
