@@ -37,7 +37,7 @@ pub struct CloudReport {
     pub near: f64,
 }
 
-/// Fills in the depths and normals that the settings ask for, splats on them, no more than there may be, and the cloud that growth keeps
+/// Fills in the depths and normals that the settings ask for, splats on them, up to half of those there may be, and the cloud that growth keeps
 /// to. The same for the same photographs, on the same device. `dataset` is that of the input. Photographs that are not kept decoded are
 /// decoded in turns, as `share` has room for them. `begins` is false where the model comes from elsewhere.
 pub fn take_stereo(
