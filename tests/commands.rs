@@ -9,6 +9,12 @@ mod colmap_folder;
 mod common;
 #[path = "commands/compare.rs"]
 mod compare;
+#[path = "commands/faults.rs"]
+mod faults;
+#[path = "commands/full_disk.rs"]
+mod full_disk;
+#[path = "commands/kills.rs"]
+mod kills;
 #[path = "commands/library.rs"]
 mod library;
 #[path = "commands/lidar.rs"]
@@ -21,6 +27,8 @@ mod newcomer;
 mod other_trainers;
 #[path = "commands/run.rs"]
 mod run;
+#[path = "commands/small_disk.rs"]
+mod small_disk;
 #[path = "../examples/train.rs"]
 mod train_example;
 #[path = "commands/training.rs"]

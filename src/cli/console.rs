@@ -54,9 +54,9 @@ fn line(text: &dyn Display) {
 }
 
 /// Says why the command failed, at every level.
-pub(crate) fn error(text: impl Display, remedy: Option<&str>) {
+pub(crate) fn error(text: impl Display, remedies: &[String]) {
     line(&format_args!("psrgs-vk: {text}"));
-    if let Some(remedy) = remedy {
+    for remedy in remedies {
         line(&format_args!("  {remedy}"));
     }
 }

@@ -68,6 +68,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             resume: false,
             overwrite: true,
             preset: None,
+            lose_device_at: None,
         },
         console,
         started,

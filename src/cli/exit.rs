@@ -1,6 +1,7 @@
 //! Exit codes, and the message that goes with one. The README lists them.
 
 use std::error::Error;
+use std::fmt;
 
 use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
@@ -45,6 +46,16 @@ pub(crate) enum Failure {
     /// Stopped by the user.
     #[error("{0}")]
     Interrupted(String),
+}
+
+/// What to do about a failure, where the command knows more than the failure's code says: the outermost context of an error.
+#[derive(Debug)]
+pub(crate) struct Remedy(pub(crate) String);
+
+impl fmt::Display for Remedy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
 }
 
 /// The exit code for an error: what the command said of it, else that of the first cause which has one, from the outside in.
@@ -108,6 +119,9 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     if cause.is::<GeometryError>() {
         return Some(INPUT);
     }
+    if let Some(metrics) = cause.downcast_ref::<MetricsError>() {
+        return Some(if let MetricsError::Write(file) = metrics { of_file(file) } else { INPUT });
+    }
     if let Some(weights) = cause.downcast_ref::<perceptual::Error>() {
         return Some(match weights {
             perceptual::Error::Device(device) => of_device(device),
@@ -115,8 +129,8 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             _ => INPUT,
         });
     }
-    // Metrics and reports are only written by the commands.
-    (cause.is::<MetricsError>() || cause.is::<ReportError>()).then_some(OUTPUT)
+    // Reports are only written by the commands.
+    cause.is::<ReportError>().then_some(OUTPUT)
 }
 
 fn of_training(error: &train::Error) -> u8 {
@@ -177,24 +191,31 @@ fn of_file(error: &format::Error) -> u8 {
     }
 }
 
-/// What to do about an error, where its code says enough to know.
-pub(crate) fn remedy(code: u8) -> Option<&'static str> {
-    match code {
+/// What to do about an error: as far as its code says, and as far as the command knows; a line each.
+pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
+    let usual = match code(error) {
         DEVICE => Some(
             "`psrgs-vk info` lists the devices. Without a GPU, Mesa's software device will do; on Debian: \
              apt-get install mesa-vulkan-drivers (and vulkan-validationlayers for --validate)",
         ),
         MEMORY => Some("a smaller --max-side or a --max-splats needs less; checkpoints already saved are kept"),
-        LOST => Some("`train --resume DIR` goes on from the last checkpoint; PSRGS_BREADCRUMBS=1 finds the pass"),
+        LOST => Some("a driver or its GPU has failed; with PSRGS_BREADCRUMBS=1 the message names the pass"),
+        OUTPUT => Some("make room there, or choose another place; what stood there before is as it was"),
         _ => None,
-    }
+    };
+    let known = error.downcast_ref::<Remedy>().map(|remedy| remedy.0.clone());
+    usual.map(str::to_owned).into_iter().chain(known).collect()
 }
 
-/// The error and its causes on one line, without a cause that the text before it already says.
+/// The error and its causes on one line, without a cause that the text before it already says, and without the remedy.
 pub(crate) fn message(error: &anyhow::Error) -> String {
+    let remedy = error.downcast_ref::<Remedy>().map(|remedy| remedy.0.as_str());
     let mut text = String::new();
     for cause in error.chain() {
         let cause = cause.to_string();
+        if Some(cause.as_str()) == remedy {
+            continue;
+        }
         if text.is_empty() {
             text = cause;
         } else if !text.contains(&cause) {
@@ -226,6 +247,15 @@ mod tests {
         let io = std::io::Error::other("disk full");
         let error = anyhow::Error::new(io).context("a.ply: disk full").context("saving");
         assert_eq!(message(&error), "saving: a.ply: disk full");
+    }
+
+    #[test]
+    fn a_remedy_changes_neither_code_nor_message() {
+        let error = Err::<(), _>(Failure::Output("a.ply".into())).context(Remedy("go on so".into())).unwrap_err();
+        assert_eq!((code(&error), message(&error).as_str()), (OUTPUT, "cannot write a.ply"));
+        let told = remedies(&error);
+        assert!(told.len() == 2 && told[0].contains("make room") && told[1] == "go on so", "{told:?}");
+        assert!(remedies(&anyhow::anyhow!("else")).is_empty());
     }
 
     /// Of the error itself, below a context, and handed on by training.
@@ -300,8 +330,9 @@ mod tests {
         assert_eq!(code(&bench::Error::NoSteps.into()), USAGE);
         assert_eq!(code(&bench::Error::from(lost()).into()), LOST);
         assert_eq!(code(&bench::Error::from(train::Error::from(full())).into()), MEMORY);
-        let report = ReportError::Write { path: file.clone(), source: io() };
-        assert_eq!(code(&report.into()), OUTPUT);
-        assert_eq!(code(&MetricsError::File { path: file, source: io() }.into()), OUTPUT);
+        let full = || format::Error::Io { file: file.clone(), action: "write", source: io() };
+        assert_eq!(code(&ReportError::Write(full()).into()), OUTPUT);
+        assert_eq!(code(&MetricsError::Write(full()).into()), OUTPUT);
+        assert_eq!(code(&MetricsError::File { path: file.clone(), source: io() }.into()), INPUT);
     }
 }

@@ -103,9 +103,8 @@ pub(crate) fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            let code = exit::code(&error);
-            console::error(exit::message(&error), exit::remedy(code));
-            ExitCode::from(code)
+            console::error(exit::message(&error), &exit::remedies(&error));
+            ExitCode::from(exit::code(&error))
         }
     }
 }

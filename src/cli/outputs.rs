@@ -13,12 +13,10 @@ use psrgs_vk::vk::Gpu;
 use super::console::Console;
 use super::lpips::Lpips;
 use super::pictures::Pictures;
-use super::run_folder::{METRICS, MODEL, REPORT, RunFolder};
+use super::run_folder::{METRICS, MODEL, RENDERS, REPORT, RunFolder};
 use super::stages;
 use super::train::Plan;
 
-/// Folder of the held-out renders.
-const RENDERS: &str = "renders";
 /// Points of a curve at most.
 const CURVE_POINTS: usize = 400;
 

@@ -5,10 +5,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use psrgs_vk::format::atomic;
+use psrgs_vk::format::{atomic, checkpoint};
 use psrgs_vk::train::Settings;
 
-use super::exit::Failure;
+use super::exit::{self, Failure, Remedy};
 use super::train::Plan;
 
 /// Name of the settings file.
@@ -21,6 +21,8 @@ pub(crate) const METRICS: &str = "metrics.json";
 pub(crate) const REPORT: &str = "report.html";
 /// Name of the folder of checkpoints.
 pub(crate) const CHECKPOINTS: &str = "checkpoints";
+/// Name of the folder of held-out renders.
+pub(crate) const RENDERS: &str = "renders";
 /// Held while a run writes here.
 const LOCK: &str = ".lock";
 
@@ -28,12 +30,15 @@ const LOCK: &str = ".lock";
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
+    /// What an earlier run has left, where it is to be replaced.
+    old: Vec<PathBuf>,
     /// The lock ends with the file: also when the process is killed.
     _lock: File,
 }
 
 impl RunFolder {
-    /// Makes the folder, takes it, and writes the settings.
+    /// Makes the folder and takes it. Settings are written where no earlier run is there, so that what is killed before it begins can be
+    /// gone on with too.
     pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
         let path = plan.out.clone();
         let checkpoints = path.join(CHECKPOINTS);
@@ -51,23 +56,51 @@ impl RunFolder {
             Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(e)) => return Err(unwritable(&lock_file, &e)),
         }
-        if !plan.resume {
-            let old = results(&path)?;
-            if !old.is_empty() && !plan.overwrite {
-                return Err(Failure::Usage(format!(
-                    "{0}: holds an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
-                    path.display()
-                ))
-                .into());
-            }
-            // All of the earlier run goes at once: a mixture of two runs would be taken for one.
-            for file in old {
-                fs::remove_file(&file).map_err(|e| unwritable(&file, &e))?;
+        let old = if plan.resume { Vec::new() } else { results(&path)? };
+        if !old.is_empty() && !plan.overwrite {
+            return Err(Failure::Usage(format!(
+                "{0}: holds an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
+                path.display()
+            ))
+            .into());
+        }
+        let folder = Self { path, old, _lock: lock };
+        if !plan.resume && folder.old.is_empty() {
+            folder.write_settings(&plan.settings)?;
+        }
+        Ok(folder)
+    }
+
+    /// To be called when all that training needs is there: what could fail before has cost an earlier run nothing. Its results go all at
+    /// once, because a mixture of two runs would be taken for one, and its settings first, without which nobody goes on with it.
+    pub(crate) fn begin(&self, settings: &Settings) -> anyhow::Result<()> {
+        let before = if self.old.is_empty() { None } else { Some(self.file(SETTINGS)) };
+        for file in before.iter().chain(&self.old) {
+            match fs::remove_file(file) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(unwritable(file, &e)),
+                _ => {}
             }
         }
-        let folder = Self { path, _lock: lock };
-        folder.write_settings(&plan.settings)?;
-        Ok(folder)
+        for folder in [self.path.clone(), self.file(RENDERS)] {
+            atomic::remove_unfinished(&folder, "");
+        }
+        self.write_settings(settings)
+    }
+
+    /// Adds to an error that ends a training how to go on, unless it says so itself.
+    pub(crate) fn with_way_on(&self, error: anyhow::Error) -> anyhow::Error {
+        if exit::message(&error).contains("--resume") {
+            return error;
+        }
+        let remedy = match checkpoint::newest(&self.checkpoints()) {
+            Some((step, file)) => format!(
+                "saved up to step {step}, in {}; without the cause it goes on: psrgs-vk train --resume {}",
+                file.display(),
+                self.path.display()
+            ),
+            None => "there is no checkpoint to go on from: the same command begins anew".to_owned(),
+        };
+        error.context(Remedy(remedy))
     }
 
     /// Writes `settings.toml`.
@@ -113,7 +146,8 @@ mod tests {
     use psrgs_vk::train::Settings;
 
     fn plan(out: &Path) -> Plan {
-        Plan { settings: Settings::default(), out: out.to_owned(), resume: false, overwrite: false, preset: None }
+        let (settings, out) = (Settings::default(), out.to_owned());
+        Plan { settings, out, resume: false, overwrite: false, preset: None, lose_device_at: None }
     }
 
     fn refused(plan: &Plan) -> (u8, String) {
@@ -146,8 +180,10 @@ mod tests {
         drop(RunFolder::open(&Plan { resume: true, ..plan(folder.path()) }).unwrap());
         assert!(model.exists() && checkpoint.exists(), "resuming removes nothing");
 
-        drop(RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap());
-        assert!(!model.exists() && !checkpoint.exists() && own.exists());
+        let run = RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap();
+        assert!(model.exists() && checkpoint.exists(), "nothing is lost before it begins");
+        run.begin(&Settings::default()).unwrap();
+        assert!(!model.exists() && !checkpoint.exists() && own.exists() && run.file(SETTINGS).exists());
     }
 
     #[test]
@@ -157,6 +193,21 @@ mod tests {
         settings.run.seed = 9;
         let run = RunFolder::open(&Plan { settings: settings.clone(), ..plan(folder.path()) }).unwrap();
         assert_eq!(Settings::read(&run.file(SETTINGS)).unwrap(), settings);
+        settings.run.seed = 10;
+        run.begin(&settings).unwrap();
+        assert_eq!(Settings::read(&run.file(SETTINGS)).unwrap(), settings);
+    }
+
+    #[test]
+    fn the_way_on_is_told_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::open(&plan(folder.path())).unwrap();
+        let told = |text: &str| exit::remedies(&run.with_way_on(anyhow::anyhow!(text.to_owned()))).join("\n");
+        assert!(told("disk full").contains("no checkpoint"));
+        fs::write(run.checkpoints().join("checkpoint-000100.ckpt"), "x").unwrap();
+        let way_on = told("disk full");
+        assert!(way_on.contains("step 100") && way_on.contains("--resume"), "{way_on}");
+        assert_eq!(told("stopped; go on with --resume"), "");
     }
 
     #[test]

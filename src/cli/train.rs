@@ -60,6 +60,9 @@ pub(crate) struct Args {
     /// Print the settings that would be used as a settings file, and stop
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
+    /// For tests: the device is as if lost after this step
+    #[arg(long, value_name = "STEP", hide = true)]
+    pub(crate) lose_device_at: Option<u32>,
     #[command(flatten)]
     pub(crate) settings: Settings,
 }
@@ -80,6 +83,8 @@ pub(crate) struct Plan {
     pub(crate) overwrite: bool,
     /// What to say of the preset that holds.
     pub(crate) preset: Option<String>,
+    /// For tests: the step after which the device is as if lost.
+    pub(crate) lose_device_at: Option<u32>,
 }
 
 impl Args {
@@ -138,7 +143,8 @@ impl Args {
         }
         let weights = &mut settings.scoring.perceptual_weights;
         *weights = weights.as_ref().map(absolute).transpose()?;
-        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite: self.overwrite, preset })
+        let Self { overwrite, lose_device_at, .. } = *self;
+        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite, preset, lose_device_at })
     }
 }
 

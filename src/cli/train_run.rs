@@ -59,7 +59,6 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     if before.is_none() {
         let coarse = prepare::coarse_by_spectra(&input, &mut settings)?;
         if let Some([half, quarter]) = coarse {
-            folder.write_settings(&settings)?;
             console.say(format_args!(
                 "photographs of half the size keep {:.0} % of the spectrum's amplitude, of a quarter {:.0} %: reduced ones in the first \
                  {:.0} % of the steps",
@@ -68,7 +67,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
                 100.0 * settings.frequencies.coarse_steps
             ));
         }
-        choose_forms(&gpu, &input, &mut settings, &folder, console)?;
+        choose_forms(&gpu, &input, &mut settings, console)?;
     }
     let settings = &settings;
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
@@ -92,14 +91,18 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         estimate(&gpu, &input, settings, variants, done, console);
     }
     let mut trainer = Trainer::new(&gpu, input, settings, host.pacing, restart)?;
+    folder.begin(settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
-    let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
-    if let Some(streaming) = trainer.streaming() {
-        console.detail(format_args!("photographs: {streaming}"));
-    }
-    let finished =
-        Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds, stereo_seconds };
-    outputs::write(&finished, &mut trainer, &mut lpips, console)
+    let mut to_the_end = || {
+        let training_seconds = follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
+        if let Some(streaming) = trainer.streaming() {
+            console.detail(format_args!("photographs: {streaming}"));
+        }
+        let finished =
+            Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds, stereo_seconds };
+        outputs::write(&finished, &mut trainer, &mut lpips, console)
+    };
+    to_the_end().map_err(|error| folder.with_way_on(error))
 }
 
 /// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.
@@ -118,15 +121,9 @@ pub(crate) fn host_plan(gpu: &Gpu, dataset: &Dataset, settings: &Settings, splat
     Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan, settings))
 }
 
-/// Chooses the forms of the passes and keeps them with the settings where a repetition needs them: where they belong to equal
+/// Chooses the forms of the passes and puts them into the settings where a repetition needs them: where they belong to equal
 /// bits, and where they were chosen by timing.
-fn choose_forms(
-    gpu: &Gpu,
-    input: &Input,
-    settings: &mut Settings,
-    folder: &RunFolder,
-    console: &Console,
-) -> anyhow::Result<()> {
+fn choose_forms(gpu: &Gpu, input: &Input, settings: &mut Settings, console: &Console) -> anyhow::Result<()> {
     let tuned = tune::tuned(gpu, input, settings, device::cache_folder().as_deref())?;
     if let Some(warning) = &tuned.warning {
         console.warn(warning);
@@ -142,7 +139,6 @@ fn choose_forms(
         settings.device.gradient_sum = Some(tuned.variants.gradients);
         settings.device.backward = Some(tuned.variants.backward);
         settings.device.culling = Some(tuned.variants.culling);
-        folder.write_settings(settings)?;
     }
     Ok(())
 }
@@ -245,6 +241,9 @@ fn follow(
             Message::Step { step, loss, splats, seconds: now, .. } => {
                 seconds = now;
                 progress.step(step, loss, splats, now);
+                if plan.lose_device_at == Some(step) {
+                    gpu.pretend_lost();
+                }
                 if progress.wants_estimate(step) {
                     progress.estimate(step, now, gpu.memory_use().current, !run.no_densify);
                 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::geometry::Geometry;
+use crate::format::atomic;
 
 /// Waits that are told one by one; `metrics.json` has all of them.
 const TOLD_WAITS: usize = 20;
@@ -146,8 +147,11 @@ impl std::fmt::Display for Streaming {
 /// Errors of reading and writing metrics.
 #[derive(Debug, thiserror::Error)]
 pub enum MetricsError {
-    /// The file could not be read or written.
-    #[error("cannot access {path}: {source}")]
+    /// The file could not be written.
+    #[error(transparent)]
+    Write(#[from] crate::format::Error),
+    /// The file could not be read.
+    #[error("cannot read {path}: {source}")]
     File {
         /// The file.
         path: PathBuf,
@@ -183,7 +187,7 @@ impl Metrics {
         let json = |source| MetricsError::Json { path: path.to_owned(), source };
         let mut text = serde_json::to_string_pretty(self).map_err(json)?;
         text.push('\n');
-        std::fs::write(path, text).map_err(|source| MetricsError::File { path: path.to_owned(), source })
+        Ok(atomic::write(path, |out| out.write_all(text.as_bytes()))?)
     }
 
     /// Reads `metrics.json`.

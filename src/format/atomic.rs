@@ -25,6 +25,20 @@ pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
     flush_folder(folder).map_err(Error::io(folder, "flush to the disk"))
 }
 
+/// Removes what a process that was killed while it wrote a file has left in a folder, of files whose names begin with `prefix`: it takes
+/// room. Only for who alone writes there. Where it does not work, nothing is lost.
+pub fn remove_unfinished(folder: &Path, prefix: &str) {
+    let prefix = format!(".{prefix}");
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(&prefix) && name.ends_with(".tmp") {
+            // An error here is not worth stopping for.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
 fn temporary_file(folder: &Path, prefix: &str) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".tmp");

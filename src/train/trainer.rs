@@ -200,7 +200,7 @@ impl Trainer {
         self.seconds_before + self.started.elapsed().as_secs_f64()
     }
 
-    /// Writes a checkpoint to `folder` every [`Settings`]`.run.checkpoint_every` steps from now on.
+    /// Writes a checkpoint to `folder` every [`Settings`]`.run.checkpoint_every` steps from now on, and one at the end.
     pub fn keep_checkpoints(&mut self, folder: &Path) {
         self.checkpoints = Some(folder.to_owned());
     }
@@ -212,7 +212,8 @@ impl Trainer {
 
     fn saves_at(&self, step: u32) -> bool {
         let every = self.settings.run.checkpoint_every;
-        self.checkpoints.is_some() && every > 0 && step.is_multiple_of(every)
+        let due = step == self.schedule.iterations || every > 0 && step.is_multiple_of(every);
+        self.checkpoints.is_some() && due
     }
 
     /// The step at which the host must have everything done: an evaluation, a checkpoint, or the end.
@@ -234,8 +235,10 @@ impl Trainer {
     }
 
     fn attend(&mut self, stop: u32) -> Result<(), Error> {
+        // A training that is resumed at its end has been saved there.
+        let saved = self.attended == stop;
         self.attended = stop;
-        if self.saves_at(stop) {
+        if self.saves_at(stop) && !saved {
             let (step, path) = self.save_checkpoint()?;
             self.tell(Message::Checkpoint { step, path });
         }

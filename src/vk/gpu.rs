@@ -38,6 +38,8 @@ struct GpuInner {
     /// Where the pipeline cache is kept, and whether it has grown.
     cache_file: Option<PathBuf>,
     cache_grown: AtomicBool,
+    /// Whether the device is to look lost.
+    lost: AtomicBool,
 }
 
 /// An open device with its queue. Cheap to clone; everything runs in order of submission.
@@ -72,6 +74,7 @@ impl Gpu {
             timestamp_mask: if bits >= 64 { u64::MAX } else { (1 << bits) - 1 },
             cache_file: options.pipeline_cache.as_deref().map(|folder| cache::file(folder, device.caps.cache_id)),
             cache_grown: AtomicBool::new(false),
+            lost: AtomicBool::new(false),
             device,
         };
         let data = inner.cache_file.as_deref().map(cache::load).unwrap_or_default();
@@ -269,7 +272,8 @@ impl Gpu {
         recorder.profile &= self.inner.timestamp_mask != 0 && self.caps().limits.timestamp_ns > 0.0;
         let result = {
             let mut state = lock(&self.inner.state);
-            let done = state.submit(&self.inner.device, self.inner.timeline, recorder, order);
+            let there = self.inner.there().named("vkQueueSubmit2");
+            let done = there.and_then(|()| state.submit(&self.inner.device, self.inner.timeline, recorder, order));
             done.map(|()| Ticket(state.last))
         };
         result.map_err(|error| self.explain(error))
@@ -316,6 +320,13 @@ impl Gpu {
         self.inner.save_cache()
     }
 
+    /// From now on every submit, wait and question about a ticket is answered as by a driver that has lost its device: for tests of
+    /// what comes of that. What was submitted still runs.
+    #[doc(hidden)]
+    pub fn pretend_lost(&self) {
+        self.inner.lost.store(true, Ordering::Release);
+    }
+
     fn retire(&self) -> Result<()> {
         let completed = self.inner.completed().map_err(|error| self.explain(error))?;
         let period = f64::from(self.caps().limits.timestamp_ns);
@@ -346,12 +357,22 @@ impl Gpu {
 }
 
 impl GpuInner {
+    fn there(&self) -> std::result::Result<(), vk::Result> {
+        if self.lost.load(Ordering::Acquire) { Err(vk::Result::ERROR_DEVICE_LOST) } else { Ok(()) }
+    }
+
     fn completed(&self) -> Result<u64> {
+        self.there().named("vkGetSemaphoreCounterValue")?;
         // SAFETY: the semaphore lives as long as `self`.
         unsafe { self.device.raw.get_semaphore_counter_value(self.timeline) }.named("vkGetSemaphoreCounterValue")
     }
 
     fn wait(&self, ticket: u64) -> Result<()> {
+        self.there().named("vkWaitSemaphores")?;
+        self.wait_really(ticket)
+    }
+
+    fn wait_really(&self, ticket: u64) -> Result<()> {
         let (semaphores, values) = ([self.timeline], [ticket]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: as above.
@@ -377,7 +398,7 @@ impl Drop for GpuInner {
         // Whoever wants to know of a failure calls `save_pipeline_cache`.
         let _ = self.save_cache();
         // A lost device cannot be waited for, and its objects may then be destroyed without.
-        let _ = self.wait(last);
+        let _ = self.wait_really(last);
         // SAFETY: everything submitted has finished, or the device is lost.
         unsafe {
             lock(&self.state).close(&self.device);

@@ -1,8 +1,10 @@
 //! A scene, a finished training on it, and running the command.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 
 use psrgs_vk::world::{WorldParams, generate};
@@ -63,6 +65,73 @@ pub fn fails(args: &[&str], code: i32, words: &[&str]) {
     }
 }
 
+/// A command that is on its way, and what it has said.
+pub struct Running {
+    pub child: Child,
+    lines: BufReader<std::process::ChildStderr>,
+    said: String,
+}
+
+impl Running {
+    pub fn new(args: &[&str]) -> Self {
+        let mut child = command(args).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
+        let lines = BufReader::new(child.stderr.take().expect("a pipe"));
+        Self { child, lines, said: String::new() }
+    }
+
+    /// Reads on until a line has the word.
+    #[track_caller]
+    pub fn until(&mut self, word: &str) {
+        while self.lines.read_line(&mut self.said).expect("text") > 0 {
+            if self.said.lines().last().is_some_and(|line| line.contains(word)) {
+                return;
+            }
+        }
+        panic!("never said `{word}`: {}", self.said);
+    }
+
+    /// Sends it a signal.
+    pub fn signal(&self, signal: &str) {
+        let sent = Command::new("kill").args([signal, &self.child.id().to_string()]).status().expect("kill runs");
+        assert!(sent.success());
+    }
+
+    /// Its exit code (`None` after a signal), and all that it said.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        self.lines.read_to_string(&mut self.said).expect("text");
+        let code = self.child.wait().expect("an end").code();
+        assert!(!self.said.contains("panicked"), "{}", self.said);
+        (code, self.said)
+    }
+}
+
+/// Arguments as the functions here take them.
+pub fn strs(args: &[String]) -> Vec<&str> {
+    args.iter().map(String::as_str).collect()
+}
+
+/// Writes the files of a folder into another one.
+pub fn copy_folder(from: &Path, to: &Path) {
+    for (file, bytes) in content(from) {
+        let copy = to.join(file.strip_prefix(from).expect("inside"));
+        fs::create_dir_all(copy.parent().expect("a folder")).expect("a folder");
+        fs::write(copy, bytes).expect("written");
+    }
+}
+
+/// A file or folder with all that is in it, by name.
+pub fn content(of: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    if of.is_dir() {
+        for entry in fs::read_dir(of).expect("a folder") {
+            found.extend(content(&entry.expect("an entry").path()));
+        }
+    } else {
+        found.insert(of.to_owned(), fs::read(of).expect("a file"));
+    }
+    found
+}
+
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
@@ -87,6 +156,13 @@ impl Shared {
 
     pub fn model(&self) -> PathBuf {
         self.run().join("point_cloud.ply")
+    }
+
+    /// Arguments of a training like the shared one into another folder, of fewer steps and with more options.
+    pub fn train_for(&self, steps: u32, out: &Path, more: &[&str]) -> Vec<String> {
+        let shared = STEPS.to_string();
+        let steps = |arg: String| if arg == shared { steps.to_string() } else { arg };
+        self.train(out).into_iter().map(steps).chain(more.iter().map(|s| (*s).to_owned())).collect()
     }
 
     /// Arguments of a training like the shared one into another folder.

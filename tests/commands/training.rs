@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
-use std::process::{Command, Stdio};
 
-use crate::run::{OPTIONS, STEPS, Shared, command, psrgs, shared, stderr, text, works};
+#[cfg(unix)]
+use crate::run::Running;
+use crate::run::{OPTIONS, STEPS, Shared, psrgs, shared, stderr, text, works};
 
 const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images \
@@ -40,9 +40,9 @@ fn a_training_leaves_every_file_that_is_promised() {
     assert!(!run.join("exposures.json").exists(), "exposures are off unless asked for");
 }
 
-/// Trains in `out` and compares the model with the shared one.
+/// Compares the model in `out` with the shared one.
 #[track_caller]
-fn same_model(shared: &Shared, out: &Path, what: &str) {
+pub fn same_model(shared: &Shared, out: &Path, what: &str) {
     let read = |file: &Path| fs::read(file).expect("a model");
     assert!(read(&shared.model()) == read(&out.join("point_cloud.ply")), "{what}: the models differ");
 }
@@ -77,19 +77,10 @@ fn settings_repeat_a_run_bit_for_bit() {
 /// Starts a training and sends it a signal once it has said `word`; gives its exit code and what it said.
 #[cfg(unix)]
 fn stopped(args: &[String], word: &str, signal: &str) -> (Option<i32>, String) {
-    let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    let mut child = command(&args).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
-    let mut lines = BufReader::new(child.stderr.take().expect("a pipe"));
-    let mut said = String::new();
-    while lines.read_line(&mut said).expect("text") > 0 {
-        if said.lines().last().is_some_and(|line| line.contains(word)) {
-            let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
-            assert!(sent.success());
-            break;
-        }
-    }
-    lines.read_to_string(&mut said).expect("text");
-    (child.wait().expect("an end").code(), said)
+    let mut running = Running::new(&args.iter().map(String::as_str).collect::<Vec<_>>());
+    running.until(word);
+    running.signal(signal);
+    running.end()
 }
 
 #[cfg(unix)]

@@ -8,12 +8,13 @@ mod text;
 pub use limit::REPORT_BYTES;
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use image::RgbImage;
 
 use super::colormap::Colormap;
 use super::{ImageScore, Metrics};
+use crate::format::atomic;
 use panel::{STORAGES, Storage};
 use text::{bytes, decibels, duration, escape, fill, grouped, link, significant};
 
@@ -136,19 +137,14 @@ pub enum ReportError {
     #[error("cannot encode a picture: {0}")]
     Picture(#[from] image::ImageError),
     /// The page could not be written.
-    #[error("cannot write {path}: {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Write(#[from] crate::format::Error),
 }
 
 /// Writes the page to `path`.
 pub fn write_report(data: &ReportData, path: &Path) -> Result<(), ReportError> {
     let page = render_report(data)?;
-    std::fs::write(path, page).map_err(|source| ReportError::Write { path: path.to_owned(), source })
+    Ok(atomic::write(path, |out| out.write_all(page.as_bytes()))?)
 }
 
 /// The page as text.

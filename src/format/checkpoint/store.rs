@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::Checkpoint;
-use crate::format::Error;
+use crate::format::{Error, atomic};
 
 /// A checkpoint found in a folder.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ pub fn file_name(step: u64) -> String {
 /// too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. Gives the file.
 pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf, Error> {
     let file = folder.join(file_name(step));
-    remove_unfinished(folder);
+    atomic::remove_unfinished(folder, "checkpoint-");
     checkpoint.write(&file)?;
     let others: Vec<(u64, PathBuf)> = list(folder)?.into_iter().filter(|(s, _)| *s != step).collect();
     let previous = others.iter().map(|(s, _)| *s).filter(|s| *s < step).max();
@@ -36,19 +36,6 @@ pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf
         fs::remove_file(old).map_err(Error::io(old, "remove the old checkpoint"))?;
     }
     Ok(file)
-}
-
-/// Removes what a crash in the middle of writing has left: it takes the room that the next checkpoint needs. Where that does
-/// not work, nothing is lost.
-fn remove_unfinished(folder: &Path) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.starts_with(".checkpoint-") && name.ends_with(".tmp") {
-            // An error here is not worth stopping for.
-            let _ = fs::remove_file(entry.path());
-        }
-    }
 }
 
 /// The newest checkpoint of a folder that can be read; `None` when there are none at all.
@@ -65,6 +52,11 @@ pub fn latest(folder: &Path) -> Result<Option<Latest>, Error> {
     }
     let problems = damaged.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
     Err(Error::NoValidCheckpoint { folder: folder.to_owned(), problems })
+}
+
+/// Step and file of the newest checkpoint of a folder by its name; its content is not looked at.
+pub fn newest(folder: &Path) -> Option<(u64, PathBuf)> {
+    list(folder).ok()?.into_iter().next()
 }
 
 /// The checkpoints by descending step.

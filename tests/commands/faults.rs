@@ -1,0 +1,177 @@
+//! What befalls a training from outside, disks apart: photographs that go away, a device that is lost or too small, a second run.
+#![cfg(unix)]
+
+use std::fs;
+use std::path::Path;
+
+use psrgs_vk::format::checkpoint;
+
+use crate::run::{Running, content, copy_folder, copy_of, fails, psrgs, shared, stderr, strs, text, works};
+use crate::training::same_model;
+
+/// Options of a run that saves often and says so.
+const SAVES: [&str; 3] = ["--checkpoint-every", "15", "-v"];
+
+fn with(mut args: Vec<String>, more: &[&str]) -> Vec<String> {
+    args.extend(more.iter().map(|arg| (*arg).to_owned()));
+    args
+}
+
+/// The step of the newest checkpoint, which must be whole.
+#[track_caller]
+fn saved(out: &Path) -> u64 {
+    let found = checkpoint::latest(&out.join("checkpoints")).expect("readable").expect("a checkpoint");
+    assert!(found.damaged.is_empty());
+    found.step
+}
+
+#[test]
+fn photographs_that_go_away_end_a_training_that_reads_them_again() {
+    let Some(shared) = shared() else { return };
+    type Damage = fn(&Path);
+    let cases: [(Damage, &str); 2] = [
+        (|images| fs::rename(images, images.with_extension("away")).expect("moved"), "No such file"),
+        (
+            |images| {
+                fs::rename(images, images.with_extension("away")).expect("moved");
+                copy_folder(&images.with_extension("away"), images);
+                for name in (0..9).map(|i| images.join(format!("view_{i:04}.jpg"))) {
+                    let bytes = fs::read(&name).expect("a photograph");
+                    fs::write(&name, &bytes[..bytes.len() / 2]).expect("written");
+                }
+            },
+            "pixels at byte",
+        ),
+    ];
+    for (damage, words) in cases {
+        let data = copy_of(&shared.data());
+        let (images, out) = (data.path().join("images"), data.path().join("run"));
+        let mut args = with(shared.train(&out), &SAVES);
+        args[1] = text(data.path()).to_owned();
+        let mut running = Running::new(&strs(&with(args, &["--host-memory", "1M"])));
+        running.until("step 15: saved");
+        damage(&images);
+        let (code, said) = running.end();
+        assert_eq!(code, Some(3), "{said}");
+        let told =
+            said.lines().rev().take(2).any(|line| line.contains("saved up to step") && line.contains("--resume"));
+        assert!(told && said.contains("images/view_") && said.contains(words), "{said}");
+        assert!(saved(&out) >= 15 && !out.join("point_cloud.ply").exists(), "{said}");
+
+        // Resumed without them it says so and changes nothing; with them it ends as if nothing had been.
+        let before = content(&out);
+        let output = psrgs(&["train", "--resume", text(&out)]);
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        assert!(content(&out) == before, "a failed resumption has changed a file");
+        fs::remove_dir_all(&images).ok();
+        fs::rename(images.with_extension("away"), &images).expect("moved back");
+        works(&["train", "--resume", text(&out), "-q"]);
+        same_model(shared, &out, "resumed with the photographs");
+    }
+}
+
+#[test]
+fn photographs_that_go_away_do_no_harm_where_they_are_held() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let out = data.path().join("run");
+    let mut args = with(shared.train(&out), &SAVES);
+    args[1] = text(data.path()).to_owned();
+    let mut running = Running::new(&strs(&args));
+    running.until("step 15: saved");
+    fs::remove_dir_all(data.path().join("images")).expect("removed");
+    let (code, said) = running.end();
+    assert_eq!(code, Some(0), "{said}");
+    same_model(shared, &out, "trained on without the files");
+    assert!(out.join("report.html").exists());
+}
+
+#[test]
+fn a_lost_device_ends_the_training_and_it_goes_on() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let args = with(shared.train(&out), &[&SAVES[..], &["--lose-device-at", "40"]].concat());
+    fails(&strs(&args), 6, &["device lost in vk", "recordings", "saved up to step 30", "--resume"]);
+    assert!(saved(&out) == 30 && !out.join("point_cloud.ply").exists());
+    // At once, and with nothing saved.
+    let none = folder.path().join("none");
+    let args = with(shared.train(&none), &["--lose-device-at", "1"]);
+    fails(&strs(&args), 6, &["device lost", "no checkpoint"]);
+    works(&["train", "--resume", text(&out), "-q"]);
+    same_model(shared, &out, "resumed with the device back");
+}
+
+#[test]
+fn a_second_run_in_the_same_folder_touches_nothing() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let args = with(shared.train(&out), &SAVES);
+    let mut running = Running::new(&strs(&args));
+    running.until("step 15: saved");
+    // Held still, so that what changes is the second one's doing.
+    running.signal("-STOP");
+    let before = content(&out);
+    let words = [text(&out), "another run is writing here", "another --out"];
+    fails(&strs(&args), 2, &words);
+    fails(&strs(&with(args.clone(), &["--overwrite"])), 2, &words);
+    fails(&["train", "--resume", text(&out)], 2, &words);
+    assert!(content(&out) == before, "the second run has changed a file");
+    running.signal("-CONT");
+    let (code, said) = running.end();
+    assert_eq!(code, Some(0), "{said}");
+    same_model(shared, &out, "with others that wanted the folder");
+}
+
+#[test]
+fn a_run_that_fails_before_it_begins_costs_an_earlier_one_nothing() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let out = data.path().join("run");
+    copy_folder(&shared.run(), &out);
+    let before = content(&out);
+    let again = |more: &[&str]| with(vec!["train".into(), text(data.path()).into()], more);
+    let over = ["--out", text(&out), "--iterations", "3", "--overwrite"];
+    fails(&strs(&again(&[&over[..], &["--max-device-memory", "100K"]].concat())), 5, &["out of device memory"]);
+    fails(&strs(&again(&[&over[..], &["--init", "none.ply"]].concat())), 3, &["none.ply"]);
+    fails(&strs(&again(&[&over[..], &["--device", "no such device"]].concat())), 4, &["no such device"]);
+    fs::write(data.path().join("images/view_0001.jpg"), "no picture").expect("written");
+    fails(&strs(&again(&over)), 3, &["view_0001.jpg"]);
+    assert!(content(&out) == before, "a run that failed has changed a file");
+}
+
+/// Splats that swell until their pairs no longer fit.
+#[test]
+fn device_memory_that_runs_out_while_training_ends_it_with_a_checkpoint() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let data = shared.data();
+    let swelling = ["--method", "3dgs", "--deterministic", "--no-densify", "--lr-scales", "0.3", "--iterations", "60"];
+    let run = |limit: u64| {
+        let limit = limit.to_string();
+        let ends = ["train", text(&data), "--out", text(&out), "--overwrite", "-q", "--max-device-memory", &limit];
+        psrgs(&[&ends[..], &swelling].concat())
+    };
+    // What it takes to begin is in the complaint; how much more the pairs take before the splats swell is found by trying.
+    let said = stderr(&run(1 << 16));
+    let needs = said.split("the training needs ").nth(1).and_then(|rest| rest.split(',').next()).unwrap_or_default();
+    let (number, unit) = needs.split_once(' ').unwrap_or_else(|| panic!("no size: {said}"));
+    let unit = ["KiB", "MiB"].iter().position(|u| *u == unit).map(|k| 1024_f64.powi(k as i32 + 1)).expect("a unit");
+    let least = (number.parse::<f64>().expect("a number") * unit) as u64;
+    let tried = (1..16).map(|more| least + more * (64 << 10)).map(|limit| (limit, run(limit)));
+    let late = tried.into_iter().find(|(_, output)| stderr(output).contains("is saved in"));
+    let (limit, output) = late.expect("a limit that is met on the way");
+    let said = stderr(&output);
+    println!("{limit} bytes: {said}");
+    assert_eq!(output.status.code(), Some(5), "{said}");
+    for word in ["no room for", "(splat, tile) pairs", "--max-device-memory", "is saved in", "--resume"] {
+        assert!(said.contains(word), "does not say `{word}`: {said}");
+    }
+    let step = saved(&out);
+    assert!((1..60).contains(&step) && !out.join("point_cloud.ply").exists());
+    let said = works(&["train", "--resume", text(&out), "--max-device-memory", "1G"]);
+    assert!(said.contains(&format!("going on after step {step}")), "{said}");
+    assert!(out.join("point_cloud.ply").exists());
+}
