@@ -35,7 +35,10 @@ pub const OPTIONS: [&str; 14] = [
 /// The command with arguments, without the variables that change it.
 pub fn command(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
-    command.args(args).env_remove("PSRGS_DEVICE").env_remove("RUST_BACKTRACE");
+    command.args(args);
+    for variable in ["PSRGS_DEVICE", "PSRGS_WEIGHTS", "RUST_BACKTRACE"] {
+        command.env_remove(variable);
+    }
     command
 }
 
