@@ -164,7 +164,7 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     let options = Options { warm_up: args.warm_up, steps: args.steps, side: args.side, copy_bytes: bench::COPY_BYTES };
     if args.list_commands {
         let commands = bench::commands(&gpu, input, &settings, &options).map_err(failure)?;
-        return Ok(console::print(&listing::text(&commands))?);
+        return console::print(&listing::text(&commands));
     }
     console.say(format_args!(
         "{} splats, {} training photographs; {} steps to warm up, {} timed",
@@ -188,7 +188,7 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     if let Some(file) = &args.json {
         write(file, &report, args.validate)?;
     }
-    Ok(console::print(&table::text(&report))?)
+    console::print(&table::text(&report))
 }
 
 /// That neither the layer nor the guards have anything to say.

@@ -16,5 +16,5 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, command: &mut clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, command, "psrgs-vk", &mut script);
-    Ok(console::print(&String::from_utf8(script)?)?)
+    console::print(&String::from_utf8(script)?)
 }

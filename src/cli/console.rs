@@ -3,6 +3,10 @@
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, Write as _};
 
+use anyhow::Context as _;
+
+use super::exit::Failure;
+
 /// How much is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
@@ -62,10 +66,10 @@ pub(crate) fn error(text: impl Display, remedies: &[String]) {
 }
 
 /// Writes a result to standard output.
-pub(crate) fn print(text: &str) -> io::Result<()> {
+pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())?;
-    out.flush()
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.context(Failure::Output("standard output".to_owned()))
 }
 
 /// Whether the reader of standard output went away, as `head` does: that is how the user wanted it.

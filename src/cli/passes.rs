@@ -21,7 +21,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         listing()
     };
-    Ok(console::print(&text)?)
+    console::print(&text)
 }
 
 fn listing() -> String {

@@ -61,6 +61,7 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
     /// For tests: the device is as if lost after this step
+    #[cfg(debug_assertions)]
     #[arg(long, value_name = "STEP", hide = true)]
     pub(crate) lose_device_at: Option<u32>,
     #[command(flatten)]
@@ -143,7 +144,11 @@ impl Args {
         }
         let weights = &mut settings.scoring.perceptual_weights;
         *weights = weights.as_ref().map(absolute).transpose()?;
-        let Self { overwrite, lose_device_at, .. } = *self;
+        #[cfg(debug_assertions)]
+        let lose_device_at = self.lose_device_at;
+        #[cfg(not(debug_assertions))]
+        let lose_device_at = None;
+        let overwrite = self.overwrite;
         Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite, preset, lose_device_at })
     }
 }
@@ -187,7 +192,7 @@ fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<
 pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
     let plan = args.plan(matches)?;
     if args.print_settings {
-        return Ok(console::print(&plan.settings.to_toml()?)?);
+        return console::print(&plan.settings.to_toml()?);
     }
     super::train_run::train(&plan, console, started)
 }

@@ -2,11 +2,11 @@
 #![cfg(unix)]
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use psrgs_vk::format::checkpoint;
 
-use crate::run::{Running, content, copy_folder, copy_of, fails, psrgs, shared, stderr, strs, text, works};
+use crate::run::{Running, command, content, copy_folder, copy_of, fails, psrgs, shared, stderr, strs, text, works};
 use crate::training::same_model;
 
 /// Options of a run that saves often and says so.
@@ -86,6 +86,8 @@ fn photographs_that_go_away_do_no_harm_where_they_are_held() {
     assert!(out.join("report.html").exists());
 }
 
+/// Optimised builds have no option to lose a device.
+#[cfg(debug_assertions)]
 #[test]
 fn a_lost_device_ends_the_training_and_it_goes_on() {
     let Some(shared) = shared() else { return };
@@ -173,5 +175,55 @@ fn device_memory_that_runs_out_while_training_ends_it_with_a_checkpoint() {
     assert!((1..60).contains(&step) && !out.join("point_cloud.ply").exists());
     let said = works(&["train", "--resume", text(&out), "--max-device-memory", "1G"]);
     assert!(said.contains(&format!("going on after step {step}")), "{said}");
+    assert!(out.join("point_cloud.ply").exists());
+}
+
+/// The newest checkpoint is damaged, then both are.
+#[test]
+fn a_damaged_checkpoint_is_told_and_the_one_before_it_taken() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let mut running = Running::new(&strs(&with(shared.train(&out), &SAVES)));
+    running.until("step 30: saved");
+    running.signal("-KILL");
+    running.end();
+    let files: Vec<PathBuf> = content(&out.join("checkpoints")).into_keys().filter(|f| is_checkpoint(f)).collect();
+    let [more @ .., older, newest] = files.as_slice() else { panic!("{files:?}") };
+    // Killed before the oldest was removed.
+    more.iter().for_each(|file| fs::remove_file(file).expect("removed"));
+    let cut = |file: &Path| {
+        let whole = fs::read(file).expect("a checkpoint");
+        fs::write(file, &whole[..whole.len() / 2]).expect("written");
+        whole
+    };
+    cut(newest);
+    let kept = cut(older);
+    let names = [older, newest].map(|file| file.file_name().and_then(|name| name.to_str()).expect("a name"));
+    let before = content(&out);
+    fails(&["train", "--resume", text(&out)], 3, &["none of the checkpoints can be read", names[0], names[1]]);
+    assert!(content(&out) == before, "a failed resumption has changed a file");
+    fs::write(older, kept).expect("written");
+    let said = works(&["train", "--resume", text(&out)]);
+    assert!(said.contains(&format!("warning: {}", newest.display())), "{said}");
+    assert!(said.contains("going on after step") && said.contains(names[0]), "{said}");
+    same_model(shared, &out, "resumed from the older checkpoint");
+}
+
+fn is_checkpoint(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e == "ckpt")
+}
+
+/// Compiled pipelines and timings are kept between runs where that is possible.
+#[test]
+fn a_cache_that_cannot_be_written_does_not_stop_a_training() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out, file) = (shared.data(), folder.path().join("run"), folder.path().join("file"));
+    fs::write(&file, "").expect("written");
+    let args = ["train", text(&data), "--out", text(&out), "--iterations", "3", "-q", "--tune", "again"];
+    let output = command(&args).env("PSRGS_CACHE", file.join("cache")).output().expect("the command starts");
+    let said = stderr(&output);
+    assert!(output.status.success() && said.contains("could not be kept") && said.contains("file/cache"), "{said}");
     assert!(out.join("point_cloud.ply").exists());
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 
 use psrgs_vk::format::checkpoint;
 
-use crate::run::{Running, content, copy_folder, fails, psrgs, shared, stderr, strs, text, works};
+use crate::run::{Running, command, content, copy_folder, fails, psrgs, shared, stderr, strs, text, works};
 use crate::small_disk::{Disk, PAGE, on_disk};
 use crate::training::same_model;
 
@@ -128,6 +128,18 @@ fn a_read_only_disk_is_told_and_left_as_it_is() {
     let scores = new.with_extension("json");
     fails(&["eval", text(&model), data, "--json", text(&scores), "-q"], 8, &["new.json", read_only]);
     assert!(content(&out) == before && !new.exists());
+}
+
+#[test]
+fn a_standard_output_that_takes_nothing_is_told() {
+    let Ok(full) = fs::OpenOptions::new().write(true).open("/dev/full") else {
+        println!("skipped: there is no /dev/full");
+        return;
+    };
+    let output = command(&["passes"]).stdout(full).output().expect("the command starts");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(8), "{said}");
+    assert!(said.contains("standard output") && said.contains(FULL), "{said}");
 }
 
 #[test]

@@ -143,9 +143,10 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A scene of nine photographs, 64 x 48, of which the first and the last are held out, and a training on it.
+/// A scene of nine photographs, 64 x 48, of which the first and the last are held out, and a training on it for who asks for it.
 pub struct Shared {
     folder: tempfile::TempDir,
+    trained: OnceLock<()>,
 }
 
 impl Shared {
@@ -153,8 +154,13 @@ impl Shared {
         self.folder.path().join("scene")
     }
 
+    /// The training's folder; it is trained when this is first asked for.
     pub fn run(&self) -> PathBuf {
-        self.folder.path().join("run")
+        let out = self.folder.path().join("run");
+        self.trained.get_or_init(|| {
+            works(&strs(&self.train(&out)));
+        });
+        out
     }
 
     pub fn model(&self) -> PathBuf {
@@ -181,12 +187,11 @@ pub fn shared() -> Option<&'static Shared> {
     static SHARED: OnceLock<Option<Shared>> = OnceLock::new();
     let make = || {
         common::gpu()?;
-        let shared = Shared { folder: tempfile::tempdir().expect("a temporary folder") };
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let shared = Shared { folder, trained: OnceLock::new() };
         let params =
             WorldParams { images: 9, max_side: 64, pixels_per_point: 16, offpath: 2, ..WorldParams::default() };
         generate(&params, &shared.data(), &mut |_| ()).expect("a scene");
-        let args = shared.train(&shared.run());
-        works(&args.iter().map(String::as_str).collect::<Vec<_>>());
         Some(shared)
     };
     SHARED.get_or_init(make).as_ref()
