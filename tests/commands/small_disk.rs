@@ -1,4 +1,5 @@
 //! A disk of a chosen size, where this machine lets a test have one.
+#![cfg(unix)]
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
