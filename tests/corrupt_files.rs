@@ -1,6 +1,10 @@
 //! Truncated, damaged and foreign files for every reader: an error that names the file and the place, never a panic.
 
+#[path = "corrupt_files/claims.rs"]
+mod claims;
 mod colmap_folder;
+#[path = "corrupt_files/range.rs"]
+mod range;
 
 use std::fs;
 use std::path::Path;

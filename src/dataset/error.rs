@@ -134,6 +134,16 @@ pub enum Error {
         /// Width and height found at first.
         before: (u32, u32),
     },
+    /// Numbers that are finite and lead to some that are not.
+    #[error("{}: {what} cannot be used: {problem}", file.display())]
+    OutOfRange {
+        /// The file with the poses, or with the points.
+        file: PathBuf,
+        /// Which camera or point.
+        what: String,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// The options ask for images of no size.
     #[error("the longest side of an image (--max-side) must be at least 1 pixel")]
     ZeroMaxSide,

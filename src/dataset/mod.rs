@@ -17,9 +17,11 @@ mod model;
 mod nerfstudio;
 mod opensfm;
 mod photograph;
+mod picture_size;
 mod pixels;
 mod points_ply;
 mod random_points;
+mod range;
 mod rotation;
 mod sizing;
 mod split;
@@ -230,6 +232,8 @@ impl Dataset {
             views.iter().filter(|v| v.role == Role::Train).map(|v| v.camera.center()).collect();
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         warnings.extend(degenerate);
+        range::check_views(&model.file, &views, &frame)?;
+        range::check_points(model.points_file.as_deref().unwrap_or(&model.file), &model.points, &frame)?;
         Ok(Self {
             path: path.to_owned(),
             format: model.format,

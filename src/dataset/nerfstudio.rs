@@ -10,7 +10,7 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Shot};
-use super::{Tracks, photograph, points_ply, rotation};
+use super::{Tracks, folder, photograph, points_ply, rotation};
 use crate::format::Error as FileError;
 
 pub(super) const FILE: &str = "transforms.json";
@@ -61,6 +61,10 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
     let names: Vec<String> = top.frames.iter().map(|frame| file_of(dataset, &frame.file_path)).collect();
     // The usual folder is left out of the names, so that its reduced copies can stand in for it.
     let usual = !names.is_empty() && names.iter().all(|name| name.starts_with("images/"));
+    // Sizes may be asked of the photographs below: of no other files.
+    if let Some(name) = names.iter().find(|name| !folder::stays_inside(name)) {
+        return Err(Error::NameOutside { file: json.file, name: name.clone() });
+    }
     let mut shots = Vec::with_capacity(names.len());
     for (frame, name) in top.frames.iter().zip(&names) {
         let (model, lens) = lens(&json, dataset, &top, frame, name)?;

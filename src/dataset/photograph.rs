@@ -1,7 +1,6 @@
 //! Photographs: their sizes from the headers, their pixels on demand.
 
-use std::fs::File;
-use std::io::{BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::imageops::{self, FilterType};
@@ -11,8 +10,8 @@ use super::error::Error;
 use super::lens::{Distortion, Lens};
 use super::pixels::{Pixels, Sample};
 use super::tone::{Samples, Tone};
-use super::{View, jpeg_end, jpeg_reduced, masks, undistort};
-use crate::format;
+use super::{View, jpeg_end, jpeg_reduced, masks, picture_size, undistort};
+use crate::format::{self, source};
 
 /// An image in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +55,9 @@ pub(super) struct Header {
 
 /// Reads a header.
 pub(super) fn header(file: &Path) -> Result<Header, Error> {
-    let mut reader = BufReader::new(File::open(file).map_err(format::Error::io(file, "open"))?);
+    let (opened, bytes) = source::open(file)?;
+    let mut reader = BufReader::new(opened);
+    let bits = picture_size::stored_bits(reader.fill_buf().map_err(format::Error::io(file, "read"))?);
     let guessed = ImageReader::new(&mut reader).with_guessed_format().map_err(format::Error::io(file, "read"))?;
     let jpeg = guessed.format() == Some(ImageFormat::Jpeg);
     let found = guessed
@@ -65,10 +66,10 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
         .map_err(|e| e.to_string());
     let at = reader.stream_position().unwrap_or(0);
     match found {
-        Ok((size, samples)) if size.0 > 0 && size.1 > 0 => Ok(Header { size, samples, jpeg }),
-        Ok(((width, height), _)) => {
-            Err(Error::undecodable(file, "header", at, format_args!("the size is {width}x{height}")))
-        }
+        Ok((size, samples)) => match picture_size::problem(size, bits, bytes) {
+            None => Ok(Header { size, samples, jpeg }),
+            Some(problem) => Err(Error::undecodable(file, "header", at, problem)),
+        },
         Err(problem) => Err(Error::undecodable(file, "header", at, problem)),
     }
 }
@@ -196,6 +197,13 @@ fn check_whole(file: &Path, bytes: &[u8]) -> Result<(), Error> {
 fn picture(file: &Path, bytes: &[u8]) -> Result<DynamicImage, Error> {
     let mut cursor = Cursor::new(bytes);
     let reader = ImageReader::new(&mut cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
-    let decoded = reader.into_decoder().and_then(DynamicImage::from_decoder);
+    let decoder = reader.into_decoder();
+    if let Ok(decoder) = &decoder {
+        let (size, bits) = (decoder.dimensions(), picture_size::stored_bits(bytes));
+        if let Some(problem) = picture_size::problem(size, bits, bytes.len() as u64) {
+            return Err(Error::undecodable(file, "header", 0, problem));
+        }
+    }
+    let decoded = decoder.and_then(DynamicImage::from_decoder);
     decoded.map_err(|e| Error::undecodable(file, "pixels", cursor.position(), e))
 }

@@ -29,6 +29,8 @@ const EXTENDED_HEAD: u64 = 60;
 const COMPRESSED: u8 = 0xc0;
 /// Bytes of a chunk that there are at least, its first point and the sizes of its parts among them.
 const LEAST_CHUNK: u64 = 24;
+/// Compressed points that a byte can hold at most: scans have less than one, but a decoder finds thousands in bytes that say "as before".
+const MOST_PER_BYTE: u64 = 16;
 /// Points that are decoded at a time.
 const BATCH: u64 = 1 << 16;
 
@@ -101,6 +103,14 @@ fn header(file: &Path) -> Result<Header, Error> {
             return Err(source.error(131 + 8 * k as u64, name, format_args!("is {value}")));
         }
     }
+    // Coordinates are 32-bit numbers, scaled and moved.
+    for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        let (scale, offset) = (float(131 + 8 * k), float(155 + 8 * k));
+        if !(scale * 2_f64.powi(31) + offset.abs().copysign(scale)).is_finite() {
+            let problem = format_args!("{scale:e} makes coordinates that are not finite");
+            return Err(source.error(131 + 8 * k as u64, format_args!("{axis} scale"), problem));
+        }
+    }
     let mut count = (107, u64::from(double(107)));
     if minor == 4 {
         source.skip(8, "start of waveforms")?;
@@ -113,6 +123,10 @@ fn header(file: &Path) -> Result<Header, Error> {
     }
     let (at, points) = count;
     let compressed = byte(104) & COMPRESSED != 0;
+    if compressed && points / MOST_PER_BYTE > len - data {
+        let problem = format_args!("is {points}, which cannot be in the {} bytes from byte {data} on", len - data);
+        return Err(source.error(at, "number of points", problem));
+    }
     let fits = points.checked_mul(u64::from(record)).is_some_and(|bytes| bytes <= len - data);
     if !compressed && !fits {
         let problem = format_args!(

@@ -2,11 +2,23 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::error::{At, Error};
+
+/// Opens a file and gives its length. What is not a regular file is refused before it is opened: a pipe would never answer, and has no
+/// length that sizes could be compared with.
+pub(crate) fn open(file: &Path) -> Result<(File, u64), Error> {
+    let known = std::fs::metadata(file).map_err(Error::io(file, "open"))?;
+    if !known.is_file() {
+        return Err(Error::io(file, "open")(io::Error::new(io::ErrorKind::InvalidInput, "this is not a regular file")));
+    }
+    let opened = File::open(file).map_err(Error::io(file, "open"))?;
+    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+    Ok((opened, len))
+}
 
 /// A little-endian binary file.
 pub(crate) struct Source {
@@ -18,8 +30,7 @@ pub(crate) struct Source {
 
 impl Source {
     pub(crate) fn open(file: &Path) -> Result<Self, Error> {
-        let opened = File::open(file).map_err(Error::io(file, "open"))?;
-        let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+        let (opened, len) = open(file)?;
         Ok(Self { file: file.to_owned(), reader: BufReader::with_capacity(1 << 16, opened), at: 0, len })
     }
 
@@ -143,7 +154,7 @@ pub(crate) struct Lines {
 
 impl Lines {
     pub(crate) fn open(file: &Path) -> Result<Self, Error> {
-        let opened = File::open(file).map_err(Error::io(file, "open"))?;
+        let (opened, _) = open(file)?;
         Ok(Self {
             file: file.to_owned(),
             reader: BufReader::with_capacity(1 << 16, opened),
@@ -214,6 +225,11 @@ impl<'a> Line<'a> {
     /// What is left of the line, without white space around it.
     pub(crate) fn rest(&self) -> &'a str {
         self.rest.trim()
+    }
+
+    /// Whether all fields are taken. ([`Line::left`] looks at the whole rest of the line.)
+    pub(crate) fn is_done(&self) -> bool {
+        self.rest.trim_start().is_empty()
     }
 
     /// Fields not yet taken.

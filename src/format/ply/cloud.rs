@@ -5,7 +5,7 @@ use std::path::Path;
 use super::Model;
 use super::columns::columns;
 use super::read::{open, read, read_comments};
-use crate::format::{Error, atomic};
+use crate::format::{At, Error, atomic};
 
 /// Colour of points that have none.
 const GREY: u8 = 128;
@@ -52,9 +52,14 @@ impl Cloud {
         read_comments(file, &open(file)?.0, &mut comments)?;
         let mut cloud = Self::default();
         let mut normals = Some(Vec::with_capacity(rows.len()));
-        for row in &rows {
+        for (i, row) in rows.iter().enumerate() {
             let at = |k: usize| row.get(k).copied().flatten();
-            cloud.positions.push([0, 1, 2].map(|k| at(k).unwrap_or(0.0) + comments.shift[k]));
+            let position = [0, 1, 2].map(|k| at(k).unwrap_or(0.0) + comments.shift[k]);
+            if position.iter().any(|v| !v.is_finite()) {
+                let problem = "is not finite with the offset of the comment added";
+                return Err(Error::malformed(file, format_args!("vertex {i}"), At::Byte(0), problem));
+            }
+            cloud.positions.push(position);
             cloud.colors.push([3, 4, 5].map(|k| at(k).map_or(GREY, |c| c.round().clamp(0.0, 255.0) as u8)));
             let normal = [6, 7, 8].map(|k| at(k).filter(|v| v.is_finite()).map(|v| v as f32));
             match (normal, &mut normals) {

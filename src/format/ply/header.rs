@@ -8,6 +8,8 @@ use crate::format::{At, Error};
 /// Longer headers are not those of models.
 const MAX_HEADER: u64 = 1 << 20;
 const MAX_LINE: u64 = 1 << 12;
+/// More properties than any element has, of those in use: each new one is compared with all before it.
+const MAX_PROPERTIES: usize = 1 << 10;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -158,6 +160,9 @@ pub(super) fn read(file: &Path, reader: &mut impl BufRead) -> Result<Header, Err
                 let (count, kind) = (count.map(|word| known(word)).transpose()?, known(kind)?);
                 if element.properties.iter().any(|p| p.name == *name) {
                     return Err(fail("property", format!("'{name}' occurs twice")));
+                }
+                if element.properties.len() == MAX_PROPERTIES {
+                    return Err(fail("property", format!("'{}' has more than {MAX_PROPERTIES}", element.name)));
                 }
                 element.has_list |= count.is_some();
                 element.properties.push(Property { name: (*name).to_owned(), kind, count });

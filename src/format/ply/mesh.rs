@@ -5,6 +5,9 @@ use std::path::Path;
 use super::read::open;
 use crate::format::{At, Error, atomic};
 
+/// Corners of a wrong polygon that are shown.
+const SHOWN: usize = 8;
+
 /// A triangle mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -49,15 +52,14 @@ impl Mesh {
         }
         let mut polygon = Vec::new();
         for between in &header.elements[vertices + 1..faces] {
-            for i in 0..between.count {
-                rows.list_row(between, i, usize::MAX, &mut polygon)?;
-            }
+            rows.pass_over_lists(between)?;
         }
         for i in 0..face.count {
             rows.list_row(face, i, corners, &mut polygon)?;
             let known = |v: f64| v >= 0.0 && v < mesh.vertices.len() as f64;
             if polygon.len() < 3 || !polygon.iter().all(|v| known(*v)) {
-                let problem = format!("{polygon:?} are not the corners of a polygon");
+                let some = &polygon[..polygon.len().min(SHOWN)];
+                let problem = format!("{} numbers, {some:?} first, are not the corners of a polygon", polygon.len());
                 return Err(Error::malformed(file, format_args!("face {i}"), rows.place(), problem));
             }
             let fan = polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]].map(|v| v as u32));

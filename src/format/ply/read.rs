@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::header::{self, Element, Encoding, Header, Kind};
 use super::{Model, REST_BY_DEGREE};
-use crate::format::{At, Error};
+use crate::format::{At, Error, source};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
 /// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient can
@@ -27,8 +27,7 @@ pub fn read(file: &Path) -> Result<Model, Error> {
 
 /// Header, position of the vertices among its elements, and the data.
 pub(super) fn open(file: &Path) -> Result<(Header, usize, Rows<'_>), Error> {
-    let opened = File::open(file).map_err(Error::io(file, "open"))?;
-    let len = opened.metadata().map_err(Error::io(file, "read"))?.len();
+    let (opened, len) = source::open(file)?;
     let mut reader = BufReader::with_capacity(1 << 18, opened);
     let header = header::read(file, &mut reader)?;
     let Some(vertices) = header.elements.iter().position(|e| e.name == "vertex") else {
@@ -149,11 +148,24 @@ impl<'a> Rows<'a> {
     pub(super) fn go_to(&mut self, header: &Header, element: usize) -> Result<(), Error> {
         for before in &header.elements[..element] {
             self.check_fits(before)?;
-            for i in 0..before.count {
-                self.row(before, i, |_, _| ())?;
+            if !self.takes_nothing(before) {
+                (0..before.count).try_for_each(|i| self.row(before, i, |_, _| ()))?;
             }
         }
         self.check_fits(&header.elements[element])
+    }
+
+    /// Leaves out an element that may have lists.
+    pub(super) fn pass_over_lists(&mut self, element: &Element) -> Result<(), Error> {
+        if self.takes_nothing(element) {
+            return Ok(());
+        }
+        (0..element.count).try_for_each(|i| self.list_row(element, i, usize::MAX, &mut Vec::new()))
+    }
+
+    /// Whether rows of an element are no bytes of the file, so that it may have any number of them.
+    fn takes_nothing(&self, element: &Element) -> bool {
+        element.properties.is_empty() && self.encoding != Encoding::Ascii
     }
 
     /// The end of the row read last.
@@ -220,6 +232,9 @@ impl<'a> Rows<'a> {
             self.at += read as u64;
             self.line += 1;
             let at = At::Line(self.line);
+            if read == 0 {
+                return Err(wrong(at, "the file ends here"));
+            }
             let mut words = raw.split_whitespace();
             let mut number =
                 || words.next().and_then(|w| w.parse::<f64>().ok()).ok_or_else(|| wrong(at, "a number is missing"));
@@ -271,6 +286,9 @@ impl<'a> Rows<'a> {
         self.line += 1;
         let at = At::Line(self.line);
         let fail = |field: String, problem: &str| Error::malformed(self.file, field, at, problem);
+        if read == 0 {
+            return Err(fail(format!("{} {i}", element.name), "the file ends here"));
+        }
         let text = std::str::from_utf8(&raw).map_err(|_| fail(format!("{} {i}", element.name), "is not text"))?;
         if element.has_list {
             return Ok(());

@@ -112,7 +112,7 @@ fn convolution(line: &mut Line<'_>) -> Result<Convolution, Error> {
     let (_, outputs) = blobs(line)?;
     let blob = outputs.into_iter().next().unwrap_or_default();
     let [mut outputs, mut kernel, mut values] = [0usize; 3];
-    while line.left() > 0 {
+    while !line.is_done() {
         let pair = line.word("parameter")?;
         let (key, value) = pair.split_once('=').ok_or_else(|| line.error(pair, "is no key=value"))?;
         let target = match key {

@@ -1,7 +1,9 @@
 //! PyTorch's `.pth`: a pickle that says which tensors there are, and their storages; in one file after the other (the old form)
 //! or in a zip archive.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -13,6 +15,9 @@ use crate::perceptual::tensors::{Tensor, Tensors};
 
 /// First value of the old form: 0x1950a86a20f9469cfc6c.
 const MAGIC: [u8; 10] = [0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0x19];
+
+/// Many tensors may be described by one shape, which each of them gets.
+const MOST_AXES: usize = 8;
 
 /// A tensor as the pickle describes it.
 struct Described<'a> {
@@ -56,9 +61,8 @@ pub(super) fn read_old(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
         storages.insert(key.to_string(), slice(file, bytes, at, size, field())?);
         at += size;
     }
-    tensors(file, &described, |key| {
-        storages.get(key).map(|s| s.to_vec()).ok_or_else(|| at_byte(file, at, format!("storage {key}"), "is missing"))
-    })
+    let missing = |key: &str| at_byte(file, at, format!("storage {key}"), "is missing");
+    tensors(file, &described, |key| storages.get(key).map(|s| Cow::Borrowed(*s)).ok_or_else(|| missing(key)))
 }
 
 /// The form in a zip archive: `NAME/data.pkl` and `NAME/data/KEY`.
@@ -82,7 +86,7 @@ pub(super) fn read_zip(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let root = index.trim_end_matches("data.pkl").to_owned();
     let pickled = entry(&index)?;
     let data = pickle::read(file, &pickled, 0)?;
-    tensors(file, &described(file, &data)?, |key| entry(&format!("{root}data/{key}")))
+    tensors(file, &described(file, &data)?, |key| entry(&format!("{root}data/{key}")).map(Cow::Owned))
 }
 
 /// Bytes of a number in each storage that the pickle names.
@@ -164,6 +168,9 @@ fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) ->
     let (Some(shape), Some(strides)) = (sizes(shape), sizes(strides)) else {
         return Err(wrong("has a shape that is none"));
     };
+    if shape.len() > MOST_AXES {
+        return Err(wrong("has more axes than any weights have"));
+    }
     let mut expected = 1usize;
     for (size, stride) in shape.iter().zip(&strides).rev() {
         if *size > 1 && *stride != expected {
@@ -194,26 +201,34 @@ fn tensor_of_parameter<'a>(
 }
 
 /// The numbers of the tensors, from the bytes of their storages.
-fn tensors(
+fn tensors<'b>(
     file: &Path,
     described: &[Described<'_>],
-    mut storage: impl FnMut(&str) -> Result<Vec<u8>, Error>,
+    mut storage: impl FnMut(&str) -> Result<Cow<'b, [u8]>, Error>,
 ) -> Result<Tensors, Error> {
     let mut out = Tensors::new(file);
-    // Tensors may share a storage, and so be more than the file has bytes.
-    let all = described.iter().fold(0usize, |sum, t| sum.saturating_add(t.count.saturating_mul(4)));
+    // Tensors may share a storage, and storages the bytes of an archive: either may be more than the file has.
+    let numbers = described.iter().fold(0usize, |sum, t| sum.saturating_add(t.count.saturating_mul(4)));
+    let sizes: BTreeMap<&str, usize> =
+        described.iter().map(|t| (t.key, t.stored.saturating_mul(t.width.bytes()))).collect();
+    let stored = sizes.values().fold(0usize, |sum, size| sum.saturating_add(*size));
+    let all = numbers.max(stored);
     if all as u64 > LARGEST {
         return Err(at_byte(file, 0, "tensors", format_args!("{all} bytes are more than any weights have")));
     }
+    let mut storages: BTreeMap<&str, Cow<'b, [u8]>> = BTreeMap::new();
     for t in described {
-        let bytes = storage(t.key)?;
+        let bytes = match storages.entry(t.key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => place.insert(storage(t.key)?),
+        };
         let field = || format!("tensor '{}'", t.name);
         let expected = t.stored.saturating_mul(t.width.bytes());
         if bytes.len() != expected {
             let problem = format_args!("its storage has {} bytes where {expected} are needed", bytes.len());
             return Err(at_byte(file, 0, field(), problem));
         }
-        let part = slice(file, &bytes, t.offset * t.width.bytes(), t.count * t.width.bytes(), field())?;
+        let part = slice(file, bytes, t.offset * t.width.bytes(), t.count * t.width.bytes(), field())?;
         out.insert(t.name, Tensor { shape: t.shape.clone(), values: t.width.numbers(part) });
     }
     Ok(out)

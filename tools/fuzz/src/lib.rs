@@ -1,0 +1,33 @@
+//! What the fuzz targets share: seeds, files for readers that take paths, and a bound on the memory that a reader may take for a file.
+//!
+//! A target begins with [`begin`] and gives every input to its reader [`within`] such a bound. It fails by a panic, by taking more
+//! memory than the bound, or by taking longer than libFuzzer's `-timeout`.
+
+pub mod bound;
+pub mod checkpoints;
+pub mod datasets;
+pub mod scratch;
+pub mod seeds;
+
+pub use bound::within;
+pub use scratch::Scratch;
+
+/// Writes the seeds of a target and ends the process, if the environment asks for it (`PSRGS_FUZZ_SEEDS=FOLDER`).
+pub fn begin(seeds: impl FnOnce() -> Vec<Vec<u8>>) {
+    let Some(folder) = std::env::var_os("PSRGS_FUZZ_SEEDS") else { return };
+    let folder = std::path::PathBuf::from(folder);
+    for (i, seed) in seeds().into_iter().enumerate() {
+        std::fs::write(folder.join(format!("seed-{i:02}")), seed).expect("the folder for seeds can be written");
+    }
+    std::process::exit(0);
+}
+
+/// The first byte of an input, which chooses, and the rest.
+pub fn choice(data: &[u8]) -> (usize, &[u8]) {
+    data.split_first().map_or((0, data), |(first, rest)| (usize::from(*first), rest))
+}
+
+/// A seed that chooses.
+pub fn chosen(choice: u8, bytes: impl AsRef<[u8]>) -> Vec<u8> {
+    [&[choice], bytes.as_ref()].concat()
+}

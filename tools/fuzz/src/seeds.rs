@@ -1,0 +1,8 @@
+//! Small valid files of every kind, made rather than kept.
+
+pub mod clouds;
+pub mod documents;
+pub mod folders;
+pub mod pictures;
+pub mod runs;
+pub mod weights;
