@@ -37,26 +37,28 @@ struct Sums {
     vec2 abs_mean;
 };
 
-void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float dx, float row_x, float slope, float dy, uint place) {
+void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float dy, uint place) {
     const bool reached = place <= pixel.last;
-    const float power = exponent(row_x, slope, s.c, dy);
+    const vec2 roots = conic_roots(along, s.q, s.r, dy);
     const Share share =
-        step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s, power, reached);
+        step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s, exponent(roots), reached);
     const float v_dy = share.v * dy;
     sums.v += vec3(share.v, v_dy, v_dy * dy);
     sums.color += share.weight * pixel.grad;
     if (AUX != 0u) sums.aux += share.weight * pixel.grad_aux;
-    if (ABS != 0u) sums.abs_mean += abs(share.v * vec2(2.0 * s.a * dx + s.b * dy, 2.0 * s.c * dy + slope));
+    if (ABS != 0u) sums.abs_mean += abs(share.v * vec2(s.p * roots.x, s.q * roots.x + s.r * roots.y));
     if (COUNT != 0u) {
         evaluated += reached ? 1u : 0u;
         blended += share.weight > 0.0 ? 1u : 0u;
     }
 }
 
-// The columns 0 to 4 (mean, conic) from the sums: exponent = -(A dx^2 + C dy^2) / 2 - B dx dy with d = pixel - mean.
-void columns(Sums sums, Splat s, float dx, float slope, out float mean_x, out float mean_y, out vec3 conic) {
-    mean_x = -LN_2 * (2.0 * s.a * dx * sums.v.x + s.b * sums.v.y);
-    mean_y = -LN_2 * (2.0 * s.c * sums.v.y + slope * sums.v.x);
+// The columns 0 to 4 (mean, conic) from the sums: exponent = -(A dx^2 + C dy^2) / 2 - B dx dy with d = pixel - mean, and in base 2
+// -(p dx + q dy)^2 - (r dy)^2.
+void columns(Sums sums, Splat s, float dx, float along, out float mean_x, out float mean_y, out vec3 conic) {
+    const float root = along * sums.v.x + s.q * sums.v.y;
+    mean_x = TWO_LN_2 * s.p * root;
+    mean_y = TWO_LN_2 * (s.q * root + s.r * s.r * sums.v.y);
     conic = vec3(-0.5 * dx * dx * sums.v.x, -dx * sums.v.y, -0.5 * sums.v.z);
 }
 
@@ -111,20 +113,19 @@ void main() {
             const Splat s = shuffled(mine, k);
             const uint place = left - k;
             const float dx = center.x - s.x;
-            precise float row_x = s.a * dx * dx;
-            precise float slope = s.b * dx;
+            precise float along = s.p * dx;
             precise float dy0 = center.y - s.y;
             Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
             [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                 precise float dy = dy0 + float(j);
-                blend_back(pixels[j], sums, s, dx, row_x, slope, dy, place);
+                blend_back(pixels[j], sums, s, along, dy, place);
             }
             float mean_x, mean_y;
             vec3 conic;
-            columns(sums, s, dx, slope, mean_x, mean_y, conic);
+            columns(sums, s, dx, along, mean_x, mean_y, conic);
             const float opacity = sums.v.x * subgroup_shuffle(mine_inverse, k);
             const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.color.rg), lane);
-            const vec2 abs_mean = LN_2 * sums.abs_mean;
+            const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
             float second;
             if (AUX != 0u) {
                 second = fold8(vec4(sums.color.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
@@ -192,17 +193,16 @@ void add_up(uint row, float column[16]) {
 void take(inout Pixel pixel, uint k, vec2 center, uint place) {
     const Splat s = batch[k];
     const float dx = center.x - s.x;
-    precise float row_x = s.a * dx * dx;
-    precise float slope = s.b * dx;
+    precise float along = s.p * dx;
     Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
-    blend_back(pixel, sums, s, dx, row_x, slope, center.y - s.y, place);
+    blend_back(pixel, sums, s, along, center.y - s.y, place);
 #ifdef APART
     if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) return;
 #endif
     float mean_x, mean_y;
     vec3 conic;
-    columns(sums, s, dx, slope, mean_x, mean_y, conic);
-    const vec2 abs_mean = LN_2 * sums.abs_mean;
+    columns(sums, s, dx, along, mean_x, mean_y, conic);
+    const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
     add_up(batch_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * batch_inverse[k],
         sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
         sums.aux.y, sums.aux.z, sums.aux.w, 0.0));

@@ -50,8 +50,8 @@ struct Sums {
 };
 
 void store_sums(uint row, Sums sums, float opacity_inverse) {
-    put(row, 0u, -LN_2 * sums.mean.x);
-    put(row, 1u, -LN_2 * sums.mean.y);
+    put(row, 0u, TWO_LN_2 * sums.mean.x);
+    put(row, 1u, TWO_LN_2 * sums.mean.y);
     put(row, 2u, -0.5 * sums.conic.x);
     put(row, 3u, -sums.conic.y);
     put(row, 4u, -0.5 * sums.conic.z);
@@ -60,18 +60,17 @@ void store_sums(uint row, Sums sums, float opacity_inverse) {
     put(row, 7u, sums.color.g);
     put(row, 8u, sums.color.b);
     put(row, 9u, sums.aux.x);
-    put(row, 10u, LN_2 * sums.abs_mean.x);
-    put(row, 11u, LN_2 * sums.abs_mean.y);
+    put(row, 10u, TWO_LN_2 * sums.abs_mean.x);
+    put(row, 11u, TWO_LN_2 * sums.abs_mean.y);
     put(row, 12u, sums.aux.y);
     put(row, 13u, sums.aux.z);
     put(row, 14u, sums.aux.w);
 }
 
-// The exponent of a splat at d = pixel centre - mean, as blend_forward's PIXEL shape computes it.
-float power_at(Splat s, vec2 d) {
-    precise float row_x = s.a * d.x * d.x;
-    precise float slope = s.b * d.x;
-    return exponent(row_x, slope, s.c, d.y);
+// The roots of a splat's exponent at d = pixel centre - mean, as blend_forward's PIXEL shape computes them.
+vec2 roots_at(Splat s, vec2 d) {
+    precise float along = s.p * d.x;
+    return conic_roots(along, s.q, s.r, d.y);
 }
 
 void main() {
@@ -122,7 +121,7 @@ void main() {
                     // Past the end of the list opacities are 0, so it does not matter that the place wraps.
                     const bool reached = left - b * BUCKET - k0 - u <= pixel.last;
                     step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s,
-                        power_at(s, center - vec2(s.x, s.y)), reached);
+                        exponent(roots_at(s, center - vec2(s.x, s.y))), reached);
                 }
             }
         }
@@ -148,8 +147,9 @@ void main() {
             const vec4 grad_aux = AUX != 0u ? grads_aux[p] : vec4(0.0);
             const vec2 d = vec2(corner + uvec2(p % SIDE, p / SIDE)) + 0.5 - vec2(mine.x, mine.y);
             const bool reached = here && place <= lasts[p];
-            const Share share = step_back(state.x, state.y, grad, grad_aux, mine, power_at(mine, d), reached);
-            const vec2 slope = vec2(2.0 * mine.a * d.x + mine.b * d.y, 2.0 * mine.c * d.y + mine.b * d.x);
+            const vec2 roots = roots_at(mine, d);
+            const Share share = step_back(state.x, state.y, grad, grad_aux, mine, exponent(roots), reached);
+            const vec2 slope = vec2(mine.p * roots.x, mine.q * roots.x + mine.r * roots.y);
             sums.mean += share.v * slope;
             const vec2 vd = share.v * d;
             sums.conic += vec3(vd.x * d.x, vd.x * d.y, vd.y * d.y);

@@ -27,8 +27,8 @@ Splat load_splat(uint i) {
     const vec4 p = LOAD4(splat2d, 3u * i);
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
     const vec4 color = LOAD4(splat2d, 3u * i + 2u);
-    const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
-    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    const vec3 factor = conic_factor(p.z, p.w, q.w);
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // A pixel on its way through the list. Its transmittance is kept with a minus sign once it has stopped.
@@ -43,8 +43,8 @@ uint evaluated = 0u;
 uint blended = 0u;
 
 // Branch-free: a stopped pixel and a skipped splat both give a weight of 0.
-void blend(inout Pixel pixel, Splat s, float row_x, float slope, float dy, uint place) {
-    const float alpha = min(unclamped_alpha(exponent(row_x, slope, s.c, dy), s.opacity), ALPHA_MAX);
+void blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
+    const float alpha = min(unclamped_alpha(exponent(conic_roots(along, s.q, s.r, dy)), s.opacity), ALPHA_MAX);
     const float next = behind(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
     const float weight = goes_on ? alpha * pixel.transmittance : 0.0;
@@ -100,12 +100,11 @@ void main() {
                 const uint k = k0 + u;
                 const Splat s = shuffled(mine, k);
                 const float dx = center.x - s.x;
-                precise float row_x = s.a * dx * dx;
-                precise float slope = s.b * dx;
+                precise float along = s.p * dx;
                 precise float dy0 = center.y - s.y;
                 [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                     precise float dy = dy0 + float(j);
-                    blend(pixels[j], s, row_x, slope, dy, base - range.x + k + 1u);
+                    blend(pixels[j], s, along, dy, base - range.x + k + 1u);
                 }
             }
         }
@@ -128,9 +127,8 @@ shared uint going_on;
 
 void take(inout Pixel pixel, Splat s, vec2 center, uint place) {
     const float dx = center.x - s.x;
-    precise float row_x = s.a * dx * dx;
-    precise float slope = s.b * dx;
-    blend(pixel, s, row_x, slope, center.y - s.y, place);
+    precise float along = s.p * dx;
+    blend(pixel, s, along, center.y - s.y, place);
 }
 
 void main() {

@@ -1,7 +1,7 @@
 #version 460
 // compact: lists the visible splats (those that touch a tile) in the order of their index, with their depth as sort key.
 // One thread owns one splat; a workgroup owns 64 consecutive splats. `places` is the prefix sum of (tile_counts > 0).
-// Depths are positive, so their bits order as integers.
+// Depths are positive, so their bits order as integers; `shift` of the lowest are dropped.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -12,10 +12,11 @@ layout(set = 0, binding = 2) readonly buffer Places { uint places[]; };
 layout(set = 0, binding = 3) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 4) writeonly buffer Keys { uint keys[]; };
 layout(set = 0, binding = 5) writeonly buffer Vals { uint vals[]; };
+layout(push_constant) uniform Push { uint shift; } push;
 void main() {
     const uint splat = global_index();
     if (splat >= counters[COUNTER_SPLATS] || tile_counts[splat] == 0u) return;
     const uint to = places[splat];
-    keys[to] = floatBitsToUint(splat2d[splat * 12u + 6u]);
+    keys[to] = floatBitsToUint(splat2d[splat * 12u + 6u]) >> push.shift;
     vals[to] = splat;
 }

@@ -82,7 +82,7 @@ void main() {
 
     tile_counts[i] = tiles;
     splat2d[s] = vec4(at, e.conic.xy);
-    splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, 0.0);
+    splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, e.rest);
     splat2d[s + 2u] = vec4(max(color, vec3(0.0)), 0.0);
     if (AUX != 0u) {
         float side;

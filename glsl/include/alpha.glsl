@@ -1,7 +1,9 @@
 // The opacity of one splat at one pixel, shared by blend_forward and blend_backward so that both take the same decisions.
 //
-// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < 1/255 or where the
-// exponent is positive, and a pixel stops before the splat that would take its transmittance below 1e-4 (Kerbl et al. 2023).
+// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < 1/255, and a pixel stops before
+// the splat that would take its transmittance below 1e-4 (Kerbl et al. 2023).
+// The exponent is a sum of two squares, by the Cholesky factor of the conic: along a needle the three terms of the plain form are
+// large and cancel, while here the first square is small by itself. Nor can it be positive, which needs a test otherwise.
 // Everything is `precise`: contraction into fused operations would let two kernels disagree about a threshold.
 #ifndef ALPHA_GLSL
 #define ALPHA_GLSL
@@ -10,22 +12,31 @@ const float ALPHA_MIN = 1.0 / 255.0;
 const float ALPHA_MAX = 0.99;
 const float TRANSMITTANCE_MIN = 1e-4;
 
-// The conic in units of the base-2 exponent: (-A/2, -B, -C/2) log2(e).
-vec3 scaled_conic(vec3 conic) {
-    precise vec3 scaled = conic * vec3(-0.72134752, -1.44269504, -0.72134752);
-    return scaled;
+// (p, q, r) of the exponent (base 2) -(p dx + q dy)^2 - (r dy)^2, from A, B and rest = C - B^2 / A.
+vec3 conic_factor(float a, float b, float rest) {
+    precise float p = sqrt(0.72134752 * a);
+    precise float q = 0.72134752 * b / p;
+    precise float r = sqrt(0.72134752 * rest);
+    return vec3(p, q, r);
 }
 
-// Exponent (base 2) at d = pixel centre - mean, from the parts that do not depend on dy: row_x = a dx dx, slope = b dx.
-float exponent(float row_x, float slope, float c, float dy) {
-    precise float e = dy * (c * dy + slope) + row_x;
+// (p dx + q dy, r dy) at d = pixel centre - mean, from along = p dx, which does not depend on dy.
+vec2 conic_roots(float along, float q, float r, float dy) {
+    precise float x = along + q * dy;
+    precise float y = r * dy;
+    return vec2(x, y);
+}
+
+// Exponent (base 2) from these.
+float exponent(vec2 roots) {
+    precise float e = -(roots.x * roots.x) - roots.y * roots.y;
     return e;
 }
 
 // opacity 2^e, not yet clamped; 0 where the splat is skipped.
 float unclamped_alpha(float e, float opacity) {
     precise float alpha = opacity * exp2(e);
-    return alpha >= ALPHA_MIN && e <= 0.0 ? alpha : 0.0;
+    return alpha >= ALPHA_MIN ? alpha : 0.0;
 }
 
 // Transmittance behind a splat.

@@ -28,10 +28,10 @@ uint tile_columns(uint side) { return (push.width + side - 1u) / side; }
 uint tile_total(uint side) { return tile_columns(side) * ((push.height + side - 1u) / side); }
 uvec2 tile_corner(uint tile, uint side) { return uvec2(tile % tile_columns(side), tile / tile_columns(side)) * side; }
 
-// A row of splat2d, the conic scaled for base-2 exponents; and its normal when AUX.
+// A row of splat2d, the conic as its factor (p, q, r), see alpha.glsl; and its normal when AUX.
 struct Splat {
     float x, y;
-    float a, b, c;
+    float p, q, r;
     float opacity;
     float depth;
     vec3 color;

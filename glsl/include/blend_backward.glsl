@@ -32,14 +32,14 @@ layout(set = 0, binding = 9) buffer GradNormals { WORD grad_normals[]; };
 layout(set = 0, binding = 10) buffer PairCounts { uint pair_counts[]; };
 #endif
 
-const float LN_2 = 0.69314718;
+const float TWO_LN_2 = 1.38629436;
 
 Splat load_splat(uint i) {
     const vec4 p = LOAD4(splat2d, 3u * i);
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
     const vec4 color = LOAD4(splat2d, 3u * i + 2u);
-    const vec3 conic = scaled_conic(vec3(p.z, p.w, q.x));
-    return Splat(p.x, p.y, conic.x, conic.y, conic.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    const vec3 factor = conic_factor(p.z, p.w, q.w);
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // The row that the sums of a pair go to: its slot's, or its splat's.

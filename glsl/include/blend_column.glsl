@@ -21,9 +21,9 @@ Splat shuffled(Splat mine, uint k) {
     Splat s;
     s.x = subgroup_shuffle(mine.x, k);
     s.y = subgroup_shuffle(mine.y, k);
-    s.a = subgroup_shuffle(mine.a, k);
-    s.b = subgroup_shuffle(mine.b, k);
-    s.c = subgroup_shuffle(mine.c, k);
+    s.p = subgroup_shuffle(mine.p, k);
+    s.q = subgroup_shuffle(mine.q, k);
+    s.r = subgroup_shuffle(mine.r, k);
     s.opacity = subgroup_shuffle(mine.opacity, k);
     s.color.x = subgroup_shuffle(mine.color.x, k);
     s.color.y = subgroup_shuffle(mine.color.y, k);

@@ -61,6 +61,7 @@ struct Ewa {
     float det0;       // determinant before the dilation
     float det;        // and after it
     vec3 conic;
+    float rest;       // C - B^2 / A, which is 1 / (dilated variance along y)
     float compensation;  // sqrt(det0 / det), floored
     bool floored;
 };
@@ -82,6 +83,7 @@ Ewa ewa_project(Camera camera, vec3 p, vec4 quat, vec3 log_scale) {
     const float a = dot(e.m0, e.m0), c = dot(e.m1, e.m1);
     e.det0 = dot(e.n, e.n);
     e.det = e.det0 + DILATION * (a + c) + DILATION * DILATION;
+    e.rest = 1.0 / (c + DILATION);
     e.conic = vec3(c + DILATION, -dot(e.m0, e.m1), a + DILATION) / e.det;
     const float share = e.det0 / e.det;
     e.floored = share <= ANTIALIAS_FLOOR;

@@ -9,17 +9,19 @@
 // that point clamped to [d0, d1]; likewise the left end. Nothing is listed whose interval holds no column of pixel centres.
 //
 // Margins (u = 2^-24), all outward, so that no tile is lost in which a pixel passes in f32:
-//  - Blending evaluates q in f32 with an error of at most 13 * 2u (A dx^2 + C dy^2) (12u suffice for the plain formula, any
-//    contraction). So the test uses q - delta (A dx^2 + C dy^2), which is q with A and C scaled by 1 - delta, delta = 2^-19 = 32u;
-//    the remaining 6u are more than the rounding of the scaled A and C and of det (5u of A C). For needles with an aspect over about
-//    700 the scaled form may be indefinite: f32 cannot tell where these end, and the formulas list their band across the image.
+//  - Blending evaluates q/2 in f32 as (p dx + q dy)^2 + (r dy)^2 from p = sqrt(A/2), q = B/(2p), r (see alpha.glsl). With P = |p dx|,
+//    Q = |q dy|, R = |r dy|, P^2 + Q^2 + R^2 = (A dx^2 + C dy^2) / 2. Where roots have 9u and divisions 5u (2.5 ulp), p has 10u, q 17u
+//    and the first square 2 (P + Q) (12u P + 20u Q) + 2u (P + Q)^2, less than 70u (P^2 + Q^2). So the test uses
+//    q - delta (A dx^2 + C dy^2), which is q with A and C scaled by 1 - delta, delta = 2^-17 = 128u; what remains is more than the
+//    rounding of the scaled A and C and of det (5u of A C), and the different roundings of C and R. For needles with an aspect over
+//    about 350 the scaled form may be indefinite, and the formulas list their band across the image.
 //  - t carries + 2^-14: errors of ln, exp (14 ulp), of the product with the opacity, and of the difference under the root (8u of A t).
 //  - ends of intervals carry 2^-20 of the numbers they were added from (16u against at most 10u of rounding: division and root
 //    with up to 2.5 ulp each; a misplaced top of the concave function costs at most 8u of the extent).
 #ifndef TILE_GLSL
 #define TILE_GLSL
 
-const float TILE_SHRINK = 1.0 - 1.0 / 524288.0;    // 1 - 2^-19
+const float TILE_SHRINK = 1.0 - 1.0 / 131072.0;    // 1 - 2^-17
 const float TILE_LEVEL_MARGIN = 1.0 / 16384.0;     // 2^-14
 const float TILE_END_MARGIN = 1.0 / 1048576.0;     // 2^-20
 const float TILE_FAR = 1.0e9;                      // a mean further than this from the origin, in pixels, lists nothing

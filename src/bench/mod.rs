@@ -5,6 +5,7 @@ mod error;
 mod floors;
 mod measure;
 mod model;
+pub mod pareto;
 pub mod plot;
 mod quartiles;
 mod rates;

@@ -2,6 +2,7 @@
 
 mod grown;
 mod listing;
+mod pareto;
 mod sorted;
 mod table;
 
@@ -29,6 +30,7 @@ Examples:
   psrgs-vk bench fox --max-side 160 --steps 5 --validate
   psrgs-vk bench fox --list-commands
   psrgs-vk bench --sort 16777216
+  psrgs-vk bench fox --max-side 160 --split val --pareto fronts
   psrgs-vk bench --plot growth.svg bench-10k.json bench-100k.json bench-1m.json
 
 The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn.
@@ -36,7 +38,7 @@ Fails (exit code 7) when the results are not live: no pairs, or a loss that does
 to the last.")]
 pub(crate) struct Args {
     /// Dataset
-    #[arg(required_unless_present_any = ["sort", "plot"])]
+    #[arg(required_unless_present_any = ["sort", "plot", "pareto"])]
     pub(crate) data: Option<PathBuf>,
     /// Start from the splats of this PLY file instead of the dataset's points
     #[arg(long, value_name = "FILE.ply")]
@@ -71,7 +73,14 @@ pub(crate) struct Args {
     /// Draw time and memory of results of --json against splats or pixels, whichever differ more, and tell how they grow
     #[arg(long, num_args = 2.., value_names = ["FILE.svg", "FILE.json"], conflicts_with_all = ["data", "sort", "list_commands"])]
     pub(crate) plot: Option<Vec<PathBuf>>,
-    /// Seed of the copies that --splats makes
+    /// Compare settings by time and error instead - trainings, pictures, gradients - and write tables, plots and JSON to this folder;
+    /// without a dataset on a small world that is made there
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["sort", "plot", "list_commands", "splats", "side", "validate"])]
+    pub(crate) pareto: Option<PathBuf>,
+    /// Steps of the trainings that --pareto compares (0: none; pictures and gradients are then those of --init)
+    #[arg(long, value_name = "N", default_value_t = 600, requires = "pareto")]
+    pub(crate) train_steps: u32,
+    /// Seed of the copies that --splats makes, and of trainings
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Run under core and synchronization validation; fail on any message, or when the layer is not installed
@@ -148,6 +157,9 @@ impl Args {
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     if let Some([picture, results @ ..]) = args.plot.as_deref() {
         return grown::run(picture, results);
+    }
+    if let Some(out) = &args.pareto {
+        return pareto::run(args, out, console);
     }
     match (args.sort, &args.data) {
         (Some(keys), _) => sorted::run(args, keys, console),

@@ -3,6 +3,14 @@
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
 
+crate::push_constants! {
+    /// Push constants of [`PASS`].
+    pub struct Push {
+        /// Lowest bits of a depth that are dropped.
+        pub shift: u32,
+    }
+}
+
 /// The pass.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
@@ -16,12 +24,12 @@ pub const PASS: Pass = Pass {
             write("keys"),
             write("vals"),
         ],
-        push_bytes: 0,
+        push_bytes: Push::BYTES,
         constants: &[],
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat",
-    push: &[],
+    push: Push::FIELDS,
     twin: crate::twin::compact::run,
 };

@@ -149,6 +149,11 @@ impl Renderer {
         })
     }
 
+    /// Sorts by so many of the highest bits of a depth: see [`TileLists::sort_depths_by`].
+    pub fn sort_depths_by(&mut self, bits: u32) {
+        self.lists.sort_depths_by(bits);
+    }
+
     /// The variant set in use.
     pub fn variants(&self) -> Variants {
         self.variants

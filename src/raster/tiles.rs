@@ -49,6 +49,7 @@ pub struct Capacities {
 pub struct TileLists {
     capacities: Capacities,
     shape: Shape,
+    depth_bits: u32,
     plan: Pipeline,
     compact: Pipeline,
     gather_counts: Pipeline,
@@ -136,6 +137,7 @@ impl TileLists {
         Ok(TileLists {
             capacities,
             shape,
+            depth_bits: DEPTH_BITS,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
@@ -163,6 +165,12 @@ impl TileLists {
             slot_splats: if self.slot_splat.is_some() { bytes(&self.vals) } else { 0 },
             ..Held::default()
         }
+    }
+
+    /// Sorts by so many of the highest bits of a depth, at most all [`DEPTH_BITS`], which is what happens without: splats whose depths
+    /// agree in these are drawn in the order of their index.
+    pub fn sort_depths_by(&mut self, bits: u32) {
+        self.depth_bits = bits.clamp(1, DEPTH_BITS);
     }
 
     /// What was allocated for.
@@ -193,15 +201,16 @@ impl TileLists {
         let places = vals[1];
         self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
         let bound = [splat2d, tile_counts, places, count_words, keys[0], vals[0]];
-        rec.dispatch(&self.compact, &bound, &(), indirect(SPLAT_ITEMS))?;
+        let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
+        rec.dispatch(&self.compact, &bound, &push, indirect(SPLAT_ITEMS))?;
 
         // In the order of their depth, with the first slot of each.
-        let [sort, table] = self.shape.entries(DEPTH_BITS);
+        let [sort, table] = self.shape.entries(self.depth_bits);
         let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
         let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
         plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &of_visible))?;
         let extent = Keys::Counted { counter: visible, args, first: at(VISIBLE_SORT), once: at(VISIBLE_ONCE) };
-        let side = self.depth_sort.record(rec, keys, vals, counts, extent, DEPTH_BITS)?;
+        let side = self.depth_sort.record(rec, keys, vals, counts, extent, self.depth_bits)?;
         // The keys have done their work, and so has the other side of the values.
         let (order, pair_offsets, visible_counts) = (vals[side], vals[1 - side], keys[0]);
         let bound = [order, tile_counts, count_words, visible_counts];

@@ -6,6 +6,7 @@ use super::planes::Planes;
 use super::renderer::{Renderer, Shot};
 use super::size::{Size, most_pairs};
 use super::target::Target;
+use super::tiles::DEPTH_BITS;
 use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
 use crate::scene::Gaussians;
@@ -16,6 +17,7 @@ pub struct Viewer {
     gpu: Gpu,
     variants: Variants,
     size: Size,
+    depth_bits: u32,
     renderer: Option<(Renderer, Target)>,
     /// Width, height and auxiliary channels of a picture to be collected.
     recorded: Option<(u32, u32, bool)>,
@@ -59,7 +61,14 @@ impl Viewer {
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
         let size =
             Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
-        Self { gpu: gpu.clone(), variants, size, renderer: None, recorded: None, landing: None }
+        Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None }
+    }
+
+    /// Sorts by so many of the highest bits of a depth, for a comparison of speed and error: see
+    /// [`TileLists::sort_depths_by`](super::tiles::TileLists::sort_depths_by).
+    pub fn sort_depths_by(&mut self, bits: u32) {
+        self.depth_bits = bits;
+        self.renderer = None;
     }
 
     /// The model on the device, for [`Self::render`].
@@ -228,7 +237,9 @@ impl Viewer {
             Some((renderer, target)) if target.pixels >= pixels => (renderer, target),
             Some((renderer, _)) => (renderer, Target::new(&self.gpu, "view.", pixels, true)?),
             None => {
-                (Renderer::new(&self.gpu, self.variants, self.size)?, Target::new(&self.gpu, "view.", pixels, true)?)
+                let mut renderer = Renderer::new(&self.gpu, self.variants, self.size)?;
+                renderer.sort_depths_by(self.depth_bits);
+                (renderer, Target::new(&self.gpu, "view.", pixels, true)?)
             }
         };
         let (renderer, target) = self.renderer.insert((renderer, target));

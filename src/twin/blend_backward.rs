@@ -102,9 +102,10 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
 /// Adds what the gradient of alpha at one pixel means for mean, conic and opacity.
 fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, grad_alpha: R) {
     let [dx, dy] = at.d;
-    let [a, b, c] = [row[2], row[3], row[4]];
+    let [a, b, rest] = [row[2], row[3], row[7]];
+    let along = dx + b / a * dy;
     let grad_power = at.unclamped * grad_alpha;
-    let mean = [grad_power * (a * dx + b * dy), grad_power * (c * dy + b * dx)];
+    let mean = [grad_power * a * along, grad_power * (b * along + rest * dy)];
     sums[0] += mean[0];
     sums[1] += mean[1];
     sums[2] -= grad_power * dx * dx / R::of(2.0);

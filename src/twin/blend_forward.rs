@@ -63,10 +63,11 @@ impl<R: Real> Evaluation<R> {
 /// The splat `row` at the pixel whose centre is `center`.
 pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2]) -> Evaluation<R> {
     let d = [center[0] - row[0], center[1] - row[1]];
-    let power = -(row[2] * d[0] * d[0] + row[4] * d[1] * d[1]) / R::of(2.0) - row[3] * d[0] * d[1];
+    let along = d[0] + row[3] / row[2] * d[1];
+    let power = -(row[2] * along * along + row[7] * d[1] * d[1]) / R::of(2.0);
     let falloff = power.exp();
     let alpha = row[5] * falloff;
-    let skipped = power > R::zero() || alpha < R::one() / R::of(255.0);
+    let skipped = alpha < R::one() / R::of(255.0);
     Evaluation { d, falloff, unclamped: if skipped { R::zero() } else { alpha } }
 }
 

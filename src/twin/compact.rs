@@ -1,10 +1,12 @@
 //! Twin of `glsl/compact.comp`.
 
 use super::TwinCall;
+use crate::pass::compact::Push;
 use crate::pass::counters;
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
+    let Push { shift } = call.push();
     let splat2d = call.get::<[u32; 12]>(0);
     let tile_counts = call.get::<u32>(1);
     let places = call.get::<u32>(2);
@@ -12,7 +14,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let mut keys = call.get::<u32>(4);
     let mut vals = call.get::<u32>(5);
     for splat in (0..splats).filter(|&i| tile_counts[i] != 0) {
-        keys[places[splat] as usize] = splat2d[splat][6];
+        keys[places[splat] as usize] = splat2d[splat][6] >> shift;
         vals[places[splat] as usize] = splat as u32;
     }
     call.set(4, &keys);

@@ -14,6 +14,8 @@ pub struct Projected<R> {
     pub mean: [R; 2],
     /// (A, B, C).
     pub conic: [R; 3],
+    /// C - B^2 / A.
+    pub rest: R,
     /// Opacity times the anti-aliasing factor.
     pub opacity: R,
     /// z in the camera frame.
@@ -31,7 +33,7 @@ impl<R: Real> Projected<R> {
     pub fn row(&self) -> [R; 12] {
         let o = R::zero();
         let ([x, y], [a, b, c], [red, green, blue]) = (self.mean, self.conic, self.color);
-        [x, y, a, b, c, self.opacity, self.depth, o, red, green, blue, o]
+        [x, y, a, b, c, self.opacity, self.depth, self.rest, red, green, blue, o]
     }
 }
 
@@ -94,7 +96,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid
     let axis = projection::shortest_axis(splat.log_scale);
     let (normal, _) = projection::normal(view, p, &e.rot, axis);
     let color = color.map(|v| v.max(R::zero()));
-    Ok(Projected { mean, conic: e.conic, opacity, depth: p[2], color, normal, tiles })
+    Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], color, normal, tiles })
 }
 
 /// Direction from the camera centre to the splat, and the distance.

@@ -77,6 +77,8 @@ pub struct Ewa<R> {
     pub det: R,
     /// (A, B, C).
     pub conic: [R; 3],
+    /// C - B^2 / A, which is one over the dilated variance along y.
+    pub rest: R,
     /// sqrt(det before / det after dilation), floored.
     pub compensation: R,
     /// Whether the floor is active.
@@ -104,11 +106,12 @@ pub fn project<R: Real>(view: &View<R>, p: [R; 3], quat: [R; 4], log_scale: [R; 
     let dilation = R::of(DILATION);
     let det0 = vec3::dot(n, n);
     let det = det0 + dilation * (a + c) + dilation * dilation;
+    let rest = R::one() / (c + dilation);
     let conic = [(c + dilation) / det, -vec3::dot(m[0], m[1]) / det, (a + dilation) / det];
     let share = det0 / det;
     let floored = share <= R::of(ANTIALIAS_FLOOR);
     let compensation = share.max(R::of(ANTIALIAS_FLOOR)).sqrt();
-    Ewa { rot, scale, u, ratio, clamped, zoom, m, n, det, conic, compensation, floored }
+    Ewa { rot, scale, u, ratio, clamped, zoom, m, n, det, conic, rest, compensation, floored }
 }
 
 /// Gradients that [`backward`] gives.

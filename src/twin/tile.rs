@@ -7,7 +7,7 @@ use super::Real;
 use std::ops::Range;
 
 const LEVEL_MARGIN: f64 = 1.0 / 16_384.0;
-const SHRINK: f64 = 1.0 - 1.0 / 524_288.0;
+const SHRINK: f64 = 1.0 - 1.0 / 131_072.0;
 const END_MARGIN: f64 = 1.0 / 1_048_576.0;
 const FAR: f64 = 1.0e9;
 const UNBOUNDED: f64 = 1.0e18;

@@ -26,7 +26,7 @@ pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f
     let (xx, xy, yy) = (c * c * u + s * s * v + 0.3, c * s * (u - v), s * s * u + c * c * v + 0.3);
     let det = xx * yy - xy * xy;
     let [r, g, b] = color;
-    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 0.0, r, g, b, 0.0].map(|x| x as f32)
+    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, 0.0].map(|x| x as f32)
 }
 
 /// A scene as the device gets it.
@@ -138,10 +138,10 @@ pub struct Doubt {
 
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
-/// With u = 2^-24: the exponent dy (c dy + b dx) + a dx^2 in base 2 is evaluated from scaled conics (2u each: constant and
-/// product), differences d (u each of the coordinate and of the result) and five further roundings: its error is at most 12u times
-/// the sum of the absolute values of its terms, plus 2 ln 2 u |coordinate| |slope| for the rounding of the differences, which
-/// is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times what an approximation of degree 5 may
+/// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have 2u (half of the constant's and the
+/// product's, and the root's), q 5u (constant, product, division, p); the difference, the product and the sum of x add 3u, the
+/// products and the sum at the end 2u. So its error is at most u (2 |x| (5 |p dx| + 8 |q dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate|
+/// |slope| for the rounding of the differences, which is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times what an approximation of degree 5 may
 /// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
@@ -154,16 +154,17 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                 let row = &blend.splats[splat as usize];
                 let at = evaluate(row, Blend::center(x, y));
                 let [dx, dy] = at.d;
-                let [a, b, c] = [row[2], row[3], row[4]];
-                let terms = [a * dx * dx / 2.0, c * dy * dy / 2.0, b * dx * dy];
-                let size: f64 = terms.iter().map(|t| t.abs()).sum();
-                let slopes = (a * dx).abs() + (c * dy).abs() + b.abs() * (dx.abs() + dy.abs());
-                let off_power = 12.0 * u * size + 2.0 * u * slopes * (x.max(y) as f64 + 1.0);
-                let off = off_power + 2.0f64.powi(-21) + u;
-                let power = -terms.iter().sum::<f64>();
-                let raw = row[5] * power.exp();
+                let [a, b, rest] = [row[2], row[3], row[7]];
+                let p = (a / 2.0).sqrt();
+                let [across, skew] = [p * dx, b / (2.0 * p) * dy];
+                let [root_x, root_y] = [across + skew, (rest / 2.0).sqrt() * dy];
+                let slopes = 2.0 * (p * root_x).abs() + (b / p * root_x + rest * dy).abs();
+                let roundings = 2.0 * root_x.abs() * (5.0 * across.abs() + 8.0 * skew.abs())
+                    + 2.0 * root_x * root_x
+                    + 10.0 * root_y * root_y;
+                let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + 2.0f64.powi(-21) + u;
+                let raw = row[5] * at.falloff;
                 doubt.undecided |= (raw * 255.0 - 1.0).abs() <= off;
-                doubt.undecided |= raw * 255.0 > 0.9 && size > 0.0 && power.abs() <= off_power;
                 // Where the clamp sets in, gradients jump.
                 doubt.undecided |= (raw / 0.99 - 1.0).abs() <= off;
                 let alpha = at.alpha();

@@ -9,7 +9,7 @@ use super::harness::{self, Random, bytes, garbage};
 pub fn run(gpu: &Gpu) {
     let mut random = Random(41);
     for n in [0usize, 1, 63, 64, 65, 127, 128, 129, 1000] {
-        for hidden in [0, 2, 3, u32::MAX] {
+        for (hidden, shift) in [(0, 0), (2, 7), (3, 0), (u32::MAX, 15)] {
             let what = format!("compact of {n}, 1 in {hidden} visible");
             let tile_counts: Vec<u32> = (0..n + 3)
                 .map(|_| match random.word() {
@@ -27,7 +27,7 @@ pub fn run(gpu: &Gpu) {
             let buffers =
                 [bytes(&splat2d), bytes(&tile_counts), places, bytes(&counts), garbage(n + 4), garbage(n + 4)];
             let groups = n.div_ceil(64).max(1) as u32;
-            let outcome = harness::run(gpu, &compact::PASS, &[], &buffers, &(), groups);
+            let outcome = harness::run(gpu, &compact::PASS, &[], &buffers, &compact::Push { shift }, groups);
             outcome.assert_same_bits(&what);
             let listed = &outcome.device::<u32>(5)[..visible as usize];
             assert!(listed.windows(2).all(|w| w[0] < w[1]), "{what}: not in the order of the index");

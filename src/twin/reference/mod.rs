@@ -8,7 +8,7 @@ mod matrix;
 mod pixels;
 mod splats;
 
-pub use pixels::{backward, render};
+pub use pixels::{backward, backward_at, render, render_at};
 
 use super::splat::Splat;
 

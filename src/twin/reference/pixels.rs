@@ -71,17 +71,27 @@ fn layers(seen: &[Seen], splats: &[Splat<f64>], px: f64, py: f64) -> (Vec<Layer>
     (out, t, margin)
 }
 
-/// Centres of the pixels, row-major.
-fn centres(camera: &Camera) -> impl Iterator<Item = (usize, f64, f64)> {
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    (0..width * height).map(move |i| (i, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5))
+/// Every pixel.
+fn all(camera: &Camera) -> Vec<usize> {
+    (0..camera.width as usize * camera.height as usize).collect()
+}
+
+/// Centre of a pixel.
+fn centre(camera: &Camera, pixel: usize) -> (f64, f64) {
+    let width = camera.width as usize;
+    ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5)
 }
 
 /// Renders the splats.
 pub fn render(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Image {
+    render_at(splats, camera, settings, &all(camera))
+}
+
+/// The same of some pixels alone, given by their row-major numbers: an entry for each.
+pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pixels: &[usize]) -> Image {
     let seen = sorted(splats, camera, settings);
     let mut image = Image::default();
-    for (_, px, py) in centres(camera) {
+    for (px, py) in pixels.iter().map(|pixel| centre(camera, *pixel)) {
         let (layers, t, margin) = layers(&seen, splats, px, py);
         let mut color = settings.background.map(|b| b * t);
         let (mut depth, mut normal) = (0.0, [0.0; 3]);
@@ -106,10 +116,22 @@ pub fn render(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Im
 
 /// Gradients of a loss whose derivative by the image is `g`.
 pub fn backward(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, g: &ImageGradient) -> Gradients {
+    backward_at(splats, camera, settings, g, &all(camera))
+}
+
+/// The same of a loss that depends on some pixels alone: `g` has an entry for each of `pixels`.
+pub fn backward_at(
+    splats: &[Splat<f64>],
+    camera: &Camera,
+    settings: &Settings,
+    g: &ImageGradient,
+    pixels: &[usize],
+) -> Gradients {
     let seen = sorted(splats, camera, settings);
     let mut rows = vec![[0.0; 12]; splats.len()];
     let mut normals = vec![[0.0; 3]; splats.len()];
-    for (pixel, px, py) in centres(camera) {
+    for (pixel, at) in pixels.iter().enumerate() {
+        let (px, py) = centre(camera, *at);
         let (layers, t, _) = layers(&seen, splats, px, py);
         let (gc, gd, gn) = (g.color[pixel], g.depth[pixel], g.normal[pixel]);
         // L is linear in the weights w_i = alpha_i T_i and in the final T: with v_i = dL/dw_i and v_end = dL/dT,

@@ -1,0 +1,137 @@
+//! Speed against error: what settings cost in time and in accuracy, measured in turn on the same work, and which of them are worth
+//! having.
+
+mod chart;
+mod gradients;
+mod page;
+mod pictures;
+mod reference;
+mod table;
+mod trainings;
+
+pub use chart::svg;
+pub use gradients::gradients;
+pub use page::page;
+pub use pictures::pictures;
+pub use reference::Reference;
+pub use table::markdown;
+pub use trainings::{Scored, TrainingKnob, training_knobs, trainings};
+
+use serde::Serialize;
+
+/// Times that differ by less than this share are taken for the same.
+const SAME_TIME: f64 = 0.05;
+
+/// One way to do a piece of work.
+#[derive(Clone, Debug, Serialize)]
+pub struct Setting {
+    /// What it is called.
+    pub name: String,
+    /// The options that choose it; empty where there are none.
+    pub options: String,
+    /// Whether it is what happens unless another is asked for.
+    pub default: bool,
+    /// Time, in the unit of the table.
+    pub time: f64,
+    /// Error, in the unit of the table: smaller is better. `None` where there is none to tell.
+    pub error: Option<f64>,
+    /// Further numbers by the table's columns.
+    pub more: Vec<f64>,
+    /// Whether another setting is better in one of time and error and as good in the other.
+    pub dominated: bool,
+}
+
+/// Settings compared on the same work.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// What work.
+    pub title: String,
+    /// What the time is of, with its unit.
+    pub time: String,
+    /// What the error is, with its unit.
+    pub error: String,
+    /// Errors that differ by less are taken for the same: a share of the smaller, or this much, whichever is more.
+    pub same_error: (f64, f64),
+    /// Names of the further numbers.
+    pub columns: Vec<String>,
+    /// The settings in the order in which they were measured.
+    pub settings: Vec<Setting>,
+}
+
+impl Table {
+    /// Marks what another setting dominates. Times within 5 % of each other and errors within [`Self::same_error`] count as the same.
+    pub fn mark(&mut self) {
+        let (share, least) = self.same_error;
+        let as_fast = |a: &Setting, b: &Setting| a.time <= b.time * (1.0 + SAME_TIME);
+        let faster = |a: &Setting, b: &Setting| a.time * (1.0 + SAME_TIME) < b.time;
+        let slack = |a: f64, b: f64| (share * a.abs().min(b.abs())).max(least);
+        let as_right =
+            |a: &Setting, b: &Setting| matches!((a.error, b.error), (Some(a), Some(b)) if a <= b + slack(a, b));
+        let more_right =
+            |a: &Setting, b: &Setting| matches!((a.error, b.error), (Some(a), Some(b)) if a + slack(a, b) < b);
+        let better = |a: &Setting, b: &Setting| as_fast(a, b) && as_right(a, b) && (faster(a, b) || more_right(a, b));
+        let dominated: Vec<bool> = self.settings.iter().map(|b| self.settings.iter().any(|a| better(a, b))).collect();
+        self.settings.iter_mut().zip(dominated).for_each(|(setting, d)| setting.dominated = d);
+    }
+
+    /// The default, where it is dominated.
+    pub fn default_off_the_front(&self) -> Option<&Setting> {
+        self.settings.iter().find(|s| s.default && s.dominated)
+    }
+}
+
+/// The middle of a sample.
+fn median(times: Vec<f64>) -> f64 {
+    super::Quartiles::of(times).median
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Setting, Table};
+
+    fn table(points: &[(f64, f64)]) -> Table {
+        let setting = |(time, error): &(f64, f64)| Setting {
+            name: String::new(),
+            options: String::new(),
+            default: false,
+            time: *time,
+            error: Some(*error),
+            more: Vec::new(),
+            dominated: false,
+        };
+        let mut table = Table {
+            title: String::new(),
+            time: String::new(),
+            error: String::new(),
+            same_error: (0.1, 0.0),
+            columns: Vec::new(),
+            settings: points.iter().map(setting).collect(),
+        };
+        table.mark();
+        table
+    }
+
+    fn dominated(points: &[(f64, f64)]) -> Vec<bool> {
+        table(points).settings.iter().map(|s| s.dominated).collect()
+    }
+
+    #[test]
+    fn what_is_slower_and_no_better_is_dominated() {
+        assert_eq!(dominated(&[(1.0, 1.0), (2.0, 0.5), (3.0, 0.5), (1.0, 2.0)]), [false, false, true, true]);
+    }
+
+    #[test]
+    fn what_is_the_same_within_noise_dominates_nothing() {
+        assert_eq!(dominated(&[(1.0, 1.0), (1.04, 1.05), (0.98, 1.09)]), [false; 3]);
+    }
+
+    #[test]
+    fn a_setting_without_an_error_is_on_no_front_and_hides_nothing() {
+        let mut table = table(&[(1.0, 1.0), (0.5, 0.1)]);
+        table.settings[1].error = None;
+        table.mark();
+        assert!(!table.settings[0].dominated && !table.settings[1].dominated);
+        table.settings[0].default = true;
+        assert!(table.default_off_the_front().is_none());
+    }
+}

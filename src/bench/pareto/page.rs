@@ -1,0 +1,40 @@
+//! Tables and plots as a page that stands for itself.
+
+use std::fmt::Write;
+
+use super::chart::{escaped, svg};
+use super::{Table, table::number};
+
+/// HTML without outside requests. `about` tells what was measured where.
+pub fn page(about: &str, tables: &[Table]) -> String {
+    let mut out = format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Speed against error</title><style>body{{font:15px/1.45 \
+         sans-serif;margin:2rem auto;max-width:72rem;padding:0 1rem;color:#222}}table{{border-collapse:collapse;margin:1rem 0}}td,th{{\
+         border:1px solid #ccc;padding:.25rem .5rem;text-align:left}}tr.dominated{{color:#888}}svg{{max-width:46rem}}</style></head>\
+         <body><h1>Speed against error</h1><p>{}</p><p>A setting is dominated (hollow, grey) where another is better in one of time \
+         and error and as good in the other. The square is the default.</p>\n",
+        escaped(about)
+    );
+    for table in tables {
+        let _ = writeln!(out, "<h2>{}</h2>{}", escaped(&table.title), svg(std::slice::from_ref(table)));
+        let _ =
+            write!(out, "<table><tr><th>setting<th>options<th>{}<th>{}", escaped(&table.time), escaped(&table.error));
+        table.columns.iter().for_each(|column| out += &format!("<th>{}", escaped(column)));
+        out += "</tr>\n";
+        for s in &table.settings {
+            let class = if s.dominated { " class=\"dominated\"" } else { "" };
+            let name = if s.default { format!("<b>{}</b>", escaped(&s.name)) } else { escaped(&s.name) };
+            let error = s.error.map_or(String::new(), number);
+            let _ = write!(
+                out,
+                "<tr{class}><td>{name}<td><code>{}</code><td>{}<td>{error}",
+                escaped(&s.options),
+                number(s.time)
+            );
+            s.more.iter().for_each(|v| out += &format!("<td>{}", number(*v)));
+            out += "</tr>\n";
+        }
+        out += "</table>\n";
+    }
+    out + "</body></html>\n"
+}

@@ -1,0 +1,145 @@
+//! Single pictures: time on the device against the error of colours.
+
+use half::f16;
+
+use super::super::Error;
+use super::{Reference, Setting, Table};
+use crate::raster::tiles::DEPTH_BITS;
+use crate::raster::{Culling, Picture, Planes, Shot, TileShape, Variants, Viewer};
+use crate::vk::{self, Gpu};
+
+/// A way to draw.
+struct Form {
+    name: String,
+    options: String,
+    variants: Variants,
+    depth_bits: u32,
+    sh_degree: u32,
+    /// Spherical harmonics beyond the constant one, rounded to 16 bits.
+    rounded: bool,
+}
+
+/// Every form that the device can run, and what is left out or rounded in the default one.
+fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
+    let variants = Variants::choose(gpu, false);
+    let plain = |name: String, variants| Form {
+        name,
+        options: String::new(),
+        variants,
+        depth_bits: DEPTH_BITS,
+        sh_degree,
+        rounded: false,
+    };
+    let mut all = vec![plain("default".into(), variants)];
+    for (tile, culling, name, options) in [
+        (TileShape::Column, Culling::Blocks, "tiles of 8x8, a thread per column", "--tile-shape column"),
+        (TileShape::Pixel, Culling::Blocks, "tiles of 16x16, a thread per pixel", "--tile-shape pixel"),
+        (TileShape::Pixel, Culling::Off, "the same without culling in tiles", "--tile-shape pixel --culling off"),
+    ] {
+        let other = Variants { tile, culling, ..variants };
+        let same = tile == variants.tile && (tile == TileShape::Column || culling == variants.culling);
+        if !same {
+            all.push(Form { options: options.into(), ..plain(name.into(), other) });
+        }
+    }
+    for bits in [24, 16, 12] {
+        all.push(Form { depth_bits: bits, ..plain(format!("depths sorted by {bits} bits"), variants) });
+    }
+    all.push(Form { rounded: true, ..plain("spherical harmonics of 16 bits (error alone)".into(), variants) });
+    for degree in 0..sh_degree {
+        all.push(Form { sh_degree: degree, ..plain(format!("spherical harmonics to degree {degree}"), variants) });
+    }
+    all
+}
+
+/// Draws every view of the reference in every form, `rounds` times in turn after one that does not count.
+pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, Error> {
+    let sh_degree = reference.shots.iter().map(|shot| shot.projection.sh_degree).max().unwrap_or(0);
+    let forms = forms(gpu, sh_degree);
+    let mut drawers: Vec<(Viewer, Planes)> = Vec::new();
+    for form in &forms {
+        let mut viewer = Viewer::with_variants(gpu, form.variants);
+        viewer.sort_depths_by(form.depth_bits);
+        let planes = match form.rounded {
+            false => viewer.upload(&reference.model)?,
+            true => {
+                let mut model = reference.model.clone();
+                // The constant coefficient is the first of its group.
+                let rest = model.sh.iter_mut().flat_map(|group| group.iter_mut().enumerate());
+                rest.for_each(|(_, v)| *v = f16::from_f32(*v).to_f32());
+                viewer.upload(&model)?
+            }
+        };
+        drawers.push((viewer, planes));
+    }
+    let mut times = vec![Vec::new(); forms.len()];
+    let mut errors = vec![(0.0f64, 0.0, 0usize); forms.len()];
+    for round in 0..=rounds {
+        for (k, form) in forms.iter().enumerate() {
+            let mut sum = 0.0;
+            for (view, shot) in reference.shots.iter().enumerate() {
+                let mut shot = *shot;
+                shot.projection.sh_degree = form.sh_degree;
+                let (viewer, planes) = &mut drawers[k];
+                let (picture, ms) = timed(gpu, viewer, planes, reference.model.len() as u32, &shot)?;
+                sum += ms;
+                if round == 0 {
+                    let (largest, total, values) = reference.errors(view, &picture.rgbt);
+                    let error = &mut errors[k];
+                    *error = (error.0.max(largest), error.1 + total, error.2 + values);
+                }
+            }
+            if round > 0 {
+                times[k].push(sum / reference.shots.len() as f64);
+            }
+        }
+    }
+    let mut table = Table {
+        title: format!(
+            "Pictures: {} views, {} splats, {} pixels compared, {} near a decision left out",
+            reference.shots.len(),
+            reference.model.len(),
+            reference.compared(),
+            reference.left_out
+        ),
+        time: "ms per picture on the device".into(),
+        error: "largest error of a colour".into(),
+        // Less than a hundredth of a step of 8 bits is nothing.
+        same_error: (0.1, 0.01 / 255.0),
+        columns: vec!["mean error".into()],
+        settings: Vec::new(),
+    };
+    for ((form, times), (largest, total, values)) in forms.into_iter().zip(times).zip(errors) {
+        table.settings.push(Setting {
+            default: form.name == "default",
+            name: form.name,
+            options: form.options,
+            time: super::median(times),
+            error: Some(largest),
+            more: vec![total / values.max(1) as f64],
+            dominated: false,
+        });
+    }
+    table.mark();
+    Ok(table)
+}
+
+/// A picture, and the milliseconds that its passes take on the device.
+fn timed(gpu: &Gpu, viewer: &mut Viewer, planes: &Planes, splats: u32, shot: &Shot) -> Result<(Picture, f64), Error> {
+    loop {
+        let mut recorder = gpu.recorder("picture")?;
+        recorder.profile(true);
+        viewer.record(&mut recorder, planes, splats, shot, false)?;
+        let ticket = recorder.submit()?;
+        if let Some(picture) = viewer.collect()? {
+            return Ok((picture, milliseconds(gpu, ticket)?));
+        }
+    }
+}
+
+/// What a submission took on the device.
+pub(super) fn milliseconds(gpu: &Gpu, ticket: vk::Ticket) -> Result<f64, Error> {
+    gpu.wait(ticket)?;
+    let passes = gpu.timings(ticket)?.unwrap_or_default();
+    Ok(passes.iter().map(|pass| pass.ns).sum::<f64>() / 1e6)
+}

@@ -1,0 +1,130 @@
+//! Whole trainings: seconds against held-out quality.
+
+use super::super::Error;
+use super::{Setting, Table};
+use crate::raster::{GradientSum, TileShape};
+use crate::scene::Gaussians;
+use crate::train::settings::{Growth, Shortcuts};
+use crate::train::{Input, Message, Pacing, Settings, Trainer};
+use crate::vk::Gpu;
+
+/// A setting that trainings differ by.
+#[derive(Clone, Debug)]
+pub struct TrainingKnob {
+    /// What it is called.
+    pub name: &'static str,
+    /// The options of `train` that choose it.
+    pub options: &'static str,
+    /// What they mean.
+    pub apply: fn(&mut Settings),
+}
+
+/// The default, and the settings that trade speed for error one by one.
+pub fn training_knobs() -> Vec<TrainingKnob> {
+    let knob = |name, options, apply| TrainingKnob { name, options, apply };
+    vec![
+        knob("default", "", |_| ()),
+        knob("deterministic", "--deterministic", |s| s.run.deterministic = true),
+        knob("fast", "--fast", |s| s.shortcuts = Shortcuts::FAST),
+        knob("moments of 16 bits", "--moment-bits 16", |s| s.shortcuts.moment_bits = 16),
+        knob("view-dependent colours every 2nd step", "--sh-every 2", |s| s.shortcuts.sh_every = 2),
+        knob("view-dependent colours every 4th step", "--sh-every 4", |s| s.shortcuts.sh_every = 4),
+        knob("the same at twice the rate", "--sh-every 4 --sh-rate 2", |s| {
+            s.shortcuts.sh_every = 4;
+            s.shortcuts.sh_rate = 2.0;
+        }),
+        knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
+        knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
+        knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),
+        knob("tiles of 16x16", "--tile-shape pixel", |s| s.device.tile_shape = Some(TileShape::Pixel)),
+        knob("sums by compare-and-swap", "--gradient-sum compare-and-swap", |s| {
+            s.device.gradient_sum = Some(GradientSum::CompareAndSwap);
+        }),
+        knob("growth by the published threshold", "--growth threshold", |s| s.density.growth = Growth::Threshold),
+    ]
+}
+
+/// What a training came to.
+#[derive(Clone, Debug)]
+pub struct Scored {
+    /// Seconds of its steps, evaluation left aside.
+    pub seconds: f64,
+    /// Held-out PSNR in dB.
+    pub psnr: f64,
+    /// Held-out SSIM.
+    pub ssim: f64,
+    /// Splats at the end.
+    pub splats: u32,
+    /// The model.
+    pub model: Gaussians,
+}
+
+/// Trains once.
+fn scored(gpu: &Gpu, input: Input, settings: &Settings) -> Result<Scored, Error> {
+    let mut trainer = Trainer::new(gpu, input, settings, Pacing::default(), None)?;
+    let (mut first, mut last) = (None, 0.0);
+    let mut out = (0.0, 0);
+    while let Some(message) = trainer.next_message()? {
+        match message {
+            Message::Step { loss, .. } => {
+                first.get_or_insert(f64::from(loss));
+                last = f64::from(loss);
+            }
+            Message::Finished { splats, seconds, .. } => out = (seconds, splats),
+            _ => {}
+        }
+    }
+    if first.is_none_or(|first| last >= first) {
+        return Err(Error::NotLive(format!("the loss went from {} to {last}", first.unwrap_or(f64::NAN))));
+    }
+    let quality = trainer.evaluate()?;
+    let model = trainer.model()?;
+    Ok(Scored { seconds: out.0, psnr: quality.psnr, ssim: quality.ssim, splats: out.1, model })
+}
+
+/// Trains once with every knob, and with the default once more at the end, which tells what two runs differ by. `input` makes what is
+/// trained on of settings. The models come in the order of the table.
+pub fn trainings(
+    gpu: &Gpu,
+    settings: &Settings,
+    knobs: &[TrainingKnob],
+    mut input: impl FnMut(&Settings) -> Result<Input, Error>,
+    mut tell: impl FnMut(&str, &Scored),
+) -> Result<(Table, Vec<Scored>), Error> {
+    let mut all = Vec::new();
+    let again = knobs.first().map(|knob| TrainingKnob { name: "default, again", ..knob.clone() });
+    for knob in knobs.iter().chain(&again) {
+        let mut changed = settings.clone();
+        (knob.apply)(&mut changed);
+        // No evaluation on the way: it would count.
+        changed.run.eval_every = 0;
+        let one = scored(gpu, input(&changed)?, &changed)?;
+        tell(knob.name, &one);
+        all.push((knob.clone(), one));
+    }
+    let noise = match (all.first(), all.last()) {
+        (Some((_, a)), Some((_, b))) => (a.psnr - b.psnr).abs(),
+        _ => 0.0,
+    };
+    let mut table = Table {
+        title: format!("Trainings: {} steps, method {}, one seed", settings.run.iterations, settings.run.method),
+        time: "seconds of training".into(),
+        error: "held-out error in dB (minus PSNR)".into(),
+        same_error: (0.0, noise.max(0.1)),
+        columns: vec!["PSNR, dB".into(), "SSIM".into(), "splats".into()],
+        settings: Vec::new(),
+    };
+    for (knob, one) in &all {
+        table.settings.push(Setting {
+            name: knob.name.into(),
+            options: knob.options.into(),
+            default: knob.name == "default",
+            time: one.seconds,
+            error: Some(-one.psnr),
+            more: vec![one.psnr, one.ssim, f64::from(one.splats)],
+            dominated: false,
+        });
+    }
+    table.mark();
+    Ok((table, all.into_iter().map(|(_, one)| one).collect()))
+}
