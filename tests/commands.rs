@@ -11,6 +11,8 @@ mod common;
 mod compare;
 #[path = "commands/faults.rs"]
 mod faults;
+#[path = "commands/fronts.rs"]
+mod fronts;
 #[path = "commands/full_disk.rs"]
 mod full_disk;
 #[path = "commands/kills.rs"]

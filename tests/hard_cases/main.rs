@@ -2,6 +2,7 @@
 //! them, with those that other tests cover.
 
 mod blending;
+mod budget;
 #[path = "../colmap_folder/mod.rs"]
 mod colmap_folder;
 #[path = "../common/mod.rs"]

@@ -24,6 +24,25 @@ fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
     ((middle + reach) / (middle - reach)).sqrt()
 }
 
+/// Needles of about this aspect on a picture of 64x48, in any direction.
+pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
+    let camera = camera(64, 48);
+    let splats: Vec<_> = (0..40)
+        .map(|_| {
+            let at = [random.between(0.0, 64.0), random.between(0.0, 48.0)];
+            let (z, opacity) = (random.between(1.5, 4.0), random.between(0.3, 0.9));
+            // The dilation leaves a needle at least sqrt(0.3) pixels of deviation across.
+            let mut splat = round(random, &camera, at, z, 0.05, opacity);
+            splat.log_scale[0] = (0.55 * ratio * z / camera.fx).ln();
+            // Turned about the viewing axis, and by little out of the picture's plane.
+            let angle = random.between(0.0, 3.0);
+            splat.quat = [angle.cos(), 0.02 * random.symmetric(), 0.02 * random.symmetric(), angle.sin()];
+            splat
+        })
+        .collect();
+    Scene::new(&splats, camera, false)
+}
+
 /// Bounds are a few times what was measured: the conic's rounding is multiplied by its condition, the square of the aspect.
 #[test]
 fn needles_of_aspect_10_100_and_1000() {
@@ -31,22 +50,8 @@ fn needles_of_aspect_10_100_and_1000() {
     for (ratio, image_bound, gradient_bound, left_out) in
         [(10.0, 1e-5, 2e-5, 0.005), (100.0, 4e-4, 1e-3, 0.005), (1000.0, 1e-3, 3e-2, 0.05)]
     {
-        let camera = camera(64, 48);
         let mut random = Random::new(ratio as u64);
-        let splats: Vec<_> = (0..40)
-            .map(|_| {
-                let at = [random.between(0.0, 64.0), random.between(0.0, 48.0)];
-                let (z, opacity) = (random.between(1.5, 4.0), random.between(0.3, 0.9));
-                // The dilation leaves a needle at least sqrt(0.3) pixels of deviation across.
-                let mut splat = round(&mut random, &camera, at, z, 0.05, opacity);
-                splat.log_scale[0] = (0.55 * ratio * z / camera.fx).ln();
-                // Turned about the viewing axis, and by little out of the picture's plane.
-                let angle = random.between(0.0, 3.0);
-                splat.quat = [angle.cos(), 0.02 * random.symmetric(), 0.02 * random.symmetric(), angle.sin()];
-                splat
-            })
-            .collect();
-        let scene = Scene::new(&splats, camera, false);
+        let scene = needles(&mut random, ratio);
         let view = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
         let mut aspects: Vec<f64> = scene.splats.iter().map(|s| aspect(s, &view)).collect();
         aspects.sort_by(f64::total_cmp);

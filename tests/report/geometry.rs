@@ -63,18 +63,28 @@ fn pictures_with_known_errors_give_these_errors() {
     assert!((other.median_error().unwrap() - 0.75).abs() < 0.01 && other.within(0.02) == Some(0.0));
 }
 
-/// A square of 20 m at z = 3 in the dataset's units.
-fn square() -> Mesh {
-    let corner = |x: f64, y: f64| [100.0 + x, y, 3.0];
+/// A square of 20 m at z = 3 in the dataset's units, moved by `offset`.
+fn square_at(offset: [f64; 3]) -> Mesh {
+    let corner = |x: f64, y: f64| [offset[0] + 100.0 + x, offset[1] + y, offset[2] + 3.0];
     Mesh {
         vertices: vec![corner(-10.0, -10.0), corner(10.0, -10.0), corner(10.0, 10.0), corner(-10.0, 10.0)],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
     }
 }
 
+/// Also in a national grid, through the file of the surface.
 #[test]
 fn splats_at_known_distances_give_these_distances() {
-    let frame = Frame { offset: [100.0, 0.0, 0.0], scale: 0.5 };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for offset in [[0.0; 3], [5e5, 4.6e6, 100.0]] {
+        let file = folder.path().join("surface.ply");
+        square_at(offset).write(&file).expect("written");
+        known_distances(offset, &Mesh::read(&file).expect("read"));
+    }
+}
+
+fn known_distances(offset: [f64; 3], square: &Mesh) {
+    let frame = Frame { offset: [offset[0] + 100.0, offset[1], offset[2]], scale: 0.5 };
     // Height above the square in dataset units, opacity, the two larger standard deviations; the third is the smallest.
     let splats = [
         (0.00, 0.9, 0.2, 0.1),
@@ -87,7 +97,7 @@ fn splats_at_known_distances_give_these_distances() {
     ];
     let mut model = Gaussians::zeros(splats.len());
     for (i, (height, opacity, a, b)) in splats.into_iter().enumerate() {
-        let position = frame.to_scene([100.0 + i as f64, 1.0, 3.0 + height]);
+        let position = frame.to_scene([offset[0] + 100.0 + i as f64, offset[1] + 1.0, offset[2] + 3.0 + height]);
         (0..3).for_each(|k| model.means[3 * i + k] = position[k] as f32);
         model.quats[4 * i] = 1.0;
         let odds: f64 = opacity / (1.0 - opacity);
@@ -98,7 +108,7 @@ fn splats_at_known_distances_give_these_distances() {
         }
     }
     let mass = |i: usize| splats[i].1 * splats[i].2 * splats[i].3;
-    let off = off_surface(&model, &frame, 50.0, &Closest::new(&square()));
+    let off = off_surface(&model, &frame, 50.0, &Closest::new(square));
     let total: f64 = (0..7).map(mass).sum();
     let floating: f64 = [4, 5, 6].map(mass).iter().sum();
     assert!((off.floaters.unwrap() - floating / total).abs() < 1e-6, "{off:?}");
@@ -106,7 +116,7 @@ fn splats_at_known_distances_give_these_distances() {
     assert!((off.distance.unwrap() - 0.3).abs() < 1e-5, "{off:?}");
     let nothing = off_surface(&model, &frame, 50.0, &Closest::new(&Mesh::default()));
     assert_eq!((nothing.distance, nothing.floaters), (None, None));
-    let empty = off_surface(&Gaussians::zeros(0), &frame, 50.0, &Closest::new(&square()));
+    let empty = off_surface(&Gaussians::zeros(0), &frame, 50.0, &Closest::new(square));
     assert_eq!((empty.distance, empty.floaters), (None, None));
 }
 

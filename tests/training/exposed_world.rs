@@ -89,14 +89,14 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
     let options = LoadOptions { split: Split::None, ..LoadOptions::default() };
     let dataset = Dataset::load(folder.path(), &options).expect("loads");
     let mut settings = Settings::default();
-    settings.run.iterations = 1200;
+    settings.run.iterations = 2000;
     settings.run.eval_every = 0;
     settings.run.no_densify = true;
     settings.run.init = Some(folder.path().join("lidar.ply"));
     settings.model.sh_degree = 0;
     settings.model.background = Background::Random;
     settings.optimiser.exposure = Exposure::Affine;
-    settings.optimiser.lr_exposure_final = 3e-4;
+    settings.optimiser.lr_exposure_final = 1e-4;
     settings.optimiser.lr_opacities = 0.1;
     let input = prepare::input(&dataset, &settings).expect("an input");
     let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None).expect("trainer");

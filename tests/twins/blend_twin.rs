@@ -81,7 +81,14 @@ fn backward_is_the_derivative_of_forward() {
         };
         for splat in 0..n {
             for (column, place) in columns {
-                let want = difference(&|b, h| b.splats[splat][place] += h);
+                let want = difference(&|b, h| {
+                    let row = &mut b.splats[splat];
+                    row[place] += h;
+                    // Which is stored beside the conic.
+                    if (2..5).contains(&place) {
+                        row[7] = row[4] - row[3] * row[3] / row[2];
+                    }
+                });
                 close(&format!("splat {splat} column {column}"), rows[splat][column], want);
                 touched += usize::from(want != 0.0);
             }

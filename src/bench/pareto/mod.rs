@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn what_is_the_same_within_noise_dominates_nothing() {
-        assert_eq!(dominated(&[(1.0, 1.0), (1.04, 1.05), (0.98, 1.09)]), [false; 3]);
+        assert_eq!(dominated(&[(1.0, 1.0), (1.02, 1.05), (0.98, 1.09)]), [false; 3]);
     }
 
     #[test]
