@@ -80,7 +80,7 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
         nadir_share: 1.0,
         pixels_per_point: 6,
         offpath: 0,
-        lidar: LidarParams { density: 3.0, ..LidarParams::default() },
+        lidar: LidarParams { density: 5.0, ..LidarParams::default() },
         effects,
         ..WorldParams::default()
     };
@@ -122,7 +122,5 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
     let spread = |of: fn(f64, f64) -> f64| found.iter().map(|f| f.0 / truth).fold(1.0, of);
     println!("gains from {:.3} to {:.3}, found with errors {off:.4?}", spread(f64::min), spread(f64::max));
     assert!(spread(f64::max) - spread(f64::min) > 0.1, "there is something to find");
-    let root = (off.iter().map(|e| e * e).sum::<f64>() / off.len() as f64).sqrt();
-    assert!(root < 0.01, "{root}: {off:.4?}");
-    assert!(off.iter().all(|e| e.abs() < 0.02), "{off:.4?}");
+    assert!(off.iter().all(|e| e.abs() < 0.01), "{off:.4?}");
 }

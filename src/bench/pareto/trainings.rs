@@ -1,11 +1,13 @@
 //! Whole trainings: seconds against held-out quality.
 
+use std::time::Instant;
+
 use super::super::Error;
 use super::{Setting, Table};
 use crate::raster::{GradientSum, TileShape};
 use crate::scene::Gaussians;
 use crate::train::settings::{Growth, Shortcuts};
-use crate::train::{Input, Message, Pacing, Settings, Trainer};
+use crate::train::{Input, Pacing, Settings, Trainer};
 use crate::vk::Gpu;
 
 /// A setting that trainings differ by.
@@ -62,24 +64,17 @@ pub struct Scored {
 /// Trains once.
 fn scored(gpu: &Gpu, input: Input, settings: &Settings) -> Result<Scored, Error> {
     let mut trainer = Trainer::new(gpu, input, settings, Pacing::default(), None)?;
-    let (mut first, mut last) = (None, 0.0);
-    let mut out = (0.0, 0);
-    while let Some(message) = trainer.next_message()? {
-        match message {
-            Message::Step { loss, .. } => {
-                first.get_or_insert(f64::from(loss));
-                last = f64::from(loss);
-            }
-            Message::Finished { splats, seconds, .. } => out = (seconds, splats),
-            _ => {}
-        }
-    }
-    if first.is_none_or(|first| last >= first) {
-        return Err(Error::NotLive(format!("the loss went from {} to {last}", first.unwrap_or(f64::NAN))));
-    }
+    // Not the loss, which is that of reduced photographs at first.
+    let before = trainer.evaluate()?.psnr;
+    let started = Instant::now();
+    while trainer.next_message()?.is_some() {}
+    let seconds = started.elapsed().as_secs_f64();
     let quality = trainer.evaluate()?;
-    let model = trainer.model()?;
-    Ok(Scored { seconds: out.0, psnr: quality.psnr, ssim: quality.ssim, splats: out.1, model })
+    if quality.psnr.is_nan() || quality.psnr <= before {
+        return Err(Error::NotLive(format!("held-out PSNR went from {before:.2} to {:.2} dB", quality.psnr)));
+    }
+    let (splats, model) = (trainer.splats(), trainer.model()?);
+    Ok(Scored { seconds, psnr: quality.psnr, ssim: quality.ssim, splats, model })
 }
 
 /// Trains once with every knob, and with the default once more at the end, which tells what two runs differ by. `input` makes what is
