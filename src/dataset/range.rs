@@ -14,7 +14,8 @@ pub(super) fn check_views(file: &Path, views: &[View], frame: &Frame) -> Result<
     for view in views {
         let (what, camera) = (|| format!("the camera of '{}'", view.name), &view.camera);
         let focal = [camera.fx, camera.fy];
-        if !focal.iter().all(|f| f.is_finite() && *f > 0.0) || !(camera.cx.is_finite() && camera.cy.is_finite()) {
+        let centred = camera.cx.is_finite() && camera.cy.is_finite();
+        if !(centred && focal.iter().all(|f| f.is_finite() && *f > 0.0)) {
             return wrong(what(), "its lens leaves no picture that a pinhole camera could see");
         }
         let pose = camera.rotation.iter().flatten().chain(&camera.translation);

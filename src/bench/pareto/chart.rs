@@ -26,10 +26,12 @@ struct Axis {
 impl Axis {
     fn of(values: &[f64]) -> Self {
         let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-        let logarithmic = least > 0.0 && most > 20.0 * least;
+        let logarithmic = least > 0.0 && most > 8.0 * least;
         let (low, high) = if logarithmic { (least.log10(), most.log10()) } else { (least, most) };
-        let margin = ((high - low) * 0.08).max(1e-9 * high.abs().max(1e-30));
-        Self { low: low - margin, high: high + margin, logarithmic }
+        // What hardly differs is not drawn as if it did.
+        let margin = ((high - low) * 0.08).max(if logarithmic { 0.1 } else { 0.05 * high.abs().max(1e-30) });
+        let floor = if logarithmic || least < 0.0 { f64::NEG_INFINITY } else { 0.0 };
+        Self { low: (low - margin).max(floor), high: high + margin, logarithmic }
     }
 
     fn share(&self, v: f64) -> f64 {
@@ -49,7 +51,8 @@ impl Axis {
     }
 }
 
-/// Panels side by side: time to the right, error upwards; what is dominated is hollow, the default a square; a line joins the front.
+/// Panels side by side: time to the right, error upwards, settings by their numbers in the table; what is dominated is hollow, the
+/// default a square; a line joins the front.
 pub fn svg(tables: &[Table]) -> String {
     let width = WIDTH * tables.len().max(1) as f64;
     let mut out = format!(
@@ -67,8 +70,9 @@ pub fn svg(tables: &[Table]) -> String {
 fn panel(out: &mut String, table: &Table) {
     let title = table.title.split(':').next().unwrap_or_default();
     let _ = write!(out, "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{}</text>", escaped(title));
-    let mut points: Vec<_> = table.settings.iter().filter_map(|s| Some((s, s.time, s.error?))).collect();
-    points.retain(|(_, time, error)| time.is_finite() && error.is_finite());
+    let numbered = table.settings.iter().zip(1..);
+    let mut points: Vec<_> = numbered.filter_map(|(s, k)| Some((s, s.time, s.error?, k))).collect();
+    points.retain(|(_, time, error, _)| time.is_finite() && error.is_finite());
     if points.is_empty() {
         return;
     }
@@ -109,7 +113,7 @@ fn panel(out: &mut String, table: &Table) {
         points.iter().filter(|p| !p.0.dominated).map(|p| format!("{:.1},{:.1}", sx(p.1), sy(p.2))).collect();
     let _ =
         write!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"#1b6ca8\" stroke-width=\"1\"/>", front.join(" "));
-    for (setting, time, error) in points {
+    for (setting, time, error, number) in points {
         let (cx, cy) = (sx(time), sy(error));
         let fill = if setting.dominated { "#fff" } else { "#1b6ca8" };
         let style = format!("fill=\"{fill}\" stroke=\"#1b6ca8\" stroke-width=\"1.5\"");
@@ -123,13 +127,11 @@ fn panel(out: &mut String, table: &Table) {
             ),
             false => write!(out, "<circle cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"4.5\" {style}>{said}</circle>"),
         };
-        let (anchor, dx) = if x.share(time) > 0.6 { ("end", -9.0) } else { ("start", 9.0) };
         let _ = write!(
             out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\" font-size=\"10\" fill=\"#333\">{}</text>",
-            cx + dx,
-            cy - 5.0,
-            escaped(&setting.name)
+            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" fill=\"#333\">{number}</text>",
+            cx + 6.0,
+            cy - 5.0
         );
     }
 }

@@ -17,17 +17,21 @@ pub fn page(about: &str, tables: &[Table]) -> String {
     );
     for table in tables {
         let _ = writeln!(out, "<h2>{}</h2>{}", escaped(&table.title), svg(std::slice::from_ref(table)));
-        let _ =
-            write!(out, "<table><tr><th>setting<th>options<th>{}<th>{}", escaped(&table.time), escaped(&table.error));
+        let _ = write!(
+            out,
+            "<table><tr><th>#<th>setting<th>options<th>{}<th>{}",
+            escaped(&table.time),
+            escaped(&table.error)
+        );
         table.columns.iter().for_each(|column| out += &format!("<th>{}", escaped(column)));
         out += "</tr>\n";
-        for s in &table.settings {
+        for (s, number_of) in table.settings.iter().zip(1..) {
             let class = if s.dominated { " class=\"dominated\"" } else { "" };
             let name = if s.default { format!("<b>{}</b>", escaped(&s.name)) } else { escaped(&s.name) };
             let error = s.error.map_or(String::new(), number);
             let _ = write!(
                 out,
-                "<tr{class}><td>{name}<td><code>{}</code><td>{}<td>{error}",
+                "<tr{class}><td>{number_of}<td>{name}<td><code>{}</code><td>{}<td>{error}",
                 escaped(&s.options),
                 number(s.time)
             );

@@ -19,16 +19,16 @@ pub fn markdown(tables: &[Table]) -> String {
     let mut out = String::new();
     for table in tables {
         let _ = writeln!(out, "## {}\n", table.title);
-        let _ = write!(out, "| setting | options | {} | {} |", table.time, table.error);
+        let _ = write!(out, "| # | setting | options | {} | {} |", table.time, table.error);
         table.columns.iter().for_each(|column| out += &format!(" {column} |"));
-        out += " front |\n|---|---|---|---|";
+        out += " front |\n|---|---|---|---|---|";
         out += &"---|".repeat(table.columns.len() + 1);
         out += "\n";
-        for s in &table.settings {
+        for (s, number_of) in table.settings.iter().zip(1..) {
             let options = if s.options.is_empty() { String::new() } else { format!("`{}`", s.options) };
             let name = if s.default { format!("**{}**", s.name) } else { s.name.clone() };
             let error = s.error.map_or(String::new(), number);
-            let _ = write!(out, "| {name} | {options} | {} | {error} |", number(s.time));
+            let _ = write!(out, "| {number_of} | {name} | {options} | {} | {error} |", number(s.time));
             s.more.iter().for_each(|v| out += &format!(" {} |", number(*v)));
             out += if s.dominated { " dominated |\n" } else { " yes |\n" };
         }

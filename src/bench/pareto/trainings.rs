@@ -7,8 +7,11 @@ use super::{Setting, Table};
 use crate::raster::{GradientSum, TileShape};
 use crate::scene::Gaussians;
 use crate::train::settings::{Growth, Shortcuts};
-use crate::train::{Input, Pacing, Settings, Trainer};
-use crate::vk::Gpu;
+use crate::train::{Input, Message, Pacing, Settings, Trainer};
+use crate::vk::{DeviceKind, Gpu};
+
+/// Steps that a training takes before it is the next one's turn.
+const TURN: u32 = 20;
 
 /// A setting that trainings differ by.
 #[derive(Clone, Debug)]
@@ -22,9 +25,9 @@ pub struct TrainingKnob {
 }
 
 /// The default, and the settings that trade speed for error one by one.
-pub fn training_knobs() -> Vec<TrainingKnob> {
+pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
     let knob = |name, options, apply| TrainingKnob { name, options, apply };
-    vec![
+    let mut all = vec![
         knob("default", "", |_| ()),
         knob("deterministic", "--deterministic", |s| s.run.deterministic = true),
         knob("fast", "--fast", |s| s.shortcuts = Shortcuts::FAST),
@@ -38,12 +41,16 @@ pub fn training_knobs() -> Vec<TrainingKnob> {
         knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
         knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),
-        knob("tiles of 16x16", "--tile-shape pixel", |s| s.device.tile_shape = Some(TileShape::Pixel)),
         knob("sums by compare-and-swap", "--gradient-sum compare-and-swap", |s| {
             s.device.gradient_sum = Some(GradientSum::CompareAndSwap);
         }),
         knob("growth by the published threshold", "--growth threshold", |s| s.density.growth = Growth::Threshold),
-    ]
+    ];
+    // On processors many times slower, to the same pictures: the tables of pictures and gradients have them there.
+    if gpu.caps().kind != DeviceKind::Cpu {
+        all.push(knob("tiles of 8x8", "--tile-shape column", |s| s.device.tile_shape = Some(TileShape::Column)));
+    }
+    all
 }
 
 /// What a training came to.
@@ -61,24 +68,56 @@ pub struct Scored {
     pub model: Gaussians,
 }
 
-/// Trains once.
-fn scored(gpu: &Gpu, input: Input, settings: &Settings) -> Result<Scored, Error> {
-    let mut trainer = Trainer::new(gpu, input, settings, Pacing::default(), None)?;
-    // Not the loss, which is that of reduced photographs at first.
-    let before = trainer.evaluate()?.psnr;
-    let started = Instant::now();
-    while trainer.next_message()?.is_some() {}
-    let seconds = started.elapsed().as_secs_f64();
-    let quality = trainer.evaluate()?;
-    if quality.psnr.is_nan() || quality.psnr <= before {
-        return Err(Error::NotLive(format!("held-out PSNR went from {before:.2} to {:.2} dB", quality.psnr)));
-    }
-    let (splats, model) = (trainer.splats(), trainer.model()?);
-    Ok(Scored { seconds, psnr: quality.psnr, ssim: quality.ssim, splats, model })
+/// A training that is on its way.
+struct Running {
+    knob: TrainingKnob,
+    trainer: Trainer,
+    /// Held-out PSNR before the first step. Not the loss, which is that of reduced photographs at first.
+    before: f64,
+    seconds: f64,
+    done: bool,
 }
 
-/// Trains once with every knob, and with the default once more at the end, which tells what two runs differ by. `input` makes what is
-/// trained on of settings. The models come in the order of the table.
+impl Running {
+    fn new(gpu: &Gpu, knob: &TrainingKnob, input: Input, settings: &Settings) -> Result<Self, Error> {
+        let mut trainer = Trainer::new(gpu, input, settings, Pacing::default(), None)?;
+        let before = trainer.evaluate()?.psnr;
+        Ok(Self { knob: knob.clone(), trainer, before, seconds: 0.0, done: false })
+    }
+
+    /// Some steps, to their end on the device.
+    fn go_on(&mut self) -> Result<(), Error> {
+        let started = Instant::now();
+        let mut steps = 0;
+        while steps < TURN && !self.done {
+            match self.trainer.next_message()? {
+                Some(Message::Step { .. }) => steps += 1,
+                Some(_) => {}
+                None => self.done = true,
+            }
+        }
+        if !self.done {
+            self.trainer.settle()?;
+        }
+        self.seconds += started.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    fn scored(mut self) -> Result<(TrainingKnob, Scored), Error> {
+        let quality = self.trainer.evaluate()?;
+        if quality.psnr.is_nan() || quality.psnr <= self.before {
+            let (before, after) = (self.before, quality.psnr);
+            return Err(Error::NotLive(format!("held-out PSNR went from {before:.2} to {after:.2} dB")));
+        }
+        let (splats, model) = (self.trainer.splats(), self.trainer.model()?);
+        let scored = Scored { seconds: self.seconds, psnr: quality.psnr, ssim: quality.ssim, splats, model };
+        Ok((self.knob, scored))
+    }
+}
+
+/// Trains once with every knob, and once more with the default, which tells what two runs differ by. All are in memory at once and take
+/// their steps in turn, some at a time: what else the machine does falls on all alike. `input` makes what is trained on of settings.
+/// The results come in the order of the table.
 pub fn trainings(
     gpu: &Gpu,
     settings: &Settings,
@@ -86,16 +125,23 @@ pub fn trainings(
     mut input: impl FnMut(&Settings) -> Result<Input, Error>,
     mut tell: impl FnMut(&str, &Scored),
 ) -> Result<(Table, Vec<Scored>), Error> {
-    let mut all = Vec::new();
     let again = knobs.first().map(|knob| TrainingKnob { name: "default, again", ..knob.clone() });
+    let mut running = Vec::new();
     for knob in knobs.iter().chain(&again) {
         let mut changed = settings.clone();
         (knob.apply)(&mut changed);
         // No evaluation on the way: it would count.
         changed.run.eval_every = 0;
-        let one = scored(gpu, input(&changed)?, &changed)?;
-        tell(knob.name, &one);
-        all.push((knob.clone(), one));
+        running.push(Running::new(gpu, knob, input(&changed)?, &changed)?);
+    }
+    while running.iter().any(|one| !one.done) {
+        running.iter_mut().filter(|one| !one.done).try_for_each(Running::go_on)?;
+    }
+    let mut all = Vec::new();
+    for one in running {
+        let (knob, scored) = one.scored()?;
+        tell(knob.name, &scored);
+        all.push((knob, scored));
     }
     let noise = match (all.first(), all.last()) {
         (Some((_, a)), Some((_, b))) => (a.psnr - b.psnr).abs(),

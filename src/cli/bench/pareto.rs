@@ -91,7 +91,7 @@ fn trainings(
     settings: &Settings,
     console: &Console,
 ) -> anyhow::Result<(Table, Option<Gaussians>)> {
-    let knobs = pareto::training_knobs();
+    let knobs = pareto::training_knobs(gpu);
     console.say(format_args!("{} trainings of {} steps each", knobs.len() + 1, args.train_steps));
     let input = |settings: &Settings| Ok(prepare::input(dataset, settings)?);
     let (table, scored) = pareto::trainings(gpu, settings, &knobs, input, |name, one| {
@@ -113,8 +113,8 @@ fn cameras(dataset: &Dataset) -> Vec<Camera> {
 
 fn write(args: &Args, out: &Path, gpu: &Gpu, data: &Path, tables: &[Table]) -> anyhow::Result<()> {
     let device = &gpu.caps().device;
-    let about = format!("{device}, {}, seed {}", data.display(), args.seed);
     let name = data.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let about = format!("{device}, {name}, seed {}", args.seed);
     super::write(&out.join("pareto.json"), &Report { device, data: name, tables }, false)?;
     let texts = [
         ("pareto.md", pareto::markdown(tables)),
