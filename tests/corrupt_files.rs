@@ -3,6 +3,8 @@
 #[path = "corrupt_files/claims.rs"]
 mod claims;
 mod colmap_folder;
+#[path = "corrupt_files/decoders.rs"]
+mod decoders;
 #[path = "corrupt_files/range.rs"]
 mod range;
 

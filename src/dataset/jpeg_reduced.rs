@@ -5,6 +5,7 @@ use image::{DynamicImage, GrayImage, RgbImage};
 use jpeg_decoder::{Decoder, PixelFormat};
 
 use super::View;
+use crate::format::contain::contained;
 
 /// Photographs with a shorter longest side are decoded whole: it costs little.
 const LARGE: u32 = 3000;
@@ -36,6 +37,10 @@ pub(super) fn decode(bytes: &[u8], size: (u32, u32), divisor: u32) -> Option<Dyn
     if divisor <= 1 {
         return None;
     }
+    contained(|| decode_reduced(bytes, size, divisor)).ok().flatten()
+}
+
+fn decode_reduced(bytes: &[u8], size: (u32, u32), divisor: u32) -> Option<DynamicImage> {
     let (width, height) = (size.0 / divisor, size.1 / divisor);
     let mut decoder = Decoder::new(bytes);
     decoder.read_info().ok()?;

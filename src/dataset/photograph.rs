@@ -11,6 +11,7 @@ use super::lens::{Distortion, Lens};
 use super::pixels::{Pixels, Sample};
 use super::tone::{Samples, Tone};
 use super::{View, jpeg_end, jpeg_reduced, masks, picture_size, undistort};
+use crate::format::contain::contained;
 use crate::format::{self, source};
 
 /// An image in memory.
@@ -60,10 +61,8 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
     let bits = picture_size::stored_bits(reader.fill_buf().map_err(format::Error::io(file, "read"))?);
     let guessed = ImageReader::new(&mut reader).with_guessed_format().map_err(format::Error::io(file, "read"))?;
     let jpeg = guessed.format() == Some(ImageFormat::Jpeg);
-    let found = guessed
-        .into_decoder()
-        .map(|decoder| (decoder.dimensions(), samples(decoder.color_type())))
-        .map_err(|e| e.to_string());
+    let said = |decoder: &dyn ImageDecoder| (decoder.dimensions(), samples(decoder.color_type()));
+    let found = contained(|| guessed.into_decoder().map(|decoder| said(&decoder)).map_err(|e| e.to_string())).flatten();
     let at = reader.stream_position().unwrap_or(0);
     match found {
         Ok((size, samples)) => match picture_size::problem(size, bits, bytes) {
@@ -197,13 +196,13 @@ fn check_whole(file: &Path, bytes: &[u8]) -> Result<(), Error> {
 fn picture(file: &Path, bytes: &[u8]) -> Result<DynamicImage, Error> {
     let mut cursor = Cursor::new(bytes);
     let reader = ImageReader::new(&mut cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
-    let decoder = reader.into_decoder();
-    if let Ok(decoder) = &decoder {
+    let decode = || {
+        let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
         let (size, bits) = (decoder.dimensions(), picture_size::stored_bits(bytes));
-        if let Some(problem) = picture_size::problem(size, bits, bytes.len() as u64) {
-            return Err(Error::undecodable(file, "header", 0, problem));
+        match picture_size::problem(size, bits, bytes.len() as u64) {
+            None => DynamicImage::from_decoder(decoder).map_err(|e| e.to_string()),
+            Some(problem) => Err(problem),
         }
-    }
-    let decoded = decoder.and_then(DynamicImage::from_decoder);
-    decoded.map_err(|e| Error::undecodable(file, "pixels", cursor.position(), e))
+    };
+    contained(decode).flatten().map_err(|problem| Error::undecodable(file, "pixels", cursor.position(), problem))
 }

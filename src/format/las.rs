@@ -1,15 +1,14 @@
 //! Laser scans in LAS files and, compressed, in LAZ files (ASPRS LAS 1.0 to 1.4).
 
-use std::any::Any;
 use std::fmt::Display;
 use std::fs::File;
 use std::io::BufReader;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use las::point::Classification;
 use las::{Point, Reader};
 
+use super::contain::contained;
 use super::source::Source;
 use super::{At, Error};
 
@@ -47,20 +46,11 @@ struct Header {
 /// left out. Sizes that the header names are compared with the file's before anything is made of them.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, Error> {
     let header = header(file)?;
-    if !header.compressed {
-        return points(file, &header);
+    if header.compressed {
+        compressed_sizes(file, &header)?;
     }
-    compressed_sizes(file, &header)?;
-    // The decoder asserts what damaged data does not keep.
-    catch_unwind(AssertUnwindSafe(|| points(file, &header))).unwrap_or_else(|cause| {
-        let problem = format!("cannot be decompressed: {}", said(cause.as_ref()));
-        Err(Error::malformed(file, "point data", At::Byte(header.data), problem))
-    })
-}
-
-fn said(cause: &(dyn Any + Send)) -> String {
-    let text = cause.downcast_ref::<String>().map(String::as_str).or_else(|| cause.downcast_ref::<&str>().copied());
-    text.unwrap_or("the data is damaged").to_owned()
+    contained(|| points(file, &header))
+        .unwrap_or_else(|problem| Err(Error::malformed(file, "point data", At::Byte(header.data), problem)))
 }
 
 fn header(file: &Path) -> Result<Header, Error> {

@@ -2,6 +2,7 @@
 
 pub mod atomic;
 pub mod checkpoint;
+pub(crate) mod contain;
 mod error;
 mod exposure_file;
 mod frame_file;

@@ -10,6 +10,7 @@ use exr::prelude::{
 };
 
 use super::check_size;
+use crate::format::contain::contained;
 use crate::format::{At, Error, atomic};
 
 /// Depths row by row from the top.
@@ -85,22 +86,19 @@ pub fn read_normals(file: &Path) -> Result<NormalMap, Error> {
 fn read(file: &Path, names: &[&str]) -> Result<(u32, u32, Vec<Vec<f32>>), Error> {
     let bytes = std::fs::read(file).map_err(Error::io(file, "read"))?;
     let mut cursor = Cursor::new(bytes.as_slice());
-    let header = MetaData::read_from_buffered(&mut cursor, false);
+    let header = contained(|| MetaData::read_from_buffered(&mut cursor, false).map_err(|e| e.to_string()));
     let fail = |field: &str, at: u64, problem: String| Error::malformed(file, field, At::Byte(at), problem);
-    let header = header.map_err(|e| fail("header", cursor.position(), e.to_string()))?;
+    let header = header.flatten().map_err(|problem| fail("header", cursor.position(), problem))?;
     for layer in &header.headers {
         check_memory(file, layer.layer_size.0, layer.layer_size.1, layer.channels.list.len(), bytes.len())?;
     }
     cursor.set_position(0);
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(&mut cursor);
-    let layer = image.map_err(|e| fail("pixels", cursor.position(), e.to_string()))?.layer_data;
+    let image = contained(|| {
+        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+        let reader = reader.first_valid_layer().all_attributes().non_parallel();
+        reader.from_buffered(&mut cursor).map_err(|e| e.to_string())
+    });
+    let layer = image.flatten().map_err(|problem| fail("pixels", cursor.position(), problem))?.layer_data;
     let side = |v: usize| u32::try_from(v).map_err(|_| fail("size", 0, format!("a side of {v} is too long")));
     let (width, height) = (side(layer.size.0)?, side(layer.size.1)?);
     let channels = &layer.channel_data.list;

@@ -63,11 +63,16 @@ unsafe impl GlobalAlloc for Bounded {
     }
 }
 
+/// No bound until the next [`within`]: what is said of a panic takes memory.
+pub fn lift() {
+    LIMIT.store(usize::MAX, Ordering::Relaxed);
+}
+
 /// Does something that may take 64 MiB, and so many bytes for each byte of its file.
 pub fn within<T>(file: usize, bytes_for_each: usize, work: impl FnOnce() -> T) -> T {
     let allowed = BASE.saturating_add(file.saturating_mul(bytes_for_each));
     LIMIT.store(LIVE.load(Ordering::Relaxed).saturating_add(allowed), Ordering::Relaxed);
     let out = work();
-    LIMIT.store(usize::MAX, Ordering::Relaxed);
+    lift();
     out
 }

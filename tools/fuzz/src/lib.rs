@@ -13,7 +13,20 @@ pub use bound::within;
 pub use scratch::Scratch;
 
 /// Writes the seeds of a target and ends the process, if the environment asks for it (`PSRGS_FUZZ_SEEDS=FOLDER`).
+///
+/// Decoders of others panic on damaged data, and readers contain it: so a panic ends nothing by itself, and only one that leaves a
+/// reader is a finding, which libFuzzer's wrapper sees as it unwinds. `PSRGS_FUZZ_PANICS=1` shows all of them.
 pub fn begin(seeds: impl FnOnce() -> Vec<Vec<u8>>) {
+    // libFuzzer's wrapper has one that ends the process.
+    drop(std::panic::take_hook());
+    let default = std::panic::take_hook();
+    let shown = std::env::var_os("PSRGS_FUZZ_PANICS").is_some();
+    std::panic::set_hook(Box::new(move |info| {
+        bound::lift();
+        if shown {
+            default(info);
+        }
+    }));
     let Some(folder) = std::env::var_os("PSRGS_FUZZ_SEEDS") else { return };
     let folder = std::path::PathBuf::from(folder);
     for (i, seed) in seeds().into_iter().enumerate() {

@@ -1,0 +1,26 @@
+//! Panics of decoders that are not this project's: of damaged data some assert what it does not keep.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What a decoder gives, or what it said as it gave up. Nothing that it worked on is to be used after that.
+pub(crate) fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).map_err(|cause| said(cause.as_ref()))
+}
+
+fn said(cause: &(dyn Any + Send)) -> String {
+    let text = cause.downcast_ref::<String>().map(String::as_str).or_else(|| cause.downcast_ref::<&str>().copied());
+    format!("the decoder gave up on it: {}", text.unwrap_or("the data is damaged"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_becomes_words_and_anything_else_passes() {
+        assert_eq!(contained(|| 7), Ok(7));
+        let problem = contained(|| assert_eq!(1 + contained(|| 1).unwrap_or(0), 3, "no sum")).expect_err("a panic");
+        assert!(problem.contains("gave up") && problem.contains("no sum"), "{problem}");
+    }
+}
