@@ -25,7 +25,7 @@ const FREE_ON_RESUME: [&str; 8] = [
 ];
 
 /// Keys that `--fast` sets.
-const SHORTCUTS: [&str; 2] = ["moment-bits", "sh-every"];
+const SHORTCUTS: [&str; 3] = ["moment-bits", "sh-every", "sh-rate"];
 
 /// Train a model on posed photographs
 #[derive(clap::Args)]
@@ -53,8 +53,8 @@ pub(crate) struct Args {
     /// Replace the results of an earlier run in the --out folder
     #[arg(long, help_heading = "Run")]
     pub(crate) overwrite: bool,
-    /// Take the shortcuts that make steps cheaper and results a little different: --moment-bits 16 --sh-every 4; options given by
-    /// name win
+    /// Take the shortcuts that make steps cheaper and results a little different: --moment-bits 16 --sh-every 4 --sh-rate 4; options
+    /// given by name win
     #[arg(long, help_heading = "Shortcuts")]
     pub(crate) fast: bool,
     /// Print the settings that would be used as a settings file, and stop

@@ -273,7 +273,7 @@ pub struct Settings {
 
 impl Shortcuts {
     /// What `--fast` stands for; see `docs/PERFORMANCE.md` for what they save and cost.
-    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4, sh_rate: 1.0 };
+    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4, sh_rate: 4.0 };
 }
 
 impl Settings {

@@ -34,9 +34,9 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         knob("moments of 16 bits", "--moment-bits 16", |s| s.shortcuts.moment_bits = 16),
         knob("view-dependent colours every 2nd step", "--sh-every 2", |s| s.shortcuts.sh_every = 2),
         knob("view-dependent colours every 4th step", "--sh-every 4", |s| s.shortcuts.sh_every = 4),
-        knob("the same at twice the rate", "--sh-every 4 --sh-rate 2", |s| {
+        knob("the same at four times the rate", "--sh-every 4 --sh-rate 4", |s| {
             s.shortcuts.sh_every = 4;
-            s.shortcuts.sh_rate = 2.0;
+            s.shortcuts.sh_rate = 4.0;
         }),
         knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
