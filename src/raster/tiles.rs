@@ -167,7 +167,7 @@ impl TileLists {
         }
     }
 
-    /// Sorts by so many of the highest bits of a depth, at most all [`DEPTH_BITS`], which is what happens without: splats whose depths
+    /// Sorts by so many of the highest bits of a depth, at most all 31, which is what happens without: splats whose depths
     /// agree in these are drawn in the order of their index.
     pub fn sort_depths_by(&mut self, bits: u32) {
         self.depth_bits = bits.clamp(1, DEPTH_BITS);
