@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::format::markup::escape;
+
 /// Something measured at several sizes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
@@ -51,7 +53,7 @@ fn panel(out: &mut String, sizes: &str, series: &Series) {
     let mut points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let slope = slope(&points).map_or(String::new(), |s| format!(" (slope {s:.2} over the last tenfold)"));
-    let _ = write!(out, "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{}{slope}</text>", escaped(&series.name));
+    let _ = write!(out, "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{}{slope}</text>", escape(&series.name));
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
     let (x0, x1) = decades(points.iter().map(|p| p.0));
     let (y0, y1) = decades(points.iter().map(|p| p.1));
@@ -81,7 +83,7 @@ fn panel(out: &mut String, sizes: &str, series: &Series) {
         "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
         (LEFT + right) / 2.0,
         HEIGHT - 8.0,
-        escaped(sizes)
+        escape(sizes)
     );
     // In proportion to the size, back from the largest as far as the panel goes.
     let from = first.0.max(last.0 * 10f64.powf(y0) / last.1);
@@ -120,10 +122,6 @@ fn label(power: i32) -> String {
         6..=8 => format!("{}M", 10i32.pow(power as u32 - 6)),
         _ => format!("1e{power}"),
     }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 #[cfg(test)]

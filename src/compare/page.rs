@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::plan::Size;
 use super::table::{Finished, markdown};
+use crate::format::markup::escape;
 
 const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#3a7d44", "#edae49", "#6a4c93", "#00798c", "#8d6a9f", "#555555"];
 const WIDTH: f64 = 520.0;
@@ -19,7 +20,7 @@ pub fn page(title: &str, finished: &[Finished]) -> String {
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>body{{font:15px/1.45 sans-serif;\
          margin:2rem auto;max-width:72rem;padding:0 1rem;color:#222}}table{{border-collapse:collapse;margin:1rem 0}}td,th{{border:1px \
          solid #ccc;padding:.25rem .5rem;text-align:left}}figure{{display:inline-block;margin:.5rem}}</style></head><body><h1>{0}</h1>\n",
-        escaped(title)
+        escape(title)
     );
     tables(&mut out, &markdown(finished));
     let mut scenes: Vec<&str> = Vec::new();
@@ -30,7 +31,7 @@ pub fn page(title: &str, finished: &[Finished]) -> String {
     }
     for scene in scenes {
         let of: Vec<&Finished> = finished.iter().filter(|f| f.run.scene == scene).collect();
-        let _ = writeln!(out, "<h2>{}</h2>", escaped(scene));
+        let _ = writeln!(out, "<h2>{}</h2>", escape(scene));
         for (name, number) in
             [("splats", (|f| f.metrics.splats as f64) as fn(&Finished) -> f64), ("seconds", |f| f.seconds)]
         {
@@ -56,7 +57,7 @@ fn tables(out: &mut String, text: &str) {
                 inside = true;
                 out.push_str("<tr>");
                 for cell in cells {
-                    let _ = write!(out, "<{tag}>{}</{tag}>", escaped(cell));
+                    let _ = write!(out, "<{tag}>{}</{tag}>", escape(cell));
                 }
                 out.push_str("</tr>\n");
             }
@@ -66,7 +67,7 @@ fn tables(out: &mut String, text: &str) {
                 }
                 inside = false;
                 if !line.is_empty() {
-                    let _ = writeln!(out, "<p>{}</p>", escaped(line));
+                    let _ = writeln!(out, "<p>{}</p>", escape(line));
                 }
             }
         }
@@ -135,12 +136,8 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
             at.1 - 4.0,
             at.0 + 8.0,
             at.1,
-            escaped(label)
+            escape(label)
         );
     }
     out + "</svg>"
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -8,6 +8,7 @@ mod exposure_file;
 mod frame_file;
 pub mod image_out;
 pub mod las;
+pub(crate) mod markup;
 pub mod ply;
 pub(crate) mod source;
 mod transform_file;

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant, SystemTime};
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
+use crate::common::splats::Random;
 use crate::run::{command, stderr, text};
 
 /// All parts of the method that have a state: stereo, growth, learned widths of the filter, the constrained set, perceptual
@@ -20,24 +21,6 @@ const OPTIONS: &str = "--method psrgs-paper --deterministic --iterations 40 --de
                        --low-grad-threshold 2e-3 --grad-threshold 1e-3 --prune-opacity 0.02 --exposure affine \
                        --stereo-side 32 --stereo-splats 200 --sigma-every 3 --perceptual-every 4 --eval-every 0 \
                        --checkpoint-every 3 --seed 5";
-
-/// Numbers from a seed (splitmix64).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// From 0 up to 1.
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
 
 /// When a run is killed.
 #[derive(Debug)]
@@ -50,10 +33,10 @@ enum Moment {
 
 impl Moment {
     fn random(random: &mut Random, whole: Duration) -> Self {
-        if random.next().is_multiple_of(2) {
-            Self::After(whole.mul_f64(random.share()))
+        if random.bits().is_multiple_of(2) {
+            Self::After(whole.mul_f64(random.unit()))
         } else {
-            Self::Writing((random.next() % 4) as u32, Duration::from_micros(random.next() % 4000))
+            Self::Writing((random.bits() % 4) as u32, Duration::from_micros(random.bits() % 4000))
         }
     }
 
@@ -128,7 +111,7 @@ fn killed_and_resumed(kills: u32) {
     let clock = || SystemTime::UNIX_EPOCH.elapsed().map_or(1, |time| time.as_nanos() as u64);
     let seed = given.unwrap_or_else(clock);
     println!("moments of seed {seed}: PSRGS_KILL_SEED={seed} draws them again");
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
 
     let folder = tempfile::tempdir().expect("a temporary folder");
     let data = folder.path().join("scene");

@@ -14,7 +14,7 @@ use psrgs_vk::vk::{Gpu, Memory, slices};
 
 use super::common::guards::Guards;
 use super::common::splats::Random;
-use super::{Case, FLOOR, NAMES, case, common, planes_of};
+use super::{Case, FLOOR, NAMES, case, common};
 
 /// Identities below this are constrained: every third splat.
 const BOUND: u32 = 1000;
@@ -73,7 +73,7 @@ fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
     for k in 0..pixels {
         upstream.color[k] = scene.grad_row(&flows, &[r, m, 0.0, 0.0], k).1;
     }
-    planes_of(&reference::backward(splats, &case.shot.camera, &case.settings, &upstream))
+    reference::backward(splats, &case.shot.camera, &case.settings, &upstream).planes()
 }
 
 /// The passes of a training step that has both sets, the full one having no loss of its own here.

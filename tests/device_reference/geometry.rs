@@ -15,7 +15,7 @@ use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::guards::Guards;
 use super::common::splats::Random;
-use super::{Case, FLOOR, NAMES, ROW, ROWS, case, common, planes_of};
+use super::{Case, FLOOR, NAMES, ROW, ROWS, case, common};
 
 const PRIOR: (u32, u32) = (23, 17);
 const MASK: (u32, u32) = (8, 6);
@@ -104,7 +104,7 @@ fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [
         (upstream.transmittance[k], upstream.depth[k], upstream.normal[k]) = (of_transmittance, of_depth, [x, y, z]);
     }
     let gradients = reference::backward(&case.splats, camera, &case.settings, &upstream);
-    (terms, planes_of(&gradients), totals[1] as usize)
+    (terms, gradients.planes(), totals[1] as usize)
 }
 
 /// The same on the device.

@@ -12,7 +12,7 @@ use psrgs_vk::pass::{adam, counters, project_backward_adam as fused};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
-use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
+use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{Splat, View};
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -242,20 +242,6 @@ fn device_gradients(
     if way == Way::Written { planes } else { planes.map(|plane| plane.iter().map(|m| 10.0 * m).collect()) }
 }
 
-/// The reference's gradients in the layout of the planes.
-fn planes_of(gradients: &Gradients) -> [Vec<f64>; 8] {
-    let mut out: [Vec<f64>; 8] = Default::default();
-    for splat in &gradients.splats {
-        let values = splat.to_array();
-        let mut first = 0;
-        for (plane, row) in out.iter_mut().zip(ROWS) {
-            plane.extend(&values[first..first + row]);
-            first += row;
-        }
-    }
-    out
-}
-
 /// An element below this share of its plane's largest is judged as if it were that large: behind many splats what is left of a
 /// gradient is a small difference of large numbers, with the rounding of those.
 const FLOOR: f64 = 1e-3;
@@ -279,7 +265,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
             upstream.transmittance[i] = f64::from(values[3]);
         }
         let gradients = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream);
-        let want = planes_of(&gradients);
+        let want = gradients.planes();
         assert!(want[..5].iter().all(|plane| plane.iter().filter(|v| **v != 0.0).count() > 40));
         for variants in Variants::possible(&gpu) {
             let got = device_gradients(&gpu, (variants, Way::Written), &case, &grad_image, None);
@@ -316,9 +302,9 @@ fn gradients_of_depth_and_normals_agree_with_the_brute_force_renderer() {
             upstream.depth[i] = f64::from(aux[0]);
             upstream.normal[i] = std::array::from_fn(|c| f64::from(aux[1 + c]));
         }
-        let want = planes_of(&reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream));
+        let want = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream).planes();
         let without = ImageGradient { depth: vec![0.0; decided.len()], ..upstream.clone() };
-        let without = planes_of(&reference::backward(&case.splats, &case.shot.camera, &case.settings, &without));
+        let without = reference::backward(&case.splats, &case.shot.camera, &case.settings, &without).planes();
         let moved = |p: usize| want[p].iter().zip(&without[p]).filter(|(a, b)| (*a - *b).abs() > 0.01).count();
         assert!(moved(0) > 40 && moved(3) > 20, "the depth makes too little difference: {} {}", moved(0), moved(3));
         let stepped = SHAPES.map(|tile| (Variants::new(tile, GradientSum::Slots), Way::Fused));

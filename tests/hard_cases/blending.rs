@@ -5,7 +5,7 @@ use psrgs_vk::raster::Variants;
 use super::common;
 use super::common::splats::{Random, camera};
 use super::device::{
-    MEANS, OPACITIES, SCALES, SH0, Scene, assert_finite, check, decided, planes_of, relative, round, upstream, worst,
+    MEANS, OPACITIES, SCALES, SH0, Scene, assert_finite, check, decided, relative, round, upstream, worst,
 };
 
 /// 50 splats of opacity 0.9999 at one pixel: 1 / (1 - alpha) is 100 at the clamp, and most of them are never reached.
@@ -21,7 +21,7 @@ fn saturated_alpha_stacks() {
     // Where alpha is 0.99 twice, the transmittance is the threshold itself.
     let decided = decided("stack", &image, 0.05);
     let g = upstream(&mut random, &decided);
-    let want = planes_of(&scene.wanted_gradients(&g));
+    let want = scene.wanted_gradients(&g).planes();
     let everywhere = vec![1.0f32; g.len()];
     for variants in Variants::possible(&gpu) {
         let what = format!("50 opaque splats, {variants}");
@@ -81,7 +81,7 @@ fn fog_of_2000_layers() {
     let decided = decided("fog", &image, 0.0);
     assert!(image.blended.iter().all(|n| *n == 2000));
     let g = upstream(&mut random, &decided);
-    let want = planes_of(&scene.wanted_gradients(&g));
+    let want = scene.wanted_gradients(&g).planes();
     for variants in Variants::possible(&gpu) {
         let picture = scene.picture(&gpu, variants);
         let off = (0..81).map(|i| (f64::from(picture[4 * i + 3]) / image.transmittance[i] - 1.0).abs());

@@ -185,20 +185,6 @@ pub(crate) fn upstream(random: &mut Random, decided: &[bool]) -> Vec<f32> {
     decided.iter().flat_map(|d| [0; 4].map(|_| if *d { random.symmetric() as f32 } else { 0.0 })).collect()
 }
 
-/// The reference's gradients in the layout of the planes.
-pub(crate) fn planes_of(gradients: &Gradients) -> [Vec<f64>; 8] {
-    let mut out: [Vec<f64>; 8] = Default::default();
-    for splat in &gradients.splats {
-        let values = splat.to_array();
-        let mut first = 0;
-        for (plane, row) in out.iter_mut().zip(ROWS) {
-            plane.extend(&values[first..first + row]);
-            first += row;
-        }
-    }
-    out
-}
-
 /// |got - want| / |want| of a plane.
 pub(crate) fn relative(got: &[f32], want: &[f64]) -> f64 {
     let square = |sum: f64, v: f64| sum + v * v;

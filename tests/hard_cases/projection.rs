@@ -12,8 +12,8 @@ use psrgs_vk::twin::tile::TileGrid;
 use super::common;
 use super::common::splats::{Random, camera};
 use super::device::{
-    MEANS, OPACITIES, QUATS, SCALES, SH0, Scene, assert_finite, check, decided, planes_of, relative, round, straight,
-    upstream, worst,
+    MEANS, OPACITIES, QUATS, SCALES, SH0, Scene, assert_finite, check, decided, relative, round, straight, upstream,
+    worst,
 };
 
 /// Ratio of the axes of a projected ellipse.
@@ -61,7 +61,7 @@ fn needles_of_aspect_10_100_and_1000() {
         let image = scene.wanted();
         let decided = decided(&what, &image, left_out);
         let g = upstream(&mut random, &decided);
-        let want = planes_of(&scene.wanted_gradients(&g));
+        let want = scene.wanted_gradients(&g).planes();
         let used = decided.iter().filter(|d| **d).count();
         for variants in Variants::possible(&gpu) {
             let error = worst(&image, &decided, &scene.picture(&gpu, variants));
@@ -178,7 +178,7 @@ fn off_frustum_clamp() {
     assert!(image.blended.iter().sum::<u32>() > 5000);
     let decided = decided("beyond the frustum", &image, 0.01);
     let g = upstream(&mut random, &decided);
-    let want = planes_of(&scene.wanted_gradients(&g));
+    let want = scene.wanted_gradients(&g).planes();
     for variants in Variants::possible(&gpu) {
         let error = worst(&image, &decided, &scene.picture(&gpu, variants));
         assert!(error < 2e-5, "{variants}: off by {error:e}");
@@ -218,7 +218,7 @@ fn zero_quaternions_scales_and_distance() {
     let image = scene.wanted();
     let decided = decided("vanishing", &image, 0.01);
     let g = upstream(&mut random, &decided);
-    let want = planes_of(&scene.wanted_gradients(&g));
+    let want = scene.wanted_gradients(&g).planes();
     for variants in Variants::possible(&gpu) {
         let what = format!("vanishing, {variants}");
         let error = worst(&image, &decided, &scene.picture(&gpu, variants));
@@ -298,7 +298,7 @@ fn sub_pixel_splats_with_antialiasing() {
     assert!(image.blended.iter().sum::<u32>() > 140, "{}", image.blended.iter().sum::<u32>());
     let decided = decided("specks", &image, 0.01);
     let g = upstream(&mut random, &decided);
-    let want = planes_of(&scene.wanted_gradients(&g));
+    let want = scene.wanted_gradients(&g).planes();
     let push = CameraPush::new(&scene.shot.camera, &scene.shot.projection);
     for variants in Variants::possible(&gpu) {
         let what = format!("specks, {variants}");

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::Table;
+use crate::format::markup::escape;
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 380.0;
@@ -11,12 +12,7 @@ const RIGHT: f64 = 24.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 52.0;
 
-/// Characters that mean something in XML, written out.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-/// An axis from numbers to places: logarithmic where all numbers are positive and differ by more than a factor of 20.
+/// An axis from numbers to places: logarithmic where all numbers are positive and differ by more than a factor of 8.
 struct Axis {
     low: f64,
     high: f64,
@@ -69,7 +65,7 @@ pub fn svg(tables: &[Table]) -> String {
 
 fn panel(out: &mut String, table: &Table) {
     let title = table.title.split(':').next().unwrap_or_default();
-    let _ = write!(out, "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{}</text>", escaped(title));
+    let _ = write!(out, "<text x=\"{LEFT}\" y=\"20\" font-weight=\"bold\">{}</text>", escape(title));
     let numbered = table.settings.iter().zip(1..);
     let mut points: Vec<_> = numbered.filter_map(|(s, k)| Some((s, s.time, s.error?, k))).collect();
     points.retain(|(_, time, error, _)| time.is_finite() && error.is_finite());
@@ -105,9 +101,9 @@ fn panel(out: &mut String, table: &Table) {
          <text transform=\"translate(14 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
         (LEFT + WIDTH - RIGHT) / 2.0,
         HEIGHT - 10.0,
-        escaped(&table.time),
+        escape(&table.time),
         (TOP + HEIGHT - BOTTOM) / 2.0,
-        escaped(&table.error)
+        escape(&table.error)
     );
     let front: Vec<String> =
         points.iter().filter(|p| !p.0.dominated).map(|p| format!("{:.1},{:.1}", sx(p.1), sy(p.2))).collect();
@@ -117,7 +113,7 @@ fn panel(out: &mut String, table: &Table) {
         let (cx, cy) = (sx(time), sy(error));
         let fill = if setting.dominated { "#fff" } else { "#1b6ca8" };
         let style = format!("fill=\"{fill}\" stroke=\"#1b6ca8\" stroke-width=\"1.5\"");
-        let said = format!("<title>{}: {time:.4} and {error:.3e}</title>", escaped(&setting.name));
+        let said = format!("<title>{}: {time:.4} and {error:.3e}</title>", escape(&setting.name));
         let _ = match setting.default {
             true => write!(
                 out,

@@ -5,17 +5,13 @@ use super::pictures::milliseconds;
 use super::{Reference, Setting, Table};
 use crate::pass::counters;
 use crate::raster::{self, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer};
-use crate::twin::reference::Gradients;
 use crate::vk::{Gpu, Memory};
-
-/// Floats of a row of each plane.
-const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 
 /// Gradients of the first view of the reference by every form that the device can run, `rounds` times in turn after one that does not
 /// count.
 pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, Error> {
     let upstream = reference.upstream(0);
-    let want = planes_of(&reference.gradients(0, &upstream));
+    let want = reference.gradients(0, &upstream).planes();
     let default = Variants::choose(gpu, false);
     let deterministic = Variants::choose(gpu, true);
     // Without culling is another form of the same results, which the table of pictures has.
@@ -151,20 +147,6 @@ impl Run {
             self.held = None;
         }
     }
-}
-
-/// The reference's gradients in the layout of the planes.
-fn planes_of(gradients: &Gradients) -> [Vec<f64>; 8] {
-    let mut out: [Vec<f64>; 8] = Default::default();
-    for splat in &gradients.splats {
-        let values = splat.to_array();
-        let mut first = 0;
-        for (plane, row) in out.iter_mut().zip(ROWS) {
-            plane.extend(&values[first..first + row]);
-            first += row;
-        }
-    }
-    out
 }
 
 /// The largest relative error (norm) of a plane, and 1 - cosine of all planes, each divided by its norm.

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
-use super::chart::{escaped, svg};
+use super::chart::svg;
 use super::{Table, table::number};
+use crate::format::markup::escape;
 
 /// HTML without outside requests. `about` tells what was measured where.
 pub fn page(about: &str, tables: &[Table]) -> String {
@@ -13,26 +14,26 @@ pub fn page(about: &str, tables: &[Table]) -> String {
          border:1px solid #ccc;padding:.25rem .5rem;text-align:left}}tr.dominated{{color:#888}}svg{{max-width:46rem}}</style></head>\
          <body><h1>Speed against error</h1><p>{}</p><p>A setting is dominated (hollow, grey) where another is better in one of time \
          and error and as good in the other. The square is the default.</p>\n",
-        escaped(about)
+        escape(about)
     );
     for table in tables {
-        let _ = writeln!(out, "<h2>{}</h2>{}", escaped(&table.title), svg(std::slice::from_ref(table)));
+        let _ = writeln!(out, "<h2>{}</h2>{}", escape(&table.title), svg(std::slice::from_ref(table)));
         let _ = write!(
             out,
             "<table><tr><th>#<th>setting<th>options<th>{}<th>{}",
-            escaped(&table.time),
-            escaped(&table.error)
+            escape(&table.time),
+            escape(&table.error)
         );
-        table.columns.iter().for_each(|column| out += &format!("<th>{}", escaped(column)));
+        table.columns.iter().for_each(|column| out += &format!("<th>{}", escape(column)));
         out += "</tr>\n";
-        for (s, number_of) in table.settings.iter().zip(1..) {
+        for (s, row) in table.settings.iter().zip(1..) {
             let class = if s.dominated { " class=\"dominated\"" } else { "" };
-            let name = if s.default { format!("<b>{}</b>", escaped(&s.name)) } else { escaped(&s.name) };
+            let name = if s.default { format!("<b>{}</b>", escape(&s.name)) } else { escape(&s.name) };
             let error = s.error.map_or(String::new(), number);
             let _ = write!(
                 out,
-                "<tr{class}><td>{number_of}<td>{name}<td><code>{}</code><td>{}<td>{error}",
-                escaped(&s.options),
+                "<tr{class}><td>{row}<td>{name}<td><code>{}</code><td>{}<td>{error}",
+                escape(&s.options),
                 number(s.time)
             );
             s.more.iter().for_each(|v| out += &format!("<td>{}", number(*v)));

@@ -24,11 +24,11 @@ pub fn markdown(tables: &[Table]) -> String {
         out += " front |\n|---|---|---|---|---|";
         out += &"---|".repeat(table.columns.len() + 1);
         out += "\n";
-        for (s, number_of) in table.settings.iter().zip(1..) {
+        for (s, row) in table.settings.iter().zip(1..) {
             let options = if s.options.is_empty() { String::new() } else { format!("`{}`", s.options) };
             let name = if s.default { format!("**{}**", s.name) } else { s.name.clone() };
             let error = s.error.map_or(String::new(), number);
-            let _ = write!(out, "| {number_of} | {name} | {options} | {} | {error} |", number(s.time));
+            let _ = write!(out, "| {row} | {name} | {options} | {} | {error} |", number(s.time));
             s.more.iter().for_each(|v| out += &format!(" {} |", number(*v)));
             out += if s.dominated { " dominated |\n" } else { " yes |\n" };
         }

@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use super::Curve;
-use super::text::{escape, grouped, rounded, tick};
+use super::text::{grouped, rounded, tick};
+use crate::format::markup::escape;
 
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 230.0;

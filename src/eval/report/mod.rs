@@ -15,8 +15,9 @@ use image::RgbImage;
 use super::colormap::Colormap;
 use super::{ImageScore, Metrics};
 use crate::format::atomic;
+use crate::format::markup::escape;
 use panel::{STORAGES, Storage};
-use text::{bytes, decibels, duration, escape, fill, grouped, link, significant};
+use text::{bytes, decibels, duration, fill, grouped, link, significant};
 
 /// Largest size of the pictures on a page, as data addresses, bytes.
 const PICTURE_BUDGET: usize = 18_000_000;

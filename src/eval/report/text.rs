@@ -2,22 +2,6 @@
 
 use std::fmt::Write;
 
-/// Text that is safe in HTML content and in double-quoted attributes.
-pub(super) fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
 /// Replaces each `{{key}}` of a template, in one pass over the template: values are never searched.
 pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let mut out = String::new();
@@ -144,6 +128,7 @@ pub(super) fn link(path: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::format::markup::escape;
 
     #[test]
     fn people_read_numbers() {

@@ -11,6 +11,7 @@ mod splats;
 pub use pixels::{backward, backward_at, render, render_at};
 
 use super::splat::Splat;
+use crate::raster::PLANES;
 
 /// What is rendered besides the splats and the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,4 +79,21 @@ pub struct Gradients {
     pub grad2d: Vec<[f64; 12]>,
     /// Camera-frame normals.
     pub normals: Vec<[f64; 3]>,
+}
+
+impl Gradients {
+    /// Those of the parameters in the layout of [`PLANES`].
+    pub fn planes(&self) -> [Vec<f64>; 8] {
+        let mut out: [Vec<f64>; 8] = Default::default();
+        for splat in &self.splats {
+            let values = splat.to_array();
+            let mut rest = values.as_slice();
+            for (plane, (_, row)) in out.iter_mut().zip(PLANES) {
+                let (own, others) = rest.split_at(row as usize);
+                plane.extend(own);
+                rest = others;
+            }
+        }
+        out
+    }
 }
