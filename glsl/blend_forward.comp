@@ -14,6 +14,8 @@
 #include "blocks.glsl"
 #endif
 
+layout(constant_id = 21) const float TRANSMITTANCE_MIN = 1e-4;
+
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };

@@ -189,6 +189,8 @@ fn fast_is_its_settings_and_options_given_by_name_win() {
     assert_eq!(settings(&["fox", "--fast", "--sh-rate", "2"])["shortcuts"]["sh-rate"].as_float(), Some(2.0));
     fails(&["train", "fox", "--sh-rate=-1"], 2, &["sh-rate", "not negative"]);
     fails(&["train", "fox", "--moment-bits", "24"], 2, &["moment-bits", "16 or 32"]);
+    fails(&["train", "fox", "--alpha-cutoff", "1"], 2, &["alpha-cutoff", "2 to 65535"]);
+    fails(&["train", "fox", "--transmittance-cutoff", "1"], 2, &["transmittance-cutoff", "2 to 1000000"]);
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn brute_force_against_differences(settings: Settings, what: Seen, seed: u64) {
 }
 
 fn settings(sh_degree: u32, antialias: bool) -> Settings {
-    Settings { sh_degree, near: 0.2, antialias, background: [0.3, 0.7, 0.1] }
+    Settings { sh_degree, near: 0.2, antialias, background: [0.3, 0.7, 0.1], ..Settings::default() }
 }
 
 #[test]

@@ -295,8 +295,13 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
     }
     let background = [0.25f32, 0.5, 0.75];
     let shot = Shot { camera, projection: Projection { near: NEAR, ..Projection::default() }, background };
-    let wanted =
-        reference::Settings { sh_degree: 3, near: NEAR, antialias: false, background: background.map(f64::from) };
+    let wanted = reference::Settings {
+        sh_degree: 3,
+        near: NEAR,
+        antialias: false,
+        background: background.map(f64::from),
+        ..reference::Settings::default()
+    };
     let splats = Splat::<f64>::all(&model);
     for tile in [TileShape::Column, TileShape::Pixel] {
         let variants = Variants::new(tile, GradientSum::Slots);
@@ -330,7 +335,13 @@ fn one_splat_is_drawn_and_trained() {
     let mut model = Gaussians::zeros(1);
     common::splats::in_view(&mut common::splats::Random::new(2), &camera).store(&mut model, 0);
     let shot = Shot { camera, projection: Projection { near: NEAR, ..Projection::default() }, background: [0.0; 3] };
-    let wanted = reference::Settings { sh_degree: 3, near: NEAR, antialias: false, background: [0.0; 3] };
+    let wanted = reference::Settings {
+        sh_degree: 3,
+        near: NEAR,
+        antialias: false,
+        background: [0.0; 3],
+        ..reference::Settings::default()
+    };
     let want = reference::render(&Splat::all(&model), &camera, &wanted);
     let mut viewer = Viewer::new(&gpu);
     let planes = viewer.upload(&model).unwrap();

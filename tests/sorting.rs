@@ -302,11 +302,8 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &Lists<'_>) {
 #[test]
 fn tile_lists_hold_every_pair_in_depth_order() {
     let Some(gpu) = common::gpu() else { return };
-    let grids = [
-        TileGrid { image: [640, 360], tile: [16, 16] },
-        TileGrid { image: [250, 131], tile: [8, 8] },
-        TileGrid { image: [64, 64], tile: [16, 16] },
-    ];
+    let grids =
+        [TileGrid::new([640, 360], [16, 16]), TileGrid::new([250, 131], [8, 8]), TileGrid::new([64, 64], [16, 16])];
     for shape in [Shape::Runs, Shape::Groups] {
         for (grid, n) in grids.into_iter().zip([5000, 1025, 1]) {
             let scene = Scene::new(n, grid);
@@ -326,7 +323,7 @@ fn tile_lists_hold_every_pair_in_depth_order() {
 #[test]
 fn no_splats_and_all_culled_give_empty_lists() {
     let Some(gpu) = common::gpu() else { return };
-    let grid = TileGrid { image: [100, 100], tile: [16, 16] };
+    let grid = TileGrid::new([100, 100], [16, 16]);
     let mut culled = Scene::new(100, grid);
     culled.tiles.iter_mut().for_each(Vec::clear);
     let mut none = Scene::new(1, grid);
@@ -343,7 +340,7 @@ fn no_splats_and_all_culled_give_empty_lists() {
 #[test]
 fn too_many_pairs_set_the_status_and_emit_nothing() {
     let Some(gpu) = common::gpu() else { return };
-    let grid = TileGrid { image: [640, 360], tile: [16, 16] };
+    let grid = TileGrid::new([640, 360], [16, 16]);
     let scene = Scene::new(2000, grid);
     let pairs = scene.pairs() as u64;
     let small = TileLists::new(&gpu, Capacities { splats: 2000, pairs: pairs - 1, tiles: 1000 }).unwrap();

@@ -130,16 +130,16 @@ fn check(splat: &Splat, grid: &TileGrid, tight: bool, tally: &mut Tally) {
             let (x, y) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
             let value = q(splat, x, y);
             let alpha = f64::from(splat.opacity) * (-0.5 * value).exp();
-            let seen = value >= 0.0 && alpha >= (1.0 + 1e-6) / 255.0;
+            let seen = value >= 0.0 && alpha >= (1.0 + 1e-6) * f64::from(grid.alpha_min);
             let (x, y) = (x as f32, y as f32);
-            let seen32 = alpha32(splat, x, y).max(alpha32_fused(splat, x, y)) >= 1.0 / 255.0;
+            let seen32 = alpha32(splat, x, y).max(alpha32_fused(splat, x, y)) >= grid.alpha_min;
             assert!(
                 !seen && !seen32,
                 "pixel ({i}, {j}) of tile {tile} is lost: alpha {alpha} q {value} {splat:?} {grid:?}"
             );
         }
     }
-    let level = 2.0 * (255.0 * f64::from(splat.opacity)).ln();
+    let level = 2.0 * (f64::from(splat.opacity) / f64::from(grid.alpha_min)).ln();
     let [a, b, c, _] = splat.conic.map(f64::from);
     let steepest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
     tally.splats += 1;
@@ -169,12 +169,14 @@ fn check(splat: &Splat, grid: &TileGrid, tight: bool, tally: &mut Tally) {
     }
 }
 
-fn grids() -> [TileGrid; 4] {
+fn grids() -> [TileGrid; 6] {
     [
-        TileGrid { image: [70, 53], tile: [16, 16] },
-        TileGrid { image: [64, 48], tile: [8, 8] },
-        TileGrid { image: [129, 33], tile: [32, 4] },
-        TileGrid { image: [1, 1], tile: [16, 16] },
+        TileGrid::new([70, 53], [16, 16]),
+        TileGrid::new([64, 48], [8, 8]),
+        TileGrid::new([129, 33], [32, 4]),
+        TileGrid::new([1, 1], [16, 16]),
+        TileGrid { alpha_min: 1.0 / 64.0, ..TileGrid::new([64, 48], [8, 8]) },
+        TileGrid { alpha_min: 1.0 / 1000.0, ..TileGrid::new([70, 53], [16, 16]) },
     ]
 }
 
@@ -190,7 +192,7 @@ fn run(name: &str, number: usize, tight: bool, mut splat: impl FnMut(&mut Random
     let mut random = Random(name.bytes().fold(1, |h: u64, b| h.wrapping_mul(31).wrapping_add(u64::from(b))));
     let mut tally = Tally::default();
     for i in 0..number {
-        let grid = grids()[i % 4];
+        let grid = grids()[i % 6];
         check(&splat(&mut random, &grid), &grid, tight, &mut tally);
     }
     let Tally { splats, listed, beyond, visible } = tally;
@@ -279,7 +281,7 @@ fn means_on_tile_borders_lose_no_pixel() {
 
 #[test]
 fn ill_formed_rows_list_nothing() {
-    let grid = TileGrid { image: [640, 360], tile: [16, 16] };
+    let grid = TileGrid::new([640, 360], [16, 16]);
     let good = Splat { mean: [100.0, 100.0], conic: [0.1, 0.0, 0.1, 0.1], opacity: 0.5 };
     assert!(count(good.mean, good.plain(), good.opacity, &grid) > 0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {

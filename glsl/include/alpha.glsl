@@ -1,16 +1,18 @@
 // The opacity of one splat at one pixel, shared by blend_forward and blend_backward so that both take the same decisions.
 //
-// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < 1/255, and a pixel stops before
-// the splat that would take its transmittance below 1e-4 (Kerbl et al. 2023).
+// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < ALPHA_MIN, and a pixel stops
+// before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al. 2023) unless a cheaper
+// picture is asked for.
 // The exponent is a sum of two squares, by the Cholesky factor of the conic: along a needle the three terms of the plain form are
 // large and cancel, while here the first square is small by itself. Nor can it be positive, which needs a test otherwise.
 // Everything is `precise`: contraction into fused operations would let two kernels disagree about a threshold.
 #ifndef ALPHA_GLSL
 #define ALPHA_GLSL
 
-const float ALPHA_MIN = 1.0 / 255.0;
+#include "alpha_min.glsl"
+
 const float ALPHA_MAX = 0.99;
-const float TRANSMITTANCE_MIN = 1e-4;
+layout(constant_id = 22) const uint CUBIC_EXPONENTIAL = 0u;  // 1: 2^e by a polynomial of degree 3 between powers of two
 
 // (p, q, r) of the exponent (base 2) -(p dx + q dy)^2 - (r dy)^2, from A, B and rest = C - B^2 / A.
 vec3 conic_factor(float a, float b, float rest) {
@@ -33,9 +35,19 @@ float exponent(vec2 roots) {
     return e;
 }
 
+// 2^e for e <= 0 within 2.1e-4 of itself, 2^-30 for all below -30. Never larger but for rounding, so that tile lists made for 2^e
+// lose nothing. The same bits on every device.
+float cubic_exp2(float e) {
+    precise float x = max(e, -30.0) + 31.0;
+    const uint whole = uint(x);
+    precise float f = x - float(whole);
+    precise float p = 0.99989691 + f * (0.69535267 + f * (0.22628430 + f * 0.07825994));
+    return uintBitsToFloat(floatBitsToUint(p) + (whole << 23u) - (31u << 23u));
+}
+
 // opacity 2^e, not yet clamped; 0 where the splat is skipped.
 float unclamped_alpha(float e, float opacity) {
-    precise float alpha = opacity * exp2(e);
+    precise float alpha = opacity * (CUBIC_EXPONENTIAL != 0u ? cubic_exp2(e) : exp2(e));
     return alpha >= ALPHA_MIN ? alpha : 0.0;
 }
 

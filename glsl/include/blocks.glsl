@@ -1,5 +1,5 @@
 // Sub-tile culling of the PIXEL shape: which of a tile's blocks of pixels a staged splat can show in.
-// The test is that of the tile lists on a grid of blocks, with its margins: a splat that a block does not list has alpha < 1/255 at
+// The test is that of the tile lists on a grid of blocks, with its margins: a splat that a block does not list has alpha < ALPHA_MIN at
 // each of its pixels in the arithmetic of blending, so leaving it out changes no bit of any result.
 #ifndef BLOCKS_GLSL
 #define BLOCKS_GLSL

@@ -9,7 +9,6 @@
 const float DILATION = 0.3;               // px^2 added to both diagonals
 const float ANTIALIAS_FLOOR = 2.5e-5;     // smallest det ratio (Mip-Splatting)
 const float QUAT_MIN_SQUARED = 1e-24;     // a shorter quaternion counts as the identity, without gradient
-const float VISIBLE_ALPHA = 1.0 / 255.0;  // a splat that cannot reach this alpha is culled
 
 struct Rotation {
     vec3 r0, r1, r2;  // rows

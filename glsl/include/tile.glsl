@@ -1,8 +1,8 @@
-// The one ellipse-tile test: which tiles of the image hold a pixel centre where a splat has alpha >= 1/255.
+// The one ellipse-tile test: which tiles of the image hold a pixel centre where a splat has alpha >= ALPHA_MIN.
 // `project` counts with it and `emit` lists with it, both from the stored row of `splat2d`, so the two always agree.
 // Idea: exact opacity-aware tile lists, Speedy-Splat (SnugBox, AccuTile). Twin: src/twin/tile.rs, same operations in the same order.
 //
-// With q(d) = A dx^2 + 2 B dx dy + C dy^2, alpha = opacity exp(-q/2) >= 1/255 means q <= t = 2 ln(255 opacity).
+// With q(d) = A dx^2 + 2 B dx dy + C dy^2, alpha = opacity exp(-q/2) >= ALPHA_MIN means q <= t = 2 ln(opacity / ALPHA_MIN).
 // For the rows of pixel centres of one tile row, d_y in [d0, d1], the columns with q <= t form an interval
 //     dx in [c - w, c + w],  c = -B dy / A,  w = sqrt(A t - det dy^2) / A,  det = A C - B^2,
 // whose right end is concave in dy with its top at the ellipse's rightmost point: the largest value over the tile row is found at
@@ -15,11 +15,13 @@
 //    q - delta (A dx^2 + C dy^2), which is q with A and C scaled by 1 - delta, delta = 2^-17 = 128u; what remains is more than the
 //    rounding of the scaled A and C and of det (5u of A C), and the different roundings of C and R. For needles with an aspect over
 //    about 350 the scaled form may be indefinite, and the formulas list their band across the image.
-//  - t carries + 2^-14: errors of ln, exp (14 ulp), of the product with the opacity, and of the difference under the root (8u of A t).
+//  - t carries + 2^-14: errors of ln, exp (14 ulp), of the quotient, of the product with the opacity, and of the difference under the root (8u of A t).
 //  - ends of intervals carry 2^-20 of the numbers they were added from (16u against at most 10u of rounding: division and root
 //    with up to 2.5 ulp each; a misplaced top of the concave function costs at most 8u of the extent).
 #ifndef TILE_GLSL
 #define TILE_GLSL
+
+#include "alpha_min.glsl"
 
 const float TILE_SHRINK = 1.0 - 1.0 / 131072.0;    // 1 - 2^-17
 const float TILE_LEVEL_MARGIN = 1.0 / 16384.0;     // 2^-14
@@ -83,7 +85,7 @@ TileEllipse tile_ellipse(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
     e.top_y = 0.0;
     e.row_begin = 0u;
     e.row_end = 0u;
-    precise float scaled = 255.0 * opacity;
+    precise float scaled = opacity / ALPHA_MIN;
     // Written so that NaN fails.
     const bool sound = conic.x > 1.0e-30 && conic.x < 1.0e15 && conic.z > 1.0e-30 && conic.z < 1.0e15 && abs(conic.y) < 1.0e15
         && abs(mean.x) < TILE_FAR && abs(mean.y) < TILE_FAR && scaled > 0.5 && scaled < 1.0e6;

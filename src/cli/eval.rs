@@ -13,6 +13,7 @@ use psrgs_vk::train::{View, prepare, score};
 
 use super::colour::Colour;
 use super::console::{self, Console};
+use super::drawing::DrawingArgs;
 use super::exit::Failure;
 use super::lpips::Lpips;
 use super::model_file::ModelFile;
@@ -55,6 +56,8 @@ pub(crate) struct Args {
     pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) scoring: Scoring,
+    #[command(flatten)]
+    pub(crate) drawing: DrawingArgs,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
 }
@@ -103,7 +106,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     tell(args, &dataset, &views, console);
     let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.device, &args.drawing, &dataset.frame, &args.background)?;
     let pictures = match &args.out {
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,

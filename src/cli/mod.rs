@@ -9,6 +9,7 @@ mod console;
 mod demo;
 mod demo_world;
 mod device;
+mod drawing;
 mod eval;
 mod exit;
 mod info;

@@ -11,6 +11,7 @@ use psrgs_vk::vk::{self, Gpu};
 
 use super::colour::Colour;
 use super::console::Console;
+use super::drawing::DrawingArgs;
 use super::exit::Failure;
 use super::model_frame::{FrameArgs, ModelFrame};
 use super::run_folder::MODEL;
@@ -103,14 +104,13 @@ impl ModelFile {
         &self,
         gpu: &Gpu,
         choice: &DeviceChoice,
+        drawing: &DrawingArgs,
         frame: &Frame,
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
-        let viewer = Viewer::with_variants(
-            gpu,
-            Variants::choose(gpu, false).with(choice.tile_shape, None, None, choice.culling),
-        );
-        let planes = viewer.upload(&self.in_scene(frame))?;
+        let forms = Variants::choose(gpu, false).with(choice.tile_shape, None, None, choice.culling);
+        let viewer = Viewer::with_variants(gpu, Variants { approximation: drawing.approximation(), ..forms });
+        let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
         let background = background.rgb;

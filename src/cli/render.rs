@@ -7,6 +7,7 @@ use psrgs_vk::scene::Camera;
 
 use super::colour::Colour;
 use super::console::Console;
+use super::drawing::DrawingArgs;
 use super::exit::Failure;
 use super::model_file::{ModelFile, Set};
 use super::model_frame::FrameArgs;
@@ -50,6 +51,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
     #[command(flatten)]
+    pub(crate) drawing: DrawingArgs,
+    #[command(flatten)]
     pub(crate) device: psrgs_vk::train::settings::DeviceChoice,
 }
 
@@ -88,7 +91,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     let pictures = Pictures::new(&args.out, wanted.iter().map(|(name, _)| *name), dataset.frame.scale)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.device, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.device, &args.drawing, &dataset.frame, &args.background)?;
     let bar = progress::counter(console, wanted.len(), "pictures");
     for (i, (_, camera)) in wanted.iter().enumerate() {
         pictures.write(i, &drawn.picture(camera, args.depth)?)?;

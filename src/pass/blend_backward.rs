@@ -2,6 +2,7 @@
 //! three ways of adding up.
 
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
+use super::cutoffs::{ALPHA_MIN, CUBIC_EXPONENTIAL};
 use super::{Pass, module};
 use crate::twin::{TwinCall, blend_backward as twin};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
@@ -14,9 +15,10 @@ pub(super) const CLAMP_GRADIENT_PASSES: Constant = Constant { id: 3, name: "CLAM
 pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 8 };
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
-const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES];
-const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK];
-const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH];
+const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_MIN, CUBIC_EXPONENTIAL];
+const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN, CUBIC_EXPONENTIAL];
+const EMULATED_CONSTANTS: &[Constant] =
+    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN, CUBIC_EXPONENTIAL];
 
 /// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
 const SLOT_BINDINGS: &[Binding] = &[
@@ -102,7 +104,7 @@ pub const COLUMN_EMULATED_SLOTS: Pass = pass(
     "blend_backward_column_emulated_slots",
     Owned::Columns,
     SLOT_BINDINGS,
-    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8],
+    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8, ALPHA_MIN, CUBIC_EXPONENTIAL],
     twin::run_column_slots,
 );
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.

@@ -1,5 +1,6 @@
 //! Alpha blending front to back, in two shapes of one kernel.
 
+use super::cutoffs::{ALPHA_MIN, CUBIC_EXPONENTIAL, TRANSMITTANCE_MIN};
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
@@ -60,7 +61,7 @@ const fn pass(
             spirv: module(name),
             bindings: BINDINGS,
             push_bytes: Push::BYTES,
-            constants: &[AUX, COUNT],
+            constants: &[AUX, COUNT, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
             local_size: Some(local_size),
         },
         doc,
@@ -77,12 +78,14 @@ const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads own
 pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC, crate::twin::blend_forward::run_column);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
 pub const COLUMN_EMULATED: Pass = with(
-    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8],
+    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
     pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column),
 );
 /// For devices with wide subgroups and shared memory of their own.
-pub const PIXEL: Pass =
-    with(&[AUX, COUNT, BLOCK], pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel));
+pub const PIXEL: Pass = with(
+    &[AUX, COUNT, BLOCK, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
+    pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel),
+);
 
 const fn with(constants: &'static [Constant], pass: Pass) -> Pass {
     Pass { kernel: Kernel { constants, ..pass.kernel }, ..pass }

@@ -11,6 +11,7 @@ pub mod constrain;
 pub mod convolution;
 pub mod counters;
 pub mod crop;
+pub mod cutoffs;
 pub mod densify_classify;
 pub mod densify_finish;
 pub mod densify_gather;
@@ -149,6 +150,7 @@ pub const ALL: &[&Pass] = &[
     &probe::COPY,
     &probe::EXP2,
     &probe::MULTIPLY_ADD,
+    &project::HALF,
     &project::PASS,
     &project_backward::PASS,
     &project_backward_adam::PASS,

@@ -45,11 +45,13 @@ pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
 
 /// The forward pass.
 pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
-    match variants.tile {
+    let mut chosen = match variants.tile {
         TileShape::Column if columns_by_hardware(gpu) => Chosen::plain(&forward::COLUMN),
         TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
         TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu, variants.culling)]),
-    }
+    };
+    chosen.constants.extend(variants.approximation.cutoffs().of_forward());
+    chosen
 }
 
 /// The backward pass; an error where the device has no way to run this form.
@@ -63,7 +65,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
     let block = block(gpu, variants.culling);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
-    Ok(match (variants.tile, variants.backward, variants.gradients) {
+    let mut chosen = match (variants.tile, variants.backward, variants.gradients) {
         (Column, PerSplat, _) => return lacks("pixel tiles", "a backward per splat"),
         (Column, PerPixel, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
         (Column, PerPixel, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
@@ -82,5 +84,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         (Pixel, PerSplat, CompareAndSwap) if hardware => Chosen::plain(&backward::SPLAT_CAS),
         (Pixel, PerSplat, CompareAndSwap) => Chosen::with(&backward::SPLAT_EMULATED_CAS, &[width]),
         (Pixel, _, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
-    })
+    };
+    chosen.constants.extend(variants.approximation.cutoffs().of_backward());
+    Ok(chosen)
 }

@@ -1,5 +1,6 @@
 //! Passes composed into forward and backward: the differentiable renderer.
 
+mod approximation;
 mod held;
 mod kernels;
 mod live;
@@ -15,6 +16,7 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
+pub use approximation::{Approximation, Exponential, ShStorage};
 pub use held::Held;
 pub use live::LiveModel;
 pub use picture::Picture;

@@ -1,5 +1,8 @@
 //! The model's attribute planes on the device, and everything that has the same rows (gradients, moments).
 
+use half::f16;
+
+use super::approximation::ShStorage;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
@@ -31,8 +34,10 @@ pub const SH0: usize = 4;
 pub struct Plane<'a> {
     /// Name, as in [`PLANES`].
     pub name: &'static str,
-    /// Floats per splat. Splat i has those from float `i * floats` on, with nothing in between.
+    /// Numbers per splat. Splat i has those from number `i * floats` on, with nothing in between.
     pub floats: u32,
+    /// Bits of a number: 32, or 16 where half floats were asked for.
+    pub bits: u32,
     /// The buffer: [`Buffer::raw`] is its Vulkan handle, [`Buffer::address`] where shaders find it.
     pub buffer: &'a Buffer,
 }
@@ -41,24 +46,41 @@ pub struct Plane<'a> {
 #[derive(Clone)]
 pub struct Planes {
     capacity: u32,
+    sh: ShStorage,
     buffers: [Buffer; 8],
+}
+
+/// Bytes of a row of plane `k`.
+fn row_bytes(k: usize, sh: ShStorage) -> u64 {
+    let (_, row) = PLANES[k];
+    u64::from(row) * u64::from(if k < SH0 { 32 } else { sh.bits() }) / 8
 }
 
 impl Planes {
     /// Room for `capacity` splats; contents undefined. `prefix` tells gradients and moments apart in captures.
     pub fn new(gpu: &Gpu, prefix: &str, capacity: u32) -> Result<Self, vk::Error> {
+        Self::with_sh(gpu, prefix, capacity, ShStorage::Full)
+    }
+
+    /// The same with the numbers of spherical harmonics stored so.
+    pub fn with_sh(gpu: &Gpu, prefix: &str, capacity: u32, sh: ShStorage) -> Result<Self, vk::Error> {
         let capacity = capacity.max(1);
         let plane = |k: usize| {
-            let (name, row) = PLANES[k];
-            gpu.buffer(&format!("{prefix}{name}"), u64::from(row) * 4 * u64::from(capacity), Memory::Device)
+            let bytes = row_bytes(k, sh) * u64::from(capacity);
+            gpu.buffer(&format!("{prefix}{}", PLANES[k].0), bytes, Memory::Device)
         };
         let buffers = [plane(0)?, plane(1)?, plane(2)?, plane(3)?, plane(4)?, plane(5)?, plane(6)?, plane(7)?];
-        Ok(Self { capacity, buffers })
+        Ok(Self { capacity, sh, buffers })
     }
 
     /// Splats that fit.
     pub fn capacity(&self) -> u32 {
         self.capacity
+    }
+
+    /// How the numbers of spherical harmonics are stored.
+    pub fn sh(&self) -> ShStorage {
+        self.sh
     }
 
     /// Bytes of all of them.
@@ -74,21 +96,24 @@ impl Planes {
     /// Every plane with its layout. Units and orders are those of `docs/CONVENTIONS.md`: positions in scene coordinates, rotations
     /// (w, x, y, z) of any length, logarithms of scales, logits of opacities, coefficients with colour fastest.
     pub fn layout(&self) -> [Plane<'_>; 8] {
-        std::array::from_fn(|k| Plane { name: PLANES[k].0, floats: PLANES[k].1, buffer: &self.buffers[k] })
+        std::array::from_fn(|k| {
+            let bits = if k < SH0 { 32 } else { self.sh.bits() };
+            Plane { name: PLANES[k].0, floats: PLANES[k].1, bits, buffer: &self.buffers[k] }
+        })
     }
 
     /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held twice. Waits.
     /// After an error every plane holds what it held, some with more room.
     pub fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
         let capacity = capacity.max(self.capacity);
-        for (buffer, (_, row)) in self.buffers.iter_mut().zip(PLANES) {
-            *buffer = grown(gpu, buffer, 4 * u64::from(row) * u64::from(capacity))?;
+        for (k, buffer) in self.buffers.iter_mut().enumerate() {
+            *buffer = grown(gpu, buffer, row_bytes(k, self.sh) * u64::from(capacity))?;
         }
         self.capacity = capacity;
         Ok(())
     }
 
-    /// Sets every float to zero.
+    /// Sets every number to zero.
     pub fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         for buffer in &self.buffers {
             recorder.fill(buffer, 0)?;
@@ -103,8 +128,14 @@ impl Planes {
 
     /// Writes the first rows of every plane.
     pub fn write_rows<T: AsRef<[f32]>>(&self, gpu: &Gpu, values: &[T; 8]) -> Result<(), vk::Error> {
-        for (buffer, values) in self.buffers.iter().zip(values).filter(|(_, v)| !v.as_ref().is_empty()) {
-            gpu.write(buffer, values.as_ref())?;
+        for (k, values) in values.iter().map(AsRef::as_ref).enumerate().filter(|(_, values)| !values.is_empty()) {
+            match self.halved(k) {
+                false => gpu.write(&self.buffers[k], values)?,
+                true => {
+                    let halves: Vec<u16> = values.iter().map(|v| half_of(*v)).collect();
+                    gpu.write(&self.buffers[k], &halves)?;
+                }
+            }
         }
         Ok(())
     }
@@ -112,13 +143,30 @@ impl Planes {
     /// Reads the first `splats` rows. Blocks.
     pub fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 8], vk::Error> {
         let mut out: [Vec<f32>; 8] = Default::default();
-        for ((plane, buffer), (_, row)) in out.iter_mut().zip(&self.buffers).zip(PLANES) {
-            if splats > 0 {
-                *plane = gpu.read_at(buffer, 0, (row * splats) as usize)?;
-            }
+        if splats == 0 {
+            return Ok(out);
+        }
+        for (k, plane) in out.iter_mut().enumerate() {
+            let numbers = (PLANES[k].1 * splats) as usize;
+            *plane = match self.halved(k) {
+                false => gpu.read_at(&self.buffers[k], 0, numbers)?,
+                true => {
+                    let halves: Vec<u16> = gpu.read_at(&self.buffers[k], 0, numbers)?;
+                    halves.into_iter().map(|h| f16::from_bits(h).to_f32()).collect()
+                }
+            };
         }
         Ok(out)
     }
+
+    fn halved(&self, k: usize) -> bool {
+        k >= SH0 && self.sh == ShStorage::Half
+    }
+}
+
+/// The nearest finite half float; not a number stays what it is.
+fn half_of(value: f32) -> u16 {
+    f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()
 }
 
 /// A buffer of `bytes` bytes, not fewer than another has, that begins with that one's contents. Waits.

@@ -6,6 +6,7 @@ pub use backward::{BackwardStep, Gradients, ImageGradients, Terms};
 
 use backward::Backward;
 
+use super::approximation::ShStorage;
 use super::held::Held;
 use super::kernels;
 use super::loan::{Layout, Loan};
@@ -66,6 +67,8 @@ impl Shot {
 /// Pipelines that differ by whether depth and normals are blended too.
 struct Channels {
     project: Pipeline,
+    /// Constants of the projection, in whichever form.
+    projection: [(&'static str, u32); 4],
     blend: Pipeline,
 }
 
@@ -101,13 +104,16 @@ impl Renderer {
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
         let side = variants.tile.size();
+        let cutoffs = variants.approximation.cutoffs();
         let channels = |aux: u32| -> Result<Channels, vk::Error> {
-            let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux)];
+            let [alpha_min] = cutoffs.of_lists();
+            let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux), alpha_min];
             let chosen = kernels::blend_forward(gpu, variants);
             let mut switches = vec![("AUX", aux), ("COUNT", u32::from(size.count))];
             switches.extend(chosen.constants);
             Ok(Channels {
                 project: gpu.pipeline(&project::PASS.kernel, &constants)?,
+                projection: constants,
                 blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
             })
         };
@@ -127,7 +133,7 @@ impl Renderer {
             if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
         // Splats of slots are dead when gradients come to the slots.
         let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
-        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat })?;
+        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &cutoffs)?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,
@@ -236,7 +242,13 @@ impl Renderer {
         let mut buffers = vec![&self.counters];
         buffers.extend(model.buffers());
         buffers.extend([&self.splat2d, &self.tile_counts, &self.normals]);
-        recorder.dispatch(&channels.project, &buffers, &push, self.per_splat())?;
+        match model.sh() {
+            ShStorage::Full => recorder.dispatch(&channels.project, &buffers, &push, self.per_splat())?,
+            ShStorage::Half => {
+                let project = self.gpu.pipeline(&project::HALF.kernel, &channels.projection)?;
+                recorder.dispatch(&project, &buffers, &push, self.per_splat())?;
+            }
+        }
         if let Some(ids) = constrained {
             let constrain = self.gpu.pipeline(&constrain::PASS.kernel, &[])?;
             recorder.dispatch(&constrain, &[&self.counters, ids, &self.tile_counts], &(), self.per_splat())?;
@@ -251,7 +263,7 @@ impl Renderer {
             first_entry: entry::TILES,
             entries: ENTRIES,
         };
-        let lists = self.lists.record(recorder, inputs, &TileGrid { image: [width, height], tile: [side, side] })?;
+        let lists = self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))?;
 
         let push = shot.blend_push();
         let [splat2d, normals, image, aux, last, counted] =

@@ -5,6 +5,7 @@ use super::kernels;
 use super::loan::{Layout, Loan, parts, words};
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
+use crate::pass::cutoffs::Cutoffs;
 use crate::pass::plan::{self, Entry};
 use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::twin::tile::TileGrid;
@@ -121,11 +122,17 @@ impl TileLists {
         let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape, true).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(Part::whole(slot_splat));
-        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat })
+        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &Cutoffs::EXACT)
     }
 
     /// The same in memory that is the lists' until they are complete, see [`Layout`].
-    pub(super) fn within(gpu: &Gpu, capacities: Capacities, shape: Shape, loan: Loan<'_>) -> Result<TileLists> {
+    pub(super) fn within(
+        gpu: &Gpu,
+        capacities: Capacities,
+        shape: Shape,
+        loan: Loan<'_>,
+        cutoffs: &Cutoffs,
+    ) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
         let layout = Layout::new(gpu, &capacities, shape, loan.slot_splat.is_some());
         let [depth_tables, tile_tables, keys] =
@@ -141,7 +148,7 @@ impl TileLists {
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
-            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &[])?,
+            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &cutoffs.of_lists())?,
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[("CARRIED", u32::from(loan.slot_splat.is_none()))])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
             depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::approximation::{Approximation, Exponential};
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
 /// The column shape is written for subgroups of this width.
@@ -75,6 +76,9 @@ pub struct Variants {
     /// Sub-tile culling; column tiles have none.
     #[serde(default)]
     pub culling: Culling,
+    /// What pictures may lose.
+    #[serde(default)]
+    pub approximation: Approximation,
 }
 
 impl std::fmt::Display for Variants {
@@ -92,14 +96,26 @@ impl std::fmt::Display for Variants {
             Backward::PerPixel => "per pixel",
             Backward::PerSplat => "per splat",
         };
-        write!(f, "{tile} tiles, backward {backward}, {gradients}")
+        write!(f, "{tile} tiles, backward {backward}, {gradients}")?;
+        let Approximation { alpha_cutoff, transmittance_cutoff, exponential } = self.approximation;
+        if alpha_cutoff != Approximation::NONE.alpha_cutoff {
+            write!(f, ", alpha cut off at 1/{alpha_cutoff}")?;
+        }
+        if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
+            write!(f, ", transmittance at 1/{transmittance_cutoff}")?;
+        }
+        match exponential {
+            Exponential::Exact => Ok(()),
+            Exponential::Cubic => write!(f, ", cubic exponential"),
+        }
     }
 }
 
 impl Variants {
     /// A backward per pixel, with culling.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
-        Self { tile, gradients, backward: Backward::PerPixel, culling: Culling::Blocks }
+        let (backward, culling, approximation) = (Backward::PerPixel, Culling::Blocks, Approximation::NONE);
+        Self { tile, gradients, backward, culling, approximation }
     }
 
     /// Every form that the device can run, whichever is best. Pixel tiles with culling: without it each is another form, of the
@@ -169,6 +185,7 @@ impl Variants {
             gradients: gradients.unwrap_or(self.gradients),
             backward,
             culling: culling.unwrap_or(self.culling),
+            ..self
         }
     }
 }

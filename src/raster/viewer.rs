@@ -1,5 +1,6 @@
 //! Pictures of a model, outside of training.
 
+use super::approximation::ShStorage;
 use super::live::LiveModel;
 use super::picture::Picture;
 use super::planes::Planes;
@@ -73,7 +74,12 @@ impl Viewer {
 
     /// The model on the device, for [`Self::render`].
     pub fn upload(&self, model: &Gaussians) -> Result<Planes, vk::Error> {
-        let planes = Planes::new(&self.gpu, "", model.len() as u32)?;
+        self.upload_with(model, ShStorage::Full)
+    }
+
+    /// The same with spherical harmonics stored so.
+    pub fn upload_with(&self, model: &Gaussians, sh: ShStorage) -> Result<Planes, vk::Error> {
+        let planes = Planes::with_sh(&self.gpu, "", model.len() as u32, sh)?;
         planes.write(&self.gpu, model)?;
         Ok(planes)
     }

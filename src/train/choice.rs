@@ -15,6 +15,7 @@ pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error
         device.backward,
         device.culling,
     );
+    let variants = Variants { approximation: settings.shortcuts.approximation(), ..variants };
     if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
         return Err(Error::PerSplatInColumns);
     }

@@ -20,6 +20,7 @@ pub use values::{
 
 use std::path::PathBuf;
 
+use crate::raster::{Approximation, Exponential};
 use group::group;
 
 group! {
@@ -175,6 +176,16 @@ group! {
         /// Factor of --lr-sh-rest where --sh-every leaves steps out
         #[arg(value_name = "F")]
         pub sh_rate: f64 = 1.0,
+        /// In training, skip a splat at a pixel where its alpha is below 1/N; held-out pictures are always drawn with 255
+        #[arg(value_name = "N")]
+        pub alpha_cutoff: u32 = Approximation::NONE.alpha_cutoff,
+        /// In training, stop a pixel before the splat that would take its transmittance below 1/N; held-out pictures are always drawn
+        /// with 10000
+        #[arg(value_name = "N")]
+        pub transmittance_cutoff: u32 = Approximation::NONE.transmittance_cutoff,
+        /// In training, the exponential of blending; held-out pictures are always drawn with exact
+        #[arg(value_name = "HOW", value_enum)]
+        pub exponential: Exponential = Exponential::Exact,
     }
     flags {}
     optional {}
@@ -273,7 +284,23 @@ pub struct Settings {
 
 impl Shortcuts {
     /// What `--fast` stands for; see `docs/PERFORMANCE.md` for what they save and cost.
-    pub const FAST: Self = Self { moment_bits: 16, sh_every: 4, sh_rate: 4.0 };
+    pub const FAST: Self = Self {
+        moment_bits: 16,
+        sh_every: 4,
+        sh_rate: 4.0,
+        alpha_cutoff: Approximation::NONE.alpha_cutoff,
+        transmittance_cutoff: Approximation::NONE.transmittance_cutoff,
+        exponential: Exponential::Exact,
+    };
+
+    /// What the passes lose by them.
+    pub fn approximation(&self) -> Approximation {
+        Approximation {
+            alpha_cutoff: self.alpha_cutoff,
+            transmittance_cutoff: self.transmittance_cutoff,
+            exponential: self.exponential,
+        }
+    }
 }
 
 impl Settings {

@@ -19,7 +19,7 @@ use super::schedule::{Adam, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
 use super::{Error, memory};
 use crate::pass::counters;
-use crate::raster::Variants;
+use crate::raster::{Approximation, Variants};
 use crate::vk::Gpu;
 
 /// Views that are timed, spread over the training views.
@@ -95,7 +95,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     let variants = faster(default, &times);
     // With forms named on the command line it is no choice among all.
     let device = &settings.device;
-    let free = device.tile_shape.is_none() && device.gradient_sum.is_none() && device.backward.is_none();
+    let free = device.tile_shape.is_none()
+        && device.gradient_sum.is_none()
+        && device.backward.is_none()
+        && default.approximation == Approximation::NONE;
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
     {
@@ -112,6 +115,7 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
         asked.device.tile_shape = asked.device.tile_shape.or(Some(possible.tile));
         asked.device.gradient_sum = asked.device.gradient_sum.or(Some(possible.gradients));
         asked.device.backward = asked.device.backward.or(Some(possible.backward));
+        let possible = Variants { approximation: default.approximation, ..possible };
         if chosen_variants(gpu, &asked).ok() == Some(possible) && !all.contains(&possible) {
             all.push(possible);
         }

@@ -3,6 +3,7 @@
 use super::blend_forward::{Blend, Evaluation, NO_BLOCKS, evaluate, inputs};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE};
+use crate::pass::cutoffs::Cutoffs;
 
 /// Place of the constant BLOCK in the tables of the passes that have one.
 const BLOCK: usize = 4;
@@ -60,7 +61,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
                     continue;
                 }
                 let row = &blend.splats[splat];
-                let at = evaluate(row, Blend::center(x, y));
+                let at = evaluate(row, Blend::center(x, y), &blend.cutoffs);
                 out.evaluated += 1;
                 let alpha = at.alpha();
                 if alpha == R::zero() {
@@ -117,7 +118,11 @@ fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, 
 }
 
 fn pairs(call: &TwinCall<'_>, side: u32, block: usize) -> (Blend<f32>, PairGrads<f32>) {
-    let blend = inputs(call, side, block);
+    let cutoffs = match *call.constants {
+        [.., alpha, cubic] => Cutoffs::of_bits(alpha, Cutoffs::EXACT.transmittance.to_bits(), cubic),
+        _ => Cutoffs::EXACT,
+    };
+    let blend = inputs(call, side, block, cutoffs);
     let up = Upstream {
         image: call.get(4),
         last: call.get(5),

@@ -3,6 +3,7 @@
 use super::tile::{self, TileGrid};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
+use crate::pass::cutoffs::Cutoffs;
 
 /// What is blended, and where.
 #[derive(Clone, Debug)]
@@ -25,6 +26,8 @@ pub struct Blend<R> {
     pub ranges: Vec<[u32; 2]>,
     /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`: no blocks.
     pub block: Option<[u32; 2]>,
+    /// What is left out and how the exponential is taken.
+    pub cutoffs: Cutoffs,
 }
 
 /// The blended image.
@@ -60,14 +63,22 @@ impl<R: Real> Evaluation<R> {
     }
 }
 
+/// 2^e by the shader's polynomial.
+fn cubic_exp2<R: Real>(e: R) -> R {
+    let x = e.max(R::of(-30.0)) + R::of(31.0);
+    let f = x - x.floor();
+    let p = R::of(0.999_896_91) + f * (R::of(0.695_352_67) + f * (R::of(0.226_284_30) + f * R::of(0.078_259_94)));
+    p * R::of(2.0).powf(x.floor() - R::of(31.0))
+}
+
 /// The splat `row` at the pixel whose centre is `center`.
-pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2]) -> Evaluation<R> {
+pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2], cutoffs: &Cutoffs) -> Evaluation<R> {
     let d = [center[0] - row[0], center[1] - row[1]];
     let along = d[0] + row[3] / row[2] * d[1];
     let power = -(row[2] * along * along + row[7] * d[1] * d[1]) / R::of(2.0);
-    let falloff = power.exp();
+    let falloff = if cutoffs.cubic_exponential { cubic_exp2(power * R::LOG2_E()) } else { power.exp() };
     let alpha = row[5] * falloff;
-    let skipped = alpha < R::one() / R::of(255.0);
+    let skipped = alpha < R::of(f64::from(cutoffs.alpha));
     Evaluation { d, falloff, unclamped: if skipped { R::zero() } else { alpha } }
 }
 
@@ -86,7 +97,8 @@ impl<R: Real> Blend<R> {
     /// Whether a splat is evaluated at a pixel of its tile: everywhere, or in the blocks that it touches.
     pub fn evaluates(&self, splat: usize, x: usize, y: usize) -> bool {
         let Some([width, height]) = self.block else { return true };
-        let grid = TileGrid { image: [self.width as u32, self.height as u32], tile: [width, height] };
+        let image = [self.width as u32, self.height as u32];
+        let grid = TileGrid { alpha_min: self.cutoffs.alpha, ..TileGrid::new(image, [width, height]) };
         let row = &self.splats[splat];
         let ellipse = tile::ellipse([row[0], row[1]], [row[2], row[3], row[4]], row[5], &grid);
         let at = [x as u32 / width, y as u32 / height];
@@ -123,13 +135,13 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                     continue;
                 }
                 let row = &blend.splats[splat as usize];
-                let alpha = evaluate(row, Blend::center(x, y)).alpha();
+                let alpha = evaluate(row, Blend::center(x, y), &blend.cutoffs).alpha();
                 out.evaluated += 1;
                 if alpha == R::zero() {
                     continue;
                 }
                 let next = transmittance * (R::one() - alpha);
-                if next < R::of(1e-4) {
+                if next < R::of(f64::from(blend.cutoffs.transmittance)) {
                     break;
                 }
                 let weight = alpha * transmittance;
@@ -167,7 +179,7 @@ pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
 }
 
 /// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK, past the last where there is none.
-pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize) -> Blend<f32> {
+pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cutoffs) -> Blend<f32> {
     let push: Push = call.push();
     Blend {
         width: push.width as usize,
@@ -179,12 +191,17 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize) -> Blend<f32>
         sorted: call.get(2),
         ranges: call.get(3),
         block: block_size(call.constants.get(block).copied().unwrap_or(0)),
+        cutoffs,
     }
 }
 
 fn run(call: &mut TwinCall<'_>, side: u32) {
     let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
-    let blend = inputs(call, side, block);
+    let cutoffs = match *call.constants {
+        [.., alpha, transmittance, cubic] => Cutoffs::of_bits(alpha, transmittance, cubic),
+        _ => Cutoffs::EXACT,
+    };
+    let blend = inputs(call, side, block, cutoffs);
     let out = forward(&blend);
     call.set(4, &out.image);
     if blend.normals.is_some() {

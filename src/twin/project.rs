@@ -1,11 +1,13 @@
 //! Twin of `glsl/project.comp`.
 
 use super::projection::{self, Ewa};
-use super::splat::{Splat, View, model_of};
+use super::splat::{Splat, View, model_of, model_of_halves};
 use super::tile::{self, TileGrid};
 use super::{Real, TwinCall, sh, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
+use crate::pass::cutoffs::Cutoffs;
+use crate::scene::Gaussians;
 
 /// A splat on the image.
 #[derive(Clone, Debug)]
@@ -78,8 +80,9 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid
     if view.antialias {
         opacity *= e.compensation;
     }
+    let alpha_min = R::of(f64::from(grid.map_or(Cutoffs::EXACT.alpha, |grid| grid.alpha_min)));
     let sound = finite(&mean) && finite(&e.conic) && e.det.is_finite() && p[2].is_finite();
-    if !sound || opacity < R::one() / R::of(255.0) {
+    if !sound || opacity < alpha_min {
         return Err(Culled::Faint);
     }
     let tiles = grid.map_or(0, |grid| tile::count(mean, e.conic, opacity, grid));
@@ -108,6 +111,15 @@ pub(super) fn direction<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], R
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
+    run_with(call, model_of);
+}
+
+/// Adapter over raw buffers, spherical harmonics in half floats.
+pub fn run_half(call: &mut TwinCall<'_>) {
+    run_with(call, model_of_halves);
+}
+
+fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -> Gaussians) {
     let push: CameraPush = call.push();
     let view = View::<f32>::of(&push);
     let mut counts = call.get::<u32>(0);
@@ -116,7 +128,8 @@ pub fn run(call: &mut TwinCall<'_>) {
     let mut splat2d = call.get::<[f32; 12]>(9);
     let mut tile_counts = call.get::<u32>(10);
     let mut normals = call.get::<[f32; 4]>(11);
-    let grid = TileGrid { image: view.size, tile: [call.constants[0], call.constants[1]] };
+    let tile = [call.constants[0], call.constants[1]];
+    let grid = TileGrid { alpha_min: f32::from_bits(call.constants[3]), ..TileGrid::new(view.size, tile) };
     let aux = call.constants[2] != 0;
     for i in 0..n {
         match project(&Splat::of(&model, i), &view, Some(&grid)) {

@@ -1,5 +1,7 @@
 //! One splat's parameters and one camera, in any precision, as the projection's twins take them.
 
+use half::f16;
+
 use super::{Real, TwinCall};
 use crate::pass::camera::{ANTIALIAS, CameraPush, Projection, REFERENCE_CLAMP, clamp_limits};
 use crate::scene::{Camera, Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
@@ -152,6 +154,15 @@ impl<R: Real> View<R> {
 
 /// The model's planes in buffers `first`.. of a call: means, quats, scales, opacities, sh0 to sh3; the first `n` splats.
 pub(super) fn model_of(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
+    model_with(call, first, n, |plane| call.get(plane))
+}
+
+/// The same with spherical harmonics in half floats.
+pub(super) fn model_of_halves(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
+    model_with(call, first, n, |plane| call.get::<u16>(plane).into_iter().map(|h| f16::from_bits(h).to_f32()).collect())
+}
+
+fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) -> Vec<f32>) -> Gaussians {
     let plane = |k: usize, row: usize| {
         let mut values = call.get::<f32>(first + k);
         values.truncate(n * row);
@@ -163,7 +174,11 @@ pub(super) fn model_of(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians
         quats: plane(1, 4),
         scales: plane(2, 3),
         opacities: plane(3, 1),
-        sh: std::array::from_fn(|g| plane(4 + g, SH_GROUP_FLOATS)),
+        sh: std::array::from_fn(|g| {
+            let mut values = sh(first + 4 + g);
+            values.truncate(n * SH_GROUP_FLOATS);
+            values
+        }),
         ids: Vec::new(),
     }
 }

@@ -1,9 +1,10 @@
-//! Twin of `glsl/include/tile.glsl`: which tiles hold a pixel centre where a splat has alpha >= 1/255.
+//! Twin of `glsl/include/tile.glsl`: which tiles hold a pixel centre where a splat is not skipped.
 //!
 //! The same operations in the same order, so that with `f32` the lists are those of a device with IEEE division and root.
 //! The margins and their reasons are described in the shader.
 
 use super::Real;
+use crate::pass::cutoffs::Cutoffs;
 use std::ops::Range;
 
 const LEVEL_MARGIN: f64 = 1.0 / 16_384.0;
@@ -13,15 +14,22 @@ const FAR: f64 = 1.0e9;
 const UNBOUNDED: f64 = 1.0e18;
 
 /// Sizes of an image and of its tiles, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileGrid {
     /// Image width and height.
     pub image: [u32; 2],
     /// Tile width and height.
     pub tile: [u32; 2],
+    /// The alpha below which a splat is skipped at a pixel.
+    pub alpha_min: f32,
 }
 
 impl TileGrid {
+    /// With splats skipped below an alpha of 1/255.
+    pub fn new(image: [u32; 2], tile: [u32; 2]) -> Self {
+        Self { image, tile, alpha_min: Cutoffs::EXACT.alpha }
+    }
+
     /// Columns and rows of tiles.
     pub fn counts(&self) -> [u32; 2] {
         [self.image[0].div_ceil(self.tile[0]), self.image[1].div_ceil(self.tile[1])]
@@ -85,7 +93,7 @@ pub fn ellipse<T: Real>(mean: [T; 2], conic: [T; 3], opacity: T, grid: &TileGrid
         rows: 0..0,
     };
     let (tiny, huge, far) = (T::of(1.0e-30), T::of(1.0e15), T::of(FAR));
-    let scaled = T::of(255.0) * opacity;
+    let scaled = opacity / T::of(f64::from(grid.alpha_min));
     let sound = conic[0] > tiny
         && conic[0] < huge
         && conic[2] > tiny

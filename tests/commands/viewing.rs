@@ -212,3 +212,41 @@ fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
     let said = works(&[&args[..], &[text(&out)]].concat());
     assert!(said.contains("frame.json") && !said.contains("warning"), "{said}");
 }
+
+/// Cheaper pictures differ from others, by a little.
+#[test]
+fn pictures_can_be_drawn_for_less() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (model, data) = (shared.model(), shared.data());
+    let drawn = |name: &str, options: &[&str]| -> Vec<u8> {
+        let out = folder.path().join(name);
+        let ends = ["render", text(&model), "--cameras", text(&data), "--views", "test", "--out", text(&out)];
+        works(&[&ends[..], options].concat());
+        let mut files: Vec<_> = fs::read_dir(&out).expect("pictures").map(|f| f.expect("a file").path()).collect();
+        files.sort();
+        files.iter().filter(|f| f.extension().is_some_and(|e| e == "png")).flat_map(|f| rgb(f)).collect()
+    };
+    let exact = drawn("exact", &["--alpha-cutoff", "255", "--transmittance-cutoff", "10000", "--sh-bits", "32"]);
+    assert_eq!(exact, drawn("plain", &[]));
+    for (name, options, most) in [
+        ("halved", &["--sh-bits", "16"][..], 1),
+        ("cubic", &["--exponential", "cubic"], 2),
+        ("skipped", &["--alpha-cutoff", "32"], 60),
+        ("stopped", &["--transmittance-cutoff", "20"], 30),
+    ] {
+        let cheaper = drawn(name, options);
+        let off = exact.iter().zip(&cheaper).map(|(a, b)| a.abs_diff(*b)).max();
+        println!("{name}: off by at most {off:?} steps of 255");
+        assert!(exact.len() == cheaper.len() && exact != cheaper && off <= Some(most), "{name}: {off:?}");
+    }
+    let score = |options: &[&str]| -> f64 {
+        let file = folder.path().join("scores.json");
+        works(&[&["eval", text(&model), text(&data), "--json", text(&file)], options].concat());
+        json(&file)["psnr"].as_f64().expect("a number")
+    };
+    let (exact, halved) = (score(&[]), score(&["--sh-bits", "16"]));
+    assert!(exact != halved && (exact - halved).abs() < 0.02, "{exact} and {halved} dB");
+    fails(&["eval", text(&model), text(&data), "--alpha-cutoff", "1"], 2, &["alpha-cutoff", "2..=65535"]);
+    fails(&["eval", text(&model), text(&data), "--sh-bits", "8"], 2, &["sh-bits", "16, 32"]);
+}

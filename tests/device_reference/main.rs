@@ -1,5 +1,6 @@
 //! Whole images and whole gradients of the device against the brute-force f64 renderer, which shares no arithmetic with it.
 
+mod approximations;
 #[path = "../common/mod.rs"]
 mod common;
 mod constrained;
@@ -64,8 +65,13 @@ fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: 
         splat.store(&mut model, i);
     }
     let background = [0.25f32, 0.5, 0.75];
-    let settings =
-        Settings { sh_degree, near: f64::from(NEAR as f32), antialias, background: background.map(f64::from) };
+    let settings = Settings {
+        sh_degree,
+        near: f64::from(NEAR as f32),
+        antialias,
+        background: background.map(f64::from),
+        ..Settings::default()
+    };
     let splats = Splat::all(&model);
     let image = reference::render(&splats, &camera, &settings);
     let name = format!("{}x{}, SH {sh_degree}, antialias {antialias}", size.0, size.1);

@@ -86,7 +86,13 @@ impl Scene {
             splats: Splat::all(&model),
             model,
             shot: Shot { camera: rounded(camera), projection, background },
-            settings: Settings { sh_degree: 3, near, antialias, background: background.map(f64::from) },
+            settings: Settings {
+                sh_degree: 3,
+                near,
+                antialias,
+                background: background.map(f64::from),
+                ..Settings::default()
+            },
             clamp_gradient_passes: false,
         }
     }

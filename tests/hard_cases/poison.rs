@@ -101,7 +101,7 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
     let projection = Projection { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: true };
     let view = View::<f32>::of(&CameraPush::new(&camera, &projection));
     let side = trainer.variants().tile.size();
-    let grid = TileGrid { image: view.size, tile: [side; 2] };
+    let grid = TileGrid::new(view.size, [side; 2]);
     let mut planes = state.params.clone();
     (0..state.ids.len())
         .filter(|i| {

@@ -310,7 +310,7 @@ fn sub_pixel_splats_with_antialiasing() {
         println!("{what}: image {error:.1e}, gradients {}", of.join(" "));
         check(&what, &[MEANS, QUATS, SCALES, OPACITIES, SH0], &got.planes, &want, 2e-3);
         let side = variants.tile.size();
-        let grid = TileGrid { image: [64, 40], tile: [side; 2] };
+        let grid = TileGrid::new([64, 40], [side; 2]);
         let view = View::<f32>::of(&push);
         let twin =
             (0..splats.len()).filter(|i| project(&Splat::<f32>::of(&scene.model, *i), &view, Some(&grid)).is_ok());

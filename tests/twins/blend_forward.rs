@@ -1,10 +1,11 @@
 //! `blend_forward` in all shapes against the f64 twin, within proven bounds, on scenes that have broken rasterizers.
 
+use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::pass::{Pass, blend_forward as passes};
 use psrgs_vk::twin::blend_forward::{Blend, Blended, block_size, forward};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::blend_scene::{Doubt, doubts, hard_scenes, widen};
+use super::blend_scene::{CHEAPER, Doubt, doubts, hard_scenes, widen};
 use super::harness::{self, Outcome, bytes, garbage};
 
 /// The shapes that run on this device, with the side of their tiles.
@@ -38,7 +39,10 @@ pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
     let pixels = blend.width * blend.height;
     let mut buffers = inputs(blend);
     buffers.extend([garbage(4 * pixels), garbage(4 * pixels), garbage(pixels), bytes(&[0u32; passes::PAIR_COUNTS])]);
-    let given = [("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
+    let mut given = vec![("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
+    if blend.cutoffs != Cutoffs::EXACT {
+        given.extend(blend.cutoffs.of_forward());
+    }
     harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32)
 }
 
@@ -134,12 +138,12 @@ pub fn run(gpu: &Gpu) {
     culling(gpu);
     for (pass, side) in shapes(gpu) {
         for scene in hard_scenes() {
-            for aux in [false, true] {
-                let blend = scene.blend(side, aux);
+            for (aux, cutoffs) in [(false, Cutoffs::EXACT), (true, Cutoffs::EXACT), (false, CHEAPER)] {
+                let blend = Blend { cutoffs, ..scene.blend(side, aux) };
                 let wide = widen::<f64>(&blend);
                 let (want, doubts) = (forward(&wide), doubts(&wide));
                 let outcome = run_shape(gpu, pass, &blend);
-                let what = format!("{} of {}, aux {aux}", pass.kernel.name, scene.name);
+                let what = format!("{} of {}, aux {aux}, {cutoffs:?}", pass.kernel.name, scene.name);
                 for (who, buffers) in [("device", &outcome.device), ("twin", &outcome.twin)] {
                     let read = |i: usize| bytemuck::pod_collect_to_vec::<u8, f32>(&buffers[i]);
                     let got = Read {

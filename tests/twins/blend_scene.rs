@@ -1,5 +1,6 @@
 //! Scenes for the blending tests: splats on an image with their tile lists, and where the f32 device may decide otherwise.
 
+use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::blend_forward::{Blend, evaluate};
 
@@ -102,6 +103,7 @@ impl Scene {
             sorted,
             ranges,
             block: None,
+            cutoffs: Cutoffs::EXACT,
         }
     }
 }
@@ -123,6 +125,7 @@ pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
         sorted: b.sorted.clone(),
         ranges: b.ranges.clone(),
         block: b.block,
+        cutoffs: b.cutoffs,
     }
 }
 
@@ -136,6 +139,9 @@ pub struct Doubt {
     pub transmittance: f64,
 }
 
+/// What a cheaper picture is drawn with.
+pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2, cubic_exponential: true };
+
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
 /// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have 2u (half of the constant's and the
@@ -145,6 +151,9 @@ pub struct Doubt {
 /// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
+    let least = f64::from(blend.cutoffs.transmittance);
+    // Before the polynomial 31 is added to the exponent.
+    let exponential = if blend.cutoffs.cubic_exponential { 2.0f64.powi(-19) } else { 2.0f64.powi(-21) };
     (0..blend.width * blend.height)
         .map(|pixel| {
             let (x, y) = (pixel % blend.width, pixel / blend.width);
@@ -152,7 +161,7 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
             let mut transmittance = 1.0f64;
             for &splat in blend.list(x, y) {
                 let row = &blend.splats[splat as usize];
-                let at = evaluate(row, Blend::center(x, y));
+                let at = evaluate(row, Blend::center(x, y), &blend.cutoffs);
                 let [dx, dy] = at.d;
                 let [a, b, rest] = [row[2], row[3], row[7]];
                 let p = (a / 2.0).sqrt();
@@ -162,9 +171,9 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                 let roundings = 2.0 * root_x.abs() * (5.0 * across.abs() + 8.0 * skew.abs())
                     + 2.0 * root_x * root_x
                     + 10.0 * root_y * root_y;
-                let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + 2.0f64.powi(-21) + u;
+                let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + exponential + u;
                 let raw = row[5] * at.falloff;
-                doubt.undecided |= (raw * 255.0 - 1.0).abs() <= off;
+                doubt.undecided |= (raw / f64::from(blend.cutoffs.alpha) - 1.0).abs() <= off;
                 // Where the clamp sets in, gradients jump.
                 doubt.undecided |= (raw / 0.99 - 1.0).abs() <= off;
                 let alpha = at.alpha();
@@ -174,8 +183,8 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                 let next = transmittance * (1.0 - alpha);
                 doubt.weights += alpha * transmittance * (off + doubt.transmittance + 4.0 * u);
                 doubt.transmittance += off * alpha / (1.0 - alpha) + 2.0 * u;
-                doubt.undecided |= (next / 1e-4 - 1.0).abs() <= doubt.transmittance;
-                if next < 1e-4 {
+                doubt.undecided |= (next / least - 1.0).abs() <= doubt.transmittance;
+                if next < least {
                     break;
                 }
                 transmittance = next;

@@ -93,9 +93,9 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
 }
 
 pub fn run(gpu: &Gpu) {
-    let grid = |image, tile| TileGrid { image, tile };
+    let grid = |image, tile| TileGrid::new(image, tile);
     // 129,600 tiles of one splat: more than the 65,535 turns that lavapipe allows the loops of a thread.
-    case(gpu, 2, &TileGrid { image: [3840, 2160], tile: [8, 8] }, 0, |_, count| count);
+    case(gpu, 2, &TileGrid::new([3840, 2160], [8, 8]), 0, |_, count| count);
     for n in [0, 1, 63, 64, 65, 129, 1000] {
         case(gpu, n, &grid([640, 360], [16, 16]), 0, |_, c| c);
         case(gpu, n, &grid([70, 53], [8, 8]), 0, |_, c| c);

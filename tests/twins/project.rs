@@ -1,7 +1,12 @@
 //! `project`: every column against the f64 twin, tile counts against the shared test on the stored row, hard and poisoned splats.
 
+use half::f16;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::pass::{counters, project::PASS};
+use psrgs_vk::pass::cutoffs::Cutoffs;
+use psrgs_vk::pass::{
+    counters,
+    project::{HALF, PASS},
+};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::{Culled, Projected, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
@@ -30,13 +35,38 @@ struct Case<'a> {
     projection: Projection,
     tile: [u32; 2],
     aux: bool,
+    alpha_min: f32,
+    /// Spherical harmonics in half floats.
+    halved: bool,
+}
+
+impl<'a> Case<'a> {
+    fn new(model: &'a Gaussians, projection: Projection, tile: [u32; 2], aux: bool) -> Self {
+        Self { model, projection, tile, aux, alpha_min: Cutoffs::EXACT.alpha, halved: false }
+    }
+
+    fn grid(&self, view: &View<f64>) -> TileGrid {
+        TileGrid { alpha_min: self.alpha_min, ..TileGrid::new(view.size, self.tile) }
+    }
 }
 
 fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
-    let constants = [("TILE_W", case.tile[0]), ("TILE_H", case.tile[1]), ("AUX", u32::from(case.aux))];
+    let mut constants = vec![("TILE_W", case.tile[0]), ("TILE_H", case.tile[1]), ("AUX", u32::from(case.aux))];
+    if case.alpha_min != Cutoffs::EXACT.alpha {
+        constants.push(("ALPHA_MIN", case.alpha_min.to_bits()));
+    }
+    let mut buffers = scene::project_buffers(case.model);
+    if case.halved {
+        for plane in &mut buffers[5..9] {
+            let numbers: Vec<f32> = bytemuck::pod_collect_to_vec(plane);
+            let halves: Vec<u16> = numbers.into_iter().map(|v| f16::from_f32(v).to_bits()).collect();
+            *plane = harness::bytes(&halves);
+        }
+    }
     // At least one group, so that a model of no splats is a dispatch that does nothing.
     let groups = case.model.len().div_ceil(64).max(1) as u32;
-    harness::run(gpu, &PASS, &constants, &scene::project_buffers(case.model), &scene::push(&case.projection), groups)
+    let pass = if case.halved { &HALF } else { &PASS };
+    harness::run(gpu, pass, &constants, &buffers, &scene::push(&case.projection), groups)
 }
 
 /// Whether rounding may decide if the splat is culled: the verdict changes when depth, opacity or place move a little.
@@ -52,7 +82,7 @@ fn undecided(splat: &Splat<f64>, view: &View<f64>, grid: &TileGrid) -> bool {
             verdict(&other) != here
         })
     });
-    let faint = project(splat, view, None).is_ok_and(|p| (p.opacity * 255.0 - 1.0).abs() < 1e-4);
+    let faint = project(splat, view, None).is_ok_and(|p| (p.opacity / f64::from(grid.alpha_min) - 1.0).abs() < 1e-4);
     near || moved || faint
 }
 
@@ -61,7 +91,7 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     let n = case.model.len();
     let outcome = dispatch(gpu, case);
     let view = View::<f64>::of(&scene::push(&case.projection));
-    let grid = TileGrid { image: view.size, tile: case.tile };
+    let grid = case.grid(&view);
     let got = outcome.device::<[f32; 12]>(9);
     let tiles = outcome.device::<u32>(10);
     let normals = outcome.device::<[f32; 4]>(11);
@@ -129,7 +159,7 @@ fn ordinary(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let model = scene::ordinary(600, k as u64);
         let tile = if k % 2 == 0 { [16, 16] } else { [8, 4] };
-        let case = Case { model: &model, projection, tile, aux: k % 3 != 1 };
+        let case = Case::new(&model, projection, tile, k % 3 != 1);
         let compared = compare(gpu, &case, &format!("ordinary splats, {projection:?}"));
         assert!(compared > 250, "{compared} compared");
     }
@@ -138,8 +168,32 @@ fn ordinary(gpu: &Gpu) {
 fn sizes(gpu: &Gpu) {
     for n in [0, 1, 63, 64, 65, 129] {
         let model = scene::ordinary(n, 40 + n as u64);
-        let case = Case { model: &model, projection: Projection::default(), tile: [16, 16], aux: true };
+        let case = Case::new(&model, Projection::default(), [16, 16], true);
         compare(gpu, &case, &format!("{n} splats"));
+    }
+}
+
+/// Fewer splats and tiles where splats are skipped sooner.
+fn skipped_sooner(gpu: &Gpu) {
+    let model = scene::ordinary(600, 7);
+    let exact = Case::new(&model, Projection::default(), [16, 16], true);
+    let sooner = Case { alpha_min: 1.0 / 32.0, ..Case::new(&model, Projection::default(), [16, 16], true) };
+    let [all, fewer] = [exact, sooner].map(|case| {
+        let compared = compare(gpu, &case, &format!("splats skipped below {}", case.alpha_min));
+        let tiles: u32 = dispatch(gpu, &case).device::<u32>(10)[..model.len()].iter().sum();
+        (compared, tiles)
+    });
+    assert!(fewer.0 < all.0 && 10 * fewer.1 < 9 * all.1, "{fewer:?} of {all:?} splats and tiles");
+}
+
+/// With coefficients that half floats hold, the same as with those in 32 bits.
+fn halved(gpu: &Gpu) {
+    for (k, mut model) in [scene::ordinary(600, 9), scene::hard()].into_iter().enumerate() {
+        let rounded = |v: &mut f32| *v = f16::from_f32(*v).to_f32();
+        model.sh.iter_mut().flatten().for_each(rounded);
+        let case = Case { halved: true, ..Case::new(&model, Projection::default(), [16, 16], true) };
+        let compared = compare(gpu, &case, "spherical harmonics in half floats");
+        assert!(compared > 150, "{compared} compared in model {k}");
     }
 }
 
@@ -147,7 +201,7 @@ fn hard(gpu: &Gpu) {
     let model = scene::hard();
     for antialias in [false, true] {
         let projection = Projection { antialias, ..Projection::default() };
-        let case = Case { model: &model, projection, tile: [16, 16], aux: true };
+        let case = Case::new(&model, projection, [16, 16], true);
         let compared = compare(gpu, &case, &format!("hard splats, anti-aliasing {antialias}"));
         assert!(compared > 150, "{compared} compared");
     }
@@ -158,11 +212,11 @@ fn poison(gpu: &Gpu) {
     let clean = scene::ordinary(64, 8);
     let projection = Projection::default();
     let view = View::<f32>::of(&scene::push(&projection));
-    let grid = TileGrid { image: view.size, tile: [16, 16] };
+    let grid = TileGrid::new(view.size, [16, 16]);
     let seen: Vec<usize> =
         (0..64).filter(|&i| project(&Splat::<f32>::of(&clean, i), &view, Some(&grid)).is_ok()).collect();
     let victim = seen[seen.len() / 2];
-    let healthy = dispatch(gpu, &Case { model: &clean, projection, tile: [16, 16], aux: true });
+    let healthy = dispatch(gpu, &Case::new(&clean, projection, [16, 16], true));
     for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         // 59 copies side by side, copy k with parameter k poisoned.
         let mut model = Gaussians::zeros(64 * PARAMETERS);
@@ -178,7 +232,7 @@ fn poison(gpu: &Gpu) {
                 assert_eq!(matches!(verdict, Err(Culled::Bad)), i == victim);
             }
         }
-        let outcome = dispatch(gpu, &Case { model: &model, projection, tile: [16, 16], aux: true });
+        let outcome = dispatch(gpu, &Case::new(&model, projection, [16, 16], true));
         let counts = outcome.device::<u32>(0);
         assert_eq!(counts[counters::BAD_SPLATS], 7 + PARAMETERS as u32, "{value}: bad splats counted");
         let tiles = outcome.device::<u32>(10);
@@ -201,5 +255,7 @@ pub fn run(gpu: &Gpu) {
     sizes(gpu);
     ordinary(gpu);
     hard(gpu);
+    skipped_sooner(gpu);
+    halved(gpu);
     poison(gpu);
 }

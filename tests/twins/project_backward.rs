@@ -39,7 +39,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     let n = model.len();
     let push = scene::push(&projection);
     let view = View::<f64>::of(&push);
-    let grid = TileGrid { image: view.size, tile: [16, 16] };
+    let grid = TileGrid::new(view.size, [16, 16]);
     let mut random = Random::new(n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
     let (mut grad2d, mut grad_normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);

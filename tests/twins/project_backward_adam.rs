@@ -76,7 +76,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let camera = scene::push(projection);
     let push = Push::new(&camera, &Settings::default(), &RATES, steps);
     let full = View::<f64>::of(&camera);
-    let grid = TileGrid { image: full.size, tile: [16, 16] };
+    let grid = TileGrid::new(full.size, [16, 16]);
     let mut random = Random::new(7 + n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
     let (mut grad2d, mut normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);

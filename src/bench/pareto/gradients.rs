@@ -1,10 +1,12 @@
 //! Gradients of a model: time of forward and backward passes against their error.
 
 use super::super::Error;
-use super::pictures::milliseconds;
+use super::pictures::{approximations, form_name, milliseconds};
 use super::{Reference, Setting, Table};
 use crate::pass::counters;
-use crate::raster::{self, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer};
+use crate::raster::{
+    self, Approximation, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer,
+};
 use crate::vk::{Gpu, Memory};
 
 /// Gradients of the first view of the reference by every form that the device can run, `rounds` times in turn after one that does not
@@ -15,7 +17,8 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
     let default = Variants::choose(gpu, false);
     let deterministic = Variants::choose(gpu, true);
     // Without culling is another form of the same results, which the table of pictures has.
-    let forms = Variants::possible(gpu);
+    let mut forms = Variants::possible(gpu);
+    forms.extend(approximations().map(|(_, approximation)| Variants { approximation, ..default }));
     let mut runs = Vec::new();
     for form in &forms {
         runs.push(Run::new(gpu, reference, *form, &upstream)?);
@@ -45,13 +48,19 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
         settings: Vec::new(),
     };
     for ((form, times), (error, cosine)) in forms.iter().zip(times).zip(errors) {
-        let mut name = form.to_string();
+        let mut name = match form.approximation {
+            Approximation::NONE => form.to_string(),
+            other => form_name(other),
+        };
         if *form == deterministic {
             name += " (deterministic)";
         }
         table.settings.push(Setting {
             name,
-            options: options(*form),
+            options: approximations()
+                .into_iter()
+                .find(|(_, approximation)| *approximation == form.approximation)
+                .map_or_else(|| options(*form), |(options, _)| options.to_owned()),
             default: *form == default,
             time: super::least(times),
             error: Some(error),

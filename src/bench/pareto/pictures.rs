@@ -1,11 +1,11 @@
 //! Single pictures: time on the device against the error of colours.
 
-use half::f16;
-
 use super::super::Error;
 use super::{Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
-use crate::raster::{Culling, Picture, Planes, Shot, TileShape, Variants, Viewer};
+use crate::raster::{
+    Approximation, Culling, Exponential, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer,
+};
 use crate::vk::{self, Gpu};
 
 /// A way to draw.
@@ -15,8 +15,34 @@ struct Form {
     variants: Variants,
     depth_bits: u32,
     sh_degree: u32,
-    /// Spherical harmonics beyond the constant one, rounded to 16 bits.
-    rounded: bool,
+    sh: ShStorage,
+}
+
+/// Cut-offs and exponentials that are compared, with the options that choose them.
+pub(super) fn approximations() -> [(&'static str, Approximation); 6] {
+    let none = Approximation::NONE;
+    [
+        ("--alpha-cutoff 1000", Approximation { alpha_cutoff: 1000, ..none }),
+        ("--alpha-cutoff 128", Approximation { alpha_cutoff: 128, ..none }),
+        ("--alpha-cutoff 64", Approximation { alpha_cutoff: 64, ..none }),
+        ("--transmittance-cutoff 1000", Approximation { transmittance_cutoff: 1000, ..none }),
+        ("--transmittance-cutoff 100", Approximation { transmittance_cutoff: 100, ..none }),
+        ("--exponential cubic", Approximation { exponential: Exponential::Cubic, ..none }),
+    ]
+}
+
+/// What a table calls an approximation.
+pub(super) fn form_name(approximation: Approximation) -> String {
+    let Approximation { alpha_cutoff, transmittance_cutoff, exponential } = approximation;
+    if alpha_cutoff != Approximation::NONE.alpha_cutoff {
+        format!("splats skipped below an alpha of 1/{alpha_cutoff}")
+    } else if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
+        format!("pixels stopped at a transmittance of 1/{transmittance_cutoff}")
+    } else if exponential == Exponential::Cubic {
+        "cubic exponential".into()
+    } else {
+        "default".into()
+    }
 }
 
 /// Every form that the device can run, and what is left out or rounded in the default one.
@@ -28,7 +54,7 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
         variants,
         depth_bits: DEPTH_BITS,
         sh_degree,
-        rounded: false,
+        sh: ShStorage::Full,
     };
     let mut all = vec![plain("default".into(), variants)];
     for (tile, culling, name, options) in [
@@ -45,7 +71,15 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
     for bits in [24, 16, 12] {
         all.push(Form { depth_bits: bits, ..plain(format!("depths sorted by {bits} bits"), variants) });
     }
-    all.push(Form { rounded: true, ..plain("spherical harmonics of 16 bits (error alone)".into(), variants) });
+    for (options, approximation) in approximations() {
+        let name = form_name(approximation);
+        all.push(Form { options: options.into(), ..plain(name, Variants { approximation, ..variants }) });
+    }
+    all.push(Form {
+        sh: ShStorage::Half,
+        options: "--sh-bits 16".into(),
+        ..plain("spherical harmonics of 16 bits".into(), variants)
+    });
     for degree in 0..sh_degree {
         all.push(Form { sh_degree: degree, ..plain(format!("spherical harmonics to degree {degree}"), variants) });
     }
@@ -60,16 +94,7 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
     for form in &forms {
         let mut viewer = Viewer::with_variants(gpu, form.variants);
         viewer.sort_depths_by(form.depth_bits);
-        let planes = match form.rounded {
-            false => viewer.upload(&reference.model)?,
-            true => {
-                let mut model = reference.model.clone();
-                // The constant coefficient is the first of its group.
-                let rest = model.sh.iter_mut().flat_map(|group| group.iter_mut().enumerate());
-                rest.for_each(|(_, v)| *v = f16::from_f32(*v).to_f32());
-                viewer.upload(&model)?
-            }
-        };
+        let planes = viewer.upload_with(&reference.model, form.sh)?;
         drawers.push((viewer, planes));
     }
     let mut times = vec![Vec::new(); forms.len()];

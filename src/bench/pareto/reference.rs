@@ -37,7 +37,13 @@ impl Reference {
         // Cameras are rounded as the device gets them.
         let shots: Vec<Shot> =
             cameras.iter().map(|camera| Shot { camera: rounded(camera), projection, background }).collect();
-        let settings = Settings { sh_degree, near: f64::from(NEAR as f32), antialias: false, background: [0.0; 3] };
+        let settings = Settings {
+            sh_degree,
+            near: f64::from(NEAR as f32),
+            antialias: false,
+            background: [0.0; 3],
+            ..Settings::default()
+        };
         let splats = Splat::all(&model);
         let looked: Vec<(Vec<usize>, Image)> = shots
             .par_iter()

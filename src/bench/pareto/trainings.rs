@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::super::Error;
 use super::{Setting, Table};
-use crate::raster::{GradientSum, TileShape};
+use crate::raster::{Exponential, GradientSum, TileShape};
 use crate::scene::Gaussians;
 use crate::train::settings::{Growth, Shortcuts};
 use crate::train::{Input, Message, Pacing, Settings, Trainer};
@@ -38,6 +38,12 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
             s.shortcuts.sh_every = 4;
             s.shortcuts.sh_rate = 4.0;
         }),
+        knob("splats skipped below an alpha of 1/128", "--alpha-cutoff 128", |s| s.shortcuts.alpha_cutoff = 128),
+        knob("splats skipped below an alpha of 1/64", "--alpha-cutoff 64", |s| s.shortcuts.alpha_cutoff = 64),
+        knob("pixels stopped at a transmittance of 1/100", "--transmittance-cutoff 100", |s| {
+            s.shortcuts.transmittance_cutoff = 100;
+        }),
+        knob("cubic exponential", "--exponential cubic", |s| s.shortcuts.exponential = Exponential::Cubic),
         knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
         knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),

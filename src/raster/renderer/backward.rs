@@ -3,6 +3,7 @@
 use super::{Renderer, Shot};
 use crate::pass::camera::CameraPush;
 use crate::pass::{adam, project_backward, project_backward_adam, slot_sum};
+use crate::raster::approximation::ShStorage;
 use crate::raster::kernels;
 use crate::raster::planes::Planes;
 use crate::raster::size::Size;
@@ -86,6 +87,17 @@ pub(super) struct Backward {
     pub(super) grad2d: Part,
 }
 
+/// Gradients are those of models in 32 bits.
+fn all_bits(model: &Planes) -> Result<(), vk::Error> {
+    match model.sh() {
+        ShStorage::Full => Ok(()),
+        ShStorage::Half => Err(vk::Error::Interface {
+            kernel: project_backward::PASS.kernel.name,
+            what: "spherical harmonics in half floats have no gradients; upload the model in 32 bits".into(),
+        }),
+    }
+}
+
 impl Backward {
     pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
         let chosen = kernels::blend_backward(gpu, variants)?;
@@ -159,6 +171,7 @@ impl Renderer {
         shot: &Shot,
         terms: Terms,
     ) -> Result<(), vk::Error> {
+        all_bits(model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
         let constants = [("AUX", u32::from(terms.aux && self.with_aux)), ("FLATTEN", terms.flatten.to_bits())];
         let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
@@ -180,6 +193,7 @@ impl Renderer {
         step: &BackwardStep<'_>,
         shot: &Shot,
     ) -> Result<(), vk::Error> {
+        all_bits(step.model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
         let camera = CameraPush::new(&shot.camera, &shot.projection);
         let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);

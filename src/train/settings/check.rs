@@ -1,6 +1,7 @@
 //! What settings ask for together, and whether it makes sense.
 
 use super::{DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning};
+use crate::raster::Approximation;
 use crate::saliency::LearnSettings;
 
 impl Settings {
@@ -58,6 +59,13 @@ impl Settings {
         ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
         let rate = self.shortcuts.sh_rate;
         ok(rate >= 0.0 && rate.is_finite(), "sh-rate", "a number that is not negative")?;
+        let Approximation { alpha_cutoff, transmittance_cutoff, .. } = self.shortcuts.approximation();
+        ok(Approximation::ALPHA_CUTOFFS.contains(&alpha_cutoff), "alpha-cutoff", "a whole number from 2 to 65535")?;
+        ok(
+            Approximation::TRANSMITTANCE_CUTOFFS.contains(&transmittance_cutoff),
+            "transmittance-cutoff",
+            "a whole number from 2 to 1000000",
+        )?;
         ok(density.densify_interval >= 1, "densify-interval", "at least 1")?;
         for (share, key) in [
             (density.sample_rate, "sample-rate"),

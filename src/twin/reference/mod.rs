@@ -24,6 +24,24 @@ pub struct Settings {
     pub antialias: bool,
     /// Colour behind everything.
     pub background: [f64; 3],
+    /// A splat is skipped at a pixel where its alpha is below this.
+    pub alpha_min: f64,
+    /// A pixel stops before the splat that would take its transmittance below this.
+    pub transmittance_min: f64,
+}
+
+impl Default for Settings {
+    /// The method's cut-offs (Kerbl et al. 2023), all bands, black behind.
+    fn default() -> Self {
+        Self {
+            sh_degree: 3,
+            near: 0.2,
+            antialias: false,
+            background: [0.0; 3],
+            alpha_min: 1.0 / 255.0,
+            transmittance_min: 1e-4,
+        }
+    }
 }
 
 /// A rendered image, row-major, one entry per pixel.
@@ -39,7 +57,7 @@ pub struct Image {
     pub normal: Vec<[f64; 3]>,
     /// Splats blended.
     pub blended: Vec<u32>,
-    /// Distance to the nearest decision that rounding may turn over (1/255, 0.99, 1e-4, power > 0, the order of two depths), in
+    /// Distance to the nearest decision that rounding may turn over (the cut-offs, 0.99, power > 0, the order of two depths), in
     /// units of the condition of that decision: rounding to f32 moves it by a small multiple of f32's epsilon. A test excludes
     /// pixels below such a multiple, and counts them.
     pub margin: Vec<f64>,

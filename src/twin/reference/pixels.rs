@@ -28,7 +28,7 @@ fn sorted(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Vec<Se
 }
 
 /// The layers of the pixel whose centre is (px, py), the final transmittance, and the distance to the nearest decision.
-fn layers(seen: &[Seen], splats: &[Splat<f64>], px: f64, py: f64) -> (Vec<Layer>, f64, f64) {
+fn layers(seen: &[Seen], splats: &[Splat<f64>], settings: &Settings, (px, py): (f64, f64)) -> (Vec<Layer>, f64, f64) {
     let mut out: Vec<Layer> = Vec::new();
     let (mut t, mut t_condition) = (1.0, 1.0);
     let mut margin = f64::INFINITY;
@@ -43,9 +43,9 @@ fn layers(seen: &[Seen], splats: &[Splat<f64>], px: f64, py: f64) -> (Vec<Layer>
             + (b * dx + c * dy).abs() * s.mean_condition[1];
         let falloff = power.exp();
         let free = s.opacity * falloff;
-        // A splat far from 1/255 plays no part; one near it decides, whichever side it is on.
-        margin = margin.min((free * 255.0).ln().abs() / condition);
-        if power > 0.0 || free < 1.0 / 255.0 {
+        // A splat far from the cut-off plays no part; one near it decides, whichever side it is on.
+        margin = margin.min((free / settings.alpha_min).ln().abs() / condition);
+        if power > 0.0 || free < settings.alpha_min {
             continue;
         }
         margin = margin.min((free / 0.99).ln().abs() / condition);
@@ -61,8 +61,8 @@ fn layers(seen: &[Seen], splats: &[Splat<f64>], px: f64, py: f64) -> (Vec<Layer>
         let alpha = free.min(0.99);
         let next = t * (1.0 - alpha);
         t_condition += 1.0 + if free < 0.99 { alpha / (1.0 - alpha) * condition } else { 0.0 };
-        margin = margin.min((next / 1e-4).ln().abs() / t_condition);
-        if next < 1e-4 {
+        margin = margin.min((next / settings.transmittance_min).ln().abs() / t_condition);
+        if next < settings.transmittance_min {
             break;
         }
         out.push(Layer { at, dx, dy, falloff, alpha, before: t, clamped: free > 0.99 });
@@ -92,7 +92,7 @@ pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pi
     let seen = sorted(splats, camera, settings);
     let mut image = Image::default();
     for (px, py) in pixels.iter().map(|pixel| centre(camera, *pixel)) {
-        let (layers, t, margin) = layers(&seen, splats, px, py);
+        let (layers, t, margin) = layers(&seen, splats, settings, (px, py));
         let mut color = settings.background.map(|b| b * t);
         let (mut depth, mut normal) = (0.0, [0.0; 3]);
         for layer in &layers {
@@ -132,7 +132,7 @@ pub fn backward_at(
     let mut normals = vec![[0.0; 3]; splats.len()];
     for (pixel, at) in pixels.iter().enumerate() {
         let (px, py) = centre(camera, *at);
-        let (layers, t, _) = layers(&seen, splats, px, py);
+        let (layers, t, _) = layers(&seen, splats, settings, (px, py));
         let (gc, gd, gn) = (g.color[pixel], g.depth[pixel], g.normal[pixel]);
         // L is linear in the weights w_i = alpha_i T_i and in the final T: with v_i = dL/dw_i and v_end = dL/dT,
         // dL/d(alpha_i) = T_i v_i - (sum over j > i of w_j v_j + T v_end) / (1 - alpha_i).

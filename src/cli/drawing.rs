@@ -1,0 +1,40 @@
+//! Options of how a model is drawn that trade accuracy for speed.
+
+use clap::builder::PossibleValuesParser;
+use psrgs_vk::raster::{Approximation, Exponential, ShStorage};
+
+/// What pictures may lose to be drawn faster.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Shortcuts")]
+pub(crate) struct DrawingArgs {
+    /// Skip a splat at a pixel where its alpha is below 1/N
+    #[arg(long, value_name = "N", default_value_t = Approximation::NONE.alpha_cutoff,
+          value_parser = clap::value_parser!(u32).range(2..=65535))]
+    alpha_cutoff: u32,
+    /// Stop a pixel before the splat that would take its transmittance below 1/N
+    #[arg(long, value_name = "N", default_value_t = Approximation::NONE.transmittance_cutoff,
+          value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    transmittance_cutoff: u32,
+    /// The exponential of blending: exact, or cubic, whose alphas are up to 2.1e-4 of themselves too small
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Exponential::Exact)]
+    exponential: Exponential,
+    /// Bits in which the numbers of spherical harmonics are stored on the device
+    #[arg(long, value_name = "BITS", default_value = "32", value_parser = PossibleValuesParser::new(["16", "32"]))]
+    sh_bits: String,
+}
+
+impl DrawingArgs {
+    /// Cut-offs and exponential.
+    pub(crate) fn approximation(&self) -> Approximation {
+        Approximation {
+            alpha_cutoff: self.alpha_cutoff,
+            transmittance_cutoff: self.transmittance_cutoff,
+            exponential: self.exponential,
+        }
+    }
+
+    /// How spherical harmonics are stored.
+    pub(crate) fn sh(&self) -> ShStorage {
+        if self.sh_bits == "16" { ShStorage::Half } else { ShStorage::Full }
+    }
+}

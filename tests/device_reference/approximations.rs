@@ -1,0 +1,141 @@
+//! Cheaper pictures are what they are said to be: those of the brute-force renderer with the same cut-offs, and near it by what the
+//! polynomial and half floats lose.
+
+use half::f16;
+use psrgs_vk::raster::{
+    self, Approximation, Exponential, GradientSum, Planes, Renderer, ShStorage, Size, Target, TileShape, Variants,
+    Viewer,
+};
+use psrgs_vk::twin::reference::{self, Settings};
+use psrgs_vk::twin::splat::Splat;
+use psrgs_vk::vk::{Error, Memory};
+
+use super::{Case, SHAPES, cases, common};
+
+/// What the polynomial's alphas are off by, at most.
+const POLYNOMIAL: f64 = 2.1e-4;
+
+fn picture(gpu: &psrgs_vk::vk::Gpu, case: &Case, tile: TileShape, approximation: Approximation) -> Vec<f32> {
+    let variants = Variants { approximation, ..Variants::new(tile, GradientSum::Slots) };
+    let mut viewer = Viewer::with_variants(gpu, variants);
+    let planes = viewer.upload(&case.model).unwrap();
+    viewer.render(&planes, case.model.len() as u32, &case.shot, false).unwrap().rgbt
+}
+
+#[test]
+fn cut_offs_are_those_of_the_brute_force_renderer() {
+    let Some(gpu) = common::gpu() else { return };
+    let none = Approximation::NONE;
+    for approximation in [
+        Approximation { alpha_cutoff: 1000, ..none },
+        Approximation { alpha_cutoff: 64, ..none },
+        Approximation { transmittance_cutoff: 100, ..none },
+    ] {
+        let cutoffs = approximation.cutoffs();
+        let mut differs = 0.0f64;
+        for mut case in cases(200).into_iter().take(3) {
+            let before = case.image.color.clone();
+            case.settings = Settings {
+                alpha_min: f64::from(cutoffs.alpha),
+                transmittance_min: f64::from(cutoffs.transmittance),
+                ..case.settings
+            };
+            case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
+            for (a, b) in before.iter().flatten().zip(case.image.color.iter().flatten()) {
+                differs = differs.max((a - b).abs());
+            }
+            for tile in SHAPES {
+                let rgbt = picture(&gpu, &case, tile, approximation);
+                for c in 0..3 {
+                    case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| rgbt[4 * i + c]);
+                }
+                case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| rgbt[4 * i + 3]);
+            }
+        }
+        println!("{approximation:?}: colours differ by up to {differs:.1e} from those without");
+        assert!(differs > 1e-3, "{approximation:?} changes no more than {differs:e}");
+    }
+    common::assert_no_messages(&gpu);
+}
+
+/// Pixels whose decisions the polynomial may turn over are left out.
+#[test]
+fn the_cubic_exponential_loses_no_more_than_its_polynomial() {
+    let Some(gpu) = common::gpu() else { return };
+    let cubic = Approximation { exponential: Exponential::Cubic, ..Approximation::NONE };
+    let (mut worst, mut compared, mut all) = (0.0f64, 0, 0);
+    for case in cases(200).into_iter().take(3) {
+        for tile in SHAPES {
+            let rgbt = picture(&gpu, &case, tile, cubic);
+            for (i, margin) in case.image.margin.iter().enumerate() {
+                all += 1;
+                if *margin > POLYNOMIAL {
+                    compared += 1;
+                    for c in 0..3 {
+                        worst = worst.max((f64::from(rgbt[4 * i + c]) - case.image.color[i][c]).abs());
+                    }
+                }
+            }
+        }
+    }
+    println!("colours off by up to {worst:.1e} in {compared} of {all} pixels");
+    // Among 200 splats half of the pixels are that near to some decision.
+    assert!(3 * compared > all, "{compared} of {all} pixels compared");
+    // A colour is a mean, weighted by alphas that are wrong by that much, of colours up to about 2.
+    assert!((1e-6..2.0 * POLYNOMIAL).contains(&worst), "{worst:e}");
+}
+
+#[test]
+fn half_floats_of_spherical_harmonics_are_their_rounding() {
+    let Some(gpu) = common::gpu() else { return };
+    for mut case in cases(200).into_iter().take(4) {
+        let exact = case.image.color.clone();
+        case.model.sh.iter_mut().flatten().for_each(|v| *v = f16::from_f32(*v).to_f32());
+        let rounded = case.model.clone();
+        case.splats = Splat::all(&rounded);
+        case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
+        assert!(exact != case.image.color);
+        for tile in SHAPES {
+            let mut viewer = Viewer::with_variants(&gpu, Variants::new(tile, GradientSum::Slots));
+            let mut planes = viewer.upload_with(&case.model, ShStorage::Half).unwrap();
+            let n = case.model.len() as u32;
+            let rgbt = viewer.render(&planes, n, &case.shot, false).unwrap().rgbt;
+            for c in 0..3 {
+                case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| rgbt[4 * i + c]);
+            }
+            assert_eq!(planes.bytes(), u64::from(n) * (4 * 11 + 2 * 48));
+            planes.grow(&gpu, 2 * n).unwrap();
+            assert_eq!(planes.read(&gpu, n).unwrap()[raster::SH0..], rounded.sh);
+            assert!(planes.layout().iter().all(|plane| plane.bits == if plane.floats == 12 { 16 } else { 32 }));
+        }
+    }
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn half_floats_have_no_gradients() {
+    let Some(gpu) = common::gpu() else { return };
+    let case = &cases(20)[0];
+    let variants = Variants::new(TileShape::Column, GradientSum::Slots);
+    let viewer = Viewer::with_variants(&gpu, variants);
+    let model = viewer.upload_with(&case.model, ShStorage::Half).unwrap();
+    let size = Size {
+        splats: 20,
+        pairs: 5000,
+        tiles: 64,
+        aux: false,
+        train: true,
+        count: false,
+        clamp_gradient_passes: false,
+    };
+    let renderer = Renderer::new(&gpu, variants, size).unwrap();
+    let target = Target::new(&gpu, "", 64 * 64, false).unwrap();
+    let of_model = Planes::new(&gpu, "g_", 20).unwrap();
+    let upstream = gpu.buffer("grad_image", 16 * 64 * 64, Memory::Device).unwrap();
+    let mut recorder = gpu.recorder("half").unwrap();
+    let lists = renderer.record_forward(&mut recorder, &model, &case.shot, &target, false).unwrap();
+    let of_image = (&upstream).into();
+    let gradients = raster::Gradients { model: &model, of_model: &of_model, of_image };
+    let refused = renderer.record_backward(&mut recorder, &lists, &gradients, &case.shot, &target);
+    assert!(matches!(refused, Err(Error::Interface { kernel: "project_backward", .. })), "{refused:?}");
+}
