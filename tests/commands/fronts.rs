@@ -45,7 +45,7 @@ fn pictures_gradients_and_trainings_have_a_time_and_an_error() {
     assert!(error("default") < 2e-5, "{}", error("default"));
     assert!(error("spherical harmonics of 16 bits") >= error("default"));
     assert!(error("splats skipped below an alpha of 1/64") > 100.0 * error("default"));
-    assert!(error("pixels stopped at a transmittance of 1/100") > error("pixels stopped at a transmittance of 1/1000"));
+    assert!(error("splats skipped below an alpha of 1/64") > error("splats skipped below an alpha of 1/128"));
     assert!(error("cubic exponential") > 2.0 * error("default"));
     assert!(error("depths sorted by 12 bits") > 100.0 * error("default"));
     let (exact, cheaper): (Vec<&Value>, Vec<&Value>) =

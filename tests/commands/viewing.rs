@@ -232,7 +232,7 @@ fn pictures_can_be_drawn_for_less() {
     for (name, options, most) in [
         ("halved", &["--sh-bits", "16"][..], 1),
         ("cubic", &["--exponential", "cubic"], 2),
-        ("skipped", &["--alpha-cutoff", "32"], 60),
+        ("skipped", &["--alpha-cutoff", "128"], 40),
         ("stopped", &["--transmittance-cutoff", "20"], 30),
     ] {
         let cheaper = drawn(name, options);
