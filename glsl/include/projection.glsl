@@ -108,29 +108,36 @@ EwaGrad ewa_backward(Camera camera, Ewa e, float z, vec3 g_conic, float g_compen
     const vec3 h1 = 0.5 * g_conic.y * k0 + g_conic.z * k1;
     vec3 gm0 = -2.0 * (e.conic.x * h0 + e.conic.y * h1);
     vec3 gm1 = -2.0 * (e.conic.y * h0 + e.conic.z * h1);
+    // A scale stretches its column of M, so dL/d(log scale) is m0 gm0 + m1 gm1 of that column: -2 (Q M)^T G (Q M). Written like this,
+    // because the elements of Q M are small along a needle; those of M are large there, and their products with gm cancel.
+    EwaGrad g;
+    g.log_scale = -2.0 * (h0 * k0 + h1 * k1);
     if (!e.floored) {
         const float up = g_compensation / (e.compensation * e.det), down = g_compensation * e.compensation;
         gm0 += up * x0 - down * k0;
         gm1 += up * x1 - down * k1;
+        // m0 x0 + m1 x1 of a column: the squares of the two elements of n that the column is part of.
+        const vec3 squares = e.n * e.n;
+        const vec3 stretched = squares.yzx + squares.zxy;
+        g.log_scale += up * stretched - down * ((DILATION * (e.m0 * e.m0 + e.m1 * e.m1) + stretched) / e.det);
     }
 
     // M = J W R S; row 0 of J is zoom.x (1, 0, -ratio.x), row 1 is zoom.y (0, 1, -ratio.y).
     const vec3 gu0 = e.zoom.x * gm0, gu1 = e.zoom.y * gm1;
     const vec3 gu2 = -(e.ratio.x * gu0 + e.ratio.y * gu1);
     const vec2 g_ratio = -vec2(dot(gu0, e.u2), dot(gu1, e.u2));
-    const vec2 g_zoom_zoom = vec2(dot(gm0, e.m0), dot(gm1, e.m1));  // dL/d(zoom) * zoom
+    // To be nearer is to be larger: dL/d(zoom) * zoom, of both axes together.
+    const float g_zoom_zoom = g.log_scale.x + g.log_scale.y + g.log_scale.z;
     const bvec2 still = bvec2(e.clamped.x && !reference_clamp, e.clamped.y && !reference_clamp);
-    EwaGrad g;
     g.p.x = e.clamped.x ? 0.0 : g_ratio.x / z;
     g.p.y = e.clamped.y ? 0.0 : g_ratio.y / z;
-    g.p.z = -(g_zoom_zoom.x + g_zoom_zoom.y + (still.x ? 0.0 : g_ratio.x * e.ratio.x) +
+    g.p.z = -(g_zoom_zoom + (still.x ? 0.0 : g_ratio.x * e.ratio.x) +
               (still.y ? 0.0 : g_ratio.y * e.ratio.y)) / z;
 
     // V = R S, dL/dV = W^T dL/dU, by rows.
     const vec3 gv0 = camera.w0.x * gu0 + camera.w1.x * gu1 + camera.w2.x * gu2;
     const vec3 gv1 = camera.w0.y * gu0 + camera.w1.y * gu1 + camera.w2.y * gu2;
     const vec3 gv2 = camera.w0.z * gu0 + camera.w1.z * gu1 + camera.w2.z * gu2;
-    g.log_scale = (e.rot.r0 * gv0 + e.rot.r1 * gv1 + e.rot.r2 * gv2) * e.scale;
     const vec3 chosen = vec3(axis == 0u, axis == 1u, axis == 2u);
     g.quat = rotation_backward(e.rot, gv0 * e.scale + g_axis.x * chosen, gv1 * e.scale + g_axis.y * chosen,
                                gv2 * e.scale + g_axis.z * chosen);

@@ -145,38 +145,43 @@ pub fn backward<R: Real>(
         vec3::scale(-two, vec3::add(vec3::scale(qa, h0), vec3::scale(qb, h1))),
         vec3::scale(-two, vec3::add(vec3::scale(qb, h0), vec3::scale(qc, h1))),
     ];
+    // m0 gm0 + m1 gm1 of each column, without the products that cancel along a needle.
+    let mut log_scale = vec3::scale(-two, vec3::add(vec3::mul(h0, k[0]), vec3::mul(h1, k[1])));
     if !e.floored {
         let (up, down) = (g_compensation / (e.compensation * e.det), g_compensation * e.compensation);
         for r in 0..2 {
             gm[r] = vec3::add(gm[r], vec3::sub(vec3::scale(up, x[r]), vec3::scale(down, k[r])));
         }
+        let squares = vec3::mul(e.n, e.n);
+        let stretched: [R; 3] = std::array::from_fn(|i| squares[(i + 1) % 3] + squares[(i + 2) % 3]);
+        let spread = vec3::add(vec3::mul(e.m[0], e.m[0]), vec3::mul(e.m[1], e.m[1]));
+        let total = vec3::add(vec3::scale(R::of(DILATION), spread), stretched).map(|v| v / e.det);
+        log_scale = vec3::add(log_scale, vec3::sub(vec3::scale(up, stretched), vec3::scale(down, total)));
     }
     let gu0 = vec3::scale(e.zoom[0], gm[0]);
     let gu1 = vec3::scale(e.zoom[1], gm[1]);
     let gu2 = vec3::scale(-R::one(), vec3::add(vec3::scale(e.ratio[0], gu0), vec3::scale(e.ratio[1], gu1)));
     let g_ratio = [-vec3::dot(gu0, e.u[2]), -vec3::dot(gu1, e.u[2])];
     let mut p = [R::zero(); 3];
+    let mut along = log_scale[0] + log_scale[1] + log_scale[2];
     for i in 0..2 {
-        let mut along = vec3::dot(gm[i], e.m[i]);
         if !e.clamped[i] {
             p[i] = g_ratio[i] / z;
         }
         if !e.clamped[i] || view.reference_clamp {
             along += g_ratio[i] * e.ratio[i];
         }
-        p[2] -= along / z;
     }
+    p[2] = -along / z;
     let g_u = [gu0, gu1, gu2];
     let w = &view.rotation;
     let mut g_rot = [[R::zero(); 3]; 3];
-    let mut log_scale = [R::zero(); 3];
     for r in 0..3 {
         let gv = vec3::combine([w[0][r], w[1][r], w[2][r]], g_u);
-        log_scale = vec3::add(log_scale, vec3::mul(e.rot.rows[r], gv));
         g_rot[r] = vec3::mul(gv, e.scale);
         g_rot[r][axis] += g_axis[r];
     }
-    EwaGrad { p, quat: rotation_backward(&e.rot, g_rot), log_scale: vec3::mul(log_scale, e.scale) }
+    EwaGrad { p, quat: rotation_backward(&e.rot, g_rot), log_scale }
 }
 
 /// The axis with the smallest scale, the first of equals.

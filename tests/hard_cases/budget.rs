@@ -43,12 +43,12 @@ const STAGES: [(Stage, &str); 8] = [
     (Stage::Products, "transmittance, sums"),
 ];
 
-fn single(v: f64) -> f64 {
+pub(crate) fn single(v: f64) -> f64 {
     f64::from(v as f32)
 }
 
 /// The exponent (base e) of a row in the arithmetic of `R`, as blending has it or in the plain form.
-fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f64 {
+pub(crate) fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f64 {
     let [a, b, c, rest] = [row[2], row[3], row[4], row[7]].map(R::of);
     let [dx, dy] = d.map(R::of);
     let half = R::of(0.5);
@@ -63,27 +63,33 @@ fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f64 {
     power.f64()
 }
 
+/// Rows of what is seen, front to back, each with its splat. Columns `taken` are projected in f32, the others in f64.
+pub(crate) fn rows(scene: &Scene, taken: &[usize]) -> Vec<(usize, [f64; 12])> {
+    let exact = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
+    let rounded = View::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
+    let mut rows: Vec<(usize, [f64; 12])> = (0..scene.model.len())
+        .filter_map(|i| {
+            let mut row = project(&scene.splats[i], &exact, None).ok()?.row();
+            let single = project(&Splat::<f32>::of(&scene.model, i), &rounded, None).ok()?.row().map(f64::from);
+            taken.iter().for_each(|k| row[*k] = single[*k]);
+            Some((i, row))
+        })
+        .collect();
+    rows.sort_by(|a, b| a.1[6].total_cmp(&b.1[6]));
+    rows
+}
+
 /// Colours of all pixels with a stage in f32.
 fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
     let is = |other: Stage| stage == Some(other);
     let (width, height) = (scene.shot.camera.width as usize, scene.shot.camera.height as usize);
-    let exact = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
-    let rounded = View::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
-    let mut rows: Vec<[f64; 12]> = (0..scene.model.len())
-        .filter_map(|i| {
-            let mut row = project(&scene.splats[i], &exact, None).ok()?.row();
-            let single = project(&Splat::<f32>::of(&scene.model, i), &rounded, None).ok()?.row().map(f64::from);
-            let taken: &[usize] = match stage {
-                Some(Stage::Means) => &[0, 1],
-                Some(Stage::Conics) => &[2, 3, 4, 7],
-                Some(Stage::Colours) => &[5, 8, 9, 10],
-                _ => &[],
-            };
-            taken.iter().for_each(|k| row[*k] = single[*k]);
-            Some(row)
-        })
-        .collect();
-    rows.sort_by(|a, b| a[6].total_cmp(&b[6]));
+    let taken: &[usize] = match stage {
+        Some(Stage::Means) => &[0, 1],
+        Some(Stage::Conics) => &[2, 3, 4, 7],
+        Some(Stage::Colours) => &[5, 8, 9, 10],
+        _ => &[],
+    };
+    let mut rows: Vec<[f64; 12]> = rows(scene, taken).into_iter().map(|(_, row)| row).collect();
     if is(Stage::Storage) || is(Stage::Squares) || is(Stage::PlainForm) {
         rows.iter_mut().for_each(|row| *row = row.map(single));
     }
@@ -117,10 +123,8 @@ fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// The parts together are what the device is off by: no stage is forgotten. Prints the table of `docs/ACCURACY.md`.
-#[test]
-fn error_of_a_picture_by_stage() {
-    let Some(gpu) = common::gpu() else { return };
+/// 200 ordinary splats and needles of aspect 10, 100 and 1,000, each with the share of pixels that may be near a decision.
+pub(crate) fn scenes() -> Vec<(String, f64, Scene)> {
     let mut random = Random::new(77);
     let seen = camera(64, 48);
     let ordinary: Vec<_> = (0..200).map(|_| spread(&mut random, &seen, 1.2)).collect();
@@ -128,7 +132,14 @@ fn error_of_a_picture_by_stage() {
     for (ratio, left_out) in [(10.0, 0.005), (100.0, 0.005), (1000.0, 0.05)] {
         scenes.push((format!("needles {ratio}"), left_out, needles(&mut Random::new(ratio as u64), ratio)));
     }
-    for (name, left_out, scene) in scenes {
+    scenes
+}
+
+/// The parts together are what the device is off by: no stage is forgotten. Prints the table of `docs/ACCURACY.md`.
+#[test]
+fn error_of_a_picture_by_stage() {
+    let Some(gpu) = common::gpu() else { return };
+    for (name, left_out, scene) in scenes() {
         let image = scene.wanted();
         let decided = decided(&name, &image, left_out);
         let largest = |colors: &[[f64; 3]]| {

@@ -8,6 +8,7 @@ mod colmap_folder;
 #[path = "../common/mod.rs"]
 mod common;
 mod device;
+mod gradient_budget;
 mod image;
 mod optimiser;
 mod poison;

@@ -43,13 +43,14 @@ pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
     Scene::new(&splats, camera, false)
 }
 
-/// Bounds are a few times what was measured. Pictures hardly lose anything with the aspect, because the exponent is a sum of two squares;
-/// gradients of the scales do: along a needle they are a small difference of what the conic's three entries get.
+/// Bounds are a few times what was measured. Neither pictures nor gradients lose much with the aspect, because the exponent is a sum of
+/// two squares and gradients of scales avoid products that cancel; at 1,000 those of the scales do: across a needle they are a small
+/// difference of what the conic's three entries get.
 #[test]
 fn needles_of_aspect_10_100_and_1000() {
     let Some(gpu) = common::gpu() else { return };
     for (ratio, image_bound, gradient_bound, left_out) in
-        [(10.0, 1e-5, 2e-5, 0.005), (100.0, 3e-5, 1e-3, 0.005), (1000.0, 3e-5, 3e-2, 0.05)]
+        [(10.0, 1e-5, 2e-5, 0.005), (100.0, 3e-5, 4e-5, 0.005), (1000.0, 3e-5, 8e-4, 0.05)]
     {
         let mut random = Random::new(ratio as u64);
         let scene = needles(&mut random, ratio);
