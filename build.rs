@@ -2,6 +2,8 @@
 //! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`); some in a third, with rows of
 //! buffers read as texels (`build/by_texels.rs`).
 //!
+//! Loops of shaders with `precise` arithmetic are written out before the optimizer can (`build/unroll.rs`).
+//!
 //! A shader may be compiled several times: a line `//! variant NAME DEFINE DEFINE ...` in it adds a module called
 //! `file_NAME` with those preprocessor symbols set; without such lines there is one module named after the file.
 
@@ -19,6 +21,8 @@ mod by_address;
 mod by_texels;
 #[path = "build/declaration.rs"]
 mod declaration;
+#[path = "build/unroll.rs"]
+mod unroll;
 
 /// How a module reaches its buffers.
 #[derive(Clone, Copy)]
@@ -135,8 +139,13 @@ fn compile(
         let (name, value) = define.split_once('=').map_or((define.as_str(), None), |(n, v)| (n, Some(v)));
         options.add_macro_definition(name, value);
     }
+    let file = path.display().to_string();
     compiler
-        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
+        .preprocess(&text, &file, "main", Some(&options))
+        .map(|whole| unroll::rewrite(&whole.as_text()))
+        .and_then(|text| {
+            compiler.compile_into_spirv(&text, shaderc::ShaderKind::Compute, &file, "main", Some(&options))
+        })
         .map(|artifact| artifact.as_binary_u8().to_vec())
         .map_err(|e| match form {
             Form::Descriptors => e.to_string(),

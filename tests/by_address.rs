@@ -9,6 +9,8 @@ mod by_address;
 mod by_texels;
 #[path = "../build/declaration.rs"]
 mod declaration;
+#[path = "../build/unroll.rs"]
+mod unroll;
 
 use by_address::rewrite;
 
@@ -114,4 +116,31 @@ layout(set = 0, binding = 5) readonly buffer Other { float other[]; };
     }
     assert!(found.contains("layout(set = 0, binding = 66) uniform usamplerBuffer words_texels;"), "{found}");
     assert_eq!(found.matches("_texels").count(), 3, "{found}");
+}
+
+#[test]
+fn marked_loops_are_written_out_where_arithmetic_is_precise() {
+    let body = "[[unroll]]for(uint j = 1u;j < SIDE;++ j){ [[unroll]] for (uint k = 0u; k < 2u; ++k) s += f(x[j], k); }";
+    let shader = format!("#version 460\nconst uint SIDE = 3u;\nvoid main(){{ precise float s = 0.0; {body} }}");
+    let found = unroll::rewrite(&shader);
+    let inner = |j: u32| {
+        let one = |k: u32| format!("{{ const uint k = {k}u; s += f(x[j], k); }} ");
+        format!("{{ const uint j = {j}u; {{ {{ {}{}}} }} }} ", one(0), one(1))
+    };
+    let want = format!(
+        "#version 460\nconst uint SIDE = 3u;\nvoid main(){{ precise float s = 0.0; {{ {}{}}} }}",
+        inner(1),
+        inner(2)
+    );
+    assert_eq!(found, want);
+    // What need not, cannot, or must not be written out stays.
+    let imprecise = shader.replace("precise", "");
+    assert_eq!(unroll::rewrite(&imprecise), imprecise);
+    for left in [
+        shader.replace("s += f(x[j], k);", "{ if (s > 1.0) break; }").replace("[[unroll]] for", "for"),
+        shader.replace("const uint SIDE", "layout(constant_id = 0)const uint SIDE").replace("[[unroll]] for", "for"),
+        shader.replace("++ j", "j += 2u").replace("[[unroll]] for", "for"),
+    ] {
+        assert_eq!(unroll::rewrite(&left), left);
+    }
 }

@@ -1,5 +1,8 @@
 //! Portability rules that can be read off the shaders: their sources, and the header and capabilities of their SPIR-V.
 
+#[path = "shader_sources/decisions.rs"]
+mod decisions;
+
 use std::fs;
 use std::path::Path;
 
