@@ -20,6 +20,35 @@ fn watched(check_hazards: bool) -> Option<Gpu> {
     }
 }
 
+#[test]
+fn gpu_assisted_layer_reports_an_address_past_a_buffer() {
+    let options = OpenOptions {
+        validation: Validation::GpuAssisted,
+        addresses: Some(true),
+        canaries: false,
+        ..OpenOptions::from_env()
+    };
+    let gpu = match Gpu::open(&options) {
+        Ok(gpu) => gpu,
+        Err(Error::NoVulkan(why)) => return println!("skipped: no Vulkan driver: {why}"),
+        Err(error) => panic!("{error}"),
+    };
+    let fill = gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();
+    let buffer = gpu.buffer("a hundred words", 4 * 100, Memory::Device).unwrap();
+    let run = |count: u32| {
+        let mut rec = gpu.recorder("words").unwrap();
+        rec.dispatch(&fill, &[&buffer], &fill::Push { count, value: 7 }, Groups::Items(u64::from(count))).unwrap();
+        gpu.wait(rec.submit().unwrap()).unwrap();
+    };
+    run(100);
+    common::assert_no_messages(&gpu);
+    assert_eq!(gpu.read::<u32>(&buffer).unwrap(), [7; 100]);
+    // A shader that believes the buffer to be three words longer.
+    run(103);
+    let messages = gpu.validation_messages();
+    assert!(messages.iter().any(|m| m.contains("address out of bounds")), "{messages:?}");
+}
+
 /// Writes a buffer in one dispatch and reads it in the next, which declares it `readonly`.
 fn write_then_read(gpu: &Gpu) -> Recorder {
     let source = gpu.buffer("source", 4 * 128, Memory::Device).unwrap();

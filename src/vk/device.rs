@@ -53,7 +53,7 @@ pub(super) struct Device {
     /// Numbers of buffers that were destroyed since the recorder last looked.
     pub(super) freed: Mutex<Vec<u64>>,
     messenger: Option<Messenger>,
-    owned: bool,
+    pub(super) owned: bool,
     next_buffer: AtomicU64,
     _entry: ash::Entry,
 }
@@ -221,7 +221,12 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     }
     // SAFETY: a global command.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
-    let watched = validation == Validation::CoreAndSync;
+    let enables = match validation {
+        Validation::Off => None,
+        Validation::CoreAndSync => Some([vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION]),
+        Validation::GpuAssisted => Some([vk::ValidationFeatureEnableEXT::GPU_ASSISTED]),
+    };
+    let watched = enables.is_some();
     if watched && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
         return Err(Error::MissingLayer { layer: "VK_LAYER_KHRONOS_validation" });
     }
@@ -235,7 +240,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     let extension_names: Vec<*const c_char> =
         if has_debug || watched { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { Vec::new() };
     let app = vk::ApplicationInfo::default().application_name(c"psrgs-vk").api_version(vk::API_VERSION_1_3);
-    let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let enables = enables.unwrap_or_default();
     let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
     let mut listen = messages.create_info();
     let mut info = vk::InstanceCreateInfo::default()

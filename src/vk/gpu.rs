@@ -17,7 +17,7 @@ use super::hazard::HazardChecker;
 use super::host_commands::Done;
 use super::kernel::Kernel;
 use super::memory::{Memory, MemoryUse};
-use super::options::OpenOptions;
+use super::options::{OpenOptions, Validation};
 use super::order::SubmitOrder;
 use super::pipeline::{Pipeline, constants};
 use super::profile::{PassTime, Stats};
@@ -40,6 +40,8 @@ struct GpuInner {
     cache_grown: AtomicBool,
     /// Whether the device is to look lost.
     lost: AtomicBool,
+    /// Where every submit is waited for: the last ticket that was. See [`Validation::GpuAssisted`].
+    waited: Option<AtomicU64>,
 }
 
 /// An open device with its queue. Cheap to clone; everything runs in order of submission.
@@ -75,6 +77,7 @@ impl Gpu {
             cache_file: options.pipeline_cache.as_deref().map(|folder| cache::file(folder, device.caps.cache_id)),
             cache_grown: AtomicBool::new(false),
             lost: AtomicBool::new(false),
+            waited: (device.owned && options.validation == Validation::GpuAssisted).then(AtomicU64::default),
             device,
         };
         let data = inner.cache_file.as_deref().map(cache::load).unwrap_or_default();
@@ -274,6 +277,7 @@ impl Gpu {
             let mut state = lock(&self.inner.state);
             let there = self.inner.there().named("vkQueueSubmit2");
             let done = there.and_then(|()| state.submit(&self.inner.device, self.inner.timeline, recorder, order));
+            let done = done.and_then(|()| self.inner.wait_for_queue(state.last));
             done.map(|()| Ticket(state.last))
         };
         result.map_err(|error| self.explain(error))
@@ -363,6 +367,9 @@ impl GpuInner {
 
     fn completed(&self) -> Result<u64> {
         self.there().named("vkGetSemaphoreCounterValue")?;
+        if let Some(waited) = &self.waited {
+            return Ok(waited.load(Ordering::Acquire));
+        }
         // SAFETY: the semaphore lives as long as `self`.
         unsafe { self.device.raw.get_semaphore_counter_value(self.timeline) }.named("vkGetSemaphoreCounterValue")
     }
@@ -372,7 +379,20 @@ impl GpuInner {
         self.wait_really(ticket)
     }
 
+    /// Waits for all of the queue, where that is done after every submit.
+    fn wait_for_queue(&self, ticket: u64) -> Result<()> {
+        if let Some(waited) = &self.waited {
+            // SAFETY: the caller holds the lock on the state, and with it the queue; no host shares a device that we opened.
+            unsafe { self.device.raw.queue_wait_idle(self.device.queue) }.named("vkQueueWaitIdle")?;
+            waited.store(ticket, Ordering::Release);
+        }
+        Ok(())
+    }
+
     fn wait_really(&self, ticket: u64) -> Result<()> {
+        if self.waited.as_ref().is_some_and(|waited| waited.load(Ordering::Acquire) >= ticket) {
+            return Ok(());
+        }
         let (semaphores, values) = ([self.timeline], [ticket]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: as above.

@@ -10,6 +10,10 @@ pub enum Validation {
     Off,
     /// Core and synchronization validation; [`crate::vk::Error::MissingLayer`] where the layer is not installed.
     CoreAndSync,
+    /// GPU-assisted validation: every address that a shader of the form by address uses is checked on the device against the buffers
+    /// that there are. The host waits for every submit: the layer (up to 1.3.250) does not follow timelines in this mode and
+    /// would let each look at one wait for ten seconds.
+    GpuAssisted,
 }
 
 /// How floats are added atomically.
@@ -77,7 +81,7 @@ impl Default for OpenOptions {
 
 impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
-    /// `PSRGS_VALIDATION=1`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
+    /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
     /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
     /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
     /// `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
@@ -87,7 +91,11 @@ impl OpenOptions {
         let base = OpenOptions::default();
         OpenOptions {
             device: get("PSRGS_DEVICE"),
-            validation: if flag("PSRGS_VALIDATION", false) { Validation::CoreAndSync } else { Validation::Off },
+            validation: match get("PSRGS_VALIDATION").as_deref() {
+                None | Some("0") => Validation::Off,
+                Some("gpu") => Validation::GpuAssisted,
+                Some(_) => Validation::CoreAndSync,
+            },
             canaries: flag("PSRGS_CANARIES", base.canaries),
             breadcrumbs: flag("PSRGS_BREADCRUMBS", false),
             float_atomics: get("PSRGS_FLOAT_ATOMICS").and_then(|value| match value.as_str() {
