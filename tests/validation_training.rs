@@ -131,26 +131,6 @@ fn every_form_trains_without_a_message() {
     }
 }
 
-/// Every address that a training uses lies in a buffer: GPU-assisted validation, which on a software device checks addresses alone. Its
-/// shaders are many times slower.
-#[test]
-fn no_address_of_a_training_leaves_its_buffer() {
-    let watched = |options: &mut OpenOptions| {
-        options.validation = Validation::GpuAssisted;
-        options.addresses = Some(true);
-        options.canaries = false;
-    };
-    let Some(gpu) = common::gpu_with(watched) else { return };
-    let input = plane_scene::input(3, 40, 30, 60);
-    let mut settings = short();
-    settings.optimiser.exposure = Exposure::Affine;
-    let mut seen = Seen::default();
-    let end = train(&gpu, &input, &settings, None, None, &mut seen);
-    assert_eq!((end.step, gpu.stats().by_address > 100), (6, true), "{:?}", gpu.stats());
-    common::assert_no_messages(&gpu);
-    assert!(seen.grown.contains(&"pairs") && seen.changed > 0, "{seen:?}");
-}
-
 #[test]
 fn checker_misses_every_barrier_of_every_event() {
     let Some(gpu) = common::gpu_with(watch) else { return };

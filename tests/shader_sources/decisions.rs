@@ -7,6 +7,9 @@ use psrgs_vk::pass;
 use rspirv::dr::{Instruction, Module, Operand, load_bytes};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 
+/// The kernels that count the tiles that a splat touches.
+const PROJECTIONS: [&str; 2] = ["project", "project_half"];
+
 fn id(operand: &Operand) -> u32 {
     match operand {
         Operand::IdRef(id) => *id,
@@ -271,7 +274,7 @@ impl Flow<'_> {
 #[test]
 fn what_decides_is_not_contracted() {
     let (mut wrong, mut seen) = (Vec::new(), 0);
-    let deciding = |name: &str| name.starts_with("blend_") || name.starts_with("emit") || name == "project";
+    let deciding = |name: &str| name.starts_with("blend_") || name.starts_with("emit") || PROJECTIONS.contains(&name);
     for kernel in pass::ALL.iter().map(|pass| &pass.kernel).filter(|kernel| deciding(kernel.name)) {
         let texels = kernel.spirv.texels.map(|texels| texels.spirv);
         let forms = [Some(kernel.spirv.descriptors), kernel.spirv.addresses, texels];
@@ -281,7 +284,7 @@ fn what_decides_is_not_contracted() {
             let flow = Flow::new(&module);
             let mut decides = HashMap::new();
             // The projection's own comparisons are not asked again by another kernel.
-            for value in flow.decisions(kernel.name != "project") {
+            for value in flow.decisions(!PROJECTIONS.contains(&kernel.name)) {
                 decides.extend(flow.behind(value).into_iter().map(|i| (i.result_id, i)));
             }
             // Sums of products, of which the exponent's two squares or the ends of a tile's row are some.
