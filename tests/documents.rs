@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use psrgs_vk::dataset::{Format, Warning};
+
 /// Names of the test functions under `folder`, and of the cases of the twin tests.
 fn tests_under(folder: &Path, found: &mut Vec<String>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -96,5 +98,48 @@ fn what_the_embedding_guide_quotes_is_in_the_examples() {
     assert!(quotes >= 8, "{quotes} quotes");
     for example in ["examples/embed.rs", "examples/view_while_training.rs"] {
         assert!(document.contains(&format!("<!-- {example}: ")), "nothing of {example} is quoted");
+    }
+}
+
+/// Whether a message is what the guide quotes of it, `...` standing for what differs.
+fn is_quoted(message: &str, quote: &str) -> bool {
+    let mut rest = message;
+    quote.split("...").all(|part| match rest.find(part.trim()) {
+        Some(at) => {
+            rest = &rest[at + part.trim().len()..];
+            true
+        }
+        None => false,
+    })
+}
+
+#[test]
+fn the_guide_says_what_each_warning_of_a_dataset_means() {
+    use Warning::*;
+    let all = [
+        CamerasAtOnePlace { cameras: 3, extent: 2.5 },
+        AllMasked { name: "a.jpg".into() },
+        BrighterThanWhite { photographs: 2, pixels: 70 },
+        SeveralFormats { used: Format::Colmap, others: vec![Format::Nerfstudio] },
+        OtherParts { used: 9, parts: 2, shots: 3 },
+        NoMaskMatches { folder: "masks".into() },
+        NothingHeldOut { views: 1 },
+        NoPoints { file: None },
+        PhotographsWithoutPose { photographs: 4 },
+    ];
+    let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/GUIDE.md")).unwrap();
+    let rows = guide.lines().skip_while(|line| !line.starts_with("| message or sight")).skip(2);
+    let cells: Vec<&str> = rows.filter_map(|line| line.strip_prefix("| ")?.split(" | ").next()).collect();
+    let quotes: Vec<&str> = cells.iter().flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+    assert!(quotes.len() > 20 && !quotes.iter().any(|quote| is_quoted("nothing of the kind", quote)));
+    for warning in all {
+        // Another kind of warning has to be added above, too.
+        match &warning {
+            CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
+            OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } => {}
+            PhotographsWithoutPose { .. } => {}
+        }
+        let message = warning.to_string();
+        assert!(quotes.iter().any(|quote| is_quoted(&message, quote)), "the guide has no row for: {message}");
     }
 }

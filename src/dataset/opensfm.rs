@@ -22,6 +22,9 @@ pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
     places.into_iter().find(|file| file.is_file())
 }
 
+/// What OpenSfM writes where no photograph says where it was taken.
+const NOWHERE: Reference = Reference { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
+
 #[derive(Deserialize)]
 struct Reconstruction {
     cameras: BTreeMap<String, CameraEntry>,
@@ -114,7 +117,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         tracks: Tracks::default(),
         points_file: Some(path),
         images: None,
-        reference: part.reference_lla,
+        reference: part.reference_lla.filter(|at| *at != NOWHERE),
         warnings,
     })
 }

@@ -305,6 +305,11 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
         let lens = load(root.path()).expect("loads").views[0].lens.expect("a lens");
         assert_eq!((lens.focal, lens.center, lens.distortion), ([24.0 * focal; 2], [12.0, 8.0], distortion));
     }
+    // Photographs that do not say where they were taken.
+    assert!(load(root.path()).expect("loads").reference.is_some());
+    value[0]["reference_lla"] = json!({"latitude": 0.0, "longitude": 0.0, "altitude": 0.0});
+    write_json(&file, &value);
+    assert_eq!(load(root.path()).expect("loads").reference, None);
     // A second part without a common frame.
     let mut part = reconstruction(&folder)[0].clone();
     part["shots"].as_object_mut().expect("shots").remove("a.png");
