@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use psrgs_vk::dataset::{Format, Warning};
 
@@ -141,5 +142,55 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         }
         let message = warning.to_string();
         assert!(quotes.iter().any(|quote| is_quoted(&message, quote)), "the guide has no row for: {message}");
+    }
+}
+
+/// What a command says of itself; of the program without one.
+fn help(command: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(command).arg("--help").output().unwrap();
+    assert!(output.status.success(), "{command:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn options_that_the_documents_name_exist() {
+    let all = help(&[]);
+    let commands: Vec<&str> = all
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| line.starts_with("  "))
+        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty()))
+        .collect();
+    assert!(commands.len() >= 13 && commands.contains(&"train"), "{commands:?}");
+    let helps: String = commands.iter().filter(|name| **name != "help").map(|name| help(&[name])).collect();
+    // A word of this kind, up to what cannot be a part of it.
+    let option = |text: &str| -> Option<String> {
+        let name: String =
+            text.chars().take_while(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || *c == '-').collect();
+        name.starts_with(|c: char| c.is_ascii_lowercase()).then_some(name)
+    };
+    let names = |text: &str| -> Vec<String> { text.split("--").skip(1).filter_map(option).collect() };
+    let known = names(&helps);
+    let mut named = 0;
+    for document in ["README.md", "docs/GUIDE.md", "docs/WORLD.md"] {
+        let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(document)).unwrap();
+        // Between backticks in the text; in blocks of code on lines that call this program.
+        for (k, part) in text.split("```").enumerate() {
+            let spans: Vec<&str> = if k % 2 == 0 {
+                part.split('`').skip(1).step_by(2).filter(|span| !span.starts_with("cargo")).collect()
+            } else {
+                part.lines().filter(|line| line.contains("psrgs-vk ") && !line.starts_with("docker")).collect()
+            };
+            for name in spans.into_iter().flat_map(names) {
+                named += 1;
+                assert!(known.contains(&name), "{document}: no command has --{name}");
+            }
+        }
+    }
+    assert!(named > 150, "{named} options found in the documents");
+    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    for command in commands.iter().filter(|name| **name != "help") {
+        assert!(readme.contains(&format!("| `{command}")), "README.md has no row for {command}");
     }
 }

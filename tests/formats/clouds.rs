@@ -3,6 +3,7 @@
 use std::fs;
 
 use psrgs_vk::format::ply::{self, Cloud, Content, Model, read_content};
+use psrgs_vk::train::cloud;
 
 use super::splats;
 
@@ -20,6 +21,34 @@ fn clouds_come_back_bit_for_bit() {
     }
     let wrong = Cloud { positions, normals: vec![[0.0; 3]], colors };
     assert!(wrong.write(&file).expect_err("does not fit").to_string().contains("1 normals"));
+}
+
+/// LAS keeps integers: in steps of a millimetre from an offset near the site, or of a centimetre from the grid's origin.
+#[test]
+fn scans_in_a_national_grid_keep_their_coordinates() {
+    use las::{Builder, Point, Transform, Vector, Writer};
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scan.las");
+    let positions: Vec<[f64; 3]> = (0..50)
+        .map(|k| f64::from(k))
+        .map(|k| [500_000.0 + 0.37 * k, 4_600_000.0 - 1.13 * k, 100.0 + 0.02 * k])
+        .collect();
+    for (scale, offset) in [(1e-3, [5e5, 4.6e6, 0.0]), (1e-2, [0.0; 3])] {
+        let mut header = Builder::from((1, 2));
+        let [x, y, z] = offset.map(|offset| Transform { scale, offset });
+        header.transforms = Vector { x, y, z };
+        let mut writer = Writer::from_path(&file, header.into_header().expect("a header")).expect("a file");
+        for [x, y, z] in &positions {
+            writer.write_point(Point { x: *x, y: *y, z: *z, ..Point::default() }).expect("written");
+        }
+        writer.close().expect("closed");
+        let read = cloud::read(&file).expect("read");
+        assert_eq!(read.len(), positions.len());
+        // The scan is 50 m wide: a millionth of it is 0.05 mm.
+        for (got, want) in read.iter().flatten().zip(positions.iter().flatten()) {
+            assert!((got - want).abs() < 5e-5, "{got} instead of {want}");
+        }
+    }
 }
 
 /// As other programs write them: text, any order, no colours, an offset in a comment.
