@@ -2,7 +2,7 @@
 
 use super::super::Error;
 use super::pictures::{approximations, form_name, milliseconds};
-use super::{Reference, Setting, Table};
+use super::{AGAIN, Reference, Setting, Table};
 use crate::pass::counters;
 use crate::raster::{
     self, Approximation, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer,
@@ -18,6 +18,8 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
     let deterministic = Variants::choose(gpu, true);
     // Without culling is another form of the same results, which the table of pictures has.
     let mut forms = Variants::possible(gpu);
+    let again = forms.len();
+    forms.push(default);
     forms.extend(approximations().map(|(_, approximation)| Variants { approximation, ..default }));
     let mut runs = Vec::new();
     for form in &forms {
@@ -47,12 +49,13 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
         columns: vec!["1 - cosine".into()],
         settings: Vec::new(),
     };
-    for ((form, times), (error, cosine)) in forms.iter().zip(times).zip(errors) {
+    for (k, ((form, times), (error, cosine))) in forms.iter().zip(times).zip(errors).enumerate() {
         let mut name = match form.approximation {
+            _ if k == again => AGAIN.to_owned(),
             Approximation::NONE => form.to_string(),
             other => form_name(other),
         };
-        if *form == deterministic {
+        if *form == deterministic && k != again {
             name += " (deterministic)";
         }
         table.settings.push(Setting {
@@ -61,7 +64,7 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
                 .into_iter()
                 .find(|(_, approximation)| *approximation == form.approximation)
                 .map_or_else(|| options(*form), |(options, _)| options.to_owned()),
-            default: *form == default,
+            default: *form == default && k != again,
             time: super::least(times),
             error: Some(error),
             more: vec![cosine],

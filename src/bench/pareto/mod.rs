@@ -19,8 +19,10 @@ pub use trainings::{Scored, TrainingKnob, training_knobs, trainings};
 
 use serde::Serialize;
 
-/// Times that differ by less than this share are taken for the same.
+/// Times that differ by less than this share are taken for the same, and by less than those of the default and its repetition.
 const SAME_TIME: f64 = 0.05;
+/// What the repetition of the default is called.
+const AGAIN: &str = "default, again";
 
 /// One way to do a piece of work.
 #[derive(Clone, Debug, Serialize)]
@@ -59,11 +61,13 @@ pub struct Table {
 }
 
 impl Table {
-    /// Marks what another setting dominates. Times within 5 % of each other and errors within [`Self::same_error`] count as the same.
+    /// Marks what another setting dominates. Times within 5 % of each other, or within what the default and its repetition differ by, and
+    /// errors within [`Self::same_error`] count as the same.
     pub fn mark(&mut self) {
         let (share, least) = self.same_error;
-        let as_fast = |a: &Setting, b: &Setting| a.time <= b.time * (1.0 + SAME_TIME);
-        let faster = |a: &Setting, b: &Setting| a.time * (1.0 + SAME_TIME) < b.time;
+        let noise = 1.0 + self.noise().max(SAME_TIME);
+        let as_fast = |a: &Setting, b: &Setting| a.time <= b.time * noise;
+        let faster = |a: &Setting, b: &Setting| a.time * noise < b.time;
         let slack = |a: f64, b: f64| (share * a.abs().min(b.abs())).max(least);
         let as_right =
             |a: &Setting, b: &Setting| matches!((a.error, b.error), (Some(a), Some(b)) if a <= b + slack(a, b));
@@ -72,6 +76,16 @@ impl Table {
         let better = |a: &Setting, b: &Setting| as_fast(a, b) && as_right(a, b) && (faster(a, b) || more_right(a, b));
         let dominated: Vec<bool> = self.settings.iter().map(|b| self.settings.iter().any(|a| better(a, b))).collect();
         self.settings.iter_mut().zip(dominated).for_each(|(setting, d)| setting.dominated = d);
+    }
+
+    /// By which share the times of the default and its repetition differ.
+    fn noise(&self) -> f64 {
+        let default = self.settings.iter().find(|s| s.default);
+        let again = self.settings.iter().find(|s| s.name == AGAIN);
+        match (default, again) {
+            (Some(a), Some(b)) => a.time.max(b.time) / a.time.min(b.time) - 1.0,
+            _ => 0.0,
+        }
     }
 
     /// The default, where it is dominated.
@@ -123,6 +137,20 @@ mod tests {
     #[test]
     fn what_is_the_same_within_noise_dominates_nothing() {
         assert_eq!(dominated(&[(1.0, 1.0), (1.02, 1.05), (0.98, 1.09)]), [false; 3]);
+    }
+
+    #[test]
+    fn what_differs_by_less_than_two_runs_of_the_default_is_the_same() {
+        let mut table = table(&[(1.0, 1.0), (1.2, 1.0), (0.85, 1.0), (0.7, 1.0)]);
+        table.settings[0].default = true;
+        table.settings[1].name = super::AGAIN.into();
+        table.mark();
+        let dominated: Vec<bool> = table.settings.iter().map(|s| s.dominated).collect();
+        assert_eq!(
+            dominated,
+            [true, true, true, false],
+            "a fifth is noise: 0.7 is faster than all, 0.85 is not faster than 1"
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Single pictures: time on the device against the error of colours.
 
 use super::super::Error;
-use super::{Reference, Setting, Table};
+use super::{AGAIN, Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
 use crate::raster::{
     Approximation, Culling, Exponential, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer,
@@ -83,6 +83,7 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
     for degree in 0..sh_degree {
         all.push(Form { sh_degree: degree, ..plain(format!("spherical harmonics to degree {degree}"), variants) });
     }
+    all.push(plain(AGAIN.into(), variants));
     all
 }
 

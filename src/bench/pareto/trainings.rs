@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::super::Error;
-use super::{Setting, Table};
+use super::{AGAIN, Setting, Table};
 use crate::raster::{Exponential, GradientSum, TileShape};
 use crate::scene::Gaussians;
 use crate::train::settings::{Growth, Shortcuts};
@@ -131,7 +131,7 @@ pub fn trainings(
     mut input: impl FnMut(&Settings) -> Result<Input, Error>,
     mut tell: impl FnMut(&str, &Scored),
 ) -> Result<(Table, Vec<Scored>), Error> {
-    let again = knobs.first().map(|knob| TrainingKnob { name: "default, again", ..knob.clone() });
+    let again = knobs.first().map(|knob| TrainingKnob { name: AGAIN, ..knob.clone() });
     let mut running = Vec::new();
     for knob in knobs.iter().chain(&again) {
         let mut changed = settings.clone();
