@@ -14,6 +14,7 @@
 #include "blocks.glsl"
 #endif
 
+layout(constant_id = 5) const uint WEIGHTS = 0u;  // 1: keep the largest weight of every splat in any pixel
 layout(constant_id = 21) const float TRANSMITTANCE_MIN = 1e-4;
 
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
@@ -24,6 +25,7 @@ layout(set = 0, binding = 4) writeonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 5) writeonly buffer Aux { vec4 aux_image[]; };
 layout(set = 0, binding = 6) writeonly buffer Last { uint last_places[]; };
 layout(set = 0, binding = 7) buffer PairCounts { uint pair_counts[]; };
+layout(set = 0, binding = 8) buffer Weights { uint weights[]; };
 
 Splat load_splat(uint i) {
     const vec4 p = LOAD4(splat2d, 3u * i);
@@ -44,8 +46,8 @@ struct Pixel {
 uint evaluated = 0u;
 uint blended = 0u;
 
-// Branch-free: a stopped pixel and a skipped splat both give a weight of 0.
-void blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
+// The weight. Branch-free: a stopped pixel and a skipped splat both give 0.
+float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
     const float alpha = min(unclamped_alpha(exponent(conic_roots(along, s.q, s.r, dy)), s.opacity), ALPHA_MAX);
     const float next = behind(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
@@ -58,6 +60,13 @@ void blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
         blended += weight > 0.0 ? 1u : 0u;
     }
     pixel.transmittance = goes_on ? next : -abs(pixel.transmittance);
+    return weight;
+}
+
+// Weights are positive, so their bits are ordered as they are. What is there already is looked at first: most weights are no news.
+void keep_weight(uint splat, float weight) {
+    const uint bits = floatBitsToUint(weight);
+    if (bits > weights[splat]) atomicMax(weights[splat], bits);
 }
 
 void store(Pixel pixel, uvec2 at) {
@@ -104,9 +113,13 @@ void main() {
                 const float dx = center.x - s.x;
                 precise float along = s.p * dx;
                 precise float dy0 = center.y - s.y;
+                float weight = 0.0;
                 [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                     precise float dy = dy0 + float(j);
-                    blend(pixels[j], s, along, dy, base - range.x + k + 1u);
+                    weight = max(weight, blend(pixels[j], s, along, dy, base - range.x + k + 1u));
+                }
+                if (WEIGHTS != 0u) {
+                    if (weight > 0.0) keep_weight(sorted_splats[base + k], weight);
                 }
             }
         }
@@ -127,10 +140,13 @@ void main() {
 shared Splat batch[BATCH];
 shared uint going_on;
 
-void take(inout Pixel pixel, Splat s, vec2 center, uint place) {
+void take(inout Pixel pixel, Splat s, vec2 center, uint place, uint list) {
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
-    blend(pixel, s, along, center.y - s.y, place);
+    const float weight = blend(pixel, s, along, center.y - s.y, place);
+    if (WEIGHTS != 0u) {
+        if (weight > 0.0) keep_weight(sorted_splats[list + place - 1u], weight);
+    }
 }
 
 void main() {
@@ -159,7 +175,7 @@ void main() {
         if (BLOCK == 0u) {
             for (uint k = 0u; k < n; ++k) {
                 if (pixel.transmittance <= 0.0) break;
-                take(pixel, batch[k], center, first + k);
+                take(pixel, batch[k], center, first + k, range.x);
             }
         } else {
             for (uint k0 = 0u; k0 < n; k0 += 32u) {
@@ -167,7 +183,7 @@ void main() {
                 for (uint bits = touched_word(rank, k0 / 32u); bits > 0u; bits -= bits & (~bits + 1u)) {
                     if (pixel.transmittance <= 0.0) break;
                     const uint k = k0 + uint(findLSB(bits));
-                    take(pixel, batch[k], center, first + k);
+                    take(pixel, batch[k], center, first + k, range.x);
                 }
             }
         }

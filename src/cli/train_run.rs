@@ -268,6 +268,9 @@ fn follow(
                 "step {step}: depths of {:.1} % of a photograph propagated, {added} splats added: {splats} splats",
                 100.0 * share
             )),
+            Message::Pruned { step, dropped, splats } => {
+                progress.detail(format_args!("step {step}: {dropped} splats of little weight dropped: {splats} splats"))
+            }
             Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
             Message::Grown { what, capacity, replay_from } => {
                 progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));

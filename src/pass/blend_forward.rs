@@ -37,7 +37,11 @@ pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 }
 /// 0: no test. PIXEL shape only, and backward where subgroups add up for themselves; results are the same bits either way.
 pub(super) const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
 
-/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT; they are bound all the same.
+/// Keep the largest weight of every splat in any pixel, in `weights` (0 or 1).
+const WEIGHTS: Constant = Constant { id: 5, name: "WEIGHTS", default: 0 };
+
+/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT, `weights` (floats as bits, not below what they
+/// were) not unless WEIGHTS; they are bound all the same.
 const BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),
@@ -47,6 +51,7 @@ const BINDINGS: &[Binding] = &[
     write("aux"),
     write("last"),
     read_write("pair_counts"),
+    read_write("weights"),
 ];
 
 const fn pass(
@@ -61,7 +66,7 @@ const fn pass(
             spirv: module(name),
             bindings: BINDINGS,
             push_bytes: Push::BYTES,
-            constants: &[AUX, COUNT, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
+            constants: &[AUX, COUNT, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
             local_size: Some(local_size),
         },
         doc,
@@ -78,12 +83,12 @@ const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads own
 pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC, crate::twin::blend_forward::run_column);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
 pub const COLUMN_EMULATED: Pass = with(
-    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
+    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
     pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column),
 );
 /// For devices with wide subgroups and shared memory of their own.
 pub const PIXEL: Pass = with(
-    &[AUX, COUNT, BLOCK, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
+    &[AUX, COUNT, BLOCK, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
     pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel),
 );
 

@@ -86,6 +86,8 @@ pub struct Renderer {
     pub tile_counts: Buffer,
     normals: Buffer,
     pair_counts: Buffer,
+    /// Stands for the largest weights of splats where these are not asked for.
+    no_weights: Buffer,
     lists: TileLists,
     /// See [`Layout`]; the gradients of the projected splats begin it.
     early: Buffer,
@@ -143,6 +145,7 @@ impl Renderer {
             tile_counts: gpu.buffer("tile_counts", 4 * n, Memory::Device)?,
             normals: gpu.buffer("normals", if size.aux { 16 * n } else { 16 }, Memory::Device)?,
             pair_counts: gpu.buffer("pair_counts", 16, Memory::Device)?,
+            no_weights: gpu.buffer("no_weights", 16, Memory::Device)?,
             lists,
             early,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
@@ -224,6 +227,24 @@ impl Renderer {
         self.record_forward_of(recorder, model, shot, target, aux, None)
     }
 
+    /// Renders `model` into `target`, and raises `weights` (a float for each splat) to the largest weight, alpha times transmittance, that
+    /// a splat has in any pixel.
+    pub fn record_weights(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        shot: &Shot,
+        target: &Target,
+        weights: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let chosen = kernels::blend_forward(&self.gpu, self.variants);
+        let mut switches = vec![("AUX", 0), ("WEIGHTS", 1)];
+        switches.extend(chosen.constants);
+        let blend = self.gpu.pipeline(&chosen.pass.kernel, &switches)?;
+        self.record_lists(recorder, model, shot, &self.color, None)
+            .and_then(|lists| self.record_blend(recorder, &blend, &lists, shot, target, weights))
+    }
+
     /// The same of the constrained set alone, where the model's identities are given: of those below the bound that stands in
     /// [`counters::CONSTRAINED`].
     pub fn record_forward_of(
@@ -236,6 +257,20 @@ impl Renderer {
         constrained: Option<&Buffer>,
     ) -> Result<Lists<'_>, vk::Error> {
         let channels = if aux && self.with_aux { &self.all } else { &self.color };
+        let lists = self.record_lists(recorder, model, shot, channels, constrained)?;
+        self.record_blend(recorder, &channels.blend, &lists, shot, target, &self.no_weights)?;
+        Ok(lists)
+    }
+
+    /// Projects `model` and lists its splats by tile.
+    fn record_lists(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        shot: &Shot,
+        channels: &Channels,
+        constrained: Option<&Buffer>,
+    ) -> Result<Lists<'_>, vk::Error> {
         let (width, height) = (shot.camera.width, shot.camera.height);
         self.record_plan(recorder)?;
         let push = CameraPush::new(&shot.camera, &shot.projection);
@@ -263,14 +298,30 @@ impl Renderer {
             first_entry: entry::TILES,
             entries: ENTRIES,
         };
-        let lists = self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))?;
+        self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))
+    }
 
-        let push = shot.blend_push();
-        let [splat2d, normals, image, aux, last, counted] =
-            slices([&self.splat2d, &self.normals, &target.image, &target.aux, &target.last, &self.pair_counts]);
-        let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted];
-        recorder.dispatch(&channels.blend, &buffers, &push, Groups::Workgroups(self.tiles(width, height)))?;
-        Ok(lists)
+    fn record_blend(
+        &self,
+        recorder: &mut Recorder,
+        blend: &Pipeline,
+        lists: &Lists<'_>,
+        shot: &Shot,
+        target: &Target,
+        weights: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        let [splat2d, normals, image, aux, last, counted, weights] = slices([
+            &self.splat2d,
+            &self.normals,
+            &target.image,
+            &target.aux,
+            &target.last,
+            &self.pair_counts,
+            weights,
+        ]);
+        let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted, weights];
+        recorder.dispatch(blend, &buffers, &shot.blend_push(), Groups::Workgroups(self.tiles(width, height)))
     }
 
     fn tiles(&self, width: u32, height: u32) -> u64 {
@@ -295,7 +346,7 @@ impl Renderer {
             splats: self.splat2d.size() + self.tile_counts.size() + self.normals.size() + of_normals + of_splats,
             pairs: self.early.size() - of_splats,
             slot_pairs: slots,
-            fixed: self.counters.size() + self.args.size() + self.pair_counts.size(),
+            fixed: self.counters.size() + self.args.size() + self.pair_counts.size() + self.no_weights.size(),
             ..Held::default()
         };
         own + self.lists.held()

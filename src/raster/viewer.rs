@@ -163,6 +163,27 @@ impl Viewer {
         recorder.submit_with(order)
     }
 
+    /// Raises `weights` (a float for each splat, as many as `splats`) to the largest weight, alpha times transmittance, that a splat has in
+    /// any pixel of a picture. Waits.
+    pub fn weigh(&mut self, model: &Planes, splats: u32, shot: &Shot, weights: &Buffer) -> Result<(), vk::Error> {
+        let (width, height) = (shot.camera.width, shot.camera.height);
+        loop {
+            self.reserve(splats, width, height)?;
+            let mut recorder = self.gpu.recorder("weights")?;
+            let (renderer, target) = self.ready(width * height)?;
+            let mut words = [0u32; counters::COUNT];
+            words[counters::SPLATS] = splats;
+            recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
+            renderer.record_weights(&mut recorder, model, shot, target, weights)?;
+            let counters = renderer.counters.clone();
+            recorder.submit()?;
+            let words: Vec<u32> = self.gpu.read_at(&counters, 0, counters::COUNT)?;
+            if !self.make_room(&words) {
+                return Ok(());
+            }
+        }
+    }
+
     fn record_drawn(
         &mut self,
         recorder: &mut Recorder,

@@ -3,6 +3,7 @@
 mod changes;
 mod growth;
 mod propagate;
+mod prune;
 mod step;
 mod streaming;
 mod transfer;

@@ -29,7 +29,9 @@ impl History {
                     self.splats.push((*step, *splats));
                 }
             }
-            Message::Density { step, splats, .. } | Message::Propagated { step, splats, .. } => {
+            Message::Density { step, splats, .. }
+            | Message::Propagated { step, splats, .. }
+            | Message::Pruned { step, splats, .. } => {
                 self.splats.push((*step, *splats));
             }
             Message::Evaluated { step, quality, seconds, .. } => {

@@ -52,6 +52,15 @@ pub enum Message {
         /// Splats after that.
         splats: u32,
     },
+    /// Splats of little weight were dropped before a step.
+    Pruned {
+        /// Step.
+        step: u32,
+        /// How many.
+        dropped: u32,
+        /// Splats after that.
+        splats: u32,
+    },
     /// Opacities were clamped.
     OpacityReset {
         /// Step.

@@ -15,6 +15,8 @@ const REFERENCE_ITERATIONS: f64 = 30_000.0;
 /// Scaled schedules: opacities are reset at most this often, and need [`RESET_RECOVERY`] steps of growth after it.
 const SHORTEST_RESET_INTERVAL: u32 = 500;
 const RESET_RECOVERY: u32 = 300;
+/// Splats of little weight are dropped a second time after this share of the steps.
+const PRUNE_AGAIN: f64 = 0.8;
 
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,6 +136,9 @@ pub struct Schedule {
     sigma: Every,
     sigma_from: u32,
     propagations: Propagations,
+    /// Splats below this weight are dropped before these steps.
+    prune_weight: f64,
+    prune_before: [u32; 2],
     sh_degree: u32,
     sh_every: u32,
     densify: bool,
@@ -203,6 +208,8 @@ impl Schedule {
                 _ => 0,
             },
             propagations: Propagations::default(),
+            prune_weight: density.prune_weight,
+            prune_before: [densify_until, (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1],
             sh_degree: settings.model.sh_degree,
             sh_every,
             densify: !run.no_densify,
@@ -227,6 +234,13 @@ impl Schedule {
     /// Whether depths are propagated before a step, and the ratio from which on splats are added.
     pub fn propagates(&self, t: u32) -> Option<f64> {
         self.propagations.at(t)
+    }
+
+    /// Whether splats of little weight are dropped before a step, and the weight: when growth has come to its end, and once more when
+    /// what was left has settled.
+    pub fn prunes(&self, t: u32) -> Option<f64> {
+        let due = self.densify && t >= self.densify_until && t <= self.iterations && self.prune_before.contains(&t);
+        (due && self.prune_weight > 0.0).then_some(self.prune_weight)
     }
 
     /// What step `t` does.

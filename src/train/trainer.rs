@@ -67,6 +67,8 @@ pub struct Trainer {
     attended: u32,
     /// Depths have been propagated up to this step.
     propagated: u32,
+    /// Splats of little weight have been dropped up to this step.
+    pruned: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
@@ -123,6 +125,7 @@ impl Trainer {
             messages: VecDeque::new(),
             attended: step,
             propagated: step,
+            pruned: step,
             evaluated: step,
             checkpoints: None,
             history,
@@ -268,8 +271,8 @@ impl Trainer {
                 let outcome = self.engine.outcome(ticket)?;
                 self.look(event, outcome)?;
             }
-            // A step that has to be repeated after its propagation belongs to what is done.
-            if self.next.kind == Kind::Step && self.propagated < self.next.step {
+            // A step that has to be repeated after what the host did before it belongs to what is done.
+            if self.next.kind == Kind::Step && self.propagated.max(self.pruned) < self.next.step {
                 return Ok(self.next.step - 1);
             }
             self.submit_next(SubmitOrder::default())?;

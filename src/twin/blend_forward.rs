@@ -39,6 +39,8 @@ pub struct Blended<R> {
     pub aux: Vec<[R; 4]>,
     /// Entries of the tile's list up to and including the last contributor.
     pub last: Vec<u32>,
+    /// The largest weight of each splat in any pixel.
+    pub weights: Vec<R>,
     /// Pixel-splats evaluated.
     pub evaluated: u32,
     /// Pixel-splats blended.
@@ -124,6 +126,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
         image: Vec::with_capacity(pixels),
         aux: Vec::with_capacity(pixels),
         last: Vec::with_capacity(pixels),
+        weights: vec![R::zero(); blend.splats.len()],
         evaluated: 0,
         blended: 0,
     };
@@ -145,6 +148,8 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                     break;
                 }
                 let weight = alpha * transmittance;
+                let most = &mut out.weights[splat as usize];
+                *most = most.max(weight);
                 for k in 0..3 {
                     color[k] += weight * row[8 + k];
                 }
@@ -197,9 +202,9 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cuto
 
 fn run(call: &mut TwinCall<'_>, side: u32) {
     let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
-    let cutoffs = match *call.constants {
-        [.., alpha, transmittance, cubic] => Cutoffs::of_bits(alpha, transmittance, cubic),
-        _ => Cutoffs::EXACT,
+    let (weighed, cutoffs) = match *call.constants {
+        [.., weighed, alpha, transmittance, cubic] => (weighed != 0, Cutoffs::of_bits(alpha, transmittance, cubic)),
+        _ => (false, Cutoffs::EXACT),
     };
     let blend = inputs(call, side, block, cutoffs);
     let out = forward(&blend);
@@ -213,6 +218,11 @@ fn run(call: &mut TwinCall<'_>, side: u32) {
         counts[0] += out.evaluated;
         counts[1] += out.blended;
         call.set(7, &counts);
+    }
+    if weighed {
+        let mut weights = call.get::<u32>(8);
+        weights.iter_mut().zip(&out.weights).for_each(|(kept, weight)| *kept = (*kept).max(weight.to_bits()));
+        call.set(8, &weights);
     }
 }
 

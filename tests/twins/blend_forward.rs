@@ -38,7 +38,13 @@ pub fn inputs(blend: &Blend<f32>) -> Vec<Vec<u8>> {
 pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
     let pixels = blend.width * blend.height;
     let mut buffers = inputs(blend);
-    buffers.extend([garbage(4 * pixels), garbage(4 * pixels), garbage(pixels), bytes(&[0u32; passes::PAIR_COUNTS])]);
+    buffers.extend([
+        garbage(4 * pixels),
+        garbage(4 * pixels),
+        garbage(pixels),
+        bytes(&[0u32; passes::PAIR_COUNTS]),
+        garbage(4),
+    ]);
     let mut given = vec![("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
     if blend.cutoffs != Cutoffs::EXACT {
         given.extend(blend.cutoffs.of_forward());
@@ -94,6 +100,37 @@ fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doub
 /// Widths of subgroups, whose blocks are 4x2 to 16x16 pixels.
 pub const BLOCKS: [u32; 6] = [8, 16, 32, 64, 128, 256];
 
+/// The largest weights of splats, of scenes without pixels that f32 may decide otherwise. What stood there before stays where it is more.
+fn weights(gpu: &Gpu) {
+    for (pass, side) in shapes(gpu) {
+        let mut compared = 0;
+        for scene in hard_scenes() {
+            let blend = scene.blend(side, false);
+            let wide = widen::<f64>(&blend);
+            let (want, doubts) = (forward(&wide), doubts(&wide));
+            if doubts.iter().any(|doubt| doubt.undecided) || blend.splats.is_empty() {
+                continue;
+            }
+            let bound = doubts.iter().map(|doubt| doubt.weights).fold(0.0, f64::max);
+            let pixels = blend.width * blend.height;
+            let before: Vec<f32> = (0..blend.splats.len()).map(|i| if i % 7 == 3 { 0.25 } else { 0.0 }).collect();
+            let mut buffers = inputs(&blend);
+            buffers.extend([garbage(4 * pixels), garbage(4 * pixels), garbage(pixels), garbage(4), bytes(&before)]);
+            let given = [("AUX", 0), ("WEIGHTS", 1)];
+            let outcome = harness::run(gpu, pass, &given, &buffers, &push(&blend), blend.ranges.len() as u32);
+            for (who, got) in [("device", outcome.device::<f32>(8)), ("twin", outcome.twin(8))] {
+                for (i, ((got, want), before)) in got.iter().zip(&want.weights).zip(&before).enumerate() {
+                    let off = (f64::from(*got) - want.max(f64::from(*before))).abs();
+                    let what = format!("{who}: {} of {}", pass.kernel.name, scene.name);
+                    assert!(off <= bound, "{what}: weight of splat {i} is {got}, off by {off:e} > {bound:e}");
+                }
+            }
+            compared += want.weights.iter().filter(|w| **w > 0.0).count();
+        }
+        assert!(compared > 500, "{compared} weights compared");
+    }
+}
+
 /// With culling, image, auxiliary image and last contributors are the same bits, and what is evaluated is what the twin evaluates
 /// in its blocks.
 fn culling(gpu: &Gpu) {
@@ -108,6 +145,7 @@ fn culling(gpu: &Gpu) {
             garbage(4 * pixels),
             garbage(pixels),
             bytes(&[0u32; passes::PAIR_COUNTS]),
+            garbage(4),
         ]);
         let run = |blend: &Blend<f32>, block: u32| {
             let given = [("AUX", 1), ("COUNT", 1), ("BLOCK", block)];
@@ -135,6 +173,7 @@ fn culling(gpu: &Gpu) {
 }
 
 pub fn run(gpu: &Gpu) {
+    weights(gpu);
     culling(gpu);
     for (pass, side) in shapes(gpu) {
         for scene in hard_scenes() {

@@ -143,6 +143,7 @@ impl Settings {
             ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
         }
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
+        ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
         ok(density.max_splats != Some(0), "max-splats", "at least 1")
     }
 }

@@ -46,6 +46,10 @@ group! {
         /// Splats less opaque than this are pruned
         #[arg(value_name = "O")]
         pub prune_opacity: f64 = 0.005,
+        /// Drop splats whose weight (alpha times transmittance) is below this in every pixel of every photograph that is trained on, when
+        /// growth has ended and after four fifths of the steps (0: keep them)
+        #[arg(value_name = "W")]
+        pub prune_weight: f64 = 0.0,
         /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,

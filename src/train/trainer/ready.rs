@@ -9,7 +9,7 @@ impl Trainer {
     /// the next.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         let waits = match self.next.kind {
-            Kind::Step => self.propagates().is_some(),
+            Kind::Step => self.propagates().is_some() || self.prunes().is_some(),
             Kind::Density => self.engine.has_cloud(),
             Kind::Reset => false,
         };
@@ -22,9 +22,28 @@ impl Trainer {
         }
         match self.next.kind {
             Kind::Density => self.engine.keep_to_cloud(),
-            Kind::Step => self.propagate(),
+            Kind::Step => {
+                self.propagate()?;
+                self.prune()
+            }
             Kind::Reset => Ok(()),
         }
+    }
+
+    /// The weight below which splats are dropped before the next step, where that is due and not done.
+    fn prunes(&self) -> Option<f64> {
+        self.schedule.prunes(self.next.step).filter(|_| self.pruned < self.next.step)
+    }
+
+    fn prune(&mut self) -> Result<(), Error> {
+        let (Some(least), step) = (self.prunes(), self.next.step) else { return Ok(()) };
+        let degree = self.schedule.step(step).sh_degree;
+        let dropped = self.engine.prune_faint(least, degree)?;
+        self.pruned = step;
+        self.last_splats = self.last_splats.saturating_sub(dropped);
+        let splats = self.last_splats;
+        self.tell(Message::Pruned { step, dropped, splats });
+        Ok(())
     }
 
     /// The ratio of the next step's propagation, where it has one that is not done: a step that is repeated has it behind itself.
