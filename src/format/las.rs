@@ -1,5 +1,7 @@
 //! Laser scans in LAS files and, compressed, in LAZ files (ASPRS LAS 1.0 to 1.4).
 
+mod items;
+
 use std::fmt::Display;
 use std::fs::File;
 use std::io::BufReader;
@@ -113,6 +115,9 @@ fn header(file: &Path) -> Result<Header, Error> {
     }
     let (at, points) = count;
     let compressed = byte(104) & COMPRESSED != 0;
+    if compressed {
+        items::check(file, size, double(100), record, *known)?;
+    }
     if compressed && points / MOST_PER_BYTE > len - data {
         let problem = format_args!("is {points}, which cannot be in the {} bytes from byte {data} on", len - data);
         return Err(source.error(at, "number of points", problem));

@@ -169,3 +169,36 @@ fn pictures_are_not_larger_than_their_files_can_be() {
         read().expect("put back");
     }
 }
+
+/// The decoder keeps some thousand bytes for each extra byte that the compressor's record names, whatever the header says of a point.
+#[test]
+fn compressed_points_are_no_longer_than_the_header_says() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let (plain, file) = (root.path().join("scan.las"), root.path().join("scan.laz"));
+    scan(&plain, &file);
+    let bytes = fs::read(&file).expect("a scan");
+    let points = las::read(&file).expect("points").len();
+    let refused = |bytes: &[u8]| {
+        replace(&file, bytes);
+        let error = las::read(&file).map(|points| points.len()).expect_err("no point is so long").to_string();
+        assert!(names_the_place(&error, &file), "{error}");
+        error
+    };
+    let at = bytes.windows(14).position(|w| w == b"laszip encoded").expect("the compressor's record") + 52 + 32;
+    let items = usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
+    let size = at + 2 + 6 * (items - 1) + 2;
+    let mut long = bytes.clone();
+    long[size..size + 2].copy_from_slice(&63_489_u16.to_le_bytes());
+    let error = refused(&long);
+    assert!(error.contains("63489") && error.contains(&format!("size of item {}", items - 1)), "{error}");
+    // And what the header says is not endless either.
+    let mut wide = bytes.clone();
+    wide[105..107].copy_from_slice(&9216_u16.to_le_bytes());
+    let error = refused(&wide);
+    assert!(error.contains("9216") && error.contains("decompress"), "{error}");
+    let mut other = bytes.clone();
+    other[at - 52 - 32] = b'L';
+    assert!(refused(&other).contains("compressor"));
+    replace(&file, &bytes);
+    assert_eq!(las::read(&file).expect("points").len(), points);
+}

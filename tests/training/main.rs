@@ -9,6 +9,7 @@ mod exposures;
 mod methods;
 mod photographs;
 mod propagation;
+mod pruning;
 
 use common::plane_scene;
 use psrgs_vk::dataset::Pixels;

@@ -1,0 +1,101 @@
+//! Splats of little weight in every photograph are dropped.
+
+use psrgs_vk::raster::{PLANES, Viewer};
+use psrgs_vk::train::{Message, Pacing, Settings, Trainer};
+use psrgs_vk::vk::{Gpu, Memory};
+
+use super::common::{self, plane_scene};
+use super::{assert_same, run, settings, stops_and_resumes_on};
+
+const LEAST: f64 = 0.1;
+
+/// Growth ends at step 40, so splats are dropped before that and before step 49.
+fn pruned() -> Settings {
+    let mut settings = settings(60);
+    settings.density.densify_until = 40;
+    settings.density.opacity_reset_interval = 0;
+    settings.density.prune_weight = LEAST;
+    settings
+}
+
+/// How many splats of the model have less weight in every view.
+fn faint(gpu: &Gpu, trainer: &mut Trainer, views: usize) -> usize {
+    let model = trainer.model().expect("a model");
+    let splats = model.len() as u32;
+    let mut viewer = Viewer::new(gpu);
+    let planes = viewer.upload(&model).expect("room");
+    let weights = gpu.buffer("weights", 4 * u64::from(splats), Memory::Device).expect("room");
+    gpu.write(&weights, &vec![0.0_f32; splats as usize]).expect("written");
+    for view in &plane_scene::input(views, 64, 48, 300).train {
+        let shot = trainer.shot(&view.camera);
+        viewer.weigh(&planes, splats, &shot, &weights).expect("weights");
+    }
+    let weights: Vec<f32> = gpu.read(&weights).expect("weights");
+    assert!(weights.iter().all(|w| (0.0..=0.99).contains(w)) && weights.iter().any(|w| *w > 0.3));
+    weights.iter().filter(|w| f64::from(**w) < LEAST).count()
+}
+
+#[test]
+fn splats_of_little_weight_are_dropped_when_growth_has_ended() {
+    let Some(gpu) = common::gpu() else { return };
+    let one = Pacing { events_in_flight: 1, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, plane_scene::input(5, 64, 48, 300), &pruned(), one, None).expect("a trainer");
+    let (mut due, mut count, mut steps) = (0, 0, Vec::new());
+    while let Some(message) = trainer.next_message().expect("a message") {
+        match message {
+            Message::Step { step, splats, .. } => {
+                assert!(steps.is_empty() || splats == count, "step {step}: {splats} splats, {count} were left");
+                count = splats;
+                if step == 39 {
+                    due = faint(&gpu, &mut trainer, 5);
+                }
+            }
+            Message::Density { step, splats, .. } => {
+                assert!(step < 40);
+                count = splats;
+            }
+            Message::Pruned { step, dropped, splats } => {
+                if steps.is_empty() {
+                    assert_eq!(dropped as usize, due, "dropped of {count}");
+                }
+                assert_eq!(splats + dropped, count, "step {step}");
+                steps.push((step, dropped));
+                count = splats;
+            }
+            _ => {}
+        }
+    }
+    println!("{steps:?} of {count} and those");
+    assert!(matches!(steps[..], [(40, first), (49, _)] if first > 10), "{steps:?}");
+    assert!(due > 10 && (due as u32) < count, "{due} dropped, {count} left");
+    let state = trainer.snapshot().expect("a snapshot").state;
+    assert!(state.ids.len() == count as usize && state.params[0].len() == 3 * state.ids.len());
+    for (plane, (_, row)) in state.moments[0].iter().zip(PLANES) {
+        assert_eq!(plane.len(), row as usize * state.ids.len());
+    }
+    common::assert_no_messages(&gpu);
+}
+
+#[test]
+fn dropping_splats_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let truth = run(&gpu, input.clone(), &pruned(), Pacing::default());
+    let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
+    let forced = run(&gpu, input.clone(), &pruned(), tight);
+    assert!(forced.grown >= 2);
+    assert_same(&truth.state, &forced.state, "with little room");
+    assert_eq!(truth.losses, forced.losses);
+    stops_and_resumes_on(&gpu, &pruned(), &input, &[38, 39, 40, 48]);
+    let without = run(&gpu, input, &Settings { density: settings(60).density, ..pruned() }, Pacing::default());
+    assert!(without.state.ids.len() > truth.state.ids.len());
+}
+
+#[test]
+fn nothing_is_dropped_where_density_stays_as_it_is() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut settings = pruned();
+    settings.run.no_densify = true;
+    let run = run(&gpu, plane_scene::input(3, 64, 48, 300), &settings, Pacing::default());
+    assert_eq!(run.state.ids.len(), 300);
+}
