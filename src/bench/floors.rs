@@ -47,8 +47,8 @@ impl Floors {
 ///
 /// | pass | operations |
 /// |---|---|
-/// | `blend_forward` | 8 and one exp2 per evaluation: dy 1, exponent 4, times opacity 1, two comparisons. 13 more where it is blended: clamp 1, transmittance 2, stop 1, weight 1, colour 6, last 1, new transmittance 1 |
-/// | `blend_backward` | 9 and one exp2 per evaluation: as forward, and the comparison with the last. 35 more where it is blended: clamp 1, transmittance 2 (a division counts as one), weight 1, colour dot gradient 5, difference 1, what lies behind 2, v 2, its moments 5, colour sums 6, absolute sums 10 |
+/// | `blend_forward` | 10 and one exp2 per evaluation: dy 1, exponent as two squares 6, times opacity 1, two comparisons. 13 more where it is blended: clamp 1, transmittance 2, stop 1, weight 1, colour 6, last 1, new transmittance 1 |
+/// | `blend_backward` | 11 and one exp2 per evaluation: as forward, and the comparison with the last. 35 more where it is blended: clamp 1, transmittance 2 (a division counts as one), weight 1, colour dot gradient 5, difference 1, what lies behind 2, v 2, its moments 5, colour sums 6, absolute sums 10 |
 /// | `loss_strips` | 700 per pixel: per channel moments 8, four windows along rows of 16, four down columns of 16, SSIM and its derivatives 49, three windows down columns of 16 |
 /// | `loss_grad` | 180 per pixel: per channel three windows along rows of 16, the gradient 9, the absolute difference 3 |
 /// | `project` | 150 per splat, 430 more per visible one: position 18, culling and guards 30, quaternion and scales 40, covariance 62; then projection 90, conic and radius 30, harmonics of degree 3 with their direction 170, tiles 140 |
@@ -64,10 +64,10 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
         Arithmetic { operations: each * evaluated + more * blended, exp2: evaluated }
     };
     if is("blend_forward") {
-        return per_pixel.map(|p| blend(p.forward_evaluated, p.forward_blended, 8.0, 13.0));
+        return per_pixel.map(|p| blend(p.forward_evaluated, p.forward_blended, 10.0, 13.0));
     }
     if is("blend_backward") {
-        return per_pixel.map(|p| blend(p.backward_evaluated, p.backward_blended, 9.0, 35.0));
+        return per_pixel.map(|p| blend(p.backward_evaluated, p.backward_blended, 11.0, 35.0));
     }
     match pass {
         _ if is("loss_strips") => plain(700.0 * work.pixels),
