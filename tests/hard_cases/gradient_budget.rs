@@ -180,8 +180,11 @@ fn unsquared(row: &[f64; 12], [xx, xy, yy]: [f64; 3]) -> [f64; 3] {
     [-0.5 * (xx - 2.0 * slope * xy + slope * slope * yy) / (p * p), -(xy - slope * yy) / (p * r), -0.5 * yy / (r * r)]
 }
 
+/// A row of `grad2d`.
+type Row = [f64; 12];
+
 /// Rows of `grad2d` by splat, from all tiles.
-fn grad2d(scene: &Scene, upstream: &[f32], stage: Option<Stage>) -> (Vec<(usize, [f64; 12])>, Vec<[f64; 12]>) {
+fn grad2d(scene: &Scene, upstream: &[f32], stage: Option<Stage>) -> (Vec<(usize, Row)>, Vec<Row>) {
     let (width, height) = (scene.shot.camera.width as usize, scene.shot.camera.height as usize);
     let taken: &[usize] = match stage {
         Some(Stage::Means) => &[0, 1],
