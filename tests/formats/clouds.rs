@@ -29,10 +29,8 @@ fn scans_in_a_national_grid_keep_their_coordinates() {
     use las::{Builder, Point, Transform, Vector, Writer};
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("scan.las");
-    let positions: Vec<[f64; 3]> = (0..50)
-        .map(|k| f64::from(k))
-        .map(|k| [500_000.0 + 0.37 * k, 4_600_000.0 - 1.13 * k, 100.0 + 0.02 * k])
-        .collect();
+    let positions: Vec<[f64; 3]> =
+        (0..50).map(f64::from).map(|k| [500_000.0 + 0.37 * k, 4_600_000.0 - 1.13 * k, 100.0 + 0.02 * k]).collect();
     for (scale, offset) in [(1e-3, [5e5, 4.6e6, 0.0]), (1e-2, [0.0; 3])] {
         let mut header = Builder::from((1, 2));
         let [x, y, z] = offset.map(|offset| Transform { scale, offset });

@@ -31,12 +31,15 @@ fn ids(instruction: &Instruction) -> Vec<u32> {
 /// A value, or a component of it.
 type Part = (u32, Vec<u32>);
 
+/// Where in a variable, and what was kept there.
+type Kept = (Vec<Option<u32>>, u32);
+
 /// A module as what its values are made of.
 struct Flow<'a> {
     module: &'a Module,
     made: HashMap<u32, &'a Instruction>,
     /// What is stored in variables of the shader, with the place in them; `None` is any element.
-    kept: HashMap<u32, Vec<(Vec<Option<u32>>, u32)>>,
+    kept: HashMap<u32, Vec<Kept>>,
     /// Parts of what is written to buffers.
     written: HashSet<Part>,
     precise: HashSet<u32>,
