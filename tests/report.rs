@@ -179,6 +179,8 @@ fn page_is_self_contained_and_shows_everything() {
     }
     assert_eq!(page.matches("<svg").count(), 3);
     assert_eq!(page.matches("type=\"range\"").count(), 2);
+    // Errors and depths of both views have a bar of their colours, with the numbers at its ends.
+    assert_eq!(page.matches("class=\"ramp\"").count(), 4);
 }
 
 #[test]

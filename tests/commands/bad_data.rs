@@ -161,6 +161,13 @@ fn without_points_training_starts_from_random_ones_and_says_so() {
     fs::remove_file(data.path().join("sparse/0/points3D.bin")).expect("removed");
     let said = works(&train(data.path(), &data.path().join("run"))[..6]);
     assert!(said.contains("random points") && said.contains("lower quality"), "{said}");
+    // As which of the formats it was read, and that a device without a GPU made the choice of a preset.
+    assert!(said.contains(": colmap dataset, 7 photographs to train on, 2 held out"), "{said}");
+    assert_eq!(
+        said.contains("preset quick, because this is a CPU device: 640 px, 3 steps"),
+        said.contains("(CPU)"),
+        "{said}"
+    );
 }
 
 #[test]
