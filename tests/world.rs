@@ -200,15 +200,23 @@ fn photographs_depend_on_parameters_only() {
         assert_ne!(image, other);
         assert_eq!(depth, same);
     }
+    let places = |p: &WorldParams| -> Vec<([f64; 3], f64)> {
+        World::new(p).unwrap().solids().iter().map(|solid| (solid.origin.to_array(), solid.yaw)).collect()
+    };
+    let everything = places(&params);
     let solids = |p: &WorldParams| World::new(p).unwrap().solids().len();
-    let all = solids(&params);
+    let all = everything.len();
     for change in [
         (|e: &mut Effects| e.vegetation = false) as fn(&mut Effects),
         |e| e.vehicles = false,
         |e| e.masts = false,
         |e| e.wires = false,
     ] {
-        assert!(solids(&with(change)) < all);
+        let left = places(&with(change));
+        assert!(left.len() < all);
+        // What is left is where it was, in the same order.
+        let mut before = everything.iter();
+        assert!(left.iter().all(|place| before.any(|p| p == place)), "something was moved");
     }
     // Others change the look of what is there, somewhere: geometry and all else stay.
     for change in [
