@@ -30,7 +30,7 @@ pub(super) struct Needs {
     pub(super) views: Vec<(Camera, Depth)>,
     pub(super) settings: Settings,
     pub(super) extent: f64,
-    /// Whether held-out photographs are rendered on the way.
+    /// Whether pictures are rendered on the way: of held-out photographs, or to weigh splats.
     pub(super) pictures: bool,
     /// Bytes that the training may use.
     pub(super) room: u64,
@@ -50,7 +50,7 @@ impl Needs {
             views: outline.train.clone(),
             settings: settings.clone(),
             extent: f64::from(outline.extent),
-            pictures: !outline.held_out.is_empty(),
+            pictures: !outline.held_out.is_empty() || settings.density.prune_weight > 0.0,
             room: tally.limit.saturating_sub(tally.current.next_multiple_of(GRAIN)),
             residency: pacing.photographs,
             counted: pacing.photographs,

@@ -99,3 +99,34 @@ fn nothing_is_dropped_where_density_stays_as_it_is() {
     let run = run(&gpu, plane_scene::input(3, 64, 48, 300), &settings, Pacing::default());
     assert_eq!(run.state.ids.len(), 300);
 }
+
+#[test]
+fn without_room_to_weigh_them_splats_are_kept() {
+    let Some(gpu) = common::gpu_with(|options| options.max_device_memory = Some(1 << 30)) else { return };
+    let one = Pacing { events_in_flight: 1, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, plane_scene::input(5, 64, 48, 300), &pruned(), one, None).expect("a trainer");
+    let (mut filled, mut warned, mut last) = (Vec::new(), 0, 0);
+    while let Some(message) = trainer.next_message().expect("a message") {
+        match message {
+            Message::Step { step: 39, .. } => {
+                let tally = gpu.memory_use();
+                for half in 1..40 {
+                    let bytes = (tally.limit - gpu.memory_use().current) >> half & !255;
+                    if bytes > 0
+                        && let Ok(buffer) = gpu.buffer("in the way", bytes, Memory::Device)
+                    {
+                        filled.push(buffer);
+                    }
+                }
+            }
+            Message::Step { step, .. } => last = step,
+            Message::Pruned { dropped, .. } => panic!("{dropped} dropped"),
+            Message::Warning(text) => {
+                assert!(text.contains("splats of little weight are kept") && text.contains("memory"), "{text}");
+                warned += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(warned == 2 && last == 60 && !filled.is_empty(), "{warned} warnings, {last} steps");
+}

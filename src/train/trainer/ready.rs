@@ -2,6 +2,7 @@
 
 use super::Trainer;
 use crate::train::event::Kind;
+use crate::train::memory::is_lack_of_memory;
 use crate::train::{Error, Message};
 
 impl Trainer {
@@ -38,8 +39,18 @@ impl Trainer {
     fn prune(&mut self) -> Result<(), Error> {
         let (Some(least), step) = (self.prunes(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
-        let dropped = self.engine.prune_faint(least, degree)?;
         self.pruned = step;
+        let dropped = match self.engine.prune_faint(least, degree) {
+            Ok(dropped) => dropped,
+            // The splats are what they were: a larger model is no reason to lose it.
+            Err(error) if is_lack_of_memory(&error) => {
+                self.tell(Message::Warning(format!(
+                    "step {step}: splats of little weight are kept, because there is no room to weigh them: {error}"
+                )));
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        };
         self.last_splats = self.last_splats.saturating_sub(dropped);
         let splats = self.last_splats;
         self.tell(Message::Pruned { step, dropped, splats });
