@@ -139,6 +139,7 @@ pub struct Schedule {
     /// Splats below this weight are dropped before these steps.
     prune_weight: f64,
     prune_before: [u32; 2],
+    prune_from: u32,
     sh_degree: u32,
     sh_every: u32,
     densify: bool,
@@ -209,6 +210,7 @@ impl Schedule {
             },
             propagations: Propagations::default(),
             prune_weight: density.prune_weight,
+            prune_from: density.prune_weight_from.max(densify_until),
             prune_before: [densify_until, (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1],
             sh_degree: settings.model.sh_degree,
             sh_every,
@@ -239,7 +241,7 @@ impl Schedule {
     /// Whether splats of little weight are dropped before a step, and the weight: when growth has come to its end, and once more when
     /// what was left has settled.
     pub fn prunes(&self, t: u32) -> Option<f64> {
-        let due = self.densify && t >= self.densify_until && t <= self.iterations && self.prune_before.contains(&t);
+        let due = self.densify && t >= self.prune_from && t <= self.iterations && self.prune_before.contains(&t);
         (due && self.prune_weight > 0.0).then_some(self.prune_weight)
     }
 

@@ -50,6 +50,9 @@ group! {
         /// growth has ended and after four fifths of the steps (0: keep them)
         #[arg(value_name = "W")]
         pub prune_weight: f64 = 0.0,
+        /// Drop no splats for their weight before this step: until opacities have been learned, weights say little
+        #[arg(value_name = "STEP")]
+        pub prune_weight_from: u32 = 500,
         /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,
