@@ -118,7 +118,7 @@ fn without_room_to_weigh_them_splats_are_kept() {
                 // What steps and counters take for a moment stays free.
                 for _ in 0..30 {
                     let tally = gpu.memory_use();
-                    let half = (tally.limit - tally.current) / 2 & !255;
+                    let half = ((tally.limit - tally.current) / 2) & !255;
                     if half > 16 << 10
                         && let Ok(buffer) = gpu.buffer("in the way", half, Memory::Device)
                     {
