@@ -40,8 +40,8 @@ impl Trainer {
         let (Some(least), step) = (self.prunes(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         self.pruned = step;
-        let dropped = match self.engine.prune_faint(least, degree) {
-            Ok(dropped) => dropped,
+        let weights = match self.engine.weights(degree) {
+            Ok(weights) => weights,
             // The splats are what they were: a larger model is no reason to lose it.
             Err(error) if is_lack_of_memory(&error) => {
                 self.tell(Message::Warning(format!(
@@ -51,6 +51,7 @@ impl Trainer {
             }
             Err(error) => return Err(error),
         };
+        let dropped = self.engine.drop_below(least, &weights)?;
         self.last_splats = self.last_splats.saturating_sub(dropped);
         let splats = self.last_splats;
         self.tell(Message::Pruned { step, dropped, splats });
