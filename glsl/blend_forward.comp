@@ -162,7 +162,7 @@ void main() {
         if (local_index() == 0u) going_on = 0u;
         clear_blocks();
         barrier();
-        if (pixel.transmittance > 0.0) going_on = 1u;
+        if (pixel.transmittance > 0.0) atomicOr(going_on, 1u);
         const uint n = min(BATCH, range.y - base);
         if (local_index() < n) batch[local_index()] = load_splat(sorted_splats[base + local_index()]);
         if (BLOCK != 0u && local_index() % BATCH < n) {

@@ -31,7 +31,10 @@ void main() {
     const uint count = counters[push.source];
     bool go = status == 0u;
     if (go) {
-        if (push.want != NO_COUNTER) counters[push.want] = max(counters[push.want], count);
+        // There is a counter at this index also where none is wanted: drivers load before they look at the condition.
+        const uint wanted = push.want == NO_COUNTER ? push.source : push.want;
+        const uint most = max(counters[wanted], count);
+        if (push.want != NO_COUNTER) counters[wanted] = most;
         if (count > push.capacity) {
             counters[COUNTER_STATUS] = push.status_bit;
             go = false;

@@ -39,5 +39,7 @@ mod training;
 mod tuning;
 #[path = "commands/viewing.rs"]
 mod viewing;
+#[path = "commands/watched.rs"]
+mod watched;
 #[path = "commands/weights.rs"]
 mod weights;

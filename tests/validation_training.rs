@@ -111,23 +111,41 @@ fn short() -> Settings {
     s
 }
 
-#[test]
-fn every_form_trains_without_a_message() {
-    let Some(gpu) = common::gpu_with(watch) else { return };
+/// Trains in every form on the device, which must have nothing to say.
+fn every_form(gpu: &Gpu) {
     let input = plane_scene::input(3, 40, 30, 60);
-    for variants in Variants::possible(&gpu) {
+    for variants in Variants::possible(gpu) {
         let mut settings = short();
         settings.optimiser.exposure = Exposure::Affine;
         settings.device.tile_shape = Some(variants.tile);
         settings.device.gradient_sum = Some(variants.gradients);
         settings.device.backward = Some(variants.backward);
         let mut seen = Seen::default();
-        let end = train(&gpu, &input, &settings, None, None, &mut seen);
+        let end = train(gpu, &input, &settings, None, None, &mut seen);
         assert_eq!((end.variants, end.step), (variants, 6));
         assert!(seen.grown.contains(&"pairs"), "{seen:?}");
         gpu.check_canaries().unwrap_or_else(|error| panic!("{variants:?}: {error}"));
         let messages = gpu.validation_messages();
         assert!(messages.is_empty(), "{variants:?}: {}", messages[0]);
+    }
+}
+
+#[test]
+fn every_form_trains_without_a_message() {
+    if let Some(gpu) = common::gpu_with(watch) {
+        every_form(&gpu);
+    }
+}
+
+/// The layer looks for races between the threads of a workgroup, too.
+#[test]
+fn every_form_trains_within_its_buffers() {
+    let assisted = |options: &mut OpenOptions| {
+        options.validation = Validation::GpuAssisted;
+        options.canaries = false;
+    };
+    if let Some(gpu) = common::layer_assists().then(|| common::gpu_with(assisted)).flatten() {
+        every_form(&gpu);
     }
 }
 

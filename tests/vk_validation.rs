@@ -46,7 +46,20 @@ fn gpu_assisted_layer_reports_an_address_past_a_buffer() {
     // A shader that believes the buffer to be three words longer.
     run(103);
     let messages = gpu.validation_messages();
-    assert!(messages.iter().any(|m| m.contains("address out of bounds")), "{messages:?}");
+    let out_of_bounds = |m: &String| m.to_lowercase().contains("out of bounds") && m.contains("address");
+    assert!(messages.iter().any(out_of_bounds), "{messages:?}");
+}
+
+#[test]
+fn messages_outlive_the_device_and_know_its_end() {
+    let Some(gpu) = watched(false) else { return };
+    let messages = gpu.messages();
+    let buffer = gpu.buffer("held", 64, Memory::Device).unwrap();
+    drop(gpu);
+    assert!(!messages.is_closed(), "a buffer holds the device");
+    drop(buffer);
+    assert!(messages.is_closed());
+    assert_eq!(messages.all(), [""; 0]);
 }
 
 /// Writes a buffer in one dispatch and reads it in the next, which declares it `readonly`.

@@ -2,8 +2,10 @@
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, Write as _};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Context as _;
+use psrgs_vk::vk::Messages;
 
 use super::exit::Failure;
 
@@ -23,11 +25,25 @@ pub(crate) enum Level {
 pub(crate) struct Console {
     level: Level,
     terminal: bool,
+    watched: Arc<Mutex<Vec<Messages>>>,
 }
 
 impl Console {
     pub(crate) fn new(level: Level) -> Self {
-        Self { level, terminal: io::stderr().is_terminal() }
+        Self { level, terminal: io::stderr().is_terminal(), watched: Arc::default() }
+    }
+
+    /// From now on listens to what the validation layer says of a device.
+    pub(crate) fn watch(&self, messages: Messages) {
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner).push(messages);
+    }
+
+    /// What was said of all devices that were watched, when all should be closed.
+    pub(crate) fn messages_of_devices(&self) -> Vec<String> {
+        let watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = watched.iter().filter(|messages| !messages.is_closed());
+        let open = open.map(|_| "something that was made from a device outlives the command".to_owned());
+        watched.iter().flat_map(Messages::all).chain(open).collect()
     }
 
     /// Whether a progress bar makes sense.

@@ -30,6 +30,9 @@ pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> 
 /// The same with options of the caller's.
 pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Result<Gpu> {
     let gpu = Gpu::open(options)?;
+    if options.validation != Validation::Off {
+        console.watch(gpu.messages());
+    }
     let caps = gpu.caps();
     console.say(format_args!("device: {} ({})", caps.device, caps.kind));
     for choice in &caps.choices {

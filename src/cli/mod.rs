@@ -100,12 +100,24 @@ pub(crate) fn main() -> ExitCode {
         (false, _) => Level::Verbose,
     };
     let console = Console::new(level);
-    match run(&cli.command, &matches, &console, started) {
+    let outcome = run(&cli.command, &matches, &console, started);
+    match outcome.and_then(|()| silent(&console)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             console::error(exit::message(&error), &exit::remedies(&error));
             ExitCode::from(exit::code(&error))
+        }
+    }
+}
+
+/// That the validation layer, where it was asked to watch, has had nothing to say until all was closed.
+fn silent(console: &Console) -> anyhow::Result<()> {
+    let messages = console.messages_of_devices();
+    match messages.first() {
+        None => Ok(()),
+        Some(first) => {
+            Err(exit::Failure::Check(format!("{} validation messages, the first: {first}", messages.len())).into())
         }
     }
 }

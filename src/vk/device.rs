@@ -16,7 +16,7 @@ use super::features::FeatureStructures;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
 use super::report::{Reported, report};
-use super::validation::{LAYER, Messages, Messenger};
+use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
 
 /// Locks a mutex; a panic elsewhere does not make the data unusable here.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -152,7 +152,12 @@ impl Device {
 impl Drop for Device {
     fn drop(&mut self) {
         // The allocator frees its blocks, so it goes before the device.
-        drop(lock(&self.memory).take());
+        let pool = lock(&self.memory).take();
+        let held = pool.as_ref().map_or(0, |pool| pool.tally().current);
+        if held > 0 {
+            self.messages.add(format!("{held} bytes of device memory were not given back"));
+        }
+        drop(pool);
         if self.owned {
             // SAFETY: everything created from the device holds an `Arc` of it, so nothing is left.
             unsafe { self.raw.destroy_device(None) };
@@ -162,6 +167,7 @@ impl Drop for Device {
             // SAFETY: device and messenger, all that was made from the instance, are gone.
             unsafe { self.instance.destroy_instance(None) };
         }
+        self.messages.close();
     }
 }
 
@@ -237,11 +243,20 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
 
     let messages = Messages::default();
     let layer_names: Vec<*const c_char> = if watched { vec![LAYER.as_ptr()] } else { Vec::new() };
-    let extension_names: Vec<*const c_char> =
+    let mut extension_names: Vec<*const c_char> =
         if has_debug || watched { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { Vec::new() };
+    let takes_settings = watched && takes_settings(&entry)?;
+    if takes_settings {
+        extension_names.push(ash::ext::layer_settings::NAME.as_ptr());
+    }
     let app = vk::ApplicationInfo::default().application_name(c"psrgs-vk").api_version(vk::API_VERSION_1_3);
     let enables = enables.unwrap_or_default();
-    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+    // What needs no look at the device has a mode of its own, and the layer objects to both at once.
+    let disables = [vk::ValidationFeatureDisableEXT::CORE_CHECKS];
+    let disables = if validation == Validation::GpuAssisted { &disables[..] } else { &[] };
+    let mut features = vk::ValidationFeaturesEXT::default()
+        .enabled_validation_features(&enables)
+        .disabled_validation_features(disables);
     let mut listen = messages.create_info();
     let mut info = vk::InstanceCreateInfo::default()
         .application_info(&app)
@@ -249,6 +264,12 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         .enabled_extension_names(&extension_names);
     if watched {
         info = info.push_next(&mut features).push_next(&mut listen);
+    }
+    let on = vk::TRUE;
+    let settings = [switch(FOLLOW_SHADERS, &on)];
+    let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+    if takes_settings && validation == Validation::CoreAndSync {
+        info = info.push_next(&mut settings);
     }
     // SAFETY: all pointers in the chain live until the call returns.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {

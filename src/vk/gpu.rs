@@ -23,6 +23,7 @@ use super::pipeline::{Pipeline, constants};
 use super::profile::{PassTime, Stats};
 use super::recorder::{Recorder, Ticket};
 use super::submit::{STAGING, State};
+use super::validation::Messages;
 
 /// Kernel's name, its module's address, constants.
 type PipelineKey = (&'static str, usize, Vec<u32>);
@@ -259,6 +260,11 @@ impl Gpu {
     /// Messages of the validation layer so far.
     pub fn validation_messages(&self) -> Vec<String> {
         self.inner.device.messages.all()
+    }
+
+    /// Messages of the validation layer, also those that come when the device is closed.
+    pub fn messages(&self) -> Messages {
+        self.inner.device.messages.clone()
     }
 
     /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of them

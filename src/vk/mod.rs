@@ -51,3 +51,4 @@ pub use part::{Part, slices};
 pub use pipeline::Pipeline;
 pub use profile::{PassTime, Stats};
 pub use recorder::{Groups, Recorder, Ticket, fold};
+pub use validation::{Messages, validation_layer};

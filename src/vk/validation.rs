@@ -1,22 +1,74 @@
 //! Messages of the validation layer, collected instead of printed.
 
 use std::ffi::{CStr, c_void};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
 
 use super::device::lock;
-use super::error::{Named, Result};
+use super::error::{Error, Named, Result};
 
 pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Warnings and errors seen so far. Cheap to clone.
+/// Setting of newer layers without which synchronization validation does not look at what shaders access.
+pub(super) const FOLLOW_SHADERS: &CStr = c"syncval_shader_accesses_heuristic";
+
+/// Whether the layer takes settings when the instance is made, which older ones do not.
+pub(super) fn takes_settings(entry: &ash::Entry) -> Result<bool> {
+    // SAFETY: a global command.
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }
+        .named("vkEnumerateInstanceExtensionProperties")?;
+    Ok(extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::layer_settings::NAME)))
+}
+
+/// A setting of the layer that is on or off.
+pub(super) fn switch<'a>(name: &'a CStr, value: &'a vk::Bool32) -> vk::LayerSettingEXT<'a> {
+    vk::LayerSettingEXT {
+        value_count: 1,
+        p_values: std::ptr::from_ref(value).cast(),
+        ..vk::LayerSettingEXT::default().layer_name(LAYER).setting_name(name).ty(vk::LayerSettingTypeEXT::BOOL32)
+    }
+}
+
+/// How the identifiers of messages begin in which the layer tells of itself: which of its settings it has adjusted to the device, and
+/// that its own checks make a shader slow.
+const OF_ITSELF: [&str; 2] = ["WARNING-Setting", "GPUAV-Compile-time"];
+
+#[derive(Default)]
+struct Seen {
+    texts: Mutex<Vec<String>>,
+    closed: AtomicBool,
+}
+
+/// Warnings and errors of the validation layer. Cheap to clone; outlives the device, whose end is when the layer tells what was not
+/// given back.
 #[derive(Clone, Default)]
-pub(super) struct Messages(Arc<Mutex<Vec<String>>>);
+pub struct Messages(Arc<Seen>);
+
+impl std::fmt::Debug for Messages {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Messages").field("texts", &self.all()).field("closed", &self.is_closed()).finish()
+    }
+}
 
 impl Messages {
-    pub(super) fn all(&self) -> Vec<String> {
-        lock(&self.0).clone()
+    /// All so far.
+    pub fn all(&self) -> Vec<String> {
+        lock(&self.0.texts).clone()
+    }
+
+    /// Whether the device is gone, with all that was made from it. Until then more may come.
+    pub fn is_closed(&self) -> bool {
+        self.0.closed.load(Ordering::Acquire)
+    }
+
+    pub(super) fn add(&self, text: String) {
+        lock(&self.0.texts).push(text);
+    }
+
+    pub(super) fn close(&self) {
+        self.0.closed.store(true, Ordering::Release);
     }
 
     /// The messenger's description. The messages must outlive the messenger, which holds a clone of them.
@@ -40,11 +92,13 @@ unsafe extern "system" fn collect(
     if data.is_null() || user.is_null() {
         return vk::FALSE;
     }
-    // SAFETY: `user` is the mutex inside the `Arc` that the messenger's owner keeps; the layer passes valid data.
-    unsafe {
-        let messages = &*user.cast::<Mutex<Vec<String>>>();
-        let text = (*data).message_as_c_str().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-        lock(messages).push(text);
+    // SAFETY: `user` is what is inside the `Arc` that the messenger's owner keeps; the layer passes valid data.
+    let (seen, data) = unsafe { (&*user.cast::<Seen>(), &*data) };
+    // SAFETY: the layer passes valid text, or none.
+    let [id, text] = unsafe { [data.message_id_name_as_c_str(), data.message_as_c_str()] }
+        .map(|s| s.map_or_else(String::new, |s| s.to_string_lossy().into_owned()));
+    if !OF_ITSELF.iter().any(|of| id.starts_with(of)) {
+        lock(&seen.texts).push(text);
     }
     vk::FALSE
 }
@@ -83,4 +137,14 @@ impl Drop for Messenger {
             unsafe { self.functions.destroy_debug_utils_messenger(raw, None) };
         }
     }
+}
+
+/// Version of the validation layer that is installed, if one is: as of the Vulkan headers that it was made with.
+pub fn validation_layer() -> Result<Option<[u32; 3]>> {
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what the caller asks for.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan(e.to_string()))?;
+    // SAFETY: a global command.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
+    let version = |v: u32| [vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v)];
+    Ok(layers.iter().find(|l| l.layer_name_as_c_str() == Ok(LAYER)).map(|l| version(l.spec_version)))
 }

@@ -35,6 +35,21 @@ pub fn assert_no_messages(gpu: &Gpu) {
     assert!(messages.is_empty(), "{} validation messages, first: {}", messages.len(), messages[0]);
 }
 
+/// The first version of the validation layer that is known to follow all shaders of the engine in its GPU-assisted mode.
+const ABLE_TO_ASSIST: [u32; 3] = [1, 4, 363];
+
+/// Whether the layer here follows all shaders in its GPU-assisted mode; prints why not.
+pub fn layer_assists() -> bool {
+    let found = psrgs_vk::vk::validation_layer().ok().flatten();
+    let able = found.is_some_and(|version| version >= ABLE_TO_ASSIST);
+    if !able {
+        println!(
+            "skipped: GPU-assisted validation of all shaders needs layer {ABLE_TO_ASSIST:?} or later, not {found:?}"
+        );
+    }
+    able
+}
+
 /// A folder or file of the shared test data: under `$PSRGS_DATA`, else `../shared/data`. `None`, with a printed reason, where
 /// it is not there.
 pub fn data(name: &str) -> Option<PathBuf> {
