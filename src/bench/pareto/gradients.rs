@@ -65,6 +65,7 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
                 .find(|(_, approximation)| *approximation == form.approximation)
                 .map_or_else(|| options(*form), |(options, _)| options.to_owned()),
             default: *form == default && k != again,
+            repeats: k == again,
             time: super::least(times),
             error: Some(error),
             more: vec![cosine],

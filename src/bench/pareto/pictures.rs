@@ -138,6 +138,7 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
     for ((form, times), (largest, total, values)) in forms.into_iter().zip(times).zip(errors) {
         table.settings.push(Setting {
             default: form.name == "default",
+            repeats: form.name == AGAIN,
             name: form.name,
             options: form.options,
             time: super::least(times),

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::super::Error;
 use super::{AGAIN, Setting, Table};
-use crate::raster::{Exponential, GradientSum, TileShape};
+use crate::raster::{Exponential, GradientSum, TileShape, Variants};
 use crate::scene::Gaussians;
 use crate::train::settings::{Growth, Shortcuts};
 use crate::train::{Input, Message, Pacing, Settings, Trainer};
@@ -72,6 +72,8 @@ pub struct Scored {
     pub splats: u32,
     /// The model.
     pub model: Gaussians,
+    /// The forms of the passes that trained it.
+    pub variants: Variants,
 }
 
 /// A training that is on its way.
@@ -116,7 +118,8 @@ impl Running {
             return Err(Error::NotLive(format!("held-out PSNR went from {before:.2} to {after:.2} dB")));
         }
         let (splats, model) = (self.trainer.splats(), self.trainer.model()?);
-        let scored = Scored { seconds: self.seconds, psnr: quality.psnr, ssim: quality.ssim, splats, model };
+        let variants = self.trainer.variants();
+        let scored = Scored { seconds: self.seconds, psnr: quality.psnr, ssim: quality.ssim, splats, model, variants };
         Ok((self.knob, scored))
     }
 }
@@ -162,10 +165,13 @@ pub fn trainings(
         settings: Vec::new(),
     };
     for (knob, one) in &all {
+        let default = knob.name == "default";
+        let same = |of: &Scored| one.variants == of.variants && one.model == of.model;
         table.settings.push(Setting {
             name: knob.name.into(),
             options: knob.options.into(),
-            default: knob.name == "default",
+            default,
+            repeats: !default && all.first().is_some_and(|(_, of)| same(of)),
             time: one.seconds,
             error: Some(-one.psnr),
             more: vec![one.psnr, one.ssim, f64::from(one.splats)],
