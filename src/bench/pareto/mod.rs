@@ -35,13 +35,15 @@ pub struct Setting {
     pub default: bool,
     /// Whether it does what the default does, to the last bit and in the same form: another measurement of the same.
     pub repeats: bool,
+    /// Whether it gives the same bits every time. What does not cannot dominate what does.
+    pub reproducible: bool,
     /// Time, in the unit of the table.
     pub time: f64,
     /// Error, in the unit of the table: smaller is better. `None` where there is none to tell.
     pub error: Option<f64>,
     /// Further numbers by the table's columns.
     pub more: Vec<f64>,
-    /// Whether another setting is better in one of time and error and as good in the other.
+    /// Whether another setting is better in one of time and error and as good in the other, and as reproducible.
     pub dominated: bool,
 }
 
@@ -75,7 +77,10 @@ impl Table {
             |a: &Setting, b: &Setting| matches!((a.error, b.error), (Some(a), Some(b)) if a <= b + slack(a, b));
         let more_right =
             |a: &Setting, b: &Setting| matches!((a.error, b.error), (Some(a), Some(b)) if a + slack(a, b) < b);
-        let better = |a: &Setting, b: &Setting| as_fast(a, b) && as_right(a, b) && (faster(a, b) || more_right(a, b));
+        let as_steady = |a: &Setting, b: &Setting| a.reproducible || !b.reproducible;
+        let better = |a: &Setting, b: &Setting| {
+            as_fast(a, b) && as_right(a, b) && as_steady(a, b) && (faster(a, b) || more_right(a, b))
+        };
         let dominated: Vec<bool> = self.settings.iter().map(|b| self.settings.iter().any(|a| better(a, b))).collect();
         self.settings.iter_mut().zip(dominated).for_each(|(setting, d)| setting.dominated = d);
     }
@@ -108,6 +113,7 @@ mod tests {
             options: String::new(),
             default: false,
             repeats: false,
+            reproducible: true,
             time: *time,
             error: Some(*error),
             more: Vec::new(),
@@ -162,6 +168,18 @@ mod tests {
         table.settings.iter_mut().skip(1).for_each(|setting| setting.repeats = true);
         table.mark();
         assert!(table.default_off_the_front().is_none());
+    }
+
+    #[test]
+    fn what_differs_from_run_to_run_does_not_dominate_what_does_not() {
+        let mut table = table(&[(1.0, 1.0), (0.5, 1.0), (2.0, 1.0)]);
+        table.settings[1].reproducible = false;
+        table.mark();
+        let dominated: Vec<bool> = table.settings.iter().map(|s| s.dominated).collect();
+        assert_eq!(dominated, [false, false, true]);
+        table.settings[0].reproducible = false;
+        table.mark();
+        assert!(table.settings[0].dominated);
     }
 
     #[test]

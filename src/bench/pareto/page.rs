@@ -13,7 +13,7 @@ pub fn page(about: &str, tables: &[Table]) -> String {
          sans-serif;margin:2rem auto;max-width:72rem;padding:0 1rem;color:#222}}table{{border-collapse:collapse;margin:1rem 0}}td,th{{\
          border:1px solid #ccc;padding:.25rem .5rem;text-align:left}}tr.dominated{{color:#888}}svg{{max-width:46rem}}</style></head>\
          <body><h1>Speed against error</h1><p>{}</p><p>A setting is dominated (hollow, grey) where another is better in one of time \
-         and error and as good in the other. The square is the default.</p>\n",
+         and error and as good in the other, and gives the same bits every time if this one does. The square is the default.</p>\n",
         escape(about)
     );
     for table in tables {
@@ -29,10 +29,11 @@ pub fn page(about: &str, tables: &[Table]) -> String {
         for (s, row) in table.settings.iter().zip(1..) {
             let class = if s.dominated { " class=\"dominated\"" } else { "" };
             let name = if s.default { format!("<b>{}</b>", escape(&s.name)) } else { escape(&s.name) };
+            let steady = if s.reproducible { "" } else { " (not to the bit)" };
             let error = s.error.map_or(String::new(), number);
             let _ = write!(
                 out,
-                "<tr{class}><td>{row}<td>{name}<td><code>{}</code><td>{}<td>{error}",
+                "<tr{class}><td>{row}<td>{name}{steady}<td><code>{}</code><td>{}<td>{error}",
                 escape(&s.options),
                 number(s.time)
             );

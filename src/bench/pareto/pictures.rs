@@ -139,6 +139,7 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
         table.settings.push(Setting {
             default: form.name == "default",
             repeats: form.name == AGAIN,
+            reproducible: true,
             name: form.name,
             options: form.options,
             time: super::least(times),

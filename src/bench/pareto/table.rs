@@ -30,7 +30,8 @@ pub fn markdown(tables: &[Table]) -> String {
             let error = s.error.map_or(String::new(), number);
             let _ = write!(out, "| {row} | {name} | {options} | {} | {error} |", number(s.time));
             s.more.iter().for_each(|v| out += &format!(" {} |", number(*v)));
-            out += if s.dominated { " dominated |\n" } else { " yes |\n" };
+            out += if s.dominated { " dominated" } else { " yes" };
+            out += if s.reproducible { " |\n" } else { ", not to the bit |\n" };
         }
         out += "\n";
         if let Some(default) = table.default_off_the_front() {

@@ -52,6 +52,13 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         }),
         knob("growth by the published threshold", "--growth threshold", |s| s.density.growth = Growth::Threshold),
     ];
+    let chosen = Variants::choose(gpu, false);
+    let atomic = Variants { gradients: GradientSum::Atomic, ..chosen };
+    if chosen != atomic && Variants::possible(gpu).contains(&atomic) {
+        all.push(knob("sums by float atomics", "--gradient-sum atomic", |s| {
+            s.device.gradient_sum = Some(GradientSum::Atomic);
+        }));
+    }
     // On processors many times slower, to the same pictures: the tables of pictures and gradients have them there.
     if gpu.caps().kind != DeviceKind::Cpu {
         all.push(knob("tiles of 8x8", "--tile-shape column", |s| s.device.tile_shape = Some(TileShape::Column)));
@@ -172,6 +179,7 @@ pub fn trainings(
             options: knob.options.into(),
             default,
             repeats: !default && all.first().is_some_and(|(_, of)| same(of)),
+            reproducible: one.variants.gradients == GradientSum::Slots,
             time: one.seconds,
             error: Some(-one.psnr),
             more: vec![one.psnr, one.ssim, f64::from(one.splats)],
