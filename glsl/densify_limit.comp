@@ -1,17 +1,33 @@
 #version 460
-// densify_limit: withdraws growth past a limit on the number of splats, the youngest sources first. A clone or a split adds
-// one row each, so with an excess of e rows the last e of them (by birth) do not happen: an uncloned splat stays
-// alone, an unsplit one stays whole. The limit never removes a splat.
+// densify_limit: withdraws growth past a limit on the number of splats. A clone or a split adds one row each, so with an
+// excess of e rows e of them do not happen: an uncloned splat stays alone, an unsplit one stays whole. Those that do happen are
+// spread evenly over all in the order of birth, from a random place on: the oldest, or the youngest, have no claim to the room that is left.
+// The limit never removes a splat.
 // One thread owns one splat and its four flags; one workgroup owns 64 consecutive splats. The scan is repeated afterwards.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
 #include "densify.glsl"
+#include "random.glsl"
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = 2) buffer Flags { uint flags[]; };
-layout(push_constant) uniform Push { uint stride; uint max_splats; } push;
+layout(push_constant) uniform Push { uint stride; uint max_splats; uint seed; uint event; } push;
+
+// Keeps this draw apart from those that are keyed by a splat.
+const uint DRAW_PLACE = 3u;
+
+// a * b modulo m, for a and b below m < 2^31.
+uint product_modulo(uint a, uint b, uint m) {
+    uint sum = 0u;
+    for (uint k = 0u; k < 31u; ++k) {
+        sum = (2u * sum) % m;
+        if ((b >> (30u - k) & 1u) != 0u) sum = (sum + a) % m;
+    }
+    return sum;
+}
+
 void main() {
     const uint i = global_index();
     if (i >= push.stride || i >= counters[COUNTER_SPLATS]) return;
@@ -23,7 +39,10 @@ void main() {
     const uint growth = (offsets[children] - offsets[clones]) + (total - offsets[second]);
     const uint admitted = growth > excess ? growth - excess : 0u;
     const uint rank = (offsets[clones + i] - offsets[clones]) + (offsets[second + i] - offsets[second]);
-    if (rank < admitted) return;
+    if (growth == 0u || admitted == growth) return;
+    // Of `growth` ranks exactly `admitted` fulfil this, whatever the place: the steps of a line.
+    const uint place = random_bits(uvec4(push.seed, push.event, 0u, DRAW_PLACE)).x % growth;
+    if ((product_modulo(admitted, rank % growth, growth) + place) % growth < admitted) return;
     if (flags[clones + i] != 0u) flags[clones + i] = 0u;
     if (flags[second + i] != 0u) {
         flags[i] = 1u;

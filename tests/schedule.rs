@@ -1,6 +1,6 @@
 //! The schedule of the reference method, its quirks, its short form, and the order of views.
 
-use psrgs_vk::train::schedule::{Adam, Schedule};
+use psrgs_vk::train::schedule::{Adam, Dropped, Schedule};
 use psrgs_vk::train::settings::{Background, Settings};
 
 fn schedule(change: impl FnOnce(&mut Settings)) -> Schedule {
@@ -43,6 +43,23 @@ fn harmonics_rise_every_thousand_steps() {
     let degrees: Vec<u32> = [1, 999, 1000, 1999, 2000, 2999, 3000, 30_000].map(|t| s.step(t).sh_degree).to_vec();
     assert_eq!(degrees, [0, 0, 1, 1, 2, 2, 3, 3]);
     assert_eq!(schedule(|o| o.model.sh_degree = 1).step(30_000).sh_degree, 1);
+}
+
+#[test]
+fn harmonics_of_few_splats_wait_for_the_end_of_growth() {
+    let s = schedule(|s| s.model.sh_share = 0.3);
+    let degrees: Vec<u32> = [999, 1000, 14_999, 15_000, 30_000].map(|t| s.step(t).sh_degree).to_vec();
+    assert_eq!(degrees, [0, 1, 1, 3, 3]);
+    assert_eq!(steps(&s, |t| s.settles_sh(t)), [15_000]);
+    let still = schedule(|s| (s.model.sh_share, s.run.no_densify) = (0.3, true));
+    assert_eq!(steps(&still, |t| still.settles_sh(t)), [2000]);
+    assert_eq!([1999, 2000, 3000].map(|t| still.step(t).sh_degree), [1, 2, 3]);
+    let none = |change: fn(&mut Settings)| steps(&schedule(change), |t| schedule(change).settles_sh(t)).len();
+    assert_eq!((none(|_| {}), none(|s| (s.model.sh_share, s.model.sh_degree) = (0.3, 1))), (0, 0));
+    let mut endless = Settings::default();
+    (endless.model.sh_share, endless.run.iterations) = (0.3, 7000);
+    let why = endless.check().expect_err("growth does not end").to_string();
+    assert!(why.contains("sh-share") && why.contains("--densify-until"), "{why}");
 }
 
 #[test]
@@ -223,4 +240,27 @@ fn random_backgrounds_depend_on_the_step_only() {
     let mean: f32 = (1..=3000).flat_map(|t| s.step(t).background).sum::<f32>() / 9000.0;
     assert!((mean - 0.5).abs() < 0.02, "mean {mean}");
     assert!((1..=3000).flat_map(|t| s.step(t).background).all(|c| (0.0..1.0).contains(&c)));
+}
+
+#[test]
+fn a_limited_set_is_recycled_while_it_grows() {
+    let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Lightest(_))));
+    let s = schedule(|s| s.density.recycle_share = 0.2);
+    // Three passes over 43 views are 129 steps: after every second change, while another one follows.
+    let wanted: Vec<u32> = (600..14_900).step_by(200).map(|t| t + 1).collect();
+    assert_eq!(recycled(&s), wanted);
+    assert!(recycled(&schedule(|_| {})).is_empty());
+    assert!(recycled(&schedule(|s| (s.density.recycle_share, s.run.no_densify) = (0.2, true))).is_empty());
+    // Scaled, changes are 43 steps apart: every third.
+    let scaled = |share: f64| {
+        schedule(|s| {
+            (s.run.iterations, s.run.scale_schedule) = (1500, true);
+            (s.density.recycle_share, s.density.prune_weight) = (share, 0.03);
+        })
+    };
+    assert_eq!(recycled(&scaled(0.2)), [130, 259, 388, 517, 646]);
+    // What is dropped for good, when growth has ended, is the same.
+    let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Below(_))));
+    assert_eq!(below(&scaled(0.2)), below(&scaled(0.0)));
+    assert_eq!(below(&scaled(0.2)), [750, 1201]);
 }

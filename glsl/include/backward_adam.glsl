@@ -80,7 +80,10 @@ void main() {
     const uint i = global_index();
     if (i >= counters[COUNTER_SPLATS]) return;
     const uint s = 3u * i;
-    const uint degree = REST != 0u ? (push.flags >> 8u) & 3u : 0u;
+    // The other rows have no harmonics above degree 1, nor moments of them.
+    const bool full = i < FULL_ROWS;
+    const uint in_use = (push.flags >> 8u) & 3u;
+    const uint degree = REST == 0u ? 0u : full ? in_use : min(in_use, 1u);
     SplatParams splat;
     splat.mean = LOAD3(means, i);
     splat.quat = LOAD4(quats, i);
@@ -91,11 +94,11 @@ void main() {
         splat.sh[1] = LOAD4(sh0, s + 1u);
         splat.sh[2] = LOAD4(sh0, s + 2u);
     }
-    if (REST != 0u && DEGREE >= 2u) {
+    if (REST != 0u && DEGREE >= 2u && full) {
         LOAD_SH(sh1, 1)
         LOAD_SH(sh2, 2)
     }
-    if (REST != 0u && DEGREE >= 3u) {
+    if (REST != 0u && DEGREE >= 3u && full) {
         LOAD_SH(sh3, 3)
     }
 
@@ -129,7 +132,7 @@ void main() {
         STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, sh_outer1(basis0, g.rgb), splat.sh[1])
         STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, sh_outer2(basis0, g.rgb), splat.sh[2])
     }
-    if (REST != 0u && DEGREE >= 2u) {
+    if (REST != 0u && DEGREE >= 2u && full) {
         const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
         STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1)
         const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
@@ -140,7 +143,7 @@ void main() {
             STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, sh_outer2(basis2, g.rgb), splat.sh[8])
         }
     }
-    if (REST != 0u && DEGREE >= 3u) {
+    if (REST != 0u && DEGREE >= 3u && full) {
         const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
         STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3)
     }

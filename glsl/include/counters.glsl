@@ -16,9 +16,13 @@ const uint COUNTER_PRUNED = 10u;
 const uint COUNTER_NEXT_ID = 11u;     // identity of the next splat to be born
 const uint COUNTER_SCAN_TOTAL = 12u;  // total of the last prefix sum
 const uint COUNTER_CONSTRAINED = 13u; // splats with an identity below it were there at the end of the low-frequency stage
+const uint COUNTER_PLAIN = 14u;       // splats in the last rows, whose harmonics end at degree 1: the planes of the others end before them
 const uint COUNTER_COUNT = 16u;
 
 const uint STATUS_PAIRS = 1u;         // more pairs than the pair buffers hold
 const uint STATUS_SPLATS = 2u;        // more splats than the planes hold
+
+// Rows from this one on have harmonics up to degree 1 alone.
+#define FULL_ROWS (counters[COUNTER_SPLATS] - min(counters[COUNTER_PLAIN], counters[COUNTER_SPLATS]))
 
 #endif

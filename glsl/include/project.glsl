@@ -62,7 +62,7 @@ void main() {
         return;
     }
 
-    const uint degree = push.sh_degree;
+    const uint degree = i < FULL_ROWS ? push.sh_degree : min(push.sh_degree, 1u);
     const vec3 dir = normalize(mean - camera.center);
     const uint s = 3u * i;
     vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD_SH(sh0, s), LOAD_SH(sh0, s + 1u), LOAD_SH(sh0, s + 2u));

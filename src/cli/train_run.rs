@@ -271,6 +271,8 @@ fn follow(
             Message::Pruned { step, dropped, splats } => {
                 progress.detail(format_args!("step {step}: {dropped} splats of little weight dropped: {splats} splats"))
             }
+            Message::HarmonicsSettled { step, full, splats } => progress
+                .detail(format_args!("step {step}: {full} of {splats} splats have spherical harmonics above degree 1")),
             Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
             Message::Grown { what, capacity, replay_from } => {
                 progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));

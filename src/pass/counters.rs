@@ -28,6 +28,8 @@ pub const NEXT_ID: usize = 11;
 pub const SCAN_TOTAL: usize = 12;
 /// Splats with an identity below this are the constrained set: those that were there at the end of the low-frequency stage.
 pub const CONSTRAINED: usize = 13;
+/// Splats in the last rows, whose harmonics end at degree 1: the planes of the others end before them.
+pub const PLAIN: usize = 14;
 /// Words in the buffer.
 pub const COUNT: usize = 16;
 
@@ -35,3 +37,8 @@ pub const COUNT: usize = 16;
 pub const PAIRS_BIT: u32 = 1;
 /// Status bit: more splats than the planes hold.
 pub const SPLATS_BIT: u32 = 2;
+
+/// Rows from this one on have harmonics up to degree 1 alone.
+pub fn full_rows(counters: &[u32]) -> usize {
+    counters[SPLATS].saturating_sub(counters[PLAIN]) as usize
+}

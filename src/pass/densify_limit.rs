@@ -10,6 +10,10 @@ crate::push_constants! {
         pub stride: u32,
         /// Splats that growth may reach. More splats than that stay, but do not grow.
         pub max_splats: u32,
+        /// The run's seed.
+        pub seed: u32,
+        /// Number of the density change.
+        pub event: u32,
     }
 }
 
@@ -23,8 +27,8 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat and its four flags; a workgroup owns 64 consecutive splats. Withdraws the clones and \
-          splits of the last sources by birth until the limit is kept; the scan of the flags is then repeated.",
+    doc: "One thread owns one splat and its four flags; a workgroup owns 64 consecutive splats. Withdraws clones and \
+          splits, spread evenly over the order of birth, until the limit is kept; the scan of the flags is then repeated.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
     twin: crate::twin::densify_limit::run,

@@ -42,11 +42,19 @@ pub struct Plane<'a> {
     pub buffer: &'a Buffer,
 }
 
+/// Index of the first plane of harmonics above degree 1 in [`PLANES`]: the groups before it have those up to degree 1.
+pub const UPPER: usize = 5;
+
 /// Eight buffers with the rows of [`PLANES`]. Cloning gives another handle to the same memory.
+///
+/// The planes of the harmonics above degree 1 may have fewer rows than the others ([`Self::limited`]): splats from some row on have
+/// none, which passes know by [`crate::pass::counters::PLAIN`]. Where such planes have rows beyond those splats, they hold zeros.
 #[derive(Clone)]
 pub struct Planes {
     capacity: u32,
     sh: ShStorage,
+    /// Share of the rows that the upper planes have.
+    share: f64,
     buffers: [Buffer; 8],
 }
 
@@ -64,18 +72,38 @@ impl Planes {
 
     /// The same with the numbers of spherical harmonics stored so.
     pub fn with_sh(gpu: &Gpu, prefix: &str, capacity: u32, sh: ShStorage) -> Result<Self, vk::Error> {
+        Self::allocated(gpu, prefix, capacity, sh, 1.0)
+    }
+
+    /// The same with harmonics above degree 1 for this share of the splats, rounded up. They are to be set to zero before anything
+    /// reads them: [`Self::clear_upper`].
+    pub fn limited(gpu: &Gpu, prefix: &str, capacity: u32, share: f64) -> Result<Self, vk::Error> {
+        Self::allocated(gpu, prefix, capacity, ShStorage::Full, share)
+    }
+
+    fn allocated(gpu: &Gpu, prefix: &str, capacity: u32, sh: ShStorage, share: f64) -> Result<Self, vk::Error> {
         let capacity = capacity.max(1);
         let plane = |k: usize| {
-            let bytes = row_bytes(k, sh) * u64::from(capacity);
+            let bytes = row_bytes(k, sh) * u64::from(rows_at(k, capacity, share));
             gpu.buffer(&format!("{prefix}{}", PLANES[k].0), bytes, Memory::Device)
         };
         let buffers = [plane(0)?, plane(1)?, plane(2)?, plane(3)?, plane(4)?, plane(5)?, plane(6)?, plane(7)?];
-        Ok(Self { capacity, sh, buffers })
+        Ok(Self { capacity, sh, share, buffers })
     }
 
     /// Splats that fit.
     pub fn capacity(&self) -> u32 {
         self.capacity
+    }
+
+    /// Splats that fit with harmonics above degree 1: as many as fit at all, unless these planes are [limited](Self::limited).
+    pub fn full_rows(&self) -> u32 {
+        rows_at(UPPER, self.capacity, self.share)
+    }
+
+    /// What [`crate::pass::counters::PLAIN`] has to be at least for a model of so many splats in these planes.
+    pub fn plain(&self, splats: u32) -> u32 {
+        splats.saturating_sub(self.full_rows())
     }
 
     /// How the numbers of spherical harmonics are stored.
@@ -107,7 +135,9 @@ impl Planes {
     pub fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
         let capacity = capacity.max(self.capacity);
         for (k, buffer) in self.buffers.iter_mut().enumerate() {
-            *buffer = grown(gpu, buffer, row_bytes(k, self.sh) * u64::from(capacity))?;
+            let bytes = row_bytes(k, self.sh) * u64::from(rows_at(k, capacity, self.share));
+            let beyond = if k >= UPPER && self.share < 1.0 { Beyond::Zero } else { Beyond::Undefined };
+            *buffer = grown_with(gpu, buffer, bytes, beyond)?;
         }
         self.capacity = capacity;
         Ok(())
@@ -121,14 +151,23 @@ impl Planes {
         Ok(())
     }
 
+    /// Sets the harmonics above degree 1 to zero.
+    pub fn clear_upper(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+        for buffer in &self.buffers[UPPER..] {
+            recorder.fill(buffer, 0)?;
+        }
+        Ok(())
+    }
+
     /// Writes the planes of `gaussians` to the first rows.
     pub fn write(&self, gpu: &Gpu, gaussians: &Gaussians) -> Result<(), vk::Error> {
         self.write_rows(gpu, &planes_of(gaussians))
     }
 
-    /// Writes the first rows of every plane.
+    /// Writes the first rows of every plane, as many as it has.
     pub fn write_rows<T: AsRef<[f32]>>(&self, gpu: &Gpu, values: &[T; 8]) -> Result<(), vk::Error> {
         for (k, values) in values.iter().map(AsRef::as_ref).enumerate().filter(|(_, values)| !values.is_empty()) {
+            let values = if k < UPPER { values } else { &values[..values.len().min(self.upper_numbers())] };
             match self.halved(k) {
                 false => gpu.write(&self.buffers[k], values)?,
                 true => {
@@ -140,14 +179,20 @@ impl Planes {
         Ok(())
     }
 
-    /// Reads the first `splats` rows. Blocks.
+    /// Numbers in a plane of harmonics above degree 1.
+    fn upper_numbers(&self) -> usize {
+        self.full_rows() as usize * SH_GROUP_FLOATS
+    }
+
+    /// Reads the first `splats` rows; those that a plane does not have are zeros. Blocks.
     pub fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 8], vk::Error> {
         let mut out: [Vec<f32>; 8] = Default::default();
         if splats == 0 {
             return Ok(out);
         }
         for (k, plane) in out.iter_mut().enumerate() {
-            let numbers = (PLANES[k].1 * splats) as usize;
+            let wanted = (PLANES[k].1 * splats) as usize;
+            let numbers = if k < UPPER { wanted } else { wanted.min(self.upper_numbers()) };
             *plane = match self.halved(k) {
                 false => gpu.read_at(&self.buffers[k], 0, numbers)?,
                 true => {
@@ -155,6 +200,7 @@ impl Planes {
                     halves.into_iter().map(|h| f16::from_bits(h).to_f32()).collect()
                 }
             };
+            plane.resize(wanted, 0.0);
         }
         Ok(out)
     }
@@ -169,10 +215,29 @@ fn half_of(value: f32) -> u16 {
     f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()
 }
 
+/// Rows of plane `k` where there is room for `capacity` splats.
+fn rows_at(k: usize, capacity: u32, share: f64) -> u32 {
+    if k < UPPER || share >= 1.0 { capacity } else { ((share * f64::from(capacity)).ceil() as u32).max(1) }
+}
+
+/// What a larger buffer holds behind the contents of the smaller one.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Beyond {
+    Undefined,
+    Zero,
+}
+
 /// A buffer of `bytes` bytes, not fewer than another has, that begins with that one's contents. Waits.
 pub fn grown(gpu: &Gpu, buffer: &Buffer, bytes: u64) -> Result<Buffer, vk::Error> {
+    grown_with(gpu, buffer, bytes, Beyond::Undefined)
+}
+
+fn grown_with(gpu: &Gpu, buffer: &Buffer, bytes: u64, beyond: Beyond) -> Result<Buffer, vk::Error> {
     let larger = gpu.buffer(buffer.name(), bytes, Memory::Device)?;
     let mut recorder = gpu.recorder("grow")?;
+    if beyond == Beyond::Zero {
+        recorder.fill(&larger, 0)?;
+    }
     recorder.copy(buffer, 0, &larger, 0, buffer.size())?;
     gpu.wait(recorder.submit()?)?;
     Ok(larger)

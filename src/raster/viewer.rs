@@ -172,7 +172,7 @@ impl Viewer {
             let mut recorder = self.gpu.recorder("weights")?;
             let (renderer, target) = self.ready(width * height)?;
             let mut words = [0u32; counters::COUNT];
-            words[counters::SPLATS] = splats;
+            (words[counters::SPLATS], words[counters::PLAIN]) = (splats, model.plain(splats));
             recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
             renderer.record_weights(&mut recorder, model, shot, target, weights)?;
             let counters = renderer.counters.clone();
@@ -200,13 +200,14 @@ impl Viewer {
         let landing = self.landing.insert(landing).clone();
         let (renderer, target) = self.ready(width * height)?;
         let mut words = [0u32; counters::COUNT];
-        if let Drawn::First(_, splats) = drawn {
-            words[counters::SPLATS] = splats;
+        if let Drawn::First(planes, splats) = drawn {
+            (words[counters::SPLATS], words[counters::PLAIN]) = (splats, planes.plain(splats));
         }
         recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
         if let Drawn::Live(model) = drawn {
-            let at = 4 * counters::SPLATS as u64;
-            recorder.copy(model.counters(), at, &renderer.counters, at, 4)?;
+            for at in [model.count_offset(), 4 * counters::PLAIN as u64] {
+                recorder.copy(model.counters(), at, &renderer.counters, at, 4)?;
+            }
         }
         renderer.record_forward(recorder, drawn.planes(), shot, target, aux)?;
         recorder.copy(&renderer.counters, 0, &landing, 0, 4 * counters::COUNT as u64)?;

@@ -13,6 +13,7 @@ use crate::pass::{
     counters, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
     densify_sample, opacity_reset,
 };
+use crate::raster::UPPER;
 use crate::raster::scan::{Extent, Scan, Summand};
 use crate::raster::sort::Shape;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
@@ -32,6 +33,8 @@ const OPACITIES: usize = 3;
 pub struct Model<'a> {
     /// The parameters.
     pub planes: &'a [Buffer; 8],
+    /// Whether no splat has harmonics above degree 1, of which the planes may have fewer rows: then they stay as they are.
+    pub plain: bool,
     /// First moments of the optimiser, or both where they share words.
     pub first_moments: &'a [Buffer; 8],
     /// Second moments of the optimiser, where they have planes of their own.
@@ -48,6 +51,13 @@ pub struct Model<'a> {
     pub args: &'a Buffer,
     /// Memory to work in.
     pub scratch: Scratch<'a>,
+}
+
+impl Model<'_> {
+    /// Whether the rows of plane `p` move with the splats.
+    fn moves(&self, p: usize) -> bool {
+        p < UPPER || !self.plain
+    }
 }
 
 /// Memory that density changes overwrite: two buffers of [`SCRATCH_BYTES`] per splat of the capacity (and [`SCRATCH_LEAST`] in
@@ -198,7 +208,9 @@ impl DensityControl {
         let along_axis = u32::from(rules.sampled.is_some());
         let push = densify_means::Push { seed: rules.seed, event, along_axis };
         rec.dispatch(&self.means, &buffers, &push, new_rows)?;
-        for (p, (plane, width)) in model.planes.iter().zip(WIDTHS).enumerate().filter(|(p, _)| *p != MEANS) {
+        for (p, (plane, width)) in
+            model.planes.iter().zip(WIDTHS).enumerate().filter(|(p, _)| *p != MEANS && model.moves(*p))
+        {
             let mode = match p {
                 SCALES if rules.sampled.is_some() => MODE_SHRINK_AXIS,
                 SCALES => MODE_SHRINK,
@@ -214,7 +226,7 @@ impl DensityControl {
             )?;
         }
         for moments in [model.first_moments].into_iter().chain(model.second_moments) {
-            for (plane, width) in moments.iter().zip(WIDTHS) {
+            for (_, (plane, width)) in moments.iter().zip(WIDTHS).enumerate().filter(|(p, _)| model.moves(*p)) {
                 self.gather(rec, model, &parts, plane, width, MODE_MOMENT)?;
             }
         }
@@ -272,7 +284,7 @@ impl DensityControl {
         }
         self.scan_flags(rec, model, parts)?;
         if let Some(max_splats) = rules.max_splats {
-            let push = densify_limit::Push { stride: self.capacity, max_splats };
+            let push = densify_limit::Push { stride: self.capacity, max_splats, seed: rules.seed, event };
             rec.dispatch(&self.limit, &[counts, parts.offsets, parts.flags], &push, all)?;
             self.scan_flags(rec, model, parts)?;
         }

@@ -2,6 +2,7 @@
 
 mod changes;
 mod growth;
+mod harmonics;
 mod propagate;
 mod prune;
 mod step;
@@ -209,7 +210,7 @@ impl Engine {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,
             size,
-            model: Planes::new(gpu, "", splats)?,
+            model: Planes::limited(gpu, "", splats, settings.model.sh_share)?,
             optimiser: Optimiser::new(gpu, splats, needs.extent, settings)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             statistics: Statistics::new(gpu, splats, deep, settings)?,
@@ -248,6 +249,11 @@ impl Engine {
     /// Most splats that the device memory has room for, where that is what limits them.
     pub fn most_splats(&self) -> Option<u32> {
         self.most_splats
+    }
+
+    /// The splats that growth does not pass: what was asked for, or what fits.
+    pub fn limit(&self) -> Option<u32> {
+        self.settings.density.max_splats.into_iter().chain(self.most_splats).min()
     }
 
     /// Seconds that the masks of the photographs took.

@@ -61,6 +61,15 @@ pub enum Message {
         /// Splats after that.
         splats: u32,
     },
+    /// It was settled before a step which splats have spherical harmonics above degree 1.
+    HarmonicsSettled {
+        /// Step.
+        step: u32,
+        /// How many have.
+        full: u32,
+        /// Of so many.
+        splats: u32,
+    },
     /// Opacities were clamped.
     OpacityReset {
         /// Step.

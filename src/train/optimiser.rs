@@ -58,15 +58,15 @@ impl Optimiser {
                 with_aux: aux.then(|| all(true)).transpose()?,
                 without_rest: (shortcuts.sh_every > 1).then(|| of(0, false, false)).transpose()?,
             }
-        } else if packs || shortcuts.sh_every > 1 {
+        } else if packs || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
             let adam = gpu.pipeline(&adam::PASS.kernel, &[])?;
             Form::FromGradients { adam, gradients: Planes::new(gpu, "g_", capacity)? }
         };
-        let mut moments = vec![Planes::new(gpu, "m_", capacity)?];
+        let mut moments = vec![Planes::limited(gpu, "m_", capacity, training.model.sh_share)?];
         if !packs {
-            moments.push(Planes::new(gpu, "v_", capacity)?);
+            moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
         Ok(Self { moments, form, settings, extent, flatten, degree: AtomicU32::new(0) })
     }

@@ -18,6 +18,18 @@ const RESET_RECOVERY: u32 = 300;
 /// Splats of little weight are dropped a second time after this share of the steps.
 const PRUNE_AGAIN: f64 = 0.8;
 
+/// Steps between two weighings of a limited set of splats, in passes over the views: weighing draws every view once.
+const RECYCLE_PASSES: u32 = 3;
+
+/// Splats of little weight that are dropped before a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Dropped {
+    /// Those of less weight than this.
+    Below(f64),
+    /// This share of them, the lightest, where a limit holds growth up.
+    Lightest(f64),
+}
+
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
@@ -140,7 +152,12 @@ pub struct Schedule {
     prune_weight: f64,
     prune_before: [u32; 2],
     prune_from: u32,
+    recycle_share: f64,
+    /// Density changes from one recycling to the next.
+    recycle_every: u32,
     sh_degree: u32,
+    /// Before this step it is settled which splats have harmonics above degree 1; 0 where all have.
+    settle_sh: u32,
     sh_every: u32,
     densify: bool,
     background: Background,
@@ -212,7 +229,14 @@ impl Schedule {
             prune_weight: density.prune_weight,
             prune_from: density.prune_weight_from.max(densify_until),
             prune_before: [densify_until, (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1],
+            recycle_share: density.recycle_share,
+            recycle_every: recycle_steps(views).div_ceil(densify_interval.max(1)),
             sh_degree: settings.model.sh_degree,
+            settle_sh: match (settings.model.sh_share < 1.0, run.no_densify) {
+                (false, _) => 0,
+                (true, false) => densify_until.max(1),
+                (true, true) => 2 * scaled(settings.model.sh_interval).max(1),
+            },
             sh_every,
             densify: !run.no_densify,
             background: settings.model.background,
@@ -238,11 +262,33 @@ impl Schedule {
         self.propagations.at(t)
     }
 
-    /// Whether splats of little weight are dropped before a step, and the weight: when growth has come to its end, and once more when
-    /// what was left has settled.
-    pub fn prunes(&self, t: u32) -> Option<f64> {
+    /// Whether splats of little weight are dropped before a step, and which: when growth has come to its end, and once more when
+    /// what was left has settled; while there is growth, to make room for it.
+    pub fn drops(&self, t: u32) -> Option<Dropped> {
         let due = self.densify && t >= self.prune_from && t <= self.iterations && self.prune_before.contains(&t);
-        (due && self.prune_weight > 0.0).then_some(self.prune_weight)
+        let below = (due && self.prune_weight > 0.0).then_some(Dropped::Below(self.prune_weight));
+        below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
+    }
+
+    /// Whether it is settled before a step which splats have harmonics above degree 1.
+    pub fn settles_sh(&self, t: u32) -> bool {
+        self.settle_sh > 0 && t == self.settle_sh && self.sh_degree > 1
+    }
+
+    /// Degrees come one after the other; where few splats have more than one, no more before these are known.
+    fn sh_degree_at(&self, t: u32) -> u32 {
+        let degree = (t / self.sh_interval).min(self.sh_degree);
+        if t < self.settle_sh { degree.min(1) } else { degree }
+    }
+
+    /// After a density change, with another one to come.
+    fn recycles(&self, t: u32) -> bool {
+        let before = t.saturating_sub(1);
+        let change = before / self.densify_interval;
+        self.recycle_share > 0.0
+            && self.densifies_at(before)
+            && change.is_multiple_of(self.recycle_every)
+            && self.densifies_at(before + self.densify_interval)
     }
 
     /// What step `t` does.
@@ -252,7 +298,7 @@ impl Schedule {
         StepPlan {
             step: t,
             rates: Rates { means: self.lr_means(t), ..self.rates },
-            sh_degree: (t / self.sh_interval).min(self.sh_degree),
+            sh_degree: self.sh_degree_at(t),
             background: self.background_at(t),
             accumulate: self.densify && t < self.densify_until,
             densify: densify.then_some(DensityChange { prune_large: t > self.prune_large_after }),
@@ -384,6 +430,11 @@ impl Schedule {
             }),
         }
     }
+}
+
+/// Steps from one weighing to the next.
+fn recycle_steps(views: usize) -> u32 {
+    u32::try_from(views).unwrap_or(u32::MAX).saturating_mul(RECYCLE_PASSES).max(1)
 }
 
 /// A term of the loss that a step in every few has, after the low-frequency stage.

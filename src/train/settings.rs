@@ -108,6 +108,10 @@ group! {
         /// Steps between raising the degree by one
         #[arg(value_name = "N")]
         pub sh_interval: u32 = 1000,
+        /// Share of the splats that have spherical harmonics above degree 1: those whose colour changes most with the direction when
+        /// growth has ended; before, none has any (1: all have, from the beginning)
+        #[arg(value_name = "SHARE")]
+        pub sh_share: f64 = 1.0,
         /// Colour behind the splats: black, white or random (a new one each step)
         #[arg(value_name = "COLOUR")]
         pub background: Background = Background::Black,

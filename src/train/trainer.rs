@@ -69,6 +69,8 @@ pub struct Trainer {
     propagated: u32,
     /// Splats of little weight have been dropped up to this step.
     pruned: u32,
+    /// Which splats have harmonics above degree 1 has been settled up to this step.
+    settled: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
@@ -126,6 +128,7 @@ impl Trainer {
             attended: step,
             propagated: step,
             pruned: step,
+            settled: step,
             evaluated: step,
             checkpoints: None,
             history,
@@ -272,7 +275,7 @@ impl Trainer {
                 self.look(event, outcome)?;
             }
             // A step that has to be repeated after what the host did before it belongs to what is done.
-            if self.next.kind == Kind::Step && self.propagated.max(self.pruned) < self.next.step {
+            if self.next.kind == Kind::Step && self.propagated.max(self.pruned).max(self.settled) < self.next.step {
                 return Ok(self.next.step - 1);
             }
             self.submit_next(SubmitOrder::default())?;

@@ -1,8 +1,9 @@
 //! Twin of `glsl/densify_classify.comp`.
 
 use super::TwinCall;
-use crate::pass::counters::SPLATS;
+use crate::pass::counters::{SPLATS, full_rows};
 use crate::pass::densify_classify::Push;
+use crate::raster::SH0;
 
 /// ln 1.6: by how much the logarithmic scales of a split's children are smaller than their parent's.
 pub const LN_SPLIT_SHRINK: f32 = 0.470_003_63;
@@ -32,8 +33,9 @@ pub(super) fn planes(call: &TwinCall<'_>) -> Vec<(Vec<f32>, usize)> {
     [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect()
 }
 
-/// Whether every parameter of a splat is a finite number.
-pub(super) fn all_finite(planes: &[(Vec<f32>, usize)], i: usize) -> bool {
+/// Whether every parameter of a splat is a finite number; rows from `full` on have no more than the first group of harmonics.
+pub(super) fn all_finite(planes: &[(Vec<f32>, usize)], i: usize, full: usize) -> bool {
+    let planes = if i < full { planes } else { &planes[..=SH0] };
     planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite()))
 }
 
@@ -42,13 +44,14 @@ pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let stride = push.stride as usize;
     let splats = (call.get::<u32>(0)[SPLATS] as usize).min(stride);
+    let full = full_rows(&call.get::<u32>(0));
     let planes = planes(call);
     let stats = call.get::<[f32; 4]>(9);
     let (mut flags, mut tally) = (call.get::<u32>(10), call.get::<u32>(11));
     for i in 0..stride.min(64 * call.groups as usize) {
         let mut row = [0; KINDS];
         if i < splats {
-            if all_finite(&planes, i) {
+            if all_finite(&planes, i, full) {
                 let scales = &planes[2].0[3 * i..3 * i + 3];
                 row = classify([scales[0], scales[1], scales[2]], planes[3].0[i], stats[i], &push);
             } else {

@@ -3,7 +3,7 @@
 use super::TwinCall;
 use super::densify_classify::{KINDS, all_finite, planes};
 use super::random::bits;
-use crate::pass::counters::SPLATS;
+use crate::pass::counters::{SPLATS, full_rows};
 use crate::pass::densify_sample::Push;
 
 /// Keeps these draws apart from those of the children's places.
@@ -40,13 +40,14 @@ pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let stride = push.stride as usize;
     let splats = (call.get::<u32>(0)[SPLATS] as usize).min(stride);
+    let full = full_rows(&call.get::<u32>(0));
     let planes = planes(call);
     let (stats, scores, ids) = (call.get::<[f32; 4]>(9), call.get::<[f32; 2]>(10), call.get::<u32>(11));
     let (mut flags, mut tally) = (call.get::<u32>(12), call.get::<u32>(13));
     for i in 0..stride.min(64 * call.groups as usize) {
         let mut row = [0; KINDS];
         if i < splats {
-            if all_finite(&planes, i) {
+            if all_finite(&planes, i, full) {
                 let scales = &planes[2].0[3 * i..3 * i + 3];
                 let scales = [scales[0], scales[1], scales[2]];
                 row = sample(scales, planes[3].0[i], stats[i], scores[i], ids[i], &push);

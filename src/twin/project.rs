@@ -124,6 +124,7 @@ fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -
     let view = View::<f32>::of(&push);
     let mut counts = call.get::<u32>(0);
     let n = (call.groups as usize * 64).min(counts[counters::SPLATS] as usize);
+    let full = counters::full_rows(&counts);
     let model = model_of(call, 1, n);
     let mut splat2d = call.get::<[f32; 12]>(9);
     let mut tile_counts = call.get::<u32>(10);
@@ -132,7 +133,7 @@ fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -
     let grid = TileGrid { alpha_min: f32::from_bits(call.constants[3]), ..TileGrid::new(view.size, tile) };
     let aux = call.constants[2] != 0;
     for i in 0..n {
-        match project(&Splat::of(&model, i), &view, Some(&grid)) {
+        match project(&Splat::of(&model, i), &view.of_row(i < full), Some(&grid)) {
             Ok(p) => {
                 tile_counts[i] = p.tiles;
                 splat2d[i] = p.row();

@@ -8,7 +8,7 @@ use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
 use crate::pass::counters;
 use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEPS_OPACITIES};
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::twin::splat::model_of;
 
 /// A splat with the moments of its parameters.
@@ -61,9 +61,10 @@ fn within(degree: u32) -> usize {
     11 + 3 * (degree as usize + 1).pow(2)
 }
 
-/// Parameters that a step with these constants touches, but for the opacity.
-pub(super) fn touched(constants: &[u32]) -> usize {
-    within(if constants[7] == 0 { 0 } else { constants[1] })
+/// Parameters that a step with these constants touches, but for the opacity, of a splat with all harmonics or with those up to degree 1.
+pub(super) fn touched(constants: &[u32], full: bool) -> usize {
+    let degree = if constants[7] == 0 { 0 } else { constants[1] };
+    within(if full { degree } else { degree.min(1) })
 }
 
 /// The camera of a step with these constants: without REST the colour does not depend on the direction.
@@ -74,9 +75,21 @@ pub(super) fn view_of_step<R: Real>(push: &Push, constants: &[u32]) -> View<R> {
 
 /// One step of one splat with the gradients of its parameters (zeros for a culled one).
 pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
+    step_of(push, constants, state, gradient, true)
+}
+
+/// The same of a splat with all harmonics or with those up to degree 1.
+pub(super) fn step_of<R: Real>(
+    push: &Push,
+    constants: &[u32],
+    state: &Stepped<R>,
+    gradient: &Splat<R>,
+    full: bool,
+) -> Stepped<R> {
     let (g, mut params) = (gradient.to_array(), state.splat.to_array());
     let (mut first, mut second) = (state.first.to_array(), state.second.to_array());
-    for k in (0..PARAMETERS).filter(|&k| k < touched(constants) && (k != 10 || push.flags & STEPS_OPACITIES != 0)) {
+    for k in (0..PARAMETERS).filter(|&k| k < touched(constants, full) && (k != 10 || push.flags & STEPS_OPACITIES != 0))
+    {
         let (numbers, lr) = of_parameter(push, constants, k);
         adam(&numbers, R::of(f64::from(lr)), g[k], (&mut params[k], &mut first[k], &mut second[k]));
     }
@@ -87,6 +100,8 @@ pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradien
 pub(super) struct Inputs {
     /// Splats.
     pub(super) n: usize,
+    /// Rows from this one on have harmonics up to degree 1 alone.
+    pub(super) full: usize,
     view: View<f32>,
     splat2d: Vec<[f32; 12]>,
     tile_counts: Vec<u32>,
@@ -101,6 +116,7 @@ impl Inputs {
     pub(super) fn new(call: &TwinCall<'_>, push: &Push) -> Self {
         Self {
             n: (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize),
+            full: counters::full_rows(&call.get::<u32>(0)),
             view: view_of_step(push, call.constants),
             splat2d: call.get(1),
             tile_counts: call.get(2),
@@ -119,20 +135,21 @@ impl Inputs {
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
         let color = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
         let up = Grad2d { row: self.grad2d[i], normal: [x, y, z] };
-        let mut gradient = project_backward(splat, &self.view, color, &up);
+        let mut gradient = project_backward(splat, &self.view.of_row(i < self.full), color, &up);
         flatten(&mut gradient, splat.log_scale, self.flatten);
         gradient
     }
 }
 
-/// Writes a model's planes from binding `first` on.
-pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussians) {
+/// Writes a model's planes from binding `first` on; of harmonics above degree 1 the rows before `full`.
+pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussians, full: usize) {
     call.set(first, &plane.means);
     call.set(first + 1, &plane.quats);
     call.set(first + 2, &plane.scales);
     call.set(first + 3, &plane.opacities);
     for (group, values) in plane.sh.iter().enumerate() {
-        call.set(first + 4 + group, values);
+        let rows = if group == 0 { values.len() } else { values.len().min(full * SH_GROUP_FLOATS) };
+        call.set(first + 4 + group, &values[..rows]);
     }
 }
 
@@ -144,12 +161,12 @@ pub fn run(call: &mut TwinCall<'_>) {
     for i in 0..inputs.n {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
         let gradient = inputs.gradient(i, &splat);
-        let after = step(&push, call.constants, &Stepped { splat, first, second }, &gradient);
+        let after = step_of(&push, call.constants, &Stepped { splat, first, second }, &gradient, i < inputs.full);
         for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
             values.store(plane, i);
         }
     }
     for (first, plane) in [5, 13, 21].into_iter().zip(&planes) {
-        set_planes(call, first, plane);
+        set_planes(call, first, plane, inputs.full);
     }
 }

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::TwinCall;
-use super::project_backward_adam::{Inputs, Stepped, set_planes, step, touched};
+use super::project_backward_adam::{Inputs, Stepped, set_planes, step_of, touched};
 use super::random;
 use super::splat::{PARAMETERS, Splat, model_of};
 use crate::pass::project_backward_adam::{Push, STEP_SHIFT, STEPS_OPACITIES};
@@ -45,7 +45,9 @@ pub fn run(call: &mut TwinCall<'_>) {
     let mut model = model_of(call, 5, inputs.n);
     // Words in the places of floats: copies keep their bits.
     let mut words = model_of(call, 13, inputs.n);
-    let stepped = |k: usize| k < touched(call.constants) && (k != 10 || push.flags & STEPS_OPACITIES != 0);
+    let stepped = |i: usize, k: usize| {
+        k < touched(call.constants, i < inputs.full) && (k != 10 || push.flags & STEPS_OPACITIES != 0)
+    };
     for i in 0..inputs.n {
         let (splat, packed) = (Splat::<f32>::of(&model, i), Splat::<f32>::of(&words, i).to_array());
         let moments = packed.map(|word| unpack(word.to_bits()));
@@ -55,16 +57,16 @@ pub fn run(call: &mut TwinCall<'_>) {
             splat,
         };
         let gradient = inputs.gradient(i, &state.splat);
-        let after = step(&push, call.constants, &state, &gradient);
+        let after = step_of(&push, call.constants, &state, &gradient, i < inputs.full);
         let (first, second) = (after.first.to_array(), after.second.to_array());
         let repacked: [f32; PARAMETERS] = std::array::from_fn(|k| {
-            if stepped(k) { f32::from_bits(pack(first[k], second[k], dither(push.flags, i, k))) } else { packed[k] }
+            if stepped(i, k) { f32::from_bits(pack(first[k], second[k], dither(push.flags, i, k))) } else { packed[k] }
         });
         after.splat.store(&mut model, i);
         Splat::from_array(&repacked).store(&mut words, i);
     }
-    set_planes(call, 5, &model);
-    set_planes(call, 13, &words);
+    set_planes(call, 5, &model, inputs.full);
+    set_planes(call, 13, &words, inputs.full);
 }
 
 #[cfg(test)]

@@ -115,6 +115,14 @@ pub struct View<R> {
 }
 
 impl<R: Real> View<R> {
+    /// How a row sees it that has all harmonics, or those up to degree 1.
+    pub fn of_row(&self, full: bool) -> Self
+    where
+        R: Copy,
+    {
+        Self { sh_degree: if full { self.sh_degree } else { self.sh_degree.min(1) }, ..*self }
+    }
+
     /// From what the device gets.
     pub fn of(push: &CameraPush) -> Self {
         let r = |x: f32| R::of(f64::from(x));
@@ -176,7 +184,8 @@ fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) ->
         opacities: plane(3, 1),
         sh: std::array::from_fn(|g| {
             let mut values = sh(first + 4 + g);
-            values.truncate(n * SH_GROUP_FLOATS);
+            // Rows that a plane does not have are not looked at.
+            values.resize(n * SH_GROUP_FLOATS, 0.0);
             values
         }),
         ids: Vec::new(),

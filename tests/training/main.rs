@@ -6,6 +6,7 @@ mod clouds;
 mod common;
 mod exposed_world;
 mod exposures;
+mod harmonics;
 mod methods;
 mod photographs;
 mod propagation;

@@ -96,6 +96,51 @@ fn dropping_splats_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     assert!(kept.state.ids.len() > truth.state.ids.len(), "neither step is that late");
 }
 
+/// Changes at steps 10, 15, .. 40; the 5 views are passed three times in 15 steps, so lightest splats go before 16 and 31.
+fn recycled(limit: u32) -> Settings {
+    let mut settings = settings(60);
+    (settings.density.densify_from, settings.density.densify_interval, settings.density.densify_until) = (9, 5, 45);
+    settings.density.opacity_reset_interval = 0;
+    settings.density.grad_threshold = 1e-7;
+    settings.density.max_splats = Some(limit);
+    settings.density.recycle_share = 0.25;
+    settings
+}
+
+#[test]
+fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let one = Pacing { events_in_flight: 1, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, input.clone(), &recycled(400), one, None).expect("a trainer");
+    let (mut count, mut recycled_at, mut most) = (300, Vec::new(), 0);
+    while let Some(message) = trainer.next_message().expect("a message") {
+        match message {
+            Message::Density { splats, .. } => (count, most) = (splats, most.max(splats)),
+            Message::Pruned { step, dropped, splats } => {
+                assert_eq!((dropped, splats), (count / 4, count - count / 4), "step {step}");
+                recycled_at.push(step);
+                count = splats;
+            }
+            _ => {}
+        }
+    }
+    assert_eq!((recycled_at, most), (vec![16, 31], 400));
+    assert!(count > 300, "what was dropped has come again: {count}");
+    // A limit that is not reached holds nothing up.
+    let free = run(&gpu, input.clone(), &recycled(100_000), Pacing::default());
+    let mut never = recycled(100_000);
+    never.density.recycle_share = 0.0;
+    assert_same(&free.state, &run(&gpu, input.clone(), &never, Pacing::default()).state, "below the limit");
+    // Replays and resumed runs have the same bits.
+    let truth = run(&gpu, input.clone(), &recycled(400), Pacing::default());
+    let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
+    let forced = run(&gpu, input.clone(), &recycled(400), tight);
+    assert!(forced.grown >= 1);
+    assert_same(&truth.state, &forced.state, "with little room");
+    stops_and_resumes_on(&gpu, &recycled(400), &input, &[14, 15, 16, 30]);
+}
+
 #[test]
 fn nothing_is_dropped_where_density_stays_as_it_is() {
     let Some(gpu) = common::gpu() else { return };

@@ -179,7 +179,7 @@ fn flags(random: &mut Random, n: usize) -> (Vec<u32>, Vec<u32>, u32) {
 fn limit(gpu: &Gpu, n: usize, flags: &[u32], offsets: &[u32], total: u32) {
     let stride = room(n) as u32;
     for max_splats in [0, total.saturating_sub(5), total.saturating_sub(1), total, u32::MAX] {
-        let push = densify_limit::Push { stride, max_splats };
+        let push = densify_limit::Push { stride, max_splats, seed: 5, event: n as u32 };
         let buffers = [counts(&[(SPLATS, n as u32), (SCAN_TOTAL, total)]), bytes(offsets), bytes(flags)];
         let outcome = harness::run(gpu, &densify_limit::PASS, &[], &buffers, &push, groups(stride as usize));
         outcome.assert_same_bits(&format!("densify_limit of {n} to {max_splats}"));

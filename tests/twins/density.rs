@@ -197,7 +197,7 @@ fn identities_ascend_and_are_never_used_again() {
 }
 
 #[test]
-fn a_limit_withdraws_the_last_growth_and_removes_nothing() {
+fn a_limit_spreads_growth_evenly_and_removes_nothing() {
     let rng = &mut Rng(4);
     let (rows, born) = random_rows(rng, 150);
     let free = density_reference::change(&rows, &rules(), 2, born);
@@ -208,22 +208,67 @@ fn a_limit_withdraws_the_last_growth_and_removes_nothing() {
         density_twin::change(&mut model, &s, 2);
         let excess = (free.0.len() as u32).saturating_sub(max_splats).min(growth);
         assert_eq!(model.len() as u32, free.0.len() as u32 - excess);
-        // The same as if the last sources in order had never reached a threshold; none of them is pruned for it.
+        // The same as if sources that are spread evenly in their order had never reached a threshold; none of them is pruned for it.
         let mut calm = rows.clone();
         let grows = |r: &Row| {
             let (after, counts) = density_reference::change(std::slice::from_ref(r), &rules(), 2, born);
             counts.cloned + counts.split > 0 && !after.is_empty()
         };
-        let last: Vec<usize> = (0..rows.len()).rev().filter(|&i| grows(&rows[i])).take(excess as usize).collect();
-        let ids: Vec<u32> = last.iter().map(|&i| rows[i].id).collect();
-        last.iter().for_each(|&i| calm[i].stats = [0.0; 4]);
+        let sources: Vec<usize> = (0..rows.len()).filter(|&i| grows(&rows[i])).collect();
+        assert_eq!(sources.len() as u32, growth);
+        let place = bits([s.seed, 2, 0, 3])[0];
+        let with_room = spread(growth, growth - excess, place);
+        let withdrawn: Vec<usize> = sources.iter().zip(with_room).filter(|(_, room)| !room).map(|(&i, _)| i).collect();
+        assert_eq!(withdrawn.len() as u32, excess);
+        let ids: Vec<u32> = withdrawn.iter().map(|&i| rows[i].id).collect();
+        withdrawn.iter().for_each(|&i| calm[i].stats = [0.0; 4]);
         let kept: Vec<u32> = model.rows().iter().map(|r| r.id).filter(|&id| id < born).collect();
         assert!(ids.iter().all(|id| kept.contains(id)), "a source without room stays as it is");
         // Giants stay here although an idle giant is pruned: compare the rest.
         let (want, _) = density_reference::change(&calm, &DensityRules { prune_scale: None, ..rules() }, 2, born);
         let want: Vec<u32> = want.iter().map(|r| r.id).filter(|id| ids.contains(id)).collect();
         assert_eq!(want.len(), ids.len());
+        // Those with room are cloned or split: a clone has its source's row beside it, a split takes it away.
+        let counted = model.counters[CLONED] + model.counters[SPLIT];
+        assert_eq!(counted, growth - excess);
+        for &i in sources.iter().filter(|i| !withdrawn.contains(i)) {
+            let (after, alone) = density_reference::change(std::slice::from_ref(&rows[i]), &rules(), 2, born);
+            assert_eq!(kept.contains(&rows[i].id), alone.split == 0, "of {} rows", after.len());
+        }
     }
+}
+
+/// Which of `all` in a row have room where `some` have: a sum of `some` at each, from a place on, and room where it passes `all`.
+fn spread(all: u32, some: u32, place: u32) -> Vec<bool> {
+    let mut sum = (place % all.max(1) + all - some) % all.max(1);
+    let step = |_| {
+        sum += some;
+        let passes = sum >= all;
+        sum -= if passes { all } else { 0 };
+        passes
+    };
+    (0..all).map(step).collect()
+}
+
+#[test]
+fn room_that_is_left_goes_to_sources_of_every_age() {
+    let rng = &mut Rng(14);
+    let rows: Vec<Row> = (0..1000).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.0, 0.0)).collect();
+    let mut begins = std::collections::HashSet::new();
+    for (event, room) in [(1, 100), (2, 250), (3, 333), (4, 999)] {
+        let mut model = Model::new(&rows, 2000, 1000, rng);
+        density_twin::change(&mut model, &DensityRules { max_splats: Some(1000 + room), ..rules() }, event);
+        // Clones have their sources' colours, and come in the order of their sources.
+        let all = model.rows();
+        let place = |row: &Row| rows.iter().position(|r| r.planes[MEANS] == row.planes[MEANS]).expect("a source");
+        let cloned: Vec<usize> = all.iter().filter(|r| r.id >= 1000).map(place).collect();
+        assert_eq!(cloned.len() as u32, room);
+        let gaps: Vec<usize> = cloned.windows(2).map(|w| w[1] - w[0]).collect();
+        let (least, most) = (1000 / room as usize, 1000_usize.div_ceil(room as usize));
+        assert!(gaps.iter().all(|gap| (least..=most).contains(gap)), "{room}: {gaps:?}");
+        begins.insert(cloned[0]);
+    }
+    assert!(begins.len() > 2, "every change begins elsewhere: {begins:?}");
 }
 
 #[test]

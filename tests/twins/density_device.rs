@@ -68,6 +68,7 @@ impl OnDevice {
     fn view(&self) -> DeviceModel<'_> {
         DeviceModel {
             planes: &self.planes,
+            plain: false,
             first_moments: &self.first_moments,
             second_moments: Some(&self.second_moments),
             stats: &self.stats,

@@ -52,7 +52,7 @@ pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
     }
     let mut offsets = scan(&flags, &mut c);
     if let Some(max_splats) = settings.max_splats {
-        let push = densify_limit::Push { stride, max_splats };
+        let push = densify_limit::Push { stride, max_splats, seed: settings.seed, event };
         run(&densify_limit::PASS, &mut [&mut c, &mut offsets, &mut flags], bytemuck::bytes_of(&push), &[], n);
         offsets = scan(&flags, &mut c);
     }

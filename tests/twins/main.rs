@@ -34,6 +34,7 @@ mod geometry;
 mod gradient_map;
 mod loss;
 mod photograph_reduce;
+mod plain_rows;
 mod plan;
 mod pool;
 mod probe;

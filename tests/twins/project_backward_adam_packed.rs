@@ -23,7 +23,7 @@ fn rounding(first: f64, second: f64) -> (f64, f64) {
 }
 
 /// The planes of both moments as one plane of words, rows beyond the model included.
-fn packed(first: &[u8], second: &[u8]) -> Vec<u8> {
+pub(super) fn packed(first: &[u8], second: &[u8]) -> Vec<u8> {
     let floats = |bytes: &[u8]| -> Vec<f32> { bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect() };
     let words: Vec<u32> = floats(first).iter().zip(floats(second)).map(|(m, v)| pack(*m, v.abs(), 0)).collect();
     bytes(&words)

@@ -84,7 +84,7 @@ pub fn settings() -> Vec<Projection> {
 /// The counters of a model of `n` splats.
 pub fn counts(n: usize) -> Vec<u8> {
     let mut words = [7u32; counters::COUNT];
-    words[counters::SPLATS] = n as u32;
+    (words[counters::SPLATS], words[counters::PLAIN]) = (n as u32, 0);
     bytes(&words)
 }
 

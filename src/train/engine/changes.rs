@@ -68,6 +68,7 @@ impl Engine {
         let [rows, words] = self.renderer.idle();
         density::Model {
             planes: self.model.buffers(),
+            plain: self.has_plain_splats(),
             first_moments: self.optimiser.first().buffers(),
             second_moments: self.optimiser.second().map(Planes::buffers),
             stats: self.statistics.stats(),

@@ -36,6 +36,11 @@ impl Engine {
         if weights.is_empty() {
             return Ok(0);
         }
+        if self.has_plain_splats() {
+            let kept: Vec<bool> = weights.iter().map(|weight| f64::from(*weight) >= least).collect();
+            self.keep_rows(&kept)?;
+            return Ok(kept.iter().filter(|kept| !**kept).count() as u32);
+        }
         let opacities = &self.model.buffers()[OPACITIES];
         let mut logits: Vec<f32> = self.gpu.read_at(opacities, 0, weights.len())?;
         for (logit, weight) in logits.iter_mut().zip(weights) {

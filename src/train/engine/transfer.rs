@@ -4,7 +4,7 @@ use super::Engine;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
-use crate::raster::{Held, LiveModel, Picture, Planes, Shot, gaussians_of, planes_of};
+use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
 use crate::saliency::Curve;
 use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
 use crate::train::coarse::Coarse;
@@ -28,7 +28,8 @@ impl Engine {
             // One plane after the other, so that the host holds none but that one twice.
             SplatOrder::Morton if n > 0 => {
                 let order = initial.morton_order();
-                for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)) {
+                let planes = if self.has_plain_splats() { UPPER } else { PLANES.len() };
+                for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)).take(planes) {
                     self.gpu.write(plane.buffer, &rows_of(rows, plane.floats as usize, &order))?;
                 }
                 self.gpu.write(&self.ids, &rows_of(&initial.ids, 1, &order))?;
@@ -37,12 +38,16 @@ impl Engine {
         }
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
+        if self.has_plain_splats() {
+            self.model.clear_upper(&mut recorder)?;
+        }
         self.statistics.clear(&mut recorder)?;
         if let Some(exposures) = &self.exposures {
             exposures.clear(&mut recorder)?;
         }
         let mut words = vec![0u32; counters::COUNT];
         words[counters::SPLATS] = n;
+        words[counters::PLAIN] = if self.has_plain_splats() { u32::MAX } else { 0 };
         words[counters::NEXT_ID] = initial.ids.iter().max().map_or(0, |id| id + 1);
         recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
         self.last = Some(recorder.submit()?);
@@ -50,6 +55,12 @@ impl Engine {
     }
 
     pub(super) fn restore(&mut self, state: &State) -> Result<(), Error> {
+        if self.has_plain_splats() {
+            let mut recorder = self.gpu.recorder("restore")?;
+            self.model.clear_upper(&mut recorder)?;
+            self.optimiser.clear(&mut recorder)?;
+            self.gpu.wait(recorder.submit()?)?;
+        }
         self.model.write_rows(&self.gpu, &state.params)?;
         self.optimiser.restore(&self.gpu, &state.moments)?;
         if !state.ids.is_empty() {

@@ -34,6 +34,15 @@ impl Settings {
         ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;
         ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
         ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
+        ok((0.0..=1.0).contains(&self.model.sh_share), "sh-share", "a number from 0 to 1")?;
+        let ends = run.no_densify || run.scale_schedule || self.density.densify_until < run.iterations;
+        ok(
+            self.model.sh_share == 1.0 || ends,
+            "sh-share",
+            "1 where growth does not end before the last step: a smaller --densify-until, more --iterations, or --scale-schedule",
+        )?;
+        let alone = self.geometry.depth_prior != DepthPrior::Propagation;
+        ok(self.model.sh_share == 1.0 || alone, "sh-share", "1 where depths are propagated")?;
         ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;
         ok(optimiser.lr_means > 0.0 && optimiser.lr_means.is_finite(), "lr-means", "a positive number")?;
         ok(
@@ -144,6 +153,7 @@ impl Settings {
         }
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
+        ok((0.0..1.0).contains(&density.recycle_share), "recycle-share", "a number from 0 to 1")?;
         ok(density.max_splats != Some(0), "max-splats", "at least 1")
     }
 }

@@ -53,6 +53,10 @@ group! {
         /// Drop no splats for their weight before this step: until opacities have been learned, weights say little
         #[arg(value_name = "STEP")]
         pub prune_weight_from: u32 = 500,
+        /// Where --max-splats holds growth up, drop this share of the splats, those of the least weight, after some density changes, which
+        /// makes room for others (0: none)
+        #[arg(value_name = "SHARE")]
+        pub recycle_share: f64 = 0.0,
         /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,

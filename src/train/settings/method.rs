@@ -112,6 +112,7 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "low-grad-threshold" density.low_grad_threshold = 8e-4,
         "prune-unseen" density.prune_unseen = true,
         "prune-weight" density.prune_weight = 0.03,
+        "recycle-share" density.recycle_share = 0.2,
         "keep-opacity" density.keep_opacity = 0.98,
         "opacity-reset-interval" density.opacity_reset_interval = 0,
         "coarse-steps" frequencies.coarse_steps = 0.2,

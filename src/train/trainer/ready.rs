@@ -3,14 +3,18 @@
 use super::Trainer;
 use crate::train::event::Kind;
 use crate::train::memory::is_lack_of_memory;
+use crate::train::schedule::Dropped;
 use crate::train::{Error, Message};
+
+/// Share of a limit from which on it counts as reached: density changes prune as they grow.
+const NEARLY: f64 = 0.95;
 
 impl Trainer {
     /// Does what the next event needs of the host, once everything before it is done. Where that had to be repeated, another event is
     /// the next.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         let waits = match self.next.kind {
-            Kind::Step => self.propagates().is_some() || self.prunes().is_some(),
+            Kind::Step => self.propagates().is_some() || self.drops().is_some() || self.settles_sh(),
             Kind::Density => self.engine.has_cloud(),
             Kind::Reset => false,
         };
@@ -25,19 +29,22 @@ impl Trainer {
             Kind::Density => self.engine.keep_to_cloud(),
             Kind::Step => {
                 self.propagate()?;
-                self.prune()
+                self.prune()?;
+                self.settle_sh()
             }
             Kind::Reset => Ok(()),
         }
     }
 
-    /// The weight below which splats are dropped before the next step, where that is due and not done.
-    fn prunes(&self) -> Option<f64> {
-        self.schedule.prunes(self.next.step).filter(|_| self.pruned < self.next.step)
+    /// The splats that are dropped for their weight before the next step, where that is due and not done.
+    fn drops(&self) -> Option<Dropped> {
+        let due = self.schedule.drops(self.next.step).filter(|_| self.pruned < self.next.step)?;
+        let held_up = self.engine.limit().is_some_and(|most| f64::from(self.last_splats) >= NEARLY * f64::from(most));
+        (held_up || matches!(due, Dropped::Below(_))).then_some(due)
     }
 
     fn prune(&mut self) -> Result<(), Error> {
-        let (Some(least), step) = (self.prunes(), self.next.step) else { return Ok(()) };
+        let (Some(due), step) = (self.drops(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         self.pruned = step;
         let weights = match self.engine.weights(degree) {
@@ -51,10 +58,29 @@ impl Trainer {
             }
             Err(error) => return Err(error),
         };
+        let least = match due {
+            Dropped::Below(least) => least,
+            Dropped::Lightest(share) => quantile(&weights, share),
+        };
         let dropped = self.engine.drop_below(least, &weights)?;
         self.last_splats = self.last_splats.saturating_sub(dropped);
         let splats = self.last_splats;
         self.tell(Message::Pruned { step, dropped, splats });
+        Ok(())
+    }
+
+    fn settles_sh(&self) -> bool {
+        self.schedule.settles_sh(self.next.step) && self.settled < self.next.step
+    }
+
+    fn settle_sh(&mut self) -> Result<(), Error> {
+        if !self.settles_sh() {
+            return Ok(());
+        }
+        let step = self.next.step;
+        let (full, splats) = (self.engine.settle_harmonics()?, self.last_splats);
+        self.settled = step;
+        self.tell(Message::HarmonicsSettled { step, full, splats });
         Ok(())
     }
 
@@ -76,4 +102,16 @@ impl Trainer {
         self.tell(Message::Propagated { step, added, share, splats });
         Ok(())
     }
+}
+
+/// The weight below which this share of the splats lies.
+fn quantile(weights: &[f32], share: f64) -> f64 {
+    let mut sorted = weights.to_vec();
+    let rank = (share * weights.len() as f64) as usize;
+    if rank >= sorted.len() {
+        return 0.0;
+    }
+    let (_, weight, _) = sorted.select_nth_unstable_by(rank, f32::total_cmp);
+    // What has no weight at all goes in any case.
+    f64::from(weight.max(f32::MIN_POSITIVE))
 }
