@@ -1,6 +1,6 @@
 //! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in two forms:
 //! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`); some in a third, with rows of
-//! buffers read as texels (`build/by_texels.rs`).
+//! buffers read as texels (`build/by_texels.rs`), and of these some in a fourth, with the other buffers reached by address.
 //!
 //! Loops of shaders with `precise` arithmetic are written out before the optimizer can (`build/unroll.rs`).
 //!
@@ -31,6 +31,8 @@ enum Form<'a> {
     Addresses,
     /// With the buffers that have rows of three; notes what is read as texels.
     Texels(&'a [String], &'a RefCell<Vec<by_texels::View>>),
+    /// The same with everything else by address; notes nothing where there is no such form.
+    TexelsByAddress(&'a [String], &'a RefCell<Option<Vec<by_texels::View>>>),
 }
 
 fn main() {
@@ -75,14 +77,50 @@ fn build() -> Result<(), String> {
                 }
                 None => "None".to_owned(),
             };
+            let both = match by_texels::asked(&text, &defines) {
+                Some(threes) => match texels_by_address(&compiler, &path, &text, &defines, &threes)? {
+                    Some(WithTexels { spirv, views }) => {
+                        let file = out.join(format!("{name}.both.spv"));
+                        fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
+                        let spirv = format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.both.spv\"))");
+                        format!("Some(Texels {{ spirv: {spirv}, views: &[{}] }})", list_of(&views))
+                    }
+                    None => "None".to_owned(),
+                },
+                None => "None".to_owned(),
+            };
             let _ = writeln!(
                 list,
-                "    (\"{name}\", Spirv {{ descriptors: {descriptors}, addresses: Some({addresses}), texels: {texels} }}),"
+                "    (\"{name}\", Spirv {{ descriptors: {descriptors}, addresses: Some({addresses}), texels: {texels}, \
+                 texels_by_address: {both} }}),"
             );
         }
     }
     list.push_str("];\n");
     fs::write(out.join("shaders.rs"), list).map_err(|e| e.to_string())
+}
+
+/// A module with what it reads as texels.
+struct WithTexels {
+    spirv: Vec<u8>,
+    views: Vec<by_texels::View>,
+}
+
+/// The fourth form, where there is one.
+fn texels_by_address(
+    compiler: &shaderc::Compiler,
+    path: &Path,
+    text: &str,
+    defines: &[String],
+    threes: &[String],
+) -> Result<Option<WithTexels>, String> {
+    // Includes declare buffers too, so this is known when all have been read.
+    let views = RefCell::new(Some(Vec::new()));
+    let made = compile(compiler, path, text, defines, Form::TexelsByAddress(threes, &views));
+    match views.into_inner() {
+        Some(views) => Ok(Some(WithTexels { spirv: made?, views })),
+        None => Ok(None),
+    }
 }
 
 /// The views as elements of an array in Rust.
@@ -119,6 +157,9 @@ fn compile(
         Form::Texels(threes, views) => {
             by_texels::rewrite(&file.display().to_string(), &text, threes, &mut views.borrow_mut())
         }
+        Form::TexelsByAddress(threes, views) => {
+            by_address::rewrite_with_texels(&file.display().to_string(), &text, threes, &mut views.borrow_mut())
+        }
     };
     let text = in_form(path, text.to_owned())?;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shader compiler: {e}"))?;
@@ -132,7 +173,7 @@ fn compile(
         let content = fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content: in_form(&file, content)? })
     });
-    if let Form::Texels(..) = form {
+    if let Form::Texels(..) | Form::TexelsByAddress(..) = form {
         options.add_macro_definition("TEXELS", None);
     }
     for define in defines {
@@ -149,7 +190,7 @@ fn compile(
         .map(|artifact| artifact.as_binary_u8().to_vec())
         .map_err(|e| match form {
             Form::Descriptors => e.to_string(),
-            Form::Texels(..) => {
+            Form::Texels(..) | Form::TexelsByAddress(..) => {
                 format!(
                     "with texels, where a row of a buffer is read by LOAD4 or LOAD3 (glsl/include/loads.glsl):\n{e}"
                 )

@@ -5,6 +5,7 @@
 //! a table of addresses, and a macro under the member's name; the rest of the shader stays as it is written. The table is the
 //! only descriptor of such a module, at binding 0. What this does not understand is an error: nothing keeps its descriptor.
 
+use crate::by_texels::{BESIDE, View, texel_of};
 use crate::declaration::{self, Declaration};
 
 const EXTENSIONS: &str =
@@ -13,6 +14,31 @@ const EXTENSIONS: &str =
 /// Rewrites the text of a shader, or of a file that it includes. `Err` names the file and the line.
 pub(crate) fn rewrite(file: &str, text: &str) -> Result<String, String> {
     declaration::rewrite(file, text, EXTENSIONS, |out, declaration, _| push_reference(out, declaration))
+}
+
+/// The fourth form: rows that are read as texels in the third one are so here too, [`BESIDE`] bindings further on, and everything else is
+/// reached by address. Texels cover more than a descriptor of a buffer does. `views` becomes `None` where such rows are written as
+/// well, for which there is no such form: a macro of the member's name stands in the way of its texels.
+pub(crate) fn rewrite_with_texels(
+    file: &str,
+    text: &str,
+    threes: &[String],
+    views: &mut Option<Vec<View>>,
+) -> Result<String, String> {
+    declaration::rewrite(file, text, EXTENSIONS, |out, declaration, _| {
+        let Some((sampler, format)) = texel_of(declaration, threes) else {
+            push_reference(out, declaration);
+            return;
+        };
+        let (Declaration { binding, qualifiers, member, .. }, at) = (declaration, declaration.binding + BESIDE);
+        out.push_str(&format!("layout(set = 0, binding = {at}) uniform {sampler} {member}_texels;\n"));
+        if !qualifiers.iter().any(|q| q == "readonly") {
+            *views = None;
+        }
+        if let Some(views) = views {
+            views.push(View { binding: *binding, at, format });
+        }
+    })
 }
 
 /// The array in the reference has another name than the macro, which would be expanded twice in the argument of a macro.

@@ -9,7 +9,7 @@
 use crate::declaration::{self, Declaration};
 
 /// From the binding of a buffer that is written, too, to that of its texels.
-const BESIDE: u32 = 64;
+pub(crate) const BESIDE: u32 = 64;
 
 /// A buffer that is read as texels.
 pub(crate) struct View {
@@ -33,19 +33,26 @@ pub(crate) fn asked(text: &str, defines: &[String]) -> Option<Vec<String>> {
     Some(names.split_whitespace().map(str::to_owned).collect())
 }
 
+/// What a buffer is read as: the sampler's type and the variant of `TexelFormat`. `None` where it is not read, or not in rows.
+pub(crate) fn texel_of(declaration: &Declaration, threes: &[String]) -> Option<(&'static str, &'static str)> {
+    let Declaration { qualifiers, element, member, .. } = declaration;
+    if qualifiers.iter().any(|q| q == "writeonly") {
+        return None;
+    }
+    match element.as_str() {
+        "vec4" => Some(("samplerBuffer", "Float4")),
+        "uvec4" => Some(("usamplerBuffer", "Uint4")),
+        "float" if threes.contains(member) => Some(("samplerBuffer", "Float3")),
+        _ => None,
+    }
+}
+
 /// Rewrites the text of a shader, or of a file that it includes, and notes the views. `Err` names the file and the line.
 pub(crate) fn rewrite(file: &str, text: &str, threes: &[String], views: &mut Vec<View>) -> Result<String, String> {
     declaration::rewrite(file, text, "", |out, declaration, line| {
-        let Declaration { binding, qualifiers, element, member, .. } = declaration;
-        let has = |qualifier: &str| qualifiers.iter().any(|q| q == qualifier);
-        let kind = match element.as_str() {
-            "vec4" => Some(("samplerBuffer", "Float4")),
-            "uvec4" => Some(("usamplerBuffer", "Uint4")),
-            "float" if threes.contains(member) => Some(("samplerBuffer", "Float3")),
-            _ => None,
-        };
-        let read_only = has("readonly");
-        let Some((sampler, format)) = kind.filter(|_| !has("writeonly")) else {
+        let Declaration { binding, qualifiers, member, .. } = declaration;
+        let read_only = qualifiers.iter().any(|q| q == "readonly");
+        let Some((sampler, format)) = texel_of(declaration, threes) else {
             out.push_str(&format!("{line}\n"));
             return;
         };

@@ -79,6 +79,23 @@ fn a_slice_by_address_begins_where_it_should() {
     common::assert_no_messages(&gpu);
 }
 
+/// Beyond a descriptor's range rows are still read as texels where the device does that, in a form of its own.
+#[test]
+fn rows_beyond_a_descriptor_are_read_as_texels() {
+    use psrgs_vk::pass::{ALL, slot_sum};
+    let Some(gpu) = gpu(|o| (o.storage_range, o.addresses, o.texels) = (Some(RANGE), None, Some(true))) else { return };
+    if !gpu.caps().texels {
+        println!("skipped: the device has no texels of the formats");
+        return;
+    }
+    let views = slot_sum::PASS.kernel.spirv.texels_by_address.expect("its rows are only read").views;
+    assert!(views.iter().all(|view| view.at >= 64 && u64::from(view.binding) + 64 == u64::from(view.at)));
+    // A kernel that writes rows which it reads has no such form.
+    let written = |name: &str| ALL.iter().find(|pass| pass.kernel.name == name).expect("a pass").kernel.spirv;
+    let fused = written("project_backward_adam");
+    assert!(fused.texels.is_some() && fused.texels_by_address.is_none());
+}
+
 #[test]
 fn guards_notice_a_write_past_the_end_by_address() {
     let Some(gpu) = gpu(|o| (o.addresses, o.canaries) = (Some(true), true)) else { return };

@@ -119,6 +119,34 @@ layout(set = 0, binding = 5) readonly buffer Other { float other[]; };
 }
 
 #[test]
+fn texels_stand_beside_a_table_of_addresses_where_their_rows_are_only_read() {
+    let text = "\
+#version 460
+layout(set = 0, binding = 0) readonly buffer Rows { vec4 rows[]; };
+layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
+layout(set = 0, binding = 2) readonly buffer Keys { uint keys[]; };
+layout(set = 0, binding = 3) writeonly buffer Out { vec4 results[]; };
+";
+    let mut views = Some(Vec::new());
+    let found = by_address::rewrite_with_texels("a.comp", text, &["means".to_owned()], &mut views).unwrap();
+    let views: Vec<_> = views.expect("a form").iter().map(|v| (v.binding, v.at, v.format)).collect();
+    assert_eq!(views, [(0, 64, "Float4"), (1, 65, "Float3")]);
+    for line in [
+        "layout(set = 0, binding = 64) uniform samplerBuffer rows_texels;",
+        "layout(set = 0, binding = 65) uniform samplerBuffer means_texels;",
+        "Keys keys_reference = Keys(address_table[2]);",
+        "Out results_reference = Out(address_table[3]);",
+    ] {
+        assert!(found.contains(line), "{line}: {found}");
+    }
+    assert!(!found.contains("Rows(") && !found.contains("buffer Means"), "{found}");
+    let mut views = Some(Vec::new());
+    let written = text.replace("readonly buffer Rows", "buffer Rows");
+    by_address::rewrite_with_texels("a.comp", &written, &[], &mut views).unwrap();
+    assert!(views.is_none(), "rows that are written too");
+}
+
+#[test]
 fn marked_loops_are_written_out_where_arithmetic_is_precise() {
     let body = "[[unroll]]for(uint j = 1u;j < SIDE;++ j){ [[unroll]] for (uint k = 0u; k < 2u; ++k) s += f(x[j], k); }";
     let shader = format!("#version 460\nconst uint SIDE = 3u;\nvoid main(){{ precise float s = 0.0; {body} }}");

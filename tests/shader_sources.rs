@@ -126,11 +126,17 @@ fn modules_are_made_for_vulkan_1_2_and_ask_for_known_capabilities() {
         Capability::GroupNonUniformShuffle,
         Capability::GroupNonUniformShuffleRelative,
         Capability::AtomicFloat32AddEXT,
+        // Texels.
+        Capability::SampledBuffer,
     ];
     let forms = |pass: &'static Pass| {
         let spirv = pass.kernel.spirv;
+        let texels = [(false, spirv.texels), (true, spirv.texels_by_address)];
         [(false, spirv.descriptors), (true, spirv.addresses.expect("build.rs makes both forms"))]
+            .into_iter()
+            .chain(texels.into_iter().filter_map(|(by_address, form)| Some((by_address, form?.spirv))))
             .map(|(by_address, spirv)| (pass.kernel.name, by_address, spirv))
+            .collect::<Vec<_>>()
     };
     for (name, by_address, spirv) in pass::ALL.iter().copied().flat_map(forms) {
         let version = u32::from_le_bytes(spirv[4..8].try_into().unwrap());
@@ -144,7 +150,7 @@ fn modules_are_made_for_vulkan_1_2_and_ask_for_known_capabilities() {
                 continue;
             }
             assert!(KNOWN.contains(&capability), "{name} needs {capability:?}");
-            let hardware = capability != Capability::Shader;
+            let hardware = !matches!(capability, Capability::Shader | Capability::SampledBuffer);
             assert!(!(hardware && name.contains("emulated")), "{name} is emulated and needs {capability:?}");
         }
         assert_eq!(addresses, by_address, "{name}");

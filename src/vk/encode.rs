@@ -9,7 +9,6 @@ use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
 use super::error::{Error, Named, Result};
-use super::form::Reach;
 use super::order::{HostSemaphore, SubmitOrder};
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
@@ -185,10 +184,7 @@ unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, com
                 Some(table) => vec![info(&table.buffer, table.offset, table.bytes)],
                 None => buffers.iter().map(|b| info(&b.buffer, b.offset, b.bytes)).collect(),
             };
-            let views = match (reach, pipeline.inner.kernel.spirv.texels) {
-                (Reach::Texels, Some(texels)) => texels.views,
-                _ => &[],
-            };
+            let views = reach.texels(&pipeline.inner.kernel).map_or(&[][..], |texels| texels.views);
             let texels = views
                 .iter()
                 .map(|view| {

@@ -1,4 +1,4 @@
-//! A kernel as the device has it: module, layouts and pipeline, in one of three forms.
+//! A kernel as the device has it: module, layouts and pipeline, in one of its forms.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use ash::vk;
 use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::features::Features;
-use super::kernel::{Kernel, TexelView};
+use super::kernel::{Kernel, TexelView, Texels};
 
 /// How a kernel reaches its buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,24 @@ pub(super) enum Reach {
     Addresses,
     /// A descriptor per buffer, or per buffer of texels, or both.
     Texels,
+    /// A descriptor per buffer of texels, and one for a table of addresses.
+    TexelsByAddress,
+}
+
+impl Reach {
+    /// Whether there is a table of addresses.
+    pub(super) fn by_address(self) -> bool {
+        matches!(self, Self::Addresses | Self::TexelsByAddress)
+    }
+
+    /// What this form of a kernel reads as texels, with its module, where it has it.
+    pub(super) fn texels(self, kernel: &Kernel) -> Option<Texels> {
+        match self {
+            Self::Texels => kernel.spirv.texels,
+            Self::TexelsByAddress => kernel.spirv.texels_by_address,
+            Self::Descriptors | Self::Addresses => None,
+        }
+    }
 }
 
 /// One form of a pipeline.
@@ -47,10 +65,10 @@ impl Form {
                 let spirv = kernel.spirv.addresses.ok_or_else(|| bad("it has no form by address".into()))?;
                 (spirv, 1)
             }
-            Reach::Texels => {
-                let texels = kernel.spirv.texels.ok_or_else(|| bad("it has no form with texels".into()))?;
+            Reach::Texels | Reach::TexelsByAddress => {
+                let texels = reach.texels(kernel).ok_or_else(|| bad("it has no form with texels".into()))?;
                 views = texels.views;
-                (texels.spirv, kernel.bindings.len() as u32)
+                (texels.spirv, if reach.by_address() { 1 } else { kernel.bindings.len() as u32 })
             }
         };
         let limits = &device.caps.limits;

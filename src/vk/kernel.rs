@@ -31,7 +31,7 @@ pub struct Constant {
     pub default: u32,
 }
 
-/// A compute shader's module: SPIR-V words as bytes (a multiple of four), in one or both of two forms that compute the same.
+/// A compute shader's module: SPIR-V words as bytes (a multiple of four), in up to four forms that compute the same.
 #[derive(Clone, Copy, Debug)]
 pub struct Spirv {
     /// A descriptor per storage buffer.
@@ -41,6 +41,8 @@ pub struct Spirv {
     pub addresses: Option<&'static [u8]>,
     /// Rows of buffers read as texels, which is what a software rasterizer reads fastest.
     pub texels: Option<Texels>,
+    /// The same, with all other buffers reached by address: for buffers beyond a descriptor's range, of which texels cover more.
+    pub texels_by_address: Option<Texels>,
 }
 
 /// A form of a module that reads rows of some buffers as texels.

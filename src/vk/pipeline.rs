@@ -8,7 +8,7 @@ use super::caps::{Addresses, Caps};
 use super::device::Device;
 use super::error::{Error, Result};
 use super::form::{Form, Reach};
-use super::kernel::Kernel;
+use super::kernel::{Kernel, TexelView};
 
 pub(super) struct PipelineInner {
     pub(super) kernel: Kernel,
@@ -18,6 +18,7 @@ pub(super) struct PipelineInner {
     descriptors: OnceLock<Form>,
     addresses: OnceLock<Form>,
     texels: OnceLock<Form>,
+    texels_by_address: OnceLock<Form>,
 }
 
 /// A compute pipeline. Cheap to clone.
@@ -55,6 +56,7 @@ impl PipelineInner {
             Reach::Descriptors => &self.descriptors,
             Reach::Addresses => &self.addresses,
             Reach::Texels => &self.texels,
+            Reach::TexelsByAddress => &self.texels_by_address,
         }
     }
 
@@ -63,9 +65,10 @@ impl PipelineInner {
         self.slot(reach).get()
     }
 
-    /// Whether the kernel can read rows as texels on this device at all.
-    pub(super) fn has_texels(&self, caps: &Caps) -> bool {
-        self.kernel.spirv.texels.is_some_and(|texels| texels.views.len() as u64 <= u64::from(caps.limits.texel_buffers))
+    /// What a form reads as texels, where the kernel has it and the device binds as many.
+    pub(super) fn texels(&self, caps: &Caps, reach: Reach) -> Option<&'static [TexelView]> {
+        let views = reach.texels(&self.kernel)?.views;
+        (views.len() as u64 <= u64::from(caps.limits.texel_buffers)).then_some(views)
     }
 
     /// Whether the kernel can reach its buffers by address at all.
@@ -119,11 +122,12 @@ impl Pipeline {
             descriptors: OnceLock::new(),
             addresses: OnceLock::new(),
             texels: OnceLock::new(),
+            texels_by_address: OnceLock::new(),
         };
         let always = device.caps.addresses == Addresses::Always && inner.by_address();
         let first = match () {
             () if always => Reach::Addresses,
-            () if device.caps.texels && inner.has_texels(&device.caps) => Reach::Texels,
+            () if device.caps.texels && inner.texels(&device.caps, Reach::Texels).is_some() => Reach::Texels,
             () => Reach::Descriptors,
         };
         let pipeline = Pipeline { inner: Arc::new(inner) };

@@ -7,7 +7,7 @@ use super::caps::Addresses;
 use super::error::{Error, Result};
 use super::form::Reach;
 use super::gpu::Gpu;
-use super::kernel::{Access, TexelView};
+use super::kernel::Access;
 use super::pipeline::Pipeline;
 
 /// Workgroups along one axis that every device takes.
@@ -247,7 +247,7 @@ impl Recorder {
                 ));
             }
             // The guard is bound too, so that a write past the end lands in it rather than being dropped by the driver.
-            let fits = reach == Reach::Addresses || bytes + buffer.inner.guard <= limits.storage_range;
+            let fits = reach.by_address() || bytes + buffer.inner.guard <= limits.storage_range;
             let last = offset + bytes == buffer.inner.capacity && fits;
             let bytes = if last { bytes + buffer.inner.guard } else { bytes };
             bound.push(Bound { buffer: buffer.clone(), offset, bytes });
@@ -267,23 +267,29 @@ impl Recorder {
         };
         let counts = counts.ok_or_else(|| bad(format!("{groups:?} is more than a dispatch holds")))?;
         self.gpu.make_form(pipeline, reach)?;
-        let table = if reach == Reach::Addresses { Some(self.table(&bound)?) } else { None };
+        let table = if reach.by_address() { Some(self.table(&bound)?) } else { None };
         let (pipeline, push) = (pipeline.clone(), push.to_vec());
         self.commands.push(Command::Dispatch { pipeline, reach, buffers: bound, table, push, counts });
         Ok(())
     }
 
     /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where that was
-    /// asked for.
+    /// asked for; rows as texels where the kernel does.
     fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<Reach> {
         let caps = self.gpu.caps();
         let limit = caps.limits.storage_range;
         let possible = caps.addresses != Addresses::Never && pipeline.inner.by_address();
         let beyond = slices.iter().find(|slice| slice.bytes > limit);
-        let wanted = self.addresses.unwrap_or(caps.addresses == Addresses::Always);
+        let always = self.addresses.unwrap_or(caps.addresses == Addresses::Always);
+        let texels = self.texels.unwrap_or(caps.texels);
         match beyond {
-            _ if possible && (wanted || beyond.is_some()) => Ok(Reach::Addresses),
-            None if self.as_texels(pipeline, slices) => Ok(Reach::Texels),
+            _ if possible && (always || beyond.is_some()) => {
+                // Whoever asks for addresses means all of them, unless texels are asked for too.
+                let texels = if always { self.texels == Some(true) } else { texels };
+                let seen = texels && self.as_texels(pipeline, slices, Reach::TexelsByAddress);
+                Ok(if seen { Reach::TexelsByAddress } else { Reach::Addresses })
+            }
+            None if texels && self.as_texels(pipeline, slices, Reach::Texels) => Ok(Reach::Texels),
             None => Ok(Reach::Descriptors),
             Some(BufferSlice { buffer, bytes, .. }) => {
                 Err(Error::BindingTooLarge { buffer: buffer.name().to_owned(), bytes: *bytes, limit })
@@ -291,17 +297,16 @@ impl Recorder {
         }
     }
 
-    /// Whether a dispatch reads rows as texels: where the kernel does, and every buffer concerned can be seen so.
-    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> bool {
+    /// Whether rows can be read as texels in this form: where the kernel has it, and every buffer concerned can be seen so.
+    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: Reach) -> bool {
         let caps = self.gpu.caps();
-        let Some(texels) = pipeline.inner.kernel.spirv.texels else { return false };
-        let seen = |view: &TexelView| {
+        let Some(views) = pipeline.inner.texels(caps, reach) else { return false };
+        views.iter().all(|view| {
             slices.get(view.binding as usize).is_some_and(|slice| {
                 let count = slice.bytes / view.format.bytes();
                 (1..=caps.limits.texels).contains(&count) && slice.offset % caps.limits.texel_alignment == 0
             })
-        };
-        self.texels.unwrap_or(caps.texels) && pipeline.inner.has_texels(caps) && texels.views.iter().all(seen)
+        })
     }
 
     fn table(&mut self, bound: &[Bound]) -> Result<Table> {

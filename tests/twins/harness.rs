@@ -55,6 +55,8 @@ enum Way {
     /// As training does.
     Usual,
     ByAddress,
+    /// Rows as texels, and everything else by address.
+    TexelsByAddress,
     /// With a descriptor per buffer even where the device reads rows as texels.
     WithoutTexels,
 }
@@ -78,9 +80,13 @@ fn dispatch<P: bytemuck::NoUninit>(
         bound.push(buffer);
     }
     let all: Vec<_> = bound.iter().collect();
-    let by_address = way == Way::ByAddress;
+    let by_address = matches!(way, Way::ByAddress | Way::TexelsByAddress);
     recorder.force_addresses(Some(by_address));
-    recorder.force_texels((way == Way::WithoutTexels).then_some(false));
+    recorder.force_texels(match way {
+        Way::Usual => None,
+        Way::TexelsByAddress => Some(true),
+        Way::ByAddress | Way::WithoutTexels => Some(false),
+    });
     recorder.dispatch(&pipeline, &all, push, Groups::Workgroups(u64::from(groups))).unwrap();
     let before = gpu.stats().by_address;
     recorder.submit().unwrap();
@@ -124,7 +130,9 @@ pub fn run<P: bytemuck::NoUninit>(
     let by_address = (place < 2).then(|| on_device(Way::ByAddress));
     let plain =
         (place < 1 && gpu.caps().texels && pass.kernel.spirv.texels.is_some()).then(|| on_device(Way::WithoutTexels));
-    for (form, other) in [("by address", &by_address), ("without texels", &plain)] {
+    let both = (place < 1 && gpu.caps().texels && pass.kernel.spirv.texels_by_address.is_some())
+        .then(|| on_device(Way::TexelsByAddress));
+    for (form, other) in [("by address", &by_address), ("without texels", &plain), ("by address, with texels", &both)] {
         if let (Some(other), true) = (other, repeats(pass)) {
             for (i, (device, other)) in device.iter().zip(other).enumerate() {
                 assert!(device == other, "{}: {form}, buffer {i} has other bits", pass.kernel.name);
