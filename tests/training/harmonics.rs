@@ -138,6 +138,30 @@ fn settling_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     assert_eq!((state.ids.len(), counters::full_rows(&state.counters)), (300, 90));
 }
 
+/// Since it was settled, so many splats without may have been dropped that those with them are more than the share.
+#[test]
+fn a_state_with_more_of_them_than_the_share_has_room() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 64, 48, 300);
+    let mut whole = limited();
+    whole.density.prune_weight = 0.0;
+    let mut state = run(&gpu, input.clone(), &whole, Pacing::default()).state;
+    let full = counters::full_rows(&state.counters);
+    let left = full + 5;
+    assert!(left < state.ids.len() / 2);
+    for planes in std::iter::once(&mut state.params).chain(&mut state.moments) {
+        planes.iter_mut().zip(PLANES).for_each(|(plane, (_, width))| plane.truncate(width as usize * left));
+    }
+    state.ids.truncate(left);
+    state.stats.truncate(4 * left);
+    (state.counters[counters::SPLATS], state.counters[counters::PLAIN]) = (left as u32, 5);
+    let tight = Pacing { splat_capacity: left as u32, ..Pacing::default() };
+    let variants = Variants::choose(&gpu, true);
+    let engine = Engine::new(&gpu, &input, &whole, variants, tight, Some(state.clone())).expect("an engine");
+    assert_same(&engine.state().expect("a state"), &state, "as it was");
+    assert!(used(&state)[..full].iter().filter(|used| **used).count() > full / 2);
+}
+
 #[test]
 fn memory_is_that_of_the_share() {
     let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
