@@ -84,7 +84,7 @@ def differences(runs):
     print("|" + "---|" * 8)
     for first, second in PAIRS:
         keys = [(s, seed) for (s, m, seed) in runs if m == first and (s, second, seed) in runs]
-        if len(keys) < 2:
+        if len(keys) < 4:
             continue
         cells = []
         for metric in METRICS:
