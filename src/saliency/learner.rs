@@ -1,12 +1,13 @@
 //! Sigma by image, learned beside a training.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
 use super::features::Standard;
 use super::mask::logistic;
 use super::network::{Network, PARAMETERS};
-use super::{Error, Features, Plane, Spectrum, Target, composite, cross_entropy};
+use super::{Error, Features, Plane, Spectrum, Target, composite, cross_entropy, spaced};
 
 /// How sigma is learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +33,9 @@ pub struct LearnSettings {
     pub error_blur: f64,
     /// Price of a mask over all of an image, in units of colour.
     pub price: f64,
+    /// Widths at which an update from errors looks at the loss beside its own, so that a hill between it and a better one does not hold it up; 0 for
+    /// none: then it goes downhill from where it is.
+    pub outlook: usize,
     /// Seed of the network.
     pub seed: u64,
 }
@@ -49,6 +53,7 @@ impl Default for LearnSettings {
             failing: 0.25,
             error_blur: 2.0,
             price: 0.015,
+            outlook: 9,
             seed: 0,
         }
     }
@@ -70,6 +75,7 @@ impl LearnSettings {
         one("prior", self.prior, (0.0..=1000.0).contains(&self.prior), "from 0 to 1000")?;
         one("typical", self.typical, self.typical > 0.0 && self.typical <= 1000.0, "above 0 and at most 1000")?;
         one("failing", self.failing, (0.001..=0.999).contains(&self.failing), "from 0.001 to 0.999")?;
+        one("outlook", self.outlook as f64, self.outlook <= 1000, "at most 1000")?;
         one("error-blur", self.error_blur, (0.0..=64.0).contains(&self.error_blur), "from 0 to 64")?;
         one("price", self.price, (0.0..=1.0).contains(&self.price), "from 0 to 1")
     }
@@ -93,7 +99,7 @@ pub struct Update {
     pub sigma: f64,
     /// Level before it.
     pub level: f64,
-    /// Derivative of the loss with respect to sigma.
+    /// Derivative of the loss with respect to sigma; where that leads away from a better one, the slope of the straight line to it.
     pub by_sigma: f64,
 }
 
@@ -165,8 +171,9 @@ impl SigmaLearner {
         let mask = spectrum.map(choice.sigma)?.mask(choice.level);
         let (loss, by_logit) = cross_entropy(mask.logits(), target.values())?;
         let [by_sigma, _] = mask.pull(&by_logit);
+        let elsewhere = self.elsewhere(spectrum, choice.level, target)?;
         // The share of the mask is given: moving the level would only learn the share of the target.
-        Ok(Some(self.update(spectrum, choice, loss, [by_sigma, 0.0])))
+        Ok(Some(self.update(spectrum, choice, loss, [by_sigma, 0.0], &elsewhere)))
     }
 
     /// One update of one image: the mask is to be where the splats that only the full render has are worth their price. None for an
@@ -184,15 +191,50 @@ impl SigmaLearner {
         let Renders { low, full, photograph } = *renders;
         let (loss, by_logit) = composite(mask.logits(), low, full, photograph, self.settings.price)?;
         let gradient = mask.pull(&by_logit);
-        Ok(Some(self.update(spectrum, choice, loss, gradient)))
+        // Level and sigma move together here: a hill in sigma at one level is none for the two.
+        Ok(Some(self.update(spectrum, choice, loss, gradient, &[])))
     }
 
-    fn update(&mut self, spectrum: &Spectrum, choice: Choice, loss: f64, [by_sigma, by_level]: [f64; 2]) -> Update {
+    /// Widths all over the range with the loss of their masks.
+    fn elsewhere(&self, spectrum: &Spectrum, level: f64, target: &Target) -> Result<Vec<(f64, f64)>, Error> {
         let s = &self.settings;
-        let distance = (choice.sigma / s.typical).ln();
-        let loss = loss + s.prior * distance * distance;
-        let by_sigma = by_sigma + 2.0 * s.prior * distance / choice.sigma;
+        let at = |sigma: f64| {
+            let mask = spectrum.map(sigma)?.mask(level);
+            Ok((sigma, cross_entropy(mask.logits(), target.values())?.0))
+        };
+        spaced(s.lowest, s.highest, s.outlook).into_par_iter().map(at).collect()
+    }
 
+    /// The loss with the prior, and where sigma is to go by it: downhill; but straight to the best width elsewhere, over the hill, where
+    /// downhill leads away from it.
+    fn slope(&self, sigma: f64, [loss, by_sigma]: [f64; 2], elsewhere: &[(f64, f64)]) -> [f64; 2] {
+        let s = &self.settings;
+        let distance = |sigma: f64| (sigma / s.typical).ln();
+        let with_prior = |sigma: f64, loss: f64| loss + s.prior * distance(sigma) * distance(sigma);
+        let here = with_prior(sigma, loss);
+        let nearest = 0.5 * (s.highest / s.lowest).ln() / elsewhere.len().saturating_sub(1).max(1) as f64;
+        let far = elsewhere.iter().filter(|(other, _)| (other / sigma).ln().abs() > nearest);
+        let best = elsewhere.iter().map(|(other, loss)| with_prior(*other, *loss)).fold(here, f64::min);
+        let better = far.map(|(other, loss)| (*other, with_prior(*other, *loss))).find(|(_, loss)| *loss <= best);
+        let downhill = by_sigma + 2.0 * s.prior * distance(sigma) / sigma;
+        match better {
+            Some((other, loss)) if loss < here && downhill * (sigma - other) <= 0.0 => {
+                [here, (here - loss) / (sigma - other)]
+            }
+            _ => [here, downhill],
+        }
+    }
+
+    fn update(
+        &mut self,
+        spectrum: &Spectrum,
+        choice: Choice,
+        loss: f64,
+        [by_sigma, by_level]: [f64; 2],
+        elsewhere: &[(f64, f64)],
+    ) -> Update {
+        let [loss, by_sigma] = self.slope(choice.sigma, [loss, by_sigma], elsewhere);
+        let s = &self.settings;
         let input = self.standard.apply(spectrum.features());
         let [sigma, level] = self.network.forward(&input);
         let (open, turn) = (logistic(sigma), level.tanh());
