@@ -43,26 +43,24 @@ fn rows(buffer: &[u8], width: usize, rows: std::ops::Range<usize>) -> &[u8] {
 #[test]
 fn plain_rows_are_drawn_with_degree_1() {
     let Some(gpu) = common::gpu() else { return };
-    for pass in [&project::PASS] {
-        for degree in 0..4 {
-            let at = |degree, plain: u32| {
-                let projection = Projection { sh_degree: degree, ..Projection::default() };
-                let buffers = cut(&scene::project_buffers(&scene::ordinary(N, 90)), &[1], plain);
-                let constants = [("TILE_W", 16), ("TILE_H", 16), ("AUX", 1)];
-                let outcome = harness::run(&gpu, pass, &constants, &buffers, &scene::push(&projection), 5);
-                assert_eq!(outcome.device[0], buffers[0], "degree {degree}: bad splats");
-                outcome.device
-            };
-            let some = at(degree, (N - FULL) as u32);
-            let (all, low, none) = (at(degree, 0), at(degree.min(1), 0), at(degree, u32::MAX));
-            for (k, width) in [(9, 12), (10, 1), (11, 4)] {
-                let of = |from: &[Vec<u8>], range| rows(&from[k], width, range).to_vec();
-                assert_eq!(of(&some, 0..FULL), of(&all, 0..FULL), "degree {degree}, buffer {k}");
-                assert_eq!(of(&some, FULL..N), of(&low, FULL..N), "degree {degree}, buffer {k}");
-                assert_eq!(of(&none, 0..N), of(&low, 0..N), "degree {degree}, buffer {k}: all are plain");
-            }
-            assert_eq!(all[9] == low[9], degree < 2, "degree {degree}: the colours say which is which");
+    for degree in 0..4 {
+        let at = |degree, plain: u32| {
+            let projection = Projection { sh_degree: degree, ..Projection::default() };
+            let buffers = cut(&scene::project_buffers(&scene::ordinary(N, 90)), &[1], plain);
+            let constants = [("TILE_W", 16), ("TILE_H", 16), ("AUX", 1)];
+            let outcome = harness::run(&gpu, &project::PASS, &constants, &buffers, &scene::push(&projection), 5);
+            assert_eq!(outcome.device[0], buffers[0], "degree {degree}: bad splats");
+            outcome.device
+        };
+        let some = at(degree, (N - FULL) as u32);
+        let (all, low, none) = (at(degree, 0), at(degree.min(1), 0), at(degree, u32::MAX));
+        for (k, width) in [(9, 12), (10, 1), (11, 4)] {
+            let of = |from: &[Vec<u8>], range| rows(&from[k], width, range).to_vec();
+            assert_eq!(of(&some, 0..FULL), of(&all, 0..FULL), "degree {degree}, buffer {k}");
+            assert_eq!(of(&some, FULL..N), of(&low, FULL..N), "degree {degree}, buffer {k}");
+            assert_eq!(of(&none, 0..N), of(&low, 0..N), "degree {degree}, buffer {k}: all are plain");
         }
+        assert_eq!(all[9] == low[9], degree < 2, "degree {degree}: the colours say which is which");
     }
     common::assert_no_messages(&gpu);
 }

@@ -50,7 +50,7 @@ group! {
         /// growth has ended and after four fifths of the steps (0: keep them)
         #[arg(value_name = "W")]
         pub prune_weight: f64 = 0.0,
-        /// Drop no splats for their weight before this step: until opacities have been learned, weights say little
+        /// Drop no splats below --prune-weight before this step: until opacities have been learned, weights say little
         #[arg(value_name = "STEP")]
         pub prune_weight_from: u32 = 500,
         /// Where --max-splats holds growth up, drop this share of the splats, those of the least weight, after some density changes, which
