@@ -12,12 +12,13 @@ layout(set = 0, binding = 0) readonly buffer Blocks { vec4 blocks[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
 layout(set = 0, binding = 2) buffer GradImage { vec4 grad_image[]; };
 layout(push_constant) uniform Push {
-    uint image_width;
+    uint image_width;  // of the photograph
     uint left;
     uint top;
     uint width;  // of the window
     uint height;
     float weight;
+    uint cropped; // 1: the render is of the window alone
 } push;
 
 void main() {
@@ -28,5 +29,6 @@ void main() {
     const uint at = (push.top + y) * push.image_width + push.left + x;
     const uint block = (y / 2u) * ((push.width + 1u) / 2u) + x / 2u;
     const vec4 grad = LOAD4(blocks, 4u * block + 2u * (y & 1u) + (x & 1u));
-    if (target[at] >> 24 != 0u) grad_image[at] = LOAD4(grad_image, at) + vec4(push.weight * grad.rgb, 0.0);
+    const uint to = push.cropped != 0u ? pixel : at;
+    if (target[at] >> 24 != 0u) grad_image[to] = LOAD4(grad_image, to) + vec4(push.weight * grad.rgb, 0.0);
 }

@@ -12,11 +12,12 @@ layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
 layout(set = 0, binding = 2) writeonly buffer Pair { vec4 pair[]; };
 layout(push_constant) uniform Push {
-    uint image_width;
+    uint image_width;  // of the photograph
     uint left;
     uint top;
     uint width;  // of the window
     uint height;
+    uint cropped; // 1: the render is of the window alone
 } push;
 
 void main() {
@@ -26,7 +27,8 @@ void main() {
     const uint y = quotient(pixel, push.width);
     const uint at = (push.top + y) * push.image_width + push.left + pixel - y * push.width;
     const uint photograph = target[at];
+    const uint from = push.cropped != 0u ? pixel : at;
     const vec3 there = unpackUnorm4x8(photograph).rgb;
-    pair[pixel] = vec4(photograph >> 24 == 0u ? there : LOAD4(image, at).rgb, 0.0);
+    pair[pixel] = vec4(photograph >> 24 == 0u ? there : LOAD4(image, from).rgb, 0.0);
     pair[pixels + pixel] = vec4(there, 0.0);
 }

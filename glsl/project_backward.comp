@@ -1,6 +1,7 @@
 #version 460
 // project_backward: gradients of every splat's parameters from the gradients of its 2D Gaussian (columns of grad2d).
-// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros.
+// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros. Where ADD is 1 all of this
+// is added to what is there.
 #extension GL_GOOGLE_include_directive : require
 #include "camera_push.glsl"
 #include "common.glsl"
@@ -10,6 +11,7 @@ layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
 // Weight of the smallest standard deviation in the loss, a float as bits.
 layout(constant_id = 1) const uint FLATTEN = 0u;
+layout(constant_id = 2) const uint ADD = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
 layout(set = 0, binding = 2) readonly buffer Quats { vec4 quats[]; };
@@ -23,29 +25,31 @@ layout(set = 0, binding = 9) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 10) readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 11) readonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 12) readonly buffer GradNormals { vec4 grad_normals[]; };
-layout(set = 0, binding = 13) writeonly buffer GMeans { float g_means[]; };
-layout(set = 0, binding = 14) writeonly buffer GQuats { vec4 g_quats[]; };
-layout(set = 0, binding = 15) writeonly buffer GScales { float g_scales[]; };
-layout(set = 0, binding = 16) writeonly buffer GOpacities { float g_opacities[]; };
-layout(set = 0, binding = 17) writeonly buffer GSh0 { vec4 g_sh0[]; };
-layout(set = 0, binding = 18) writeonly buffer GSh1 { vec4 g_sh1[]; };
-layout(set = 0, binding = 19) writeonly buffer GSh2 { vec4 g_sh2[]; };
-layout(set = 0, binding = 20) writeonly buffer GSh3 { vec4 g_sh3[]; };
+layout(set = 0, binding = 13) buffer GMeans { float g_means[]; };
+layout(set = 0, binding = 14) buffer GQuats { vec4 g_quats[]; };
+layout(set = 0, binding = 15) buffer GScales { float g_scales[]; };
+layout(set = 0, binding = 16) buffer GOpacities { float g_opacities[]; };
+layout(set = 0, binding = 17) buffer GSh0 { vec4 g_sh0[]; };
+layout(set = 0, binding = 18) buffer GSh1 { vec4 g_sh1[]; };
+layout(set = 0, binding = 19) buffer GSh2 { vec4 g_sh2[]; };
+layout(set = 0, binding = 20) buffer GSh3 { vec4 g_sh3[]; };
 
 #define READ_SH(group, plane)          \
     splat.sh[3 * group] = plane[s];     \
     splat.sh[3 * group + 1] = plane[s + 1u]; \
     splat.sh[3 * group + 2] = plane[s + 2u]
-#define WRITE_SH(plane, basis)                \
-    plane[s] = sh_outer0(basis, g.rgb);      \
-    plane[s + 1u] = sh_outer1(basis, g.rgb); \
-    plane[s + 2u] = sh_outer2(basis, g.rgb)
+#define WRITE(target, value) target = ADD != 0u ? target + (value) : (value)
+#define WRITE_SH(plane, basis)                      \
+    WRITE(plane[s], sh_outer0(basis, g.rgb));      \
+    WRITE(plane[s + 1u], sh_outer1(basis, g.rgb)); \
+    WRITE(plane[s + 2u], sh_outer2(basis, g.rgb))
 
 void main() {
     const uint i = global_index();
     if (i >= counters[COUNTER_SPLATS]) return;
     const uint s = 3u * i;
     const uint degree = push.sh_degree;
+    if (ADD != 0u && tile_counts[i] == 0u) return;
     SplatGradient g = no_gradient();
     if (tile_counts[i] != 0u) {
         SplatParams splat;
@@ -67,14 +71,14 @@ void main() {
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
     }
 
-    g_means[s] = g.mean.x;
-    g_means[s + 1u] = g.mean.y;
-    g_means[s + 2u] = g.mean.z;
-    g_quats[i] = g.quat;
-    g_scales[s] = g.log_scale.x;
-    g_scales[s + 1u] = g.log_scale.y;
-    g_scales[s + 2u] = g.log_scale.z;
-    g_opacities[i] = g.logit;
+    WRITE(g_means[s], g.mean.x);
+    WRITE(g_means[s + 1u], g.mean.y);
+    WRITE(g_means[s + 2u], g.mean.z);
+    WRITE(g_quats[i], g.quat);
+    WRITE(g_scales[s], g.log_scale.x);
+    WRITE(g_scales[s + 1u], g.log_scale.y);
+    WRITE(g_scales[s + 2u], g.log_scale.z);
+    WRITE(g_opacities[i], g.logit);
     WRITE_SH(g_sh0, sh_basis0(g.dir, degree));
     const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
     const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);

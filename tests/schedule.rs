@@ -232,6 +232,42 @@ fn few_views_are_no_special_case() {
 }
 
 #[test]
+fn perceptual_steps_look_at_the_views_of_the_steps_before() {
+    let s = schedule(|s| {
+        s.run.iterations = 400;
+        s.frequencies.low_stage = 0.25;
+        (s.texture.lambda_perceptual, s.texture.perceptual_every, s.texture.perceptual_views) = (0.1, 10, 4);
+    });
+    for t in 1..=400 {
+        let Some(step) = s.step(t).perceptual else {
+            assert!(t <= 100 || !t.is_multiple_of(10), "step {t} has none");
+            continue;
+        };
+        assert!(t > 100 && t.is_multiple_of(10), "step {t}");
+        // Once each, the oldest first; where a pass over the views ends, one of them may be the step's own.
+        let mut wanted: Vec<usize> = Vec::new();
+        for view in (t - 3..t).rev().map(|before| s.view_at(before)) {
+            if view != s.view_at(t) && !wanted.contains(&view) {
+                wanted.insert(0, view);
+            }
+        }
+        assert_eq!(step.beside().iter().map(|b| b.view).collect::<Vec<_>>(), wanted, "step {t}");
+        assert!(step.beside().iter().all(|b| (1..=s.step(t).seen).contains(&b.seen)));
+        assert!((step.times * (1 + wanted.len()) as f64 - 10.0).abs() < 1e-12, "a step carries the weight of ten");
+    }
+    // Where photographs are reduced, and where there is one view alone.
+    let reduced = schedule(|s| {
+        (s.run.iterations, s.frequencies.coarse_steps) = (400, 1.0);
+        (s.texture.lambda_perceptual, s.texture.perceptual_every, s.texture.perceptual_views) = (0.1, 10, 4);
+    });
+    assert!((10..=400).step_by(10).all(|t| reduced.step(t).perceptual.is_some_and(|p| p.beside().is_empty())));
+    let mut settings = Settings::default();
+    (settings.texture.lambda_perceptual, settings.texture.perceptual_views) = (0.1, 8);
+    let one = Schedule::new(&settings, 1);
+    assert!((12..=240).step_by(12).all(|t| one.step(t).perceptual.is_some_and(|p| p.beside().is_empty())));
+}
+
+#[test]
 fn random_backgrounds_depend_on_the_step_only() {
     let s = schedule(|o| o.model.background = Background::Random);
     let colour = s.step(7).background;

@@ -7,7 +7,7 @@ use crate::vk::{Kernel, read, read_write, write};
 crate::push_constants! {
     /// Push constants of [`PAIR`].
     pub struct Push {
-        /// Width of the whole image in pixels.
+        /// Width of the photograph in pixels.
         pub image_width: u32,
         /// First column of the window.
         pub left: u32,
@@ -17,13 +17,15 @@ crate::push_constants! {
         pub width: u32,
         /// Height of the window in pixels.
         pub height: u32,
+        /// 1: the render is of the window alone.
+        pub cropped: u32,
     }
 }
 
 crate::push_constants! {
     /// Push constants of [`GRADIENT`].
     pub struct GradientPush {
-        /// Width of the whole image in pixels.
+        /// Width of the photograph in pixels.
         pub image_width: u32,
         /// First column of the window.
         pub left: u32,
@@ -35,6 +37,8 @@ crate::push_constants! {
         pub height: u32,
         /// What the gradient is multiplied by.
         pub weight: f32,
+        /// 1: the render is of the window alone.
+        pub cropped: u32,
     }
 }
 
@@ -54,7 +58,7 @@ pub const PAIR: Pass = Pass {
     twin: twin::run_pair,
 };
 
-/// The gradient in the window, which comes in blocks of 2x2 pixels, added to that of the whole image.
+/// The gradient in the window, which comes in blocks of 2x2 pixels, added to that of the render.
 pub const GRADIENT: Pass = Pass {
     kernel: Kernel {
         name: "crop_gradient",

@@ -2,7 +2,7 @@
 
 use super::camera::CameraPush;
 use super::{Pass, module};
-use crate::vk::{Constant, Kernel, read, write};
+use crate::vk::{Constant, Kernel, read, read_write};
 
 /// The pass.
 pub const PASS: Pass = Pass {
@@ -23,21 +23,25 @@ pub const PASS: Pass = Pass {
             read("tile_counts"),
             read("grad2d"),
             read("grad_normals"),
-            write("g_means"),
-            write("g_quats"),
-            write("g_scales"),
-            write("g_opacities"),
-            write("g_sh0"),
-            write("g_sh1"),
-            write("g_sh2"),
-            write("g_sh3"),
+            read_write("g_means"),
+            read_write("g_quats"),
+            read_write("g_scales"),
+            read_write("g_opacities"),
+            read_write("g_sh0"),
+            read_write("g_sh1"),
+            read_write("g_sh2"),
+            read_write("g_sh3"),
         ],
         push_bytes: CameraPush::BYTES,
-        constants: &[Constant { id: 0, name: "AUX", default: 0 }, Constant { id: 1, name: "FLATTEN", default: 0 }],
+        constants: &[
+            Constant { id: 0, name: "AUX", default: 0 },
+            Constant { id: 1, name: "FLATTEN", default: 0 },
+            Constant { id: 2, name: "ADD", default: 0 },
+        ],
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Recomputes the projection and writes the gradients \
-          of all 59 parameters; zeros for culled splats. Normals take part when AUX = 1. FLATTEN, a float as bits, is the weight of the smallest standard deviation in \
+          of all 59 parameters, zeros for culled splats; where ADD = 1 it adds them to what is there. Normals take part when AUX = 1. FLATTEN, a float as bits, is the weight of the smallest standard deviation in \
           the loss.",
     dispatch: "one thread per splat of the model",
     push: CameraPush::FIELDS,

@@ -43,7 +43,11 @@ impl Metric {
         self.gpu.write(image, &colours)?;
         self.gpu.write(photograph, reference)?;
         let mut recorder = self.gpu.recorder("perceptual distance")?;
-        windows.record(&mut recorder, &Pair { image, photograph, size: (width, height), at: (0, 0) }, None)?;
+        windows.record(
+            &mut recorder,
+            &Pair { image, photograph, size: (width, height), at: (0, 0), cropped: false },
+            None,
+        )?;
         recorder.submit()?;
         let sums: Vec<f32> = self.gpu.read(windows.result())?;
         Ok(sums.last().copied().unwrap_or(f32::NAN))

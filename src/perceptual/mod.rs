@@ -14,7 +14,7 @@
 //! // As a part of a loss: nothing waits, and memory is taken once.
 //! let windows = lpips.windows(128, 128, true)?;
 //! let mut recorder = gpu.recorder("step")?;
-//! let pair = Pair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90) };
+//! let pair = Pair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90), cropped: false };
 //! windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad_image, weight: 0.05 }))?;
 //! # Ok(())
 //! # }

@@ -27,16 +27,18 @@ pub struct Pair<'a> {
     pub image: &'a Buffer,
     /// RGBA8; where alpha is 0 the images count as equal.
     pub photograph: &'a Buffer,
-    /// Width and height of both in pixels.
+    /// Width and height of the photograph in pixels.
     pub size: (u32, u32),
     /// First column and row of the window.
     pub at: (u32, u32),
+    /// Whether the image, and its gradient, are of the window alone; the photograph is whole.
+    pub cropped: bool,
 }
 
 /// Where a gradient goes.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientOf<'a> {
-    /// One vec4 per pixel of the whole image; that of the distance is added to the first three.
+    /// One vec4 per pixel of the image; that of the distance is added to the first three.
     pub image: &'a Buffer,
     /// What it is multiplied by.
     pub weight: f32,
@@ -100,6 +102,7 @@ impl Windows {
                 width: self.width,
                 height: self.height,
                 weight: of.weight,
+                cropped: u32::from(pair.cropped),
             };
             let buffers = [&gradients.blocks, pair.photograph, of.image];
             recorder.dispatch(&gradients.to_image, &buffers, &push, self.pixels())?;
@@ -114,7 +117,8 @@ impl Windows {
     fn forward(&self, recorder: &mut Recorder, pair: &Pair<'_>, gradients: Option<&Gradients>) -> Result<(), Error> {
         let (trunk, room, network) = (&self.trunk, &self.room, &self.trunk.network);
         let ((left, top), (width, height)) = (pair.at, (self.width, self.height));
-        let push = crop::Push { image_width: pair.size.0, left, top, width, height };
+        let cropped = u32::from(pair.cropped);
+        let push = crop::Push { image_width: pair.size.0, left, top, width, height, cropped };
         let buffers = [pair.image, pair.photograph, &room.features[0]];
         recorder.dispatch(&trunk.pair, &buffers, &push, self.pixels())?;
         for (i, op) in network.ops.iter().enumerate() {

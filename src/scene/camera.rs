@@ -29,6 +29,11 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
+    /// The camera of a window of the image, whose first column and row are `left` and `top`: its pixels are the same.
+    pub fn window(&self, (left, top): (u32, u32), (width, height): (u32, u32)) -> Self {
+        Self { cx: self.cx - f64::from(left), cy: self.cy - f64::from(top), width, height, ..*self }
+    }
+
     /// The same camera for an image of another size; the principal point and focal lengths follow the pixel grid.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));

@@ -60,6 +60,21 @@ pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaus
     Ok(out)
 }
 
+/// Lays the Gaussians from `first` on flat on surfaces with these unit normals, in scene axes and of either sign, one for each: their
+/// third axis is along the normal, where their standard deviation is `thickness` times what it was.
+pub fn lay_flat(gaussians: &mut Gaussians, first: usize, normals: &[[f32; 3]], thickness: f64) {
+    let quats = gaussians.quats.chunks_exact_mut(4).skip(first);
+    let scales = gaussians.scales.chunks_exact_mut(3).skip(first);
+    for ((quat, scale), &[x, y, z]) in quats.zip(scales).zip(normals) {
+        // Half way from the third axis to the normal, turned so that they are at most a right angle apart.
+        let sign = if z < 0.0 { -1.0 } else { 1.0 };
+        let half = [1.0 + z * sign, -y * sign, x * sign];
+        let length = half.iter().map(|h| h * h).sum::<f32>().sqrt();
+        quat.copy_from_slice(&[half[0] / length, half[1] / length, half[2] / length, 0.0]);
+        scale[2] += thickness.ln() as f32;
+    }
+}
+
 fn log_scales(positions: &[[f64; 3]]) -> Vec<f64> {
     let tree = ImmutableKdTree::<f64, 3>::new_from_slice(positions);
     let wanted = NonZero::new(NEIGHBOURS + 1).unwrap_or(NonZero::<usize>::MIN);
@@ -137,6 +152,26 @@ mod tests {
         assert!((f64::from(out.opacities[0]) + 2.197_224_577_336_219).abs() < 1e-6);
         assert_eq!(out.quats[..4], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(out.scales[0], 0.0, "the only neighbour is at distance 1");
+    }
+
+    #[test]
+    fn flat_ones_lie_across_their_normals() {
+        let frame = Frame::IDENTITY;
+        let mut out = from_points(&random_points(8), &frame).expect("points");
+        let round = out.clone();
+        let third = 1.0 / 3.0_f32.sqrt();
+        let normals = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [third, -third, -third]];
+        lay_flat(&mut out, 3, &normals, 0.25);
+        assert_eq!((&out.quats[..12], &out.scales[..9]), (&round.quats[..12], &round.scales[..9]));
+        for (k, normal) in normals.iter().enumerate() {
+            let q = &out.quats[4 * (3 + k)..][..4];
+            let turned = glam::Quat::from_xyzw(q[1], q[2], q[3], q[0]) * glam::Vec3::Z;
+            let along = turned.dot(glam::Vec3::from_array(*normal)).abs();
+            assert!((along - 1.0).abs() < 1e-6, "{normal:?}: {turned}");
+            let (now, before) = (&out.scales[3 * (3 + k)..][..3], &round.scales[3 * (3 + k)..][..3]);
+            assert_eq!(now[..2], before[..2]);
+            assert!((now[2] - before[2] - 0.25_f32.ln()).abs() < 1e-6);
+        }
     }
 
     #[test]

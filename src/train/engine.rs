@@ -1,5 +1,6 @@
 //! The device side of training: records an event, submits it, and later tells what came of it.
 
+mod beside;
 mod changes;
 mod growth;
 mod harmonics;

@@ -113,7 +113,8 @@ impl HostPlan {
             DepthPrior::Propagation => Room { results: room.host, ..room },
             _ => room,
         };
-        Self::of(memory, outline, plan, (decoding, stereo), shares_memory(gpu))
+        let at_once = u64::from(settings.texture.views_at_once());
+        Self::of(memory, outline, plan, (decoding, stereo), (shares_memory(gpu), at_once))
     }
 
     fn of(
@@ -121,7 +122,7 @@ impl HostPlan {
         outline: &Outline,
         plan: &MemoryPlan,
         (each_decoding, stereo): (u64, Room),
-        shared: bool,
+        (shared, at_once): (bool, u64),
     ) -> Self {
         let mut pacing = Pacing::default();
         let largest = outline.largest();
@@ -134,7 +135,7 @@ impl HostPlan {
         let model = (on_device + read_back + report + stereo.results).max(before);
         let left = memory.budget.saturating_sub(memory.in_use).saturating_sub(SLACK).saturating_sub(model);
         let (decoding, threads) = decoders(left, each_decoding);
-        let ring = largest * (pacing.events_in_flight() as u64 + 1 + if shared { LANDINGS as u64 } else { 0 });
+        let ring = largest * (pacing.events_in_flight() as u64 + at_once + if shared { LANDINGS as u64 } else { 0 });
         // Photographs that the host keeps decoded are there a second time while they are uploaded.
         let resident = if shared { plan.photographs.1 } else { 0 };
         let fits = decoded.saturating_add(resident).saturating_add(decoding) <= left;
@@ -243,7 +244,7 @@ mod tests {
 
     fn planned(budget: u64, views: usize, shared: bool) -> HostPlan {
         let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB };
-        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, Room::default()), shared)
+        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, Room::default()), (shared, 1))
     }
 
     #[test]
@@ -285,7 +286,7 @@ mod tests {
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB };
         let with = |host, device, results, shared| {
             let room = Room { host: host * MIB, device: device * MIB, results: results * MIB };
-            HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), shared).training
+            HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), (shared, 1)).training
         };
         let none = with(0, 0, 0, true);
         assert_eq!(with(90, 0, 30, true), none + 30 * MIB, "what is found is there while the training allocates");

@@ -21,7 +21,13 @@ enum Form {
         without_rest: Option<Pipeline>,
     },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
-    FromGradients { adam: Pipeline, gradients: Planes },
+    FromGradients(Summed),
+}
+
+/// Gradients of the model in memory, and the pass that steps by them.
+struct Summed {
+    adam: Pipeline,
+    gradients: Planes,
 }
 
 /// Moments and the passes that use them.
@@ -29,6 +35,8 @@ pub(super) struct Optimiser {
     /// First and second moments, or the words that hold both.
     moments: Vec<Planes>,
     form: Form,
+    /// What steps take on several views at once, where some do and the form has no gradients of its own.
+    summed: Option<Summed>,
     settings: adam::Settings,
     extent: f64,
     flatten: f32,
@@ -61,14 +69,15 @@ impl Optimiser {
         } else if packs || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
-            let adam = gpu.pipeline(&adam::PASS.kernel, &[])?;
-            Form::FromGradients { adam, gradients: Planes::new(gpu, "g_", capacity)? }
+            Form::FromGradients(Summed::new(gpu, capacity)?)
         };
+        let several = training.texture.views_at_once() > 1 && matches!(form, Form::Fused { .. });
         let mut moments = vec![Planes::limited(gpu, "m_", capacity, training.model.sh_share)?];
         if !packs {
             moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
-        Ok(Self { moments, form, settings, extent, flatten, degree: AtomicU32::new(0) })
+        let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
+        Ok(Self { moments, form, summed, settings, extent, flatten, degree: AtomicU32::new(0) })
     }
 
     /// First moments, or both.
@@ -107,26 +116,54 @@ impl Optimiser {
 
     /// Bytes of its buffers.
     pub(super) fn bytes(&self) -> u64 {
-        let gradients = match &self.form {
-            Form::Fused { .. } => 0,
-            Form::FromGradients { gradients, .. } => gradients.bytes(),
-        };
+        let gradients = self.summed().map_or(0, |summed| summed.gradients.bytes());
         self.moments.iter().map(Planes::bytes).sum::<u64>() + gradients
+    }
+
+    fn summed(&self) -> Option<&Summed> {
+        match &self.form {
+            Form::Fused { .. } => self.summed.as_ref(),
+            Form::FromGradients(summed) => Some(summed),
+        }
+    }
+
+    fn summed_mut(&mut self) -> Option<&mut Summed> {
+        match &mut self.form {
+            Form::Fused { .. } => self.summed.as_mut(),
+            Form::FromGradients(summed) => Some(summed),
+        }
     }
 
     /// Room for more, with the same moments; gradients are lost. Waits.
     pub(super) fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
-        if let Form::FromGradients { gradients, .. } = &mut self.form {
-            *gradients = Planes::new(gpu, "g_", 1)?;
+        // Never two of the gradients at a time.
+        if let Some(summed) = self.summed_mut() {
+            summed.gradients = Planes::new(gpu, "g_", 1)?;
         }
         self.moments.iter_mut().try_for_each(|planes| planes.grow(gpu, capacity))?;
-        if let Form::FromGradients { gradients, .. } = &mut self.form {
-            *gradients = Planes::new(gpu, "g_", capacity)?;
+        if let Some(summed) = self.summed_mut() {
+            summed.gradients = Planes::new(gpu, "g_", capacity)?;
         }
         Ok(())
     }
 
-    /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels.
+    /// Records the gradients of `model` for one of the views before the last of a step that has several, after the blend backward of its
+    /// shot. Does nothing where there is no room for such steps.
+    pub(super) fn record_beside(
+        &self,
+        recorder: &mut Recorder,
+        renderer: &Renderer,
+        model: &Planes,
+        shot: &Shot,
+        first: bool,
+    ) -> Result<(), vk::Error> {
+        let Some(summed) = self.summed() else { return Ok(()) };
+        let terms = Terms { add: !first, ..Terms::default() };
+        renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
+    }
+
+    /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels, `beside` if
+    /// other views have had their part.
     pub(super) fn record(
         &self,
         recorder: &mut Recorder,
@@ -134,7 +171,7 @@ impl Optimiser {
         model: &Planes,
         shot: &Shot,
         plan: &StepPlan,
-        aux: bool,
+        (aux, beside): (bool, bool),
     ) -> Result<(), vk::Error> {
         if plan.adam == Adam::None {
             return Ok(());
@@ -153,7 +190,7 @@ impl Optimiser {
         let used = if plan.sh_rest.is_some() { plan.sh_degree } else { 0 };
         let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
         match &self.form {
-            Form::Fused { of_degree, with_aux, without_rest } => {
+            Form::Fused { of_degree, with_aux, without_rest } if !beside || self.summed.is_none() => {
                 let step = BackwardStep {
                     model,
                     moments: &self.moments,
@@ -168,8 +205,9 @@ impl Optimiser {
                 };
                 renderer.record_backward_step(recorder, &step, shot)
             }
-            Form::FromGradients { adam, gradients } => {
-                let terms = Terms { aux, flatten: self.flatten };
+            _ => {
+                let Some(Summed { adam, gradients }) = self.summed() else { return Ok(()) };
+                let terms = Terms { aux, flatten: self.flatten, add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)
             }
@@ -195,6 +233,12 @@ impl Optimiser {
             recorder.dispatch(pipeline, &buffers, &push, renderer.per_float(row))?;
         }
         Ok(())
+    }
+}
+
+impl Summed {
+    fn new(gpu: &Gpu, capacity: u32) -> Result<Self, vk::Error> {
+        Ok(Self { adam: gpu.pipeline(&adam::PASS.kernel, &[])?, gradients: Planes::new(gpu, "g_", capacity)? })
     }
 }
 

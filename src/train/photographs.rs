@@ -48,7 +48,8 @@ enum Place {
     Streamed(Stream),
 }
 
-/// Memory that is mapped all the time, one for each event in flight and one more, and where its content lands. What steps that have
+/// Memory that is mapped all the time, and where its content lands. What events in flight look at lies there, and one photograph more: where
+/// an event looks at those of the steps before it too, there is room for these. What steps that have
 /// to be taken again look at still lies there.
 struct Stream {
     staging: Vec<Buffer>,
@@ -68,12 +69,13 @@ pub(super) struct Shown<'a> {
 }
 
 impl Photographs {
-    /// Buffers for photographs of these cameras; contents undefined.
+    /// Buffers for photographs of these cameras; contents undefined. An event looks at `at_once` of them at most: its own and those of the
+    /// steps before it.
     pub(super) fn allocate(
         gpu: &Gpu,
         views: &[(Camera, Depth)],
         residency: Residency,
-        in_flight: usize,
+        (in_flight, at_once): (usize, usize),
     ) -> Result<Self, Error> {
         let known: Vec<Known> = views
             .iter()
@@ -92,8 +94,8 @@ impl Photographs {
                     .collect::<Result<_, vk::Error>>()
             };
             Place::Streamed(Stream {
-                staging: buffers("photographs on their way", in_flight + 1, Memory::Upload)?,
-                places: Mutex::new(Places::new(in_flight + 1)),
+                staging: buffers("photographs on their way", in_flight + at_once, Memory::Upload)?,
+                places: Mutex::new(Places::new(in_flight + at_once)),
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
                 waits: Mutex::default(),

@@ -5,10 +5,13 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
+mod perceptual;
 mod propagations;
 
 use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
 use propagations::Propagations;
+
+pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -105,8 +108,8 @@ pub struct StepPlan {
     pub geometry: Option<f64>,
     /// What the weight of gradient maps is multiplied by, where the step has them.
     pub gradients: Option<f64>,
-    /// The same of the perceptual distance.
-    pub perceptual: Option<f64>,
+    /// The perceptual distance, where the step has it.
+    pub perceptual: Option<PerceptualStep>,
     /// Whether the width of the saliency filter is learned from what it shows.
     pub learn_sigma: bool,
 }
@@ -145,6 +148,8 @@ pub struct Schedule {
     geometry_left: f64,
     gradients: Every,
     perceptual: Every,
+    /// Views that a step with the perceptual distance looks at beside its own.
+    perceptual_beside: usize,
     sigma: Every,
     sigma_from: u32,
     propagations: Propagations,
@@ -216,6 +221,7 @@ impl Schedule {
             geometry_left: settings.geometry.depth_left,
             gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
             perceptual: Every::new(settings.texture.perceptual_every, settings.texture.lambda_perceptual > 0.0),
+            perceptual_beside: settings.texture.views_at_once() as usize - 1,
             sigma: Every::new(
                 settings.frequencies.sigma_every,
                 settings.frequencies.sigma_learning != SigmaLearning::Off,
@@ -312,13 +318,13 @@ impl Schedule {
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
             lr_exposure: self.lr_exposure(t),
-            seen: t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1,
+            seen: self.seen_at(t),
             low: t <= self.low_until,
             constrain: self.low_until > 0 && t == self.low_until + 1,
             factor: self.factor_at(t),
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),
-            perceptual: self.perceptual.at(t, self.low_until),
+            perceptual: self.perceptual_at(t),
             learn_sigma: self.learns_sigma_at(t),
         }
     }
@@ -329,6 +335,19 @@ impl Schedule {
         due.then(|| {
             f64::from(self.geometry_every) * log_linear([1.0, self.geometry_left], t, self.geometry_until.max(1))
         })
+    }
+
+    /// How often the photograph of a step has been looked at, that step included.
+    fn seen_at(&self, t: u32) -> u32 {
+        t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1
+    }
+
+    /// Where photographs are reduced, a step looks at its own alone.
+    fn perceptual_at(&self, t: u32) -> Option<PerceptualStep> {
+        let times = self.perceptual.at(t, self.low_until)?;
+        let most = if self.factor_at(t) == 1 { self.perceptual_beside } else { 0 };
+        let before = (1..t).rev().map(|step| Beside { view: self.view_at(step), seen: self.seen_at(step) });
+        Some(PerceptualStep::new(times, self.view_at(t), before, most))
     }
 
     /// Photographs of reduced size say nothing of what is fine.

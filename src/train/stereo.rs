@@ -69,7 +69,7 @@ pub fn take_stereo(
         if made || (begins && more > 0) {
             let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
             if begins && more > 0 {
-                report.splats = begin_on(&fused, more, dataset, input)?;
+                report.splats = begin_on(&fused, more, settings.stereo_thickness, dataset, input)?;
             }
             if made {
                 cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -153,17 +153,25 @@ impl Stereo {
     }
 }
 
-/// Adds about `more` splats on surfaces to those that a model begins with; gives how many.
-fn begin_on(fused: &[FusedPoint], more: usize, dataset: &Dataset, input: &mut Input) -> Result<usize, Error> {
+/// Adds about `more` splats on surfaces to those that a model begins with, as flat as `thickness` says; gives how many.
+fn begin_on(
+    fused: &[FusedPoint],
+    more: usize,
+    thickness: f64,
+    dataset: &Dataset,
+    input: &mut Input,
+) -> Result<usize, Error> {
     let step = fused.len().div_ceil(more).max(1);
-    let found = fused.iter().step_by(step).map(|p| (dataset.frame.to_dataset(p.position), p.color));
-    let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
-    let points: Vec<_> = reconstructed.chain(found).collect();
-    let added = points.len() - dataset.points.len();
-    if added > 0 {
-        input.initial = init::from_points(&points, &dataset.frame)?;
+    let chosen: Vec<&FusedPoint> = fused.iter().step_by(step).collect();
+    if chosen.is_empty() {
+        return Ok(0);
     }
-    Ok(added)
+    let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
+    let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
+    input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
+    let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
+    init::lay_flat(&mut input.initial, dataset.points.len(), &normals, thickness);
+    Ok(chosen.len())
 }
 
 /// Depths at the points that three views and more see; nothing between them.

@@ -20,7 +20,8 @@ pub fn run_pair(call: &mut TwinCall<'_>) {
             let from = ((push.top + y) * push.image_width + push.left + x) as usize;
             let to = (y * push.width + x) as usize;
             let [r, g, b] = unpack::<f32>(&target[from..=from], 8)[0];
-            let shown = if masked(target[from]) { [r, g, b, 0.0] } else { image[from] };
+            let render = if push.cropped != 0 { to } else { from };
+            let shown = if masked(target[from]) { [r, g, b, 0.0] } else { image[render] };
             pair[to] = [shown[0], shown[1], shown[2], 0.0];
             pair[pixels + to] = [r, g, b, 0.0];
         }
@@ -38,8 +39,9 @@ pub fn run_gradient(call: &mut TwinCall<'_>) {
             let at = ((push.top + y) * push.image_width + push.left + x) as usize;
             let block = (y / 2) * push.width.div_ceil(2) + x / 2;
             let from = blocks[(4 * block + 2 * (y % 2) + x % 2) as usize];
+            let to = if push.cropped != 0 { (y * push.width + x) as usize } else { at };
             if !masked(target[at]) {
-                (0..3).for_each(|c| grad[at][c] += push.weight * from[c]);
+                (0..3).for_each(|c| grad[to][c] += push.weight * from[c]);
             }
         }
     }

@@ -5,7 +5,7 @@ use super::splat::{Splat, View, model_of};
 use super::{Real, TwinCall, project, sh, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
-use crate::scene::{Gaussians, SH_GROUPS};
+use crate::scene::Gaussians;
 
 /// Gradients of one splat's projection: a row of `grad2d` (mean x, mean y, A, B, C, opacity, r, g, b, depth, two that are not
 /// used here) and the normal's.
@@ -75,6 +75,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let grad2d = call.get::<[f32; 12]>(11);
     let grad_normals = call.get::<[f32; 4]>(12);
     let aux = call.constants[0] != 0;
+    let add = call.constants[2] != 0;
     let mut out = Gaussians::zeros(n);
     for i in (0..n).filter(|&i| tile_counts[i] != 0) {
         let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
@@ -85,11 +86,10 @@ pub fn run(call: &mut TwinCall<'_>) {
         flatten(&mut gradient, splat.log_scale, f32::from_bits(call.constants[1]));
         gradient.store(&mut out, i);
     }
-    call.set(13, &out.means);
-    call.set(14, &out.quats);
-    call.set(15, &out.scales);
-    call.set(16, &out.opacities);
-    for group in 0..SH_GROUPS {
-        call.set(17 + group, &out.sh[group]);
+    let planes = [&out.means, &out.quats, &out.scales, &out.opacities].into_iter().chain(&out.sh);
+    for (k, plane) in planes.enumerate() {
+        let mut values = if add { call.get::<f32>(13 + k) } else { vec![0.0; plane.len()] };
+        values.iter_mut().zip(plane).for_each(|(value, more)| *value += more);
+        call.set(13 + k, &values);
     }
 }

@@ -5,6 +5,7 @@ mod approximations;
 mod common;
 mod constrained;
 mod geometry;
+mod windows;
 
 use common::guards::Guards;
 use common::splats::{Random, camera, rounded, spread};

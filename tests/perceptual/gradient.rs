@@ -63,7 +63,7 @@ fn on_device(gpu: &Gpu, distance: &Distance, scene: &Scene, weight: f32, before:
     gpu.write(&photograph, &scene.rgba).unwrap();
     gpu.write(&grad, before).unwrap();
     let windows = distance.windows(scene.window.0, scene.window.1, true).unwrap();
-    let pair = Pair { image: &image, photograph: &photograph, size: scene.size, at: scene.at };
+    let pair = Pair { image: &image, photograph: &photograph, size: scene.size, at: scene.at, cropped: false };
     let (waits, memory) = (gpu.stats().host_waits, gpu.memory_use().current);
     let mut recorder = gpu.recorder("test").unwrap();
     windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad, weight })).unwrap();

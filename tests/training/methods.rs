@@ -31,6 +31,7 @@ fn everything(iterations: u32) -> Settings {
     s.frequencies.sigma_every = 2;
     s.texture.lambda_perceptual = 0.02;
     s.texture.perceptual_every = 5;
+    s.texture.perceptual_views = 3;
     s
 }
 

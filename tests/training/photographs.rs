@@ -28,19 +28,26 @@ fn streamed_photographs_train_to_the_same_bits() {
     let other = plane_scene::input(5, 40, 56, 0);
     input.train[1] = other.train[1].clone();
     input.train[3] = deepened(&input.train[3], 77);
-    let truth =
-        run(&gpu, input.clone(), &settings(60), Pacing { photographs: Residency::Resident, ..Pacing::default() });
-    assert!(truth.changed > 0);
-    for events_in_flight in [1, 2, 4, 8] {
-        let got = run(&gpu, input.clone(), &settings(60), streamed(events_in_flight));
-        assert_same(&truth.state, &got.state, &format!("{events_in_flight} in flight"));
-        assert_eq!(truth.losses, got.losses);
+    // One photograph to a step, and in some steps those of the steps before it as well.
+    let alone = settings(60);
+    let mut several = settings(60);
+    several.texture.lambda_perceptual = 0.02;
+    (several.texture.perceptual_every, several.texture.perceptual_views) = (2, 4);
+    for settings in [&alone, &several] {
+        let resident = Pacing { photographs: Residency::Resident, ..Pacing::default() };
+        let truth = run(&gpu, input.clone(), settings, resident);
+        assert!(truth.changed > 0);
+        for events_in_flight in [1, 2, 4, 8] {
+            let got = run(&gpu, input.clone(), settings, streamed(events_in_flight));
+            assert_same(&truth.state, &got.state, &format!("{events_in_flight} in flight"));
+            assert_eq!(truth.losses, got.losses);
+        }
+        // Steps that are taken again look at their photographs again.
+        let tight = Pacing { splat_capacity: 301, pair_capacity: 64, ..streamed(4) };
+        let forced = run(&gpu, input.clone(), settings, tight);
+        assert!(forced.grown >= 2);
+        assert_same(&truth.state, &forced.state, "replayed");
     }
-    // Steps that are taken again look at their photographs again.
-    let tight = Pacing { splat_capacity: 301, pair_capacity: 64, ..streamed(4) };
-    let forced = run(&gpu, input, &settings(60), tight);
-    assert!(forced.grown >= 2);
-    assert_same(&truth.state, &forced.state, "replayed");
 }
 
 #[test]

@@ -15,6 +15,12 @@ fn close(what: &str, outcome: &Outcome, buffer: usize) {
 }
 
 pub fn run(gpu: &Gpu) {
+    for cropped in [false, true] {
+        of(gpu, cropped);
+    }
+}
+
+fn of(gpu: &Gpu, cropped: bool) {
     let mut random = Random(9);
     let pixels = (SIZE.0 * SIZE.1) as usize;
     let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.2)).collect();
@@ -23,7 +29,7 @@ pub fn run(gpu: &Gpu) {
     let (left, top, width, height) = (6, 3, 13, 9);
     let inside = (width * height) as usize;
 
-    let push = Push { image_width: SIZE.0, left, top, width, height };
+    let push = Push { image_width: SIZE.0, left, top, width, height, cropped: u32::from(cropped) };
     let zeros = vec![0.0f32; 8 * inside + 4];
     let buffers = [bytes(&image), bytes(&target), bytes(&zeros)];
     let outcome = harness::run(gpu, &PAIR, &[], &buffers, &push, inside.div_ceil(64) as u32);
@@ -33,21 +39,26 @@ pub fn run(gpu: &Gpu) {
         let at = (top as usize + k / 13) * SIZE.0 as usize + left as usize + k % 13;
         let red = (target[at] & 255) as f32 / 255.0;
         assert!((pair[inside + k][0] - red).abs() < 1e-6, "photograph at {k}");
-        let shown = if target[at] >> 24 == 0 { red } else { image[4 * at] };
+        let shown = if target[at] >> 24 == 0 { red } else { image[4 * if cropped { k } else { at }] };
         assert!((pair[k][0] - shown).abs() < 1e-6, "render at {k}");
         assert_eq!((pair[k][3], pair[inside + k][3]), (0.0, 0.0));
     }
 
-    let push = GradientPush { image_width: SIZE.0, left, top, width, height, weight: 0.3 };
+    let push = GradientPush { image_width: SIZE.0, left, top, width, height, weight: 0.3, cropped: u32::from(cropped) };
     let blocks: Vec<f32> = (0..16 * 7 * 5).map(|_| random.between(-1.0, 1.0)).collect();
     let buffers = [bytes(&blocks), bytes(&target), bytes(&image)];
     let outcome = harness::run(gpu, &GRADIENT, &[], &buffers, &push, inside.div_ceil(64) as u32);
     let after = outcome.device::<f32>(2);
     for at in 0..pixels {
-        let (x, y) = ((at as u32 % SIZE.0).wrapping_sub(left), (at as u32 / SIZE.0).wrapping_sub(top));
+        let (x, y) = if cropped {
+            (at as u32 % width, at as u32 / width)
+        } else {
+            ((at as u32 % SIZE.0).wrapping_sub(left), (at as u32 / SIZE.0).wrapping_sub(top))
+        };
+        let shown = (y < height).then(|| ((top + y) * SIZE.0 + left + x.min(width)) as usize);
         for c in 0..4 {
             let block = 4 * (4 * (y / 2).min(4) * 7 + 4 * (x / 2).min(6) + 2 * (y % 2) + x % 2) as usize;
-            let gets = x < width && y < height && target[at] >> 24 != 0 && c < 3;
+            let gets = x < width && shown.is_some_and(|k| target[k] >> 24 != 0) && c < 3;
             let want = image[4 * at + c] + if gets { 0.3 * blocks[block + c] } else { 0.0 };
             let got = after[4 * at + c];
             assert!((got - want).abs() <= 3e-7, "pixel {at}, channel {c}: {got} instead of {want}");

@@ -1,6 +1,6 @@
 //! `project_backward`: every family of parameters against the f64 twin; culled rows; hard splats stay finite.
 
-use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::camera::{CameraPush, Projection};
 use psrgs_vk::pass::project_backward::PASS;
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
@@ -22,6 +22,9 @@ const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] = [
     ("opacities", 10..11, 1e-5),
     ("sh", 11..59, 1e-5),
 ];
+
+/// Floats of a splat in each plane.
+const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 
 /// Random gradients of the size that blending gives: those of a conic grow with the inverse conic.
 fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f64> {
@@ -72,7 +75,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     buffers.extend(
         [bytes(&splat2d), bytes(&tiles), bytes(&grad2d), bytes(&grad_normals)].map(|b| [b, garbage(8)].concat()),
     );
-    let rows = [3, 4, 3, 1, 12, 12, 12, 12];
+    let rows = ROWS;
     buffers.extend(rows.map(|row| garbage(row * n + scene::BEYOND)));
     let outcome = harness::run(gpu, &PASS, &[("AUX", u32::from(aux))], &buffers, &push, n.div_ceil(64).max(1) as u32);
 
@@ -114,8 +117,49 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
         complaints.extend(verdict.err().map(|why| format!("{name}: {why}")));
     }
     assert!(complaints.is_empty(), "{what}: {}", complaints.join("\n"));
+    adds(gpu, (&buffers, &push), aux, &outcome, &tiles, what);
     assert_eq!(outcome.device[..13], buffers[..13], "{what}: inputs changed");
     seen
+}
+
+/// The same dispatch on top of other values: what it wrote before is added to those, and a culled splat keeps its own to the bit.
+fn adds(
+    gpu: &Gpu,
+    (buffers, push): (&[Vec<u8>], &CameraPush),
+    aux: bool,
+    written: &harness::Outcome,
+    tiles: &[u32],
+    what: &str,
+) {
+    let mut random = Random::new(5);
+    let mut buffers = buffers.to_vec();
+    for (k, row) in ROWS.into_iter().enumerate() {
+        let before: Vec<f32> = (0..row * tiles.len()).map(|_| random.symmetric() as f32).collect();
+        buffers[13 + k][..4 * before.len()].copy_from_slice(&bytes(&before));
+    }
+    let groups = tiles.len().div_ceil(64).max(1) as u32;
+    let added = harness::run(gpu, &PASS, &[("AUX", u32::from(aux)), ("ADD", 1)], &buffers, push, groups);
+    for (k, row) in ROWS.into_iter().enumerate() {
+        let name = PASS.kernel.bindings[13 + k].name;
+        let (now, more) = (added.device::<f32>(13 + k), written.device::<f32>(13 + k));
+        let before: Vec<f32> = bytemuck::pod_collect_to_vec(&buffers[13 + k]);
+        assert_eq!(
+            bytes(&now[row * tiles.len()..]),
+            bytes(&before[row * tiles.len()..]),
+            "{what}: {name} beyond its rows"
+        );
+        for at in 0..row * tiles.len() {
+            let want = f64::from(before[at]) + f64::from(more[at]);
+            let wrong = (f64::from(now[at]) - want).abs();
+            // A sum may round differently where it is one operation with the product before it.
+            let bound = 1e-6 * (f64::from(before[at]).abs() + f64::from(more[at]).abs());
+            assert!(wrong <= bound, "{what}: {name} {at}: {} instead of {want}", now[at]);
+            assert!(
+                tiles[at / row] != 0 || now[at].to_bits() == before[at].to_bits(),
+                "{what}: {name} of a culled splat"
+            );
+        }
+    }
 }
 
 pub fn run(gpu: &Gpu) {

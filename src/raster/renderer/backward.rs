@@ -47,6 +47,8 @@ pub struct Terms {
     pub aux: bool,
     /// Those of a loss of this times the smallest standard deviation of every splat on the image, in scene units.
     pub flatten: f32,
+    /// Whether the gradients of the model are added to what is there, in place of being written.
+    pub add: bool,
 }
 
 /// An optimiser step that takes the place of gradients: see [`Renderer::record_backward_step`].
@@ -146,7 +148,7 @@ impl Renderer {
         target: &Target,
     ) -> Result<(), vk::Error> {
         self.record_blend_backward(recorder, lists, gradients.of_image, shot, target)?;
-        let terms = Terms { aux: gradients.of_image.of_aux.is_some(), flatten: 0.0 };
+        let terms = Terms { aux: gradients.of_image.of_aux.is_some(), ..Terms::default() };
         self.record_project_backward_of(recorder, gradients.model, gradients.of_model, shot, terms)
     }
 
@@ -173,7 +175,11 @@ impl Renderer {
     ) -> Result<(), vk::Error> {
         all_bits(model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
-        let constants = [("AUX", u32::from(terms.aux && self.with_aux)), ("FLATTEN", terms.flatten.to_bits())];
+        let constants = [
+            ("AUX", u32::from(terms.aux && self.with_aux)),
+            ("FLATTEN", terms.flatten.to_bits()),
+            ("ADD", u32::from(terms.add)),
+        ];
         let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
         let push = CameraPush::new(&shot.camera, &shot.projection);
         let [counts, splat2d, tile_counts, grad_normals] =

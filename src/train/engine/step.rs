@@ -13,6 +13,7 @@ use crate::vk::Recorder;
 
 impl Engine {
     pub(super) fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
+        let beside = self.record_beside(recorder, plan)?;
         let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
         let mut photograph = self.photographs.record(&self.gpu, recorder, (view, plan.step), self.recorded)?;
         let mut camera = *whole;
@@ -50,8 +51,8 @@ impl Engine {
             sigma.record(recorder, (plan.step, &camera, true), &self.target.image)?;
         }
         let maps = self.gradient_maps.as_ref().zip(plan.gradients);
-        let beside = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
-        if let Some((constrained, (maps, times))) = beside {
+        let alone = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
+        if let Some((constrained, (maps, times))) = alone {
             let weight = (texture.lambda_constrained * times) as f32;
             let (model, at) = ((&self.model, &self.ids), (&shot, &self.target));
             constrained.record(recorder, renderer, model, at, (maps, &compared, weight), of_image)?;
@@ -75,9 +76,10 @@ impl Engine {
             let weights = GradientMapWeights { correlation, variation };
             maps.record(recorder, shown, &compared, &weights, of_image)?;
         }
-        if let (Some(perceptual), Some(times)) = (&self.perceptual, plan.perceptual) {
-            let place = self.saliencies.as_ref().map_or([0.5; 2], |s| s.place(view, plan.seen));
-            perceptual.record(recorder, shown, &compared, (place, times), of_image)?;
+        if let (Some(perceptual), Some(step)) = (&self.perceptual, plan.perceptual)
+            && let Some(window) = perceptual.window(&compared, self.center(view, plan.seen))
+        {
+            perceptual.record(recorder, (shown, of_image), &compared, (window, false), step.times)?;
         }
         if let Some(exposures) = &self.exposures {
             let once = (plan.adam != Adam::None).then(|| renderer.once());
@@ -95,10 +97,10 @@ impl Engine {
             let seen = Seen { camera: &camera, image: shown, photograph: &photograph, saliency };
             self.statistics.record(recorder, renderer, seen)?;
         }
-        if let Some((constrained, _)) = beside {
+        if let Some((constrained, _)) = alone {
             constrained.record_add(recorder, renderer)?;
         }
-        self.optimiser.record(recorder, renderer, &self.model, &shot, plan, of_aux.is_some())?;
+        self.optimiser.record(recorder, renderer, &self.model, &shot, plan, (of_aux.is_some(), beside))?;
         Ok(())
     }
 }

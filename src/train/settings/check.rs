@@ -113,6 +113,8 @@ impl Settings {
         }
         ok(geometry.depth_left > 0.0 && geometry.depth_left <= 1.0, "depth-left", "a number above 0, at most 1")?;
         ok(geometry.depth_huber > 0.0 && geometry.depth_huber.is_finite(), "depth-huber", "a positive number")?;
+        let thickness = geometry.stereo_thickness;
+        ok(thickness > 0.0 && thickness <= 1.0, "stereo-thickness", "a number above 0, at most 1")?;
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
         ok(geometry.propagate_every >= 1, "propagate-every", "at least 1")?;
@@ -120,6 +122,10 @@ impl Settings {
         let staged = texture.lambda_constrained == 0.0 || self.frequencies.low_stage > 0.0;
         ok(staged, "lambda-constrained", "0 where there is no --low-stage")?;
         ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
+        ok((1..=8).contains(&texture.perceptual_views), "perceptual-views", "from 1 to 8")?;
+        let plain = self.model.sh_share >= 1.0 && self.shortcuts.sh_every <= 1 && self.shortcuts.moment_bits == 32;
+        let several = "1 where there is --sh-share, --sh-every or --moment-bits 16";
+        ok(texture.views_at_once() == 1 || plain, "perceptual-views", several)?;
         let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
         ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;

@@ -16,6 +16,9 @@ group! {
         /// Begin with so many splats more, on surfaces that stereo has found (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
+        /// How thick these are along the normals that stereo has found, as a share of their width
+        #[arg(value_name = "SHARE")]
+        pub stereo_thickness: f64 = 1.0,
         /// Share of the steps that have a loss on depth and normals
         #[arg(value_name = "SHARE")]
         pub depth_steps: f64 = 0.5,
@@ -88,6 +91,10 @@ group! {
         /// One step in so many has it, with as much more weight
         #[arg(value_name = "N")]
         pub perceptual_every: u32 = 12,
+        /// Such a step has windows of so many views, with the weight of one among them: its own and those of the steps before it (at
+        /// most 8)
+        #[arg(value_name = "N")]
+        pub perceptual_views: u32 = 1,
     }
     flags {}
     optional {}
@@ -106,6 +113,11 @@ impl Geometry {
 }
 
 impl Texture {
+    /// Most views that one step looks at.
+    pub fn views_at_once(&self) -> u32 {
+        if self.lambda_perceptual > 0.0 { self.perceptual_views.max(1) } else { 1 }
+    }
+
     /// Whether gradient maps have a part in the loss.
     pub fn wants_gradients(&self) -> bool {
         self.lambda_gradients > 0.0 || self.lambda_variation > 0.0 || self.lambda_constrained > 0.0

@@ -12,6 +12,15 @@ pub(in crate::train) struct Perceptual {
     weight: f64,
 }
 
+/// A square part of a photograph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::train) struct Window {
+    /// First column and row.
+    pub(in crate::train) at: (u32, u32),
+    /// Width and height in pixels.
+    pub(in crate::train) side: u32,
+}
+
 impl Perceptual {
     /// By the weights of LPIPS, or by oriented filters where there are none. Windows are square, `side` pixels wide.
     pub(in crate::train) fn new(
@@ -27,23 +36,27 @@ impl Perceptual {
         Ok(Self { windows: distance.windows(side, side, true)?, weight: weights.lambda_perceptual })
     }
 
-    /// Records the gradient of a window about `center` (a share of width and height), times `times`. Photographs with 16 bits per channel, and such as are smaller than the window,
-    /// have none.
+    /// The window about `center` (a share of width and height) of a photograph. One with 16 bits per channel, or smaller than the window,
+    /// has none.
+    pub(in crate::train) fn window(&self, photograph: &Photograph<'_>, center: [f32; 2]) -> Option<Window> {
+        let (side, size) = (self.windows.size().0, photograph.size);
+        if photograph.bits != 8 || size.0.min(size.1) < side {
+            return None;
+        }
+        let corner = |center: f32, size: u32| ((center * size as f32) as u32).saturating_sub(side / 2).min(size - side);
+        Some(Window { at: (corner(center[0], size.0), corner(center[1], size.1)), side })
+    }
+
+    /// Records adding the gradient of a window, times `times`. Image and gradient are whole, or of the window alone where `cropped`.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
-        image: &Buffer,
+        (image, grad_image): (&Buffer, &Buffer),
         photograph: &Photograph<'_>,
-        (center, times): ([f32; 2], f64),
-        grad_image: &Buffer,
+        (window, cropped): (Window, bool),
+        times: f64,
     ) -> Result<(), Error> {
-        let (side, size) = (self.windows.size().0, photograph.size);
-        if photograph.bits != 8 || size.0.min(size.1) < side {
-            return Ok(());
-        }
-        let corner = |center: f32, size: u32| ((center * size as f32) as u32).saturating_sub(side / 2).min(size - side);
-        let at = (corner(center[0], size.0), corner(center[1], size.1));
-        let pair = Pair { image, photograph: photograph.buffer, size, at };
+        let pair = Pair { image, photograph: photograph.buffer, size: photograph.size, at: window.at, cropped };
         let weight = (self.weight * times) as f32;
         self.windows.record(recorder, &pair, Some(&GradientOf { image: grad_image, weight }))?;
         Ok(())
