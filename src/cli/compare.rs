@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use psrgs_vk::compare::{ABLATIONS, Finished, Run, Size, csv, markdown, page};
+use psrgs_vk::compare::{Finished, Run, Size, csv, markdown, page};
 use psrgs_vk::eval::Metrics;
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::Settings;
@@ -14,6 +14,9 @@ use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 
 use super::console::{self, Console};
 use super::exit::Failure;
+use ablate::Row;
+
+mod ablate;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -99,13 +102,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
 
 /// The runs in their order: 3dgs before those whose splats are counted by it.
 fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
-    let labels: Vec<(String, String, Vec<String>)> = match &args.ablate {
-        Some(method) => std::iter::once((method.clone(), method.clone(), Vec::new()))
-            .chain(ABLATIONS.iter().map(|a| {
-                let options = a.options.iter().map(|o| (*o).to_owned()).collect();
-                (format!("{method}-{}", a.name), method.clone(), options)
-            }))
-            .collect(),
+    let labels: Vec<Row> = match &args.ablate {
+        Some(method) => ablate::rows(method)?,
         None => args.methods.iter().map(|m| (m.clone(), m.clone(), Vec::new())).collect(),
     };
     if !args.percent.is_empty() && labels.first().is_none_or(|(_, method, _)| method != "3dgs") {

@@ -52,20 +52,33 @@ pub struct Ablation {
     pub options: &'static [&'static str],
 }
 
-/// What is left out or replaced, one at a time.
-pub const ABLATIONS: [Ablation; 14] = [
+/// What is left out or replaced, one at a time. What a method has so already is no row of it.
+pub const ABLATIONS: [Ablation; 23] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
     Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
+    Ablation { name: "no-smoothness", options: &["--lambda-smooth", "0"] },
+    Ablation { name: "no-flattening", options: &["--lambda-flatten", "0"] },
     Ablation { name: "no-stereo-splats", options: &["--stereo-splats", "0"] },
+    Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
-    Ablation { name: "no-low-stage", options: &["--low-stage", "0"] },
-    Ablation { name: "gate-gradient", options: &["--gate", "gradient"] },
-    Ablation { name: "gate-phase", options: &["--gate", "phase"] },
-    Ablation { name: "gate-random", options: &["--gate", "random"] },
-    Ablation { name: "gate-off", options: &["--gate", "off"] },
-    Ablation { name: "no-gradient-maps", options: &["--lambda-gradients", "0", "--lambda-variation", "0"] },
+    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "8e-4"] },
+    Ablation { name: "no-low-weights", options: &["--low-texture-weight", "1"] },
+    // The constrained set is what the stage leaves.
+    Ablation { name: "no-low-stage", options: &["--low-stage", "0", "--lambda-constrained", "0"] },
+    Ablation { name: "fixed-sigma", options: &["--sigma-learning", "off"] },
+    Ablation { name: "gate-gradient", options: &["--gate", "gradient", "--sigma-learning", "off"] },
+    Ablation { name: "gate-phase", options: &["--gate", "phase", "--sigma-learning", "off"] },
+    Ablation { name: "gate-random", options: &["--gate", "random", "--sigma-learning", "off"] },
+    Ablation { name: "gate-off", options: &["--gate", "off", "--sigma-learning", "off"] },
+    Ablation {
+        name: "no-gradient-maps",
+        options: &["--lambda-gradients", "0", "--lambda-variation", "0", "--lambda-constrained", "0"],
+    },
+    Ablation { name: "no-constrained-maps", options: &["--lambda-constrained", "0"] },
     Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"] },
+    Ablation { name: "one-perceptual-view", options: &["--perceptual-views", "1"] },
     Ablation { name: "no-coarse-steps", options: &["--coarse-steps", "0"] },
+    Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
 ];

@@ -53,6 +53,7 @@ fn a_comparison_that_cannot_be_made_says_why() {
     fails(&with(&["--methods", "lean", "--percent", "50"]), 2, &["--percent", "3dgs"]);
     fails(&with(&["--methods", "gsplat", "--seeds", "1"]), 7, &["gsplat", "psrgs-paper"]);
     fails(&with(&["--methods", "lean", "--ablate", "psrgs"]), 2, &["--ablate"]);
+    fails(&with(&["--ablate", "gsplat"]), 2, &["--ablate", "gsplat", "psrgs-paper"]);
 }
 
 #[test]

@@ -126,6 +126,7 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "sample-error-share" density.sample_error_share = 0.5,
         "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
         "stereo-splats" geometry.stereo_splats = 30_000,
+        "stereo-thickness" geometry.stereo_thickness = 0.2,
     );
 }
 
@@ -140,6 +141,8 @@ fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "lambda-constrained" texture.lambda_constrained = 0.05,
         "lambda-variation" texture.lambda_variation = 0.005,
         "lambda-perceptual" texture.lambda_perceptual = 0.03,
+        "perceptual-every" texture.perceptual_every = 48,
+        "perceptual-views" texture.perceptual_views = 4,
     );
 }
 

@@ -1,0 +1,70 @@
+//! The rows of a method without its parts.
+
+use clap::{Args as _, Command, FromArgMatches as _};
+use psrgs_vk::compare::ABLATIONS;
+use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::Method;
+
+use crate::cli::exit::Failure;
+use crate::cli::train::named;
+
+/// A row: what it is called, its method, and the options that make it.
+pub(super) type Row = (String, String, Vec<String>);
+
+/// The method itself and what it is without each of its parts, or with another form of them.
+pub(super) fn rows(method: &str) -> anyhow::Result<Vec<Row>> {
+    let known: Method = method.parse().map_err(|error| Failure::Usage(format!("--ablate: {error}")))?;
+    let whole = Settings::of_method(known);
+    let mut rows = vec![(method.to_owned(), method.to_owned(), Vec::new())];
+    for ablation in &ABLATIONS {
+        if with(&whole, ablation.options)? != whole {
+            let options = ablation.options.iter().map(|o| (*o).to_owned()).collect();
+            rows.push((format!("{method}-{}", ablation.name), method.to_owned(), options));
+        }
+    }
+    Ok(rows)
+}
+
+/// Settings with options of `train` in place of their own values.
+fn with(whole: &Settings, options: &[&str]) -> anyhow::Result<Settings> {
+    let command = Settings::augment_args(Command::new("train").no_binary_name(true));
+    let matches = command.try_get_matches_from(options)?;
+    Ok(Settings::from_arg_matches(&matches)?.over(whole, |key| named(&matches, key))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use psrgs_vk::train::settings::LidarCloud;
+
+    use super::*;
+
+    fn names(method: &str) -> Vec<String> {
+        rows(method).expect("rows").into_iter().map(|(label, ..)| label).collect()
+    }
+
+    #[test]
+    fn every_row_can_be_trained() {
+        for (method, name) in Method::ALL {
+            for (label, _, options) in rows(name).expect("rows") {
+                let mut whole = Settings::of_method(method);
+                if method == Method::Rsgs {
+                    whole.density.lidar = Some(LidarCloud::Mvs);
+                }
+                let options: Vec<&str> = options.iter().map(String::as_str).collect();
+                with(&whole, &options).expect(&label).check().unwrap_or_else(|error| panic!("{label}: {error}"));
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_method_does_not_have_is_no_row() {
+        let plain = names("3dgs");
+        assert_eq!(plain[0], "3dgs");
+        assert!(!plain.iter().any(|row| row.contains("stereo") || row.contains("perceptual")), "{plain:?}");
+        let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
+        assert!(psrgs.iter().all(|row| paper.contains(&row.replace("psrgs", "psrgs-paper"))), "{psrgs:?} {paper:?}");
+        assert_eq!(paper.len(), 1 + ABLATIONS.len(), "all that there is, the paper has: {paper:?}");
+        assert!(psrgs.len() < paper.len());
+        assert!(rows("gsplat").expect_err("no method").to_string().contains("psrgs-paper"));
+    }
+}
