@@ -5,13 +5,18 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
+mod draws;
 mod perceptual;
+mod plan;
 mod propagations;
 
 use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
+use draws::bounded;
 use propagations::Propagations;
 
+pub(super) use draws::{Stream, draw};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
+pub use plan::{Adam, DensityChange, Dropped, Rates, StepPlan};
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -20,99 +25,8 @@ const SHORTEST_RESET_INTERVAL: u32 = 500;
 const RESET_RECOVERY: u32 = 300;
 /// Splats of little weight are dropped a second time after this share of the steps.
 const PRUNE_AGAIN: f64 = 0.8;
-
 /// Steps between two weighings of a limited set of splats, in passes over the views: weighing draws every view once.
 const RECYCLE_PASSES: u32 = 3;
-
-/// Splats of little weight that are dropped before a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Dropped {
-    /// Those of less weight than this.
-    Below(f64),
-    /// This share of them, the lightest, where a limit holds growth up.
-    Lightest(f64),
-}
-
-/// Learning rates of one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
-    /// Of the means, per unit of the scene's extent: multiply by the extent.
-    pub means: f64,
-    /// Of the quaternions.
-    pub rotations: f64,
-    /// Of the log scales.
-    pub scales: f64,
-    /// Of the opacity logits.
-    pub opacities: f64,
-    /// Of the constant spherical harmonic.
-    pub sh_base: f64,
-    /// Of the other spherical harmonics.
-    pub sh_rest: f64,
-}
-
-/// Which parameters the optimiser steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Adam {
-    /// All.
-    All,
-    /// All but the opacities: the reference replaces the opacity tensor when it resets it, and with it the gradient.
-    AllButOpacities,
-    /// None: the reference replaces every tensor when it changes density, and does not step after the last iteration.
-    None,
-}
-
-/// A density change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DensityChange {
-    /// Whether splats that are large in the scene are pruned too.
-    pub prune_large: bool,
-}
-
-/// Everything that one step does. The order is: look at the photograph, accumulate statistics, change density, reset
-/// opacities, step the optimiser.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StepPlan {
-    /// The step, from 1.
-    pub step: u32,
-    /// Learning rates.
-    pub rates: Rates,
-    /// Degree of the spherical harmonics in use.
-    pub sh_degree: u32,
-    /// Colour behind the splats.
-    pub background: [f32; 3],
-    /// Whether the step's screen-space gradients are added to the statistics of density control.
-    pub accumulate: bool,
-    /// The density change of this step.
-    pub densify: Option<DensityChange>,
-    /// Whether opacities are reset.
-    pub reset_opacity: bool,
-    /// What the optimiser steps.
-    pub adam: Adam,
-    /// Whether the view-dependent coefficients take the step too, and how many they have taken with it.
-    pub sh_rest: Option<u32>,
-    /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
-    pub adam_steps_opacities: u32,
-    /// ... and of all other parameters.
-    pub adam_steps: u32,
-    /// Learning rate of the photograph's exposure.
-    pub lr_exposure: f64,
-    /// How often the step's photograph has been looked at, this step included.
-    pub seen: u32,
-    /// Whether the step belongs to the low-frequency stage.
-    pub low: bool,
-    /// Whether it is the first after that stage: the splats that it sees are the constrained set.
-    pub constrain: bool,
-    /// By what the photograph is reduced.
-    pub factor: u32,
-    /// What the weights of depth and normals are multiplied by, where the step has them.
-    pub geometry: Option<f64>,
-    /// What the weight of gradient maps is multiplied by, where the step has them.
-    pub gradients: Option<f64>,
-    /// The perceptual distance, where the step has it.
-    pub perceptual: Option<PerceptualStep>,
-    /// Whether the width of the saliency filter is learned from what it shows.
-    pub learn_sigma: bool,
-}
 
 /// The schedule of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -478,31 +392,4 @@ impl Every {
 fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
     let u = (f64::from(t) / f64::from(steps)).min(1.0);
     ((1.0 - u) * first.ln() + u * last.ln()).exp()
-}
-
-/// What a random number is for: streams of one seed are independent.
-#[derive(Clone, Copy)]
-pub(super) enum Stream {
-    Views = 1,
-    Background = 2,
-    /// Places in a photograph.
-    Places = 3,
-}
-
-/// A random number for (stream, major, minor), the same in whatever order numbers are asked for: the 64-bit finaliser of
-/// SplitMix (Steele, Lea, Flood 2014) over each part in turn.
-pub(super) fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
-    [stream as u64, major, minor].into_iter().fold(finalise(seed), |state, part| finalise(state ^ finalise(part)))
-}
-
-fn finalise(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
-
-/// Maps 64 random bits to 0..n; the bias is below n / 2^64.
-fn bounded(bits: u64, n: usize) -> usize {
-    ((u128::from(bits) * n as u128) >> 64) as usize
 }

@@ -1,0 +1,106 @@
+//! The numbers of a report: tiles at the top, the run's, and a row for each held-out view.
+
+use super::row;
+use super::text::{bytes, decibels, duration, grouped};
+use crate::eval::Metrics;
+use crate::format::markup::escape;
+
+/// Whether the numbers are of a training, and not of the scoring of a finished model.
+pub(super) fn trained(m: &Metrics) -> bool {
+    m.iterations > 0
+}
+
+pub(super) fn tiles(m: &Metrics) -> String {
+    let ssim = m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.3}"));
+    let per_step =
+        if trained(m) { format!("{} a step", duration(m.seconds_per_iteration)) } else { "to score".to_owned() };
+    let held_out = format!("mean of {} held-out views", m.test_images);
+    let lpips = m.lpips_squeeze.map(|v| ("LPIPS", format!("{v:.3}"), "", "on SqueezeNet, 0 is identical"));
+    [
+        Some(("PSNR", decibels(m.psnr), "dB", held_out.as_str())),
+        Some(("SSIM", ssim, "", "1 is identical")),
+        lpips,
+        Some(("Splats", grouped(m.splats as u64), "", bytes(m.bytes).as_str())),
+        Some(("Time", duration(m.seconds), "", per_step.as_str())),
+    ]
+    .into_iter()
+    .flatten()
+    .map(|(name, value, unit, detail)| {
+        format!(
+            "<div class=\"tile\"><dt>{name}</dt><dd><span class=\"value\">{value}</span> \
+             <span class=\"unit\">{unit}</span><span class=\"detail\">{detail}</span></dd></div>"
+        )
+    })
+    .collect()
+}
+
+pub(super) fn numbers(m: &Metrics) -> String {
+    let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
+    let geometry = m.geometry.rows();
+    let lpips = m.lpips_squeeze.map(|v| ("LPIPS on SqueezeNet", format!("{v:.4}")));
+    let of_training = ["method", "iterations", "training images", "seed", "time per step"];
+    [
+        ("method", m.method.clone()),
+        ("iterations", grouped(u64::from(m.iterations))),
+        ("scene", m.scene.clone()),
+        ("training images", m.train_images.to_string()),
+        ("held-out images", m.test_images.to_string()),
+        ("size", format!("{} \u{d7} {} px", m.width, m.height)),
+        ("seed", m.seed.to_string()),
+        ("device", m.device.clone()),
+        ("PSNR", format!("{} dB", decibels(m.psnr))),
+        ("PSNR, colours fitted", format!("{} dB", decibels(m.psnr_cc))),
+        ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.4}"))),
+        ("splats", grouped(m.splats as u64)),
+        ("model file", bytes(m.bytes)),
+        ("total time", duration(m.seconds)),
+        ("time per step", duration(m.seconds_per_iteration)),
+        ("peak device memory", bytes(m.peak_device_bytes)),
+        ("peak host memory", optional(m.peak_host_bytes)),
+    ]
+    .iter()
+    .chain(&lpips)
+    .chain(&geometry)
+    .filter(|(k, _)| trained(m) || !of_training.contains(k))
+    .map(|(k, v)| row(k, v))
+    .collect()
+}
+
+pub(super) fn scores(m: &Metrics) -> String {
+    if m.images.is_empty() {
+        return String::new();
+    }
+    let finite = || m.images.iter().map(|i| i.psnr).filter(|p| p.is_finite());
+    let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    let with_lpips = m.images.iter().any(|i| i.lpips_squeeze.is_some());
+    let body: String = m
+        .images
+        .iter()
+        .map(|i| {
+            // Bars start one decibel below the worst view, so that it has one too.
+            let share = ((i.psnr - low + 1.0) / (high - low + 1.0)).clamp(0.0, 1.0) * 100.0;
+            let share = if share.is_nan() { 100.0 } else { share };
+            format!(
+                "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td class=\"bar\" aria-hidden=\"true\">\
+                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td class=\"number\">{:.4}</td>{}</tr>",
+                escape(&i.name),
+                decibels(Some(i.psnr)),
+                decibels(Some(i.psnr_cc).filter(|p| !p.is_nan())),
+                i.ssim,
+                if with_lpips { lpips_cell(i.lpips_squeeze) } else { String::new() }
+            )
+        })
+        .collect();
+    let lpips = if with_lpips { "<th scope=\"col\" class=\"number\">LPIPS</th>" } else { "" };
+    format!(
+        "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
+         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">colours fitted</th>\
+         <th scope=\"col\" class=\"number\">SSIM</th>\
+         {lpips}</tr></thead><tbody>{body}</tbody></table>"
+    )
+}
+
+fn lpips_cell(value: Option<f64>) -> String {
+    let value = value.map_or_else(|| "\u{2013}".into(), |v| format!("{v:.4}"));
+    format!("<td class=\"number\">{value}</td>")
+}

@@ -1,0 +1,93 @@
+//! What one step does.
+
+use super::PerceptualStep;
+
+/// Splats of little weight that are dropped before a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Dropped {
+    /// Those of less weight than this.
+    Below(f64),
+    /// This share of them, the lightest, where a limit holds growth up.
+    Lightest(f64),
+}
+
+/// Learning rates of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the means, per unit of the scene's extent: multiply by the extent.
+    pub means: f64,
+    /// Of the quaternions.
+    pub rotations: f64,
+    /// Of the log scales.
+    pub scales: f64,
+    /// Of the opacity logits.
+    pub opacities: f64,
+    /// Of the constant spherical harmonic.
+    pub sh_base: f64,
+    /// Of the other spherical harmonics.
+    pub sh_rest: f64,
+}
+
+/// Which parameters the optimiser steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adam {
+    /// All.
+    All,
+    /// All but the opacities: the reference replaces the opacity tensor when it resets it, and with it the gradient.
+    AllButOpacities,
+    /// None: the reference replaces every tensor when it changes density, and does not step after the last iteration.
+    None,
+}
+
+/// A density change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DensityChange {
+    /// Whether splats that are large in the scene are pruned too.
+    pub prune_large: bool,
+}
+
+/// Everything that one step does. The order is: look at the photograph, accumulate statistics, change density, reset
+/// opacities, step the optimiser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepPlan {
+    /// The step, from 1.
+    pub step: u32,
+    /// Learning rates.
+    pub rates: Rates,
+    /// Degree of the spherical harmonics in use.
+    pub sh_degree: u32,
+    /// Colour behind the splats.
+    pub background: [f32; 3],
+    /// Whether the step's screen-space gradients are added to the statistics of density control.
+    pub accumulate: bool,
+    /// The density change of this step.
+    pub densify: Option<DensityChange>,
+    /// Whether opacities are reset.
+    pub reset_opacity: bool,
+    /// What the optimiser steps.
+    pub adam: Adam,
+    /// Whether the view-dependent coefficients take the step too, and how many they have taken with it.
+    pub sh_rest: Option<u32>,
+    /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
+    pub adam_steps_opacities: u32,
+    /// ... and of all other parameters.
+    pub adam_steps: u32,
+    /// Learning rate of the photograph's exposure.
+    pub lr_exposure: f64,
+    /// How often the step's photograph has been looked at, this step included.
+    pub seen: u32,
+    /// Whether the step belongs to the low-frequency stage.
+    pub low: bool,
+    /// Whether it is the first after that stage: the splats that it sees are the constrained set.
+    pub constrain: bool,
+    /// By what the photograph is reduced.
+    pub factor: u32,
+    /// What the weights of depth and normals are multiplied by, where the step has them.
+    pub geometry: Option<f64>,
+    /// What the weight of gradient maps is multiplied by, where the step has them.
+    pub gradients: Option<f64>,
+    /// The perceptual distance, where the step has it.
+    pub perceptual: Option<PerceptualStep>,
+    /// Whether the width of the saliency filter is learned from what it shows.
+    pub learn_sigma: bool,
+}
