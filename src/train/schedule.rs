@@ -9,14 +9,17 @@ mod draws;
 mod perceptual;
 mod plan;
 mod propagations;
+mod rates;
 
 use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
 use draws::bounded;
 use propagations::Propagations;
+use rates::{RateSchedule, log_linear};
 
 pub(super) use draws::{Stream, draw};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
-pub use plan::{Adam, DensityChange, Dropped, Rates, StepPlan};
+pub use plan::{Adam, DensityChange, Dropped, StepPlan};
+pub use rates::Rates;
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
@@ -80,8 +83,7 @@ pub struct Schedule {
     sh_every: u32,
     densify: bool,
     background: Background,
-    rates: Rates,
-    lr_means_final: f64,
+    rates: RateSchedule,
     /// At step 0 and at the last.
     lr_exposure: [f64; 2],
     seed: u64,
@@ -113,7 +115,7 @@ impl Schedule {
         let sh_every = settings.shortcuts.sh_every.max(1);
         let coarse_until = (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32;
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
-        let rest_factor = if sh_every > 1 { settings.shortcuts.sh_rate } else { 1.0 };
+        let lr_means_steps = scaled(optimiser.lr_means_steps).max(1);
         let mut out = Self {
             iterations: run.iterations,
             densify_from: scaled(density.densify_from),
@@ -123,7 +125,7 @@ impl Schedule {
             reset_until,
             prune_large_after,
             sh_interval: scaled(settings.model.sh_interval).max(1),
-            lr_means_steps: scaled(optimiser.lr_means_steps).max(1),
+            lr_means_steps,
             low_until,
             coarse_until,
             quarter_until: (settings.frequencies.coarse_quarter * f64::from(coarse_until)) as u32,
@@ -160,15 +162,7 @@ impl Schedule {
             sh_every,
             densify: !run.no_densify,
             background: settings.model.background,
-            rates: Rates {
-                means: optimiser.lr_means,
-                rotations: optimiser.lr_rotations,
-                scales: optimiser.lr_scales,
-                opacities: optimiser.lr_opacities,
-                sh_base: optimiser.lr_sh_base,
-                sh_rest: optimiser.lr_sh_rest * rest_factor,
-            },
-            lr_means_final: optimiser.lr_means_final,
+            rates: RateSchedule::new(settings, lr_means_steps),
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],
             seed: run.seed,
             views,
@@ -217,7 +211,7 @@ impl Schedule {
         let reset_opacity = self.resets_at(t);
         StepPlan {
             step: t,
-            rates: Rates { means: self.lr_means(t), ..self.rates },
+            rates: self.rates.at(t),
             sh_degree: self.sh_degree_at(t),
             background: self.background_at(t),
             accumulate: self.densify && t < self.densify_until,
@@ -280,7 +274,7 @@ impl Schedule {
 
     /// Learning rate of the means at `t`, per unit of the scene's extent: log-linear between its two ends.
     pub fn lr_means(&self, t: u32) -> f64 {
-        log_linear([self.rates.means, self.lr_means_final], t, self.lr_means_steps)
+        self.rates.means_at(t)
     }
 
     /// Learning rate of the exposures at `t`: log-linear over the run.
@@ -386,10 +380,4 @@ impl Every {
     fn at(self, t: u32, after: u32) -> Option<f64> {
         (self.steps > 0 && t > after && t.is_multiple_of(self.steps)).then_some(f64::from(self.steps))
     }
-}
-
-/// From one rate to another over so many steps.
-fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
-    let u = (f64::from(t) / f64::from(steps)).min(1.0);
-    ((1.0 - u) * first.ln() + u * last.ln()).exp()
 }

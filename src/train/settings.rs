@@ -153,6 +153,15 @@ group! {
         /// Learning rate of the rotations
         #[arg(value_name = "LR")]
         pub lr_rotations: f64 = 1e-3,
+        /// Scaled schedules: these rates begin at (30000 / --iterations)^E times what they are (0: as they are)
+        #[arg(value_name = "E")]
+        pub lr_scaling: f64 = 0.5,
+        /// The same for --lr-sh-rest
+        #[arg(value_name = "E")]
+        pub lr_scaling_sh: f64 = 0.6,
+        /// Scaled schedules: and fall to (--iterations / 30000)^E of that at the last step, means apart (0: they stay)
+        #[arg(value_name = "E")]
+        pub lr_decay: f64 = 0.6,
         /// What each photograph may differ in from the render: off (nothing) or affine (a colour map per photograph, the identity
         /// in the mean over all; held-out photographs are compared without)
         #[arg(value_name = "KIND")]

@@ -1,6 +1,6 @@
 //! What one step does.
 
-use super::PerceptualStep;
+use super::{PerceptualStep, Rates};
 
 /// Splats of little weight that are dropped before a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,23 +9,6 @@ pub enum Dropped {
     Below(f64),
     /// This share of them, the lightest, where a limit holds growth up.
     Lightest(f64),
-}
-
-/// Learning rates of one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
-    /// Of the means, per unit of the scene's extent: multiply by the extent.
-    pub means: f64,
-    /// Of the quaternions.
-    pub rotations: f64,
-    /// Of the log scales.
-    pub scales: f64,
-    /// Of the opacity logits.
-    pub opacities: f64,
-    /// Of the constant spherical harmonic.
-    pub sh_base: f64,
-    /// Of the other spherical harmonics.
-    pub sh_rest: f64,
 }
 
 /// Which parameters the optimiser steps.

@@ -64,6 +64,13 @@ impl Settings {
         ] {
             ok(rate >= 0.0 && rate.is_finite(), key, "a number that is not negative")?;
         }
+        for (exponent, key) in [
+            (optimiser.lr_scaling, "lr-scaling"),
+            (optimiser.lr_scaling_sh, "lr-scaling-sh"),
+            (optimiser.lr_decay, "lr-decay"),
+        ] {
+            ok((0.0..=1.0).contains(&exponent), key, "a number from 0 to 1")?;
+        }
         ok(matches!(self.shortcuts.moment_bits, 16 | 32), "moment-bits", "16 or 32")?;
         ok(self.shortcuts.sh_every >= 1, "sh-every", "at least 1")?;
         let rate = self.shortcuts.sh_rate;
