@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/RESULTS.md from the metrics that are kept in docs/results.
 
-  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500
+  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process) beside
 some. Differences are paired by scene and seed; intervals are Student's, 95 %. Python's standard library alone is needed.
@@ -113,10 +113,11 @@ def geometry(runs):
 
 def shares(runs):
     """Stereo and masks of psrgs, in wall time of 3dgs on the same scene and seed: of the runs that were taken beside those of 3dgs."""
+    method = "psrgs-round" if any(m == "psrgs-round" for _, m, _ in runs) else "psrgs"
     print("| scene | seeds | stereo | saliency |")
     print("|" + "---|" * 4)
     for scene in SCENES:
-        base, rows = of(runs, scene, "3dgs"), of(runs, scene, "psrgs-round")
+        base, rows = of(runs, scene, "3dgs"), of(runs, scene, method)
         seeds = [seed for seed in rows if seed in base]
         if seeds:
             part = lambda key: [100 * (rows[s].get(key) or 0) / base[s]["seconds"] for s in seeds]

@@ -58,8 +58,8 @@ impl Method {
             }
             Self::PsrgsPaper => {
                 lean(settings, &named);
-                psrgs_paper(settings, &named);
                 psrgs(settings, &named);
+                psrgs_paper(settings, &named);
             }
         }
     }
@@ -121,6 +121,8 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
+        "grad-threshold" density.grad_threshold = 4e-4,
+        "low-grad-threshold" density.low_grad_threshold = 4e-4,
         "low-stage" frequencies.low_stage = 0.25,
         "sample-mask-share" density.sample_mask_share = 0.5,
         "sample-error-share" density.sample_error_share = 0.5,
