@@ -12,6 +12,8 @@ layout(constant_id = 0) const uint AUX = 0u;
 // Weight of the smallest standard deviation in the loss, a float as bits.
 layout(constant_id = 1) const uint FLATTEN = 0u;
 layout(constant_id = 2) const uint ADD = 0u;
+// Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
+layout(constant_id = 3) const uint SHRINK = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
 layout(set = 0, binding = 2) readonly buffer Quats { vec4 quats[]; };
@@ -39,10 +41,11 @@ layout(set = 0, binding = 20) buffer GSh3 { vec4 g_sh3[]; };
     splat.sh[3 * group + 1] = plane[s + 1u]; \
     splat.sh[3 * group + 2] = plane[s + 2u]
 #define WRITE(target, value) target = ADD != 0u ? target + (value) : (value)
-#define WRITE_SH(plane, basis)                      \
-    WRITE(plane[s], sh_outer0(basis, g.rgb));      \
-    WRITE(plane[s + 1u], sh_outer1(basis, g.rgb)); \
-    WRITE(plane[s + 2u], sh_outer2(basis, g.rgb))
+#define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
+#define WRITE_SH(plane, group, basis, weight0, weight1, weight2)                                   \
+    WRITE(plane[s], SHRUNK(sh_outer0(basis, g.rgb), splat.sh[3 * group], weight0));          \
+    WRITE(plane[s + 1u], SHRUNK(sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight1)); \
+    WRITE(plane[s + 2u], SHRUNK(sh_outer2(basis, g.rgb), splat.sh[3 * group + 2], weight2))
 
 void main() {
     const uint i = global_index();
@@ -51,8 +54,11 @@ void main() {
     const uint degree = push.sh_degree;
     if (ADD != 0u && tile_counts[i] == 0u) return;
     SplatGradient g = no_gradient();
+    SplatParams splat;
+    for (uint k = 0u; k < 12u; ++k) splat.sh[k] = vec4(0.0);
+    // By degree; nothing for a splat that is not on the image.
+    vec4 shrink = vec4(0.0);
     if (tile_counts[i] != 0u) {
-        SplatParams splat;
         splat.mean = vec3(means[s], means[s + 1u], means[s + 2u]);
         splat.quat = quats[i];
         splat.log_scale = vec3(scales[s], scales[s + 1u], scales[s + 2u]);
@@ -69,6 +75,9 @@ void main() {
         const Gradient2d up = Gradient2d(grad2d[s], grad2d[s + 1u], grad2d[s + 2u], normal);
         g = splat_gradient(camera_from_push(), degree, push.flags, splat, splat2d[s + 2u].xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
+        if (SHRINK != 0u) {
+            shrink = mix(vec4(0.0), vec4(uintBitsToFloat(SHRINK)), lessThanEqual(uvec4(1u, 2u, 3u, 4u), uvec4(degree)));
+        }
     }
 
     WRITE(g_means[s], g.mean.x);
@@ -79,11 +88,11 @@ void main() {
     WRITE(g_scales[s + 1u], g.log_scale.y);
     WRITE(g_scales[s + 2u], g.log_scale.z);
     WRITE(g_opacities[i], g.logit);
-    WRITE_SH(g_sh0, sh_basis0(g.dir, degree));
+    WRITE_SH(g_sh0, 0, sh_basis0(g.dir, degree), vec4(vec3(0.0), shrink.x), shrink.xxxx, shrink.xxxx);
     const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
     const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
     const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
-    WRITE_SH(g_sh1, basis1);
-    WRITE_SH(g_sh2, basis2);
-    WRITE_SH(g_sh3, basis3);
+    WRITE_SH(g_sh1, 1, basis1, shrink.yyyy, shrink.yyyy, shrink.yyyy);
+    WRITE_SH(g_sh2, 2, basis2, shrink.yyyz, shrink.zzzz, shrink.zzzz);
+    WRITE_SH(g_sh3, 3, basis3, shrink.zzzz, shrink.zzzz, shrink.zzzz);
 }

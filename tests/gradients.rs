@@ -7,7 +7,7 @@ use common::splats::{self, Random, camera, in_view};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::scene::Camera;
 use psrgs_vk::twin::project::{Projected, project};
-use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward};
+use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward, shrink};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 
@@ -219,6 +219,27 @@ fn flatness_pulls_at_the_shortest_axis_alone() {
             let want = difference(&splat, k, 1e-5, &mut |moved| vec![shortest(moved)])[0];
             assert!((got.to_array()[k] - want).abs() < 1e-9, "{k}: {} against {want}", got.to_array()[k]);
         }
+    }
+}
+
+#[test]
+fn smallness_pulls_at_the_view_dependent_coefficients_in_use_alone() {
+    let camera = camera(64, 48);
+    let mut random = Random::new(12);
+    for degree in 0..=3 {
+        let splat = splats::spread(&mut random, &camera, 1.0);
+        let mut got = Splat::from_array(&[0.0; PARAMETERS]);
+        shrink(&mut got, &splat.sh, degree, 2.5);
+        let in_use = 1..(degree as usize + 1).pow(2);
+        let mut pulled = 0;
+        for k in 0..PARAMETERS {
+            let squares =
+                |s: &Splat<f64>| 1.25 * s.sh[in_use.clone()].as_flattened().iter().map(|x| x * x).sum::<f64>();
+            let want = difference(&splat, k, 1e-5, &mut |moved| vec![squares(moved)])[0];
+            assert!((got.to_array()[k] - want).abs() < 1e-9, "{k}: {} against {want}", got.to_array()[k]);
+            pulled += usize::from(want != 0.0);
+        }
+        assert_eq!(pulled, 3 * in_use.len());
     }
 }
 

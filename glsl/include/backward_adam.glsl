@@ -21,6 +21,8 @@ layout(constant_id = 6) const uint EPS = 0x26901d7du;    // 1e-15
 layout(constant_id = 7) const uint REST = 1u;
 // Weight of the smallest standard deviation in the loss, a float as bits.
 layout(constant_id = 8) const uint FLATTEN = 0u;
+// Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
+layout(constant_id = 9) const uint SHRINK = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
@@ -71,10 +73,11 @@ vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 
     splat.sh[3 * group] = LOAD4(plane, s);              \
     splat.sh[3 * group + 1] = LOAD4(plane, s + 1u);     \
     splat.sh[3 * group + 2] = LOAD4(plane, s + 2u);
-#define STEP_SH(plane, first, second, group, element, basis)                                                      \
-    STEP4(plane, first, second, s, element, rest, sh_outer0(basis, g.rgb), splat.sh[3 * group])                   \
-    STEP4(plane, first, second, s + 1u, element + 4u, rest, sh_outer1(basis, g.rgb), splat.sh[3 * group + 1])     \
-    STEP4(plane, first, second, s + 2u, element + 8u, rest, sh_outer2(basis, g.rgb), splat.sh[3 * group + 2])
+#define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
+#define STEP_SH(plane, first, second, group, element, basis, weight)                                                      \
+    STEP4(plane, first, second, s, element, rest, SHRUNK(sh_outer0(basis, g.rgb), splat.sh[3 * group], weight), splat.sh[3 * group])                   \
+    STEP4(plane, first, second, s + 1u, element + 4u, rest, SHRUNK(sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight), splat.sh[3 * group + 1])     \
+    STEP4(plane, first, second, s + 2u, element + 8u, rest, SHRUNK(sh_outer2(basis, g.rgb), splat.sh[3 * group + 2], weight), splat.sh[3 * group + 2])
 
 void main() {
     const uint i = global_index();
@@ -103,6 +106,8 @@ void main() {
     }
 
     SplatGradient g = no_gradient();
+    // By degree; nothing for a splat that is not on the image.
+    vec4 shrink = vec4(0.0);
     if (tile_counts[i] != 0u) {
         const Camera camera =
             Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
@@ -111,6 +116,9 @@ void main() {
         const Gradient2d up = Gradient2d(LOAD4(grad2d, s), LOAD4(grad2d, s + 1u), LOAD4(grad2d, s + 2u), normal);
         g = splat_gradient(camera, degree, push.flags, splat, LOAD4(splat2d, s + 2u).xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
+        if (SHRINK != 0u) {
+            shrink = mix(vec4(0.0), vec4(uintBitsToFloat(SHRINK)), lessThanEqual(uvec4(1u, 2u, 3u, 4u), uvec4(degree)));
+        }
     }
 
     AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
@@ -121,7 +129,7 @@ void main() {
     const vec4 rest = vec4(push.lr_sh_rest);
     const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
-    const vec4 g_head = sh_outer0(basis0, g.rgb);
+    const vec4 g_head = SHRUNK(sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x));
     if (REST != 0u) {
         STEP4(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
     } else {
@@ -129,23 +137,23 @@ void main() {
         STEP_HEAD(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
     }
     if (REST != 0u && DEGREE >= 1u) {
-        STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, sh_outer1(basis0, g.rgb), splat.sh[1])
-        STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, sh_outer2(basis0, g.rgb), splat.sh[2])
+        STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, SHRUNK(sh_outer1(basis0, g.rgb), splat.sh[1], shrink.xxxx), splat.sh[1])
+        STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, SHRUNK(sh_outer2(basis0, g.rgb), splat.sh[2], shrink.xxxx), splat.sh[2])
     }
     if (REST != 0u && DEGREE >= 2u && full) {
         const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
-        STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1)
+        STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1, shrink.yyyy)
         const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
-        STEP4(sh2, m_sh2, v_sh2, s, 35u, rest, sh_outer0(basis2, g.rgb), splat.sh[6])
+        STEP4(sh2, m_sh2, v_sh2, s, 35u, rest, SHRUNK(sh_outer0(basis2, g.rgb), splat.sh[6], shrink.yyyz), splat.sh[6])
         // The fifth coefficient of degree 2 stands alone in its group.
         if (REST != 0u && DEGREE >= 3u) {
-            STEP4(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, sh_outer1(basis2, g.rgb), splat.sh[7])
-            STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, sh_outer2(basis2, g.rgb), splat.sh[8])
+            STEP4(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, SHRUNK(sh_outer1(basis2, g.rgb), splat.sh[7], shrink.zzzz), splat.sh[7])
+            STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, SHRUNK(sh_outer2(basis2, g.rgb), splat.sh[8], shrink.zzzz), splat.sh[8])
         }
     }
     if (REST != 0u && DEGREE >= 3u && full) {
         const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
-        STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3)
+        STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3, shrink.zzzz)
     }
     if ((push.flags & FLAG_STEPS_OPACITIES) != 0u) {
         step.inv_bias1 = push.inv_bias1_opacities;

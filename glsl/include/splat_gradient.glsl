@@ -86,6 +86,12 @@ void flatten(inout SplatGradient g, vec3 log_scale, float weight) {
     g.log_scale += mix(vec3(0.0), vec3(slope), equal(uvec3(shortest_axis(log_scale)), uvec3(0u, 1u, 2u)));
 }
 
+// Adds the derivative of `weight` times half the square of coefficients. `precise`, so that every pass that does it has the same bits.
+vec4 shrunk(vec4 g, vec4 sh, vec4 weight) {
+    precise vec4 sum = g + weight * sh;
+    return sum;
+}
+
 // A group of SH gradients is the outer product of its basis values and the colour's gradient.
 vec4 sh_outer0(vec4 basis, vec3 g) { return vec4(basis.x * g, basis.y * g.x); }
 vec4 sh_outer1(vec4 basis, vec3 g) { return vec4(basis.y * g.yz, basis.z * g.xy); }

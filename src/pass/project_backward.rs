@@ -37,6 +37,7 @@ pub const PASS: Pass = Pass {
             Constant { id: 0, name: "AUX", default: 0 },
             Constant { id: 1, name: "FLATTEN", default: 0 },
             Constant { id: 2, name: "ADD", default: 0 },
+            Constant { id: 3, name: "SHRINK", default: 0 },
         ],
         local_size: Some(64),
     },

@@ -117,11 +117,16 @@ impl Push {
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 9];
+pub type Constants = [(&'static str, u32); 10];
 
 /// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "FLATTEN" { weight.to_bits() } else { value }))
+}
+
+/// The same constants with a loss of `weight` times half the squares of the view-dependent coefficients in use of every splat on the image.
+pub fn shrinking(constants: Constants, weight: f32) -> Constants {
+    constants.map(|(name, value)| (name, if name == "SHRINK" { weight.to_bits() } else { value }))
 }
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
@@ -139,6 +144,7 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Con
         ("EPS", adam.eps.to_bits()),
         ("REST", u32::from(rest)),
         ("FLATTEN", 0),
+        ("SHRINK", 0),
     ]
 }
 
@@ -152,6 +158,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
     Constant { id: 7, name: "REST", default: 1 },
     Constant { id: 8, name: "FLATTEN", default: 0 },
+    Constant { id: 9, name: "SHRINK", default: 0 },
 ];
 
 /// The pass.

@@ -224,7 +224,7 @@ impl Engine {
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::limited(gpu, "", splats, settings.model.sh_share)?,
-            optimiser: Optimiser::new(gpu, splats, needs.extent, settings)?,
+            optimiser: Optimiser::new(gpu, splats, (needs.extent, mean_pixels(&sizes)), settings)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             statistics: Statistics::new(gpu, splats, deep, settings)?,
             target: Target::new(gpu, "", pixels, aux)?,
@@ -375,4 +375,10 @@ impl Engine {
         let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
         Ok(Outcome { counters, loss, ticket })
     }
+}
+
+/// Pixels of a photograph, in the mean.
+fn mean_pixels(sizes: &[(u32, u32)]) -> f64 {
+    let all: f64 = sizes.iter().map(|(w, h)| f64::from(*w) * f64::from(*h)).sum();
+    (all / sizes.len().max(1) as f64).max(1.0)
 }

@@ -40,23 +40,32 @@ pub(super) struct Optimiser {
     settings: adam::Settings,
     extent: f64,
     flatten: f32,
+    shrink: f32,
     /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch none above it.
     degree: AtomicU32,
 }
 
 impl Optimiser {
-    /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means.
-    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, training: &Settings) -> Result<Self, Error> {
+    /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means; `pixels` of a
+    /// photograph are what its loss is a mean over.
+    pub(super) fn new(
+        gpu: &Gpu,
+        capacity: u32,
+        (extent, pixels): (f64, f64),
+        training: &Settings,
+    ) -> Result<Self, Error> {
         let (settings, shortcuts) = (adam::Settings::default(), &training.shortcuts);
         let aux = training.geometry.depth_prior != DepthPrior::None;
         let flatten = (training.geometry.lambda_flatten / extent) as f32;
+        let shrink = (training.optimiser.lambda_sh / pixels) as f32;
         let packs = shortcuts.moment_bits == 16;
         let (kernel, needed) =
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
         let form = if limit >= needed {
             let of = |degree, aux, rest| {
-                gpu.pipeline(kernel, &fused::flattening(fused::constants(&settings, degree, aux, rest), flatten))
+                let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
+                gpu.pipeline(kernel, &fused::shrinking(constants, shrink))
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
                 Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])
@@ -77,7 +86,7 @@ impl Optimiser {
             moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
         let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
-        Ok(Self { moments, form, summed, settings, extent, flatten, degree: AtomicU32::new(0) })
+        Ok(Self { moments, form, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
     }
 
     /// First moments, or both.
@@ -158,7 +167,7 @@ impl Optimiser {
         first: bool,
     ) -> Result<(), vk::Error> {
         let Some(summed) = self.summed() else { return Ok(()) };
-        let terms = Terms { add: !first, ..Terms::default() };
+        let terms = Terms { shrink: self.shrink, add: !first, ..Terms::default() };
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
@@ -207,7 +216,7 @@ impl Optimiser {
             }
             _ => {
                 let Some(Summed { adam, gradients }) = self.summed() else { return Ok(()) };
-                let terms = Terms { aux, flatten: self.flatten, add: beside };
+                let terms = Terms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)
             }

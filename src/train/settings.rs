@@ -129,6 +129,10 @@ group! {
         /// Weight of 1 - SSIM in the loss; L1 has the rest
         #[arg(value_name = "W")]
         pub lambda_dssim: f64 = 0.2,
+        /// Weight of half the squares of the view-dependent coefficients of every splat on the image, over the pixels of a photograph: a
+        /// colour changes with the direction only where photographs ask for it
+        #[arg(value_name = "W")]
+        pub lambda_sh: f64 = 0.0,
         /// Learning rate of the means at step 0, per extent of the scene
         #[arg(value_name = "LR")]
         pub lr_means: f64 = 1.6e-4,

@@ -64,6 +64,15 @@ pub fn flatten<R: Real>(gradient: &mut Splat<R>, log_scale: [R; 3], weight: R) {
     }
 }
 
+/// Adds the derivative of `weight` times half the squares of the coefficients of degrees 1 to `degree`.
+pub fn shrink<R: Real>(gradient: &mut Splat<R>, sh: &[[R; 3]; 16], degree: u32, weight: R) {
+    if weight != R::zero() {
+        for k in 1..(degree as usize + 1).pow(2) {
+            (0..3).for_each(|c| gradient.sh[k][c] += weight * sh[k][c]);
+        }
+    }
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: CameraPush = call.push();
@@ -84,6 +93,7 @@ pub fn run(call: &mut TwinCall<'_>) {
         let splat = Splat::of(&model, i);
         let mut gradient = project_backward(&splat, &view, color, &g);
         flatten(&mut gradient, splat.log_scale, f32::from_bits(call.constants[1]));
+        shrink(&mut gradient, &splat.sh, view.sh_degree, f32::from_bits(call.constants[3]));
         gradient.store(&mut out, i);
     }
     let planes = [&out.means, &out.quats, &out.scales, &out.opacities].into_iter().chain(&out.sh);

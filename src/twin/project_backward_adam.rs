@@ -1,7 +1,7 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
 use super::adam::adam;
-use super::project_backward::{Grad2d, flatten, project_backward};
+use super::project_backward::{Grad2d, flatten, project_backward, shrink};
 use super::splat::{PARAMETERS, Splat, View};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
@@ -109,6 +109,7 @@ pub(super) struct Inputs {
     grad_normals: Vec<[f32; 4]>,
     aux: bool,
     flatten: f32,
+    shrink: f32,
 }
 
 impl Inputs {
@@ -124,6 +125,7 @@ impl Inputs {
             grad_normals: call.get(4),
             aux: call.constants[0] != 0,
             flatten: f32::from_bits(call.constants[8]),
+            shrink: f32::from_bits(call.constants[9]),
         }
     }
 
@@ -135,8 +137,10 @@ impl Inputs {
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
         let color = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
         let up = Grad2d { row: self.grad2d[i], normal: [x, y, z] };
-        let mut gradient = project_backward(splat, &self.view.of_row(i < self.full), color, &up);
+        let view = self.view.of_row(i < self.full);
+        let mut gradient = project_backward(splat, &view, color, &up);
         flatten(&mut gradient, splat.log_scale, self.flatten);
+        shrink(&mut gradient, &splat.sh, view.sh_degree, self.shrink);
         gradient
     }
 }

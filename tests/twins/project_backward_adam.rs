@@ -2,11 +2,13 @@
 
 use psrgs_vk::pass::adam::{self, Settings};
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::pass::project_backward_adam::{Constants, PASS, Push, Rates, Steps, constants, flattening};
+use psrgs_vk::pass::project_backward_adam::{Constants, PASS, Push, Rates, Steps, constants, flattening, shrinking};
 use psrgs_vk::pass::{Pass, project_backward};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
-use psrgs_vk::twin::project_backward::{Grad2d, flatten as add_flatness, project_backward as gradient_of};
+use psrgs_vk::twin::project_backward::{
+    Grad2d, flatten as add_flatness, project_backward as gradient_of, shrink as add_smallness,
+};
 use psrgs_vk::twin::project_backward_adam::{Stepped, step, view};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::twin::tile::TileGrid;
@@ -28,6 +30,7 @@ pub(super) struct Case {
     aux: bool,
     rest: bool,
     flatten: f32,
+    shrink: f32,
     /// In binding order.
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
@@ -68,10 +71,12 @@ pub(super) struct Form {
     pub(super) poison: bool,
     /// Weight of the smallest standard deviation.
     pub(super) flatten: f32,
+    /// Weight of the squares of view-dependent coefficients.
+    pub(super) shrink: f32,
 }
 
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
-    let Form { aux, steps, rest, poison, flatten } = form;
+    let Form { aux, steps, rest, poison, flatten, shrink } = form;
     let n = model.len();
     let camera = scene::push(projection);
     let push = Push::new(&camera, &Settings::default(), &RATES, steps);
@@ -108,6 +113,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             let seen_from = if rest { full.clone() } else { View { sh_degree: 0, ..full.clone() } };
             let mut gradient = gradient_of(&splat, &seen_from, color, &up);
             add_flatness(&mut gradient, splat.log_scale, f64::from(flatten));
+            add_smallness(&mut gradient, &splat.sh, seen_from.sh_degree, f64::from(shrink));
             g = gradient.to_array();
             let condition = if projection.antialias { scene::condition(&splat, &full) } else { 1.0 };
             error = std::array::from_fn(|k| {
@@ -132,7 +138,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         before.push(Stepped { splat, first, second });
         gradients.push((g, error));
     }
-    let given = flattening(constants(&Settings::default(), most, aux, rest), flatten);
+    let given = shrinking(flattening(constants(&Settings::default(), most, aux, rest), flatten), shrink);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let want =
         before.iter().zip(&gradients).map(|(s, (g, _))| step(&push, &values, s, &Splat::from_array(g))).collect();
@@ -143,7 +149,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         let values: Vec<Splat<f64>> = before.iter().map(|s| [&s.splat, &s.first, &s.second][k].clone()).collect();
         buffers.extend(scene::planes(&model_of(&values)));
     }
-    Case { n, push, degree: most, aux, rest, flatten, buffers, camera, tiles, before, want, gradients }
+    Case { n, push, degree: most, aux, rest, flatten, shrink, buffers, camera, tiles, before, want, gradients }
 }
 
 /// The planes of a dispatch as splats.
@@ -161,7 +167,8 @@ pub(super) fn splats_of(planes: &[Vec<f32>], n: usize) -> Vec<[f32; PARAMETERS]>
 
 impl Case {
     pub(super) fn given(&self) -> Constants {
-        flattening(constants(&Settings::default(), self.degree, self.aux, self.rest), self.flatten)
+        let constants = constants(&Settings::default(), self.degree, self.aux, self.rest);
+        shrinking(flattening(constants, self.flatten), self.shrink)
     }
 
     /// On the device; what lies beyond the rows and what is only read keeps its bits.
@@ -243,7 +250,8 @@ impl Case {
         buffers.extend_from_slice(&self.buffers[5..13]);
         buffers.extend_from_slice(&self.buffers[1..5]);
         buffers.extend(ROWS.map(|row| garbage(row * self.n + scene::BEYOND)));
-        let given = [("AUX", u32::from(self.aux)), ("FLATTEN", self.flatten.to_bits())];
+        let weights = [("FLATTEN", self.flatten.to_bits()), ("SHRINK", self.shrink.to_bits())];
+        let given = [&[("AUX", u32::from(self.aux))], weights.as_slice()].concat();
         let gradients = of(&project_backward::PASS, &given, &buffers, groups);
         let fused = self.run(gpu, what);
         let rates = [RATES.means, RATES.quats, RATES.scales, RATES.opacities];
@@ -276,7 +284,7 @@ pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
     let all = Steps { most: 9, opacities: Some(4), rest: 9 };
-    let form = Form { aux: true, steps: all, rest: true, poison: false, flatten: 0.0 };
+    let form = Form { aux: true, steps: all, rest: true, poison: false, flatten: 0.0, shrink: 0.0 };
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
         let case = case(&scene::ordinary(n, 300 + n as u64), &Projection::default(), 3, form, exact);
@@ -292,6 +300,7 @@ pub fn run(gpu: &Gpu) {
             rest: true,
             poison: k == 5,
             flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
+            shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
         };
         let case = case(&scene::ordinary(600, 20 + k as u64), &projection, most, form, exact);
         let what = format!("{projection:?}, {steps:?}");
@@ -312,7 +321,7 @@ pub fn run(gpu: &Gpu) {
     // Between the steps of the view-dependent coefficients; and a step of theirs, with a count of its own.
     for (rest, count) in [(false, 9), (true, 3)] {
         let steps = Steps { rest: count, ..all };
-        let form = Form { aux: false, steps, rest, poison: false, flatten: 0.0 };
+        let form = Form { aux: false, steps, rest, poison: false, flatten: 0.0, shrink: 0.8 };
         let case = case(&scene::ordinary(400, 41), &Projection::default(), 3, form, exact);
         case.check(gpu, &format!("coefficients step: {rest}, {count}"));
     }
@@ -322,7 +331,7 @@ pub fn run(gpu: &Gpu) {
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
 fn twin_adapter(gpu: &Gpu) {
     let steps = Steps { most: 3, opacities: Some(2), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0 };
+    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0 };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
     assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);

@@ -47,6 +47,8 @@ pub struct Terms {
     pub aux: bool,
     /// Those of a loss of this times the smallest standard deviation of every splat on the image, in scene units.
     pub flatten: f32,
+    /// Those of a loss of this times half the squares of the view-dependent coefficients in use of every splat on the image.
+    pub shrink: f32,
     /// Whether the gradients of the model are added to what is there, in place of being written.
     pub add: bool,
 }
@@ -179,6 +181,7 @@ impl Renderer {
             ("AUX", u32::from(terms.aux && self.with_aux)),
             ("FLATTEN", terms.flatten.to_bits()),
             ("ADD", u32::from(terms.add)),
+            ("SHRINK", terms.shrink.to_bits()),
         ];
         let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
         let push = CameraPush::new(&shot.camera, &shot.projection);

@@ -44,6 +44,8 @@ impl Settings {
         let alone = self.geometry.depth_prior != DepthPrior::Propagation;
         ok(self.model.sh_share == 1.0 || alone, "sh-share", "1 where depths are propagated")?;
         ok((0.0..=1.0).contains(&optimiser.lambda_dssim), "lambda-dssim", "a number from 0 to 1")?;
+        let shrinks = optimiser.lambda_sh >= 0.0 && optimiser.lambda_sh.is_finite();
+        ok(shrinks, "lambda-sh", "a number that is not negative")?;
         ok(optimiser.lr_means > 0.0 && optimiser.lr_means.is_finite(), "lr-means", "a positive number")?;
         ok(
             optimiser.lr_means_final > 0.0 && optimiser.lr_means_final.is_finite(),

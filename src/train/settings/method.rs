@@ -116,6 +116,7 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "keep-opacity" density.keep_opacity = 0.98,
         "opacity-reset-interval" density.opacity_reset_interval = 0,
         "coarse-steps" frequencies.coarse_steps = 0.2,
+        "lambda-sh" optimiser.lambda_sh = 0.2,
     );
 }
 
