@@ -67,8 +67,9 @@ pub fn flatten<R: Real>(gradient: &mut Splat<R>, log_scale: [R; 3], weight: R) {
 /// Adds the derivative of `weight` times half the squares of the coefficients of degrees 1 to `degree`.
 pub fn shrink<R: Real>(gradient: &mut Splat<R>, sh: &[[R; 3]; 16], degree: u32, weight: R) {
     if weight != R::zero() {
-        for k in 1..(degree as usize + 1).pow(2) {
-            (0..3).for_each(|c| gradient.sh[k][c] += weight * sh[k][c]);
+        let in_use = 1..(degree as usize + 1).pow(2);
+        for (g, value) in gradient.sh[in_use.clone()].as_flattened_mut().iter_mut().zip(sh[in_use].as_flattened()) {
+            *g += weight * *value;
         }
     }
 }
