@@ -5,6 +5,7 @@ mod check;
 mod file;
 mod group;
 mod growth;
+mod idle;
 mod method;
 mod preset;
 mod terms;

@@ -1,7 +1,7 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
 
 use psrgs_vk::stereo::Prior;
-use psrgs_vk::train::settings::{DepthPrior, Growth, LidarCloud, Method, SigmaLearning};
+use psrgs_vk::train::settings::{DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
 use psrgs_vk::train::{Input, Pacing, Settings, View};
 
 use super::common::{gpu, plane_scene};
@@ -24,6 +24,7 @@ fn everything(iterations: u32) -> Settings {
     s.geometry.depth_prior = DepthPrior::Stereo;
     s.geometry.stereo_side = 32;
     s.geometry.lambda_flatten = 0.01;
+    s.optimiser.lambda_sh = 0.2;
     s.texture.lambda_gradients = 0.05;
     s.texture.lambda_variation = 0.01;
     s.texture.lambda_constrained = 0.05;
@@ -80,6 +81,58 @@ fn everything_at_once_stops_and_resumes_bit_equal() {
     let Some(gpu) = gpu() else { return };
     let settings = everything(60);
     stops_and_resumes_on(&gpu, &settings, &input(5, (64, 48), 300, &settings), &[14, 15, 24, 45]);
+}
+
+#[test]
+fn what_nothing_looks_at_changes_no_bit() {
+    let Some(gpu) = gpu() else { return };
+    let plain = settings(40);
+    let mut other = plain.clone();
+    other.density.sample_rate = 0.9;
+    other.density.sample_mask_share = 1.0;
+    other.density.sample_error_share = 0.5;
+    other.density.sample_error = 0.3;
+    other.density.low_grad_threshold = 1.0;
+    other.frequencies.gate = Gate::Random;
+    other.frequencies.sigma = 7.0;
+    other.frequencies.sigma_every = 2;
+    other.frequencies.low_texture_weight = 0.1;
+    other.geometry.stereo_thickness = 0.1;
+    other.geometry.lambda_depth = 50.0;
+    other.geometry.lambda_smooth = 3.0;
+    other.geometry.lambda_normal = 3.0;
+    other.geometry.depth_steps = 1.0;
+    other.geometry.depth_every = 1;
+    other.geometry.depth_left = 1.0;
+    other.geometry.depth_huber = 0.5;
+    other.geometry.depth_edges = 9.0;
+    other.geometry.smooth_edge_stop = 1.0;
+    other.texture.perceptual_every = 2;
+    other.texture.perceptual_views = 3;
+    assert_ne!(other, plain);
+    assert_eq!(other.in_use(), plain.in_use());
+    let of = |s: &Settings| run(&gpu, input(3, (48, 40), 200, &plain), s, Pacing::default());
+    let (plain, other) = (of(&plain), of(&other));
+    assert!(plain.changed > 0, "growth has a part in it");
+    super::assert_same(&plain.state, &other.state, "settings that nothing looks at");
+}
+
+#[test]
+fn a_weight_on_harmonics_makes_colours_depend_less_on_the_direction() {
+    let Some(gpu) = gpu() else { return };
+    let mut s = settings(40);
+    s.run.no_densify = true;
+    s.model.sh_interval = 5;
+    let rest = |weight: f64| {
+        s.optimiser.lambda_sh = weight;
+        let state = run(&gpu, input(4, (48, 40), 200, &s), &s, Pacing::default()).state;
+        let squares = |row: &[f32], from: usize| row[from..].iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+        let groups =
+            |k: usize, from: usize| state.params[k].chunks_exact(12).map(|row| squares(row, from)).sum::<f64>();
+        groups(4, 3) + groups(5, 0) + groups(6, 0) + groups(7, 0)
+    };
+    let [free, some, much] = [0.0, 1.0, 1e3].map(rest);
+    assert!(some < 0.98 * free && much < 0.2 * free && free > 0.0, "{free} without, {some} and {much} with it");
 }
 
 /// Mean distance of opaque splats from the ground, weighted by their opacity and area.

@@ -1,0 +1,48 @@
+//! Settings that a method does not look at.
+
+use super::{DepthPrior, Growth, Settings};
+
+impl Settings {
+    /// The same settings, but what nothing looks at has its default: settings that are equal here train to the same model. A loss on depth has
+    /// no weight where no depth is known, sampling has no shares where growth is by a threshold, and so on.
+    pub fn in_use(&self) -> Self {
+        let (mut s, plain) = (self.clone(), Self::default());
+        if s.density.growth == Growth::Threshold {
+            s.density.sample_rate = plain.density.sample_rate;
+            s.density.sample_mask_share = plain.density.sample_mask_share;
+            s.density.sample_error_share = plain.density.sample_error_share;
+            s.density.sample_error = plain.density.sample_error;
+        }
+        if s.density.growth == Growth::Threshold || s.frequencies.low_stage == 0.0 {
+            s.density.low_grad_threshold = s.density.grad_threshold;
+        }
+        if s.frequencies.low_stage == 0.0 {
+            s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;
+        }
+        if s.geometry.depth_prior == DepthPrior::None {
+            s.geometry.depth_steps = plain.geometry.depth_steps;
+            s.geometry.depth_every = plain.geometry.depth_every;
+            s.geometry.depth_left = plain.geometry.depth_left;
+            s.geometry.lambda_depth = plain.geometry.lambda_depth;
+            s.geometry.depth_huber = plain.geometry.depth_huber;
+            s.geometry.depth_edges = plain.geometry.depth_edges;
+            s.geometry.lambda_smooth = plain.geometry.lambda_smooth;
+            s.geometry.smooth_edge_stop = plain.geometry.smooth_edge_stop;
+            s.geometry.lambda_normal = plain.geometry.lambda_normal;
+        }
+        if s.geometry.stereo_splats == 0 {
+            s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
+        }
+        if s.texture.lambda_perceptual == 0.0 {
+            s.texture.perceptual_every = plain.texture.perceptual_every;
+            s.texture.perceptual_views = plain.texture.perceptual_views;
+        }
+        if !s.needs_masks() {
+            s.frequencies.gate = plain.frequencies.gate;
+            s.frequencies.sigma = plain.frequencies.sigma;
+            s.frequencies.sigma_learning = plain.frequencies.sigma_learning;
+            s.frequencies.sigma_every = plain.frequencies.sigma_every;
+        }
+        s
+    }
+}
