@@ -203,7 +203,8 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
           project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
-          zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one.",
+          zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one. \
+          FLATTEN and SHRINK as there.",
     dispatch: "one thread per splat of the model",
     push: Push::FIELDS,
     twin: crate::twin::project_backward_adam::run,
