@@ -41,7 +41,6 @@ layout(set = 0, binding = 20) buffer GSh3 { vec4 g_sh3[]; };
     splat.sh[3 * group + 1] = plane[s + 1u]; \
     splat.sh[3 * group + 2] = plane[s + 2u]
 #define WRITE(target, value) target = ADD != 0u ? target + (value) : (value)
-#define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
 #define WRITE_SH(plane, group, basis, weight0, weight1, weight2)                                   \
     WRITE(plane[s], SHRUNK(sh_outer0(basis, g.rgb), splat.sh[3 * group], weight0));          \
     WRITE(plane[s + 1u], SHRUNK(sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight1)); \
@@ -57,7 +56,7 @@ void main() {
     SplatParams splat;
     for (uint k = 0u; k < 12u; ++k) splat.sh[k] = vec4(0.0);
     // By degree; nothing for a splat that is not on the image.
-    vec4 shrink = vec4(0.0);
+    vec3 shrink = vec3(0.0);
     if (tile_counts[i] != 0u) {
         splat.mean = vec3(means[s], means[s + 1u], means[s + 2u]);
         splat.quat = quats[i];
@@ -75,9 +74,7 @@ void main() {
         const Gradient2d up = Gradient2d(grad2d[s], grad2d[s + 1u], grad2d[s + 2u], normal);
         g = splat_gradient(camera_from_push(), degree, push.flags, splat, splat2d[s + 2u].xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
-        if (SHRINK != 0u) {
-            shrink = mix(vec4(0.0), vec4(uintBitsToFloat(SHRINK)), lessThanEqual(uvec4(1u, 2u, 3u, 4u), uvec4(degree)));
-        }
+        if (SHRINK != 0u) shrink = of_degrees(uintBitsToFloat(SHRINK), degree);
     }
 
     WRITE(g_means[s], g.mean.x);

@@ -73,7 +73,6 @@ vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 
     splat.sh[3 * group] = LOAD4(plane, s);              \
     splat.sh[3 * group + 1] = LOAD4(plane, s + 1u);     \
     splat.sh[3 * group + 2] = LOAD4(plane, s + 2u);
-#define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
 #define STEP_SH(plane, first, second, group, element, basis, weight)                                                      \
     STEP4(plane, first, second, s, element, rest, SHRUNK(sh_outer0(basis, g.rgb), splat.sh[3 * group], weight), splat.sh[3 * group])                   \
     STEP4(plane, first, second, s + 1u, element + 4u, rest, SHRUNK(sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight), splat.sh[3 * group + 1])     \
@@ -107,7 +106,7 @@ void main() {
 
     SplatGradient g = no_gradient();
     // By degree; nothing for a splat that is not on the image.
-    vec4 shrink = vec4(0.0);
+    vec3 shrink = vec3(0.0);
     if (tile_counts[i] != 0u) {
         const Camera camera =
             Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
@@ -116,9 +115,7 @@ void main() {
         const Gradient2d up = Gradient2d(LOAD4(grad2d, s), LOAD4(grad2d, s + 1u), LOAD4(grad2d, s + 2u), normal);
         g = splat_gradient(camera, degree, push.flags, splat, LOAD4(splat2d, s + 2u).xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
-        if (SHRINK != 0u) {
-            shrink = mix(vec4(0.0), vec4(uintBitsToFloat(SHRINK)), lessThanEqual(uvec4(1u, 2u, 3u, 4u), uvec4(degree)));
-        }
+        if (SHRINK != 0u) shrink = of_degrees(uintBitsToFloat(SHRINK), degree);
     }
 
     AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),

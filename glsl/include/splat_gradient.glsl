@@ -86,11 +86,19 @@ void flatten(inout SplatGradient g, vec3 log_scale, float weight) {
     g.log_scale += mix(vec3(0.0), vec3(slope), equal(uvec3(shortest_axis(log_scale)), uvec3(0u, 1u, 2u)));
 }
 
+// The weight for coefficients of degree 1, 2 and 3: zero above the degree in use.
+vec3 of_degrees(float weight, uint degree) {
+    return mix(vec3(0.0), vec3(weight), lessThanEqual(uvec3(1u, 2u, 3u), uvec3(degree)));
+}
+
 // Adds the derivative of `weight` times half the square of coefficients. `precise`, so that every pass that does it has the same bits.
 vec4 shrunk(vec4 g, vec4 sh, vec4 weight) {
     precise vec4 sum = g + weight * sh;
     return sum;
 }
+
+// The same where a pass has the specialization constant SHRINK and it is not zero; otherwise nothing is read.
+#define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
 
 // A group of SH gradients is the outer product of its basis values and the colour's gradient.
 vec4 sh_outer0(vec4 basis, vec3 g) { return vec4(basis.x * g, basis.y * g.x); }
