@@ -1,6 +1,7 @@
 #version 460
 // loss_strips: SSIM and its derivatives with respect to the moments, those weighted by the window along columns.
-// One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them, and walks down it; one thread owns a column.
+// One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them or the image's where it has fewer, and walks down
+// it; one thread owns a column.
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
 //! texels
@@ -68,6 +69,8 @@ void main() {
     const uint segment = owner() / strips;
     const uint first = segment * SEGMENT;
     const uint end = min(first + SEGMENT, push.height);
+    // The same for all strips, since the subgroups of a workgroup without subgroup operations meet at barriers.
+    const uint walked = min(SEGMENT, push.height) + 4u * WINDOW_RADIUS;
     Window moments[3];
     Window back[3];
     [[unroll]] for (uint c = 0u; c < 3u; ++c) moments[c] = back[c] = window_empty();
@@ -76,7 +79,7 @@ void main() {
     uint counts = 0u;
     // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
     // numbers, which are outside like those past the last.
-    for (uint i = first; i < first + SEGMENT + 4u * WINDOW_RADIUS; ++i) {
+    for (uint i = first; i < first + walked; ++i) {
         const uint taken = i - 2u * WINDOW_RADIUS;
         const uint center = taken - WINDOW_RADIUS;
         const uint done = center - WINDOW_RADIUS;
