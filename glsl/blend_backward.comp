@@ -102,41 +102,50 @@ void main() {
     }
 #endif
 
-    for (uint left = top; left > 0u; left -= min(left, BATCH)) {
-        const uint n = min(left, BATCH);
-        const uint pair = range.x + left - 1u - min(lane, n - 1u);
-        Splat mine = load_splat(sorted_splats[pair]);
-        mine.opacity = lane < n ? mine.opacity : 0.0;
-        const float mine_inverse = mine.opacity > 0.0 ? 1.0 / mine.opacity : 0.0;
-        const uint mine_row = row_of(pair);
-        for (uint k = 0u; k < n; ++k) {
-            const Splat s = shuffled(mine, k);
-            const uint place = left - k;
-            const float dx = center.x - s.x;
-            precise float along = s.p * dx;
-            precise float dy0 = center.y - s.y;
-            Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
-            [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
-                precise float dy = dy0 + float(j);
-                blend_back(pixels[j], sums, s, along, dy, place);
+    // Both loops test at their end, see common.glsl.
+    if (top > 0u) {
+        uint left = top;
+        while (true) {
+            const uint n = min(left, BATCH);
+            const uint pair = range.x + left - 1u - min(lane, n - 1u);
+            Splat mine = load_splat(sorted_splats[pair]);
+            mine.opacity = lane < n ? mine.opacity : 0.0;
+            const float mine_inverse = mine.opacity > 0.0 ? 1.0 / mine.opacity : 0.0;
+            const uint mine_row = row_of(pair);
+            uint k = 0u;
+            while (true) {
+                const Splat s = shuffled(mine, k);
+                const uint place = left - k;
+                const float dx = center.x - s.x;
+                precise float along = s.p * dx;
+                precise float dy0 = center.y - s.y;
+                Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
+                [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+                    precise float dy = dy0 + float(j);
+                    blend_back(pixels[j], sums, s, along, dy, place);
+                }
+                float mean_x, mean_y;
+                vec3 conic;
+                columns(sums, s, dx, along, mean_x, mean_y, conic);
+                const float opacity = sums.v.x * subgroup_shuffle(mine_inverse, k);
+                const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.color.rg), lane);
+                const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
+                float second;
+                if (AUX != 0u) {
+                    second = fold8(vec4(sums.color.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
+                } else {
+                    second = fold(sums.color.b, 0.0, lane, 1u);
+                    second = fold(second, ABS != 0u ? fold(abs_mean.x, abs_mean.y, lane, 1u) : 0.0, lane, 2u);
+                    second += subgroup_shuffle(second, lane ^ 4u);
+                }
+                const uint row = subgroup_shuffle(mine_row, k);
+                put(row, lane, first);
+                if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, second);
+                ++k;
+                if (k >= n) break;
             }
-            float mean_x, mean_y;
-            vec3 conic;
-            columns(sums, s, dx, along, mean_x, mean_y, conic);
-            const float opacity = sums.v.x * subgroup_shuffle(mine_inverse, k);
-            const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.color.rg), lane);
-            const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
-            float second;
-            if (AUX != 0u) {
-                second = fold8(vec4(sums.color.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
-            } else {
-                second = fold(sums.color.b, 0.0, lane, 1u);
-                second = fold(second, ABS != 0u ? fold(abs_mean.x, abs_mean.y, lane, 1u) : 0.0, lane, 2u);
-                second += subgroup_shuffle(second, lane ^ 4u);
-            }
-            const uint row = subgroup_shuffle(mine_row, k);
-            put(row, lane, first);
-            if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, second);
+            left -= n;
+            if (left == 0u) break;
         }
     }
     if (COUNT != 0u) {

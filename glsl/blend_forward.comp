@@ -98,30 +98,37 @@ void main() {
     Pixel pixels[SIDE];
     [[unroll]] for (uint j = 0u; j < SIDE; ++j) pixels[j] = fresh(top + uvec2(0u, j));
 
-    for (uint base = range.x; base < range.y; base += BATCH) {
-        float most = -1.0;
-        [[unroll]] for (uint j = 0u; j < SIDE; ++j) most = max(most, pixels[j].transmittance);
-        if (!subgroup_any(most > 0.0)) break;
-
-        const uint n = min(BATCH, range.y - base);
-        Splat mine = load_splat(sorted_splats[base + min(lane, n - 1u)]);
-        mine.opacity = lane < n ? mine.opacity : 0.0;
-        for (uint k0 = 0u; k0 < n; k0 += UNROLL) {
-            [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
-                const uint k = k0 + u;
-                const Splat s = shuffled(mine, k);
-                const float dx = center.x - s.x;
-                precise float along = s.p * dx;
-                precise float dy0 = center.y - s.y;
-                float weight = 0.0;
-                [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
-                    precise float dy = dy0 + float(j);
-                    weight = max(weight, blend(pixels[j], s, along, dy, base - range.x + k + 1u));
+    // Both loops test at their end, see common.glsl.
+    if (range.x < range.y) {
+        uint base = range.x;
+        while (true) {
+            const uint n = min(BATCH, range.y - base);
+            Splat mine = load_splat(sorted_splats[base + min(lane, n - 1u)]);
+            mine.opacity = lane < n ? mine.opacity : 0.0;
+            uint k0 = 0u;
+            while (true) {
+                [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
+                    const uint k = k0 + u;
+                    const Splat s = shuffled(mine, k);
+                    const float dx = center.x - s.x;
+                    precise float along = s.p * dx;
+                    precise float dy0 = center.y - s.y;
+                    float weight = 0.0;
+                    [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
+                        precise float dy = dy0 + float(j);
+                        weight = max(weight, blend(pixels[j], s, along, dy, base - range.x + k + 1u));
+                    }
+                    if (WEIGHTS != 0u) {
+                        if (weight > 0.0) keep_weight(sorted_splats[base + k], weight);
+                    }
                 }
-                if (WEIGHTS != 0u) {
-                    if (weight > 0.0) keep_weight(sorted_splats[base + k], weight);
-                }
+                k0 += UNROLL;
+                if (k0 >= n) break;
             }
+            float most = -1.0;
+            [[unroll]] for (uint j = 0u; j < SIDE; ++j) most = max(most, pixels[j].transmittance);
+            base += BATCH;
+            if (base >= range.y || !subgroup_any(most > 0.0)) break;
         }
     }
 

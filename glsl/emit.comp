@@ -13,5 +13,5 @@ void main() {
     if (k >= counters[COUNTER_VISIBLE]) return;
     const uint splat = order[k];
     const uvec2 slots = slots_of(k, splat);
-    emit_alone(splat, slots.x, slots.y);
+    if (slots.x < slots.y) emit_alone(splat, slots.x, slots.y);
 }

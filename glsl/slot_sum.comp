@@ -4,12 +4,12 @@
 // threads owns 16 consecutive ranks of the depth order.
 //! texels
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"
 #include "counters.glsl"
 #include "loads.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
+layout(constant_id = 23) const uint PER_TURN = 8u;  // slots a turn of the loop
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = 2) readonly buffer PairOffsets { uint pair_offsets[]; };
@@ -19,8 +19,6 @@ layout(set = 0, binding = 5) readonly buffer SlotNormals { vec4 slot_normals[]; 
 layout(set = 0, binding = 6) writeonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 7) writeonly buffer GradNormals { vec4 grad_normals[]; };
 
-const uint ROUND = 8u;
-
 void main() {
     const uint rank = global_index() / 4u;
     const uint quad = global_index() % 4u;
@@ -29,14 +27,17 @@ void main() {
     const uint begin = pair_offsets[rank];
     const uint end = begin + tile_counts[splat];
     vec4 sum = vec4(0.0);
-    // Eight slots a round: lavapipe ends an invocation's loops after 65,535 rounds in all, and a splat may cover more tiles.
-    for (uint slot = begin; slot < end; slot += ROUND) {
-        [[unroll]] for (uint i = 0u; i < ROUND; ++i) {
+    // A visible splat has a slot. The loop tests at its end, see common.glsl.
+    uint slot = begin;
+    while (true) {
+        for (uint i = 0u; i < PER_TURN; ++i) {
             if (slot + i < end) {
                 if (AUX != 0u && quad == 3u) sum.xyz += LOAD4(slot_normals, slot + i).xyz;
                 else sum += LOAD4(slot_grads, 3u * (slot + i) + quad);
             }
         }
+        slot += PER_TURN;
+        if (slot >= end) break;
     }
     if (AUX != 0u && quad == 3u) grad_normals[splat] = sum;
     else grad2d[3u * splat + quad] = sum;

@@ -24,9 +24,8 @@ layout(push_constant) uniform Push {
     uint capacity;  // pairs that fit
 } push;
 
-// Tiles per turn of a loop: lavapipe silently ends all loops of a thread after 65,535 turns in total, and a splat that covers a
-// picture of 3840x2160 has 129,600 tiles of 8x8.
-const uint STRIDE = 8u;
+// Tiles a turn of the loop.
+layout(constant_id = 23) const uint PER_TURN = 8u;
 
 void put(uint slot, uint tile, uint splat) {
     pair_keys[slot] = tile;
@@ -48,23 +47,28 @@ uvec2 slots_of(uint k, uint splat) {
     return uvec2(slot, slot + min(tile_counts[splat], push.capacity - slot));
 }
 
-// Writes all pairs of a splat.
+// Writes all pairs of a splat that has any. One loop over its tiles, row after row: threads that go together wait for the one with the
+// most tiles, not for the most rows times the most columns. It tests at its end, see common.glsl.
 void emit_alone(uint splat, uint slot, uint end) {
     const TileGrid grid = tile_grid();
     const uvec2 tiles = tile_counts_of(grid);
     const TileEllipse e = ellipse_of(splat);
-    for (uint y = e.row_begin; y < e.row_end; ++y) {
-        const uvec2 columns = tile_row(e, y, grid);
-        for (uint x = columns.x; x < columns.y; x += STRIDE) {
-            [[unroll]] for (uint j = 0u; j < STRIDE; ++j) {
-                if (x + j < columns.y && slot < end) put(slot++, y * tiles.x + x + j, splat);
+    const uint steps = end - slot + (e.row_end - e.row_begin);  // a slot each, and rows that list no tile
+    uint step = 0u;
+    uint y = e.row_begin;
+    uvec2 columns = tile_row(e, y, grid);  // what is left of the row
+    while (true) {
+        for (uint j = 0u; j < PER_TURN; ++j) {
+            const bool listed = y < e.row_end;
+            if (slot < end && (!listed || columns.x < columns.y)) {
+                put(slot, listed ? y * tiles.x + columns.x : tiles.x * tiles.y, splat);
+                ++slot;
+                ++columns.x;
             }
+            if (columns.x >= columns.y) columns = tile_row(e, ++y, grid);
         }
-    }
-    for (; slot < end; slot += STRIDE) {
-        [[unroll]] for (uint j = 0u; j < STRIDE; ++j) {
-            if (slot + j < end) put(slot + j, tiles.x * tiles.y, splat);
-        }
+        step += PER_TURN;
+        if (step >= steps || slot >= end) break;
     }
 }
 

@@ -31,8 +31,11 @@ const float TILE_UNBOUNDED = 1.0e18;
 
 struct TileGrid {
     uvec2 image;  // width, height in pixels
-    uvec2 tile;   // width, height of a tile in pixels
+    uvec2 tile;   // width, height of a tile in pixels: powers of two
 };
+
+// Pixels as tiles, rounded down. By shifts: processors divide whole numbers lane by lane.
+uvec2 in_tiles(uvec2 pixels, uvec2 tile) { return pixels >> findLSB(tile); }
 
 // What the rows of one splat share. Rows of tiles [row_begin, row_end); empty when the splat touches no tile.
 struct TileEllipse {
@@ -47,7 +50,7 @@ struct TileEllipse {
     uint row_end;
 };
 
-uvec2 tile_counts_of(TileGrid grid) { return (grid.image + grid.tile - 1u) / grid.tile; }
+uvec2 tile_counts_of(TileGrid grid) { return in_tiles(grid.image + grid.tile - 1u, grid.tile); }
 
 // ln x for normal x > 0, by operations that round alike everywhere: the twin gets the same bits.
 float tile_ln(float x) {
@@ -71,7 +74,7 @@ uvec2 tile_span(float low, float high, uint pixels, uint tile) {
     precise float first = clamp(ceil(low - 0.5), 0.0, float(pixels));
     precise float last = clamp(floor(high - 0.5), -1.0, float(pixels) - 1.0);
     if (!(first <= last)) return uvec2(0u);
-    return uvec2(uint(first) / tile, uint(last) / tile + 1u);
+    return in_tiles(uvec2(first, last), uvec2(tile)) + uvec2(0u, 1u);
 }
 
 TileEllipse tile_ellipse(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
@@ -147,9 +150,15 @@ uvec2 tile_row(TileEllipse e, uint row, TileGrid grid) {
 uint count_tiles(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
     const TileEllipse e = tile_ellipse(mean, conic, opacity, grid);
     uint count = 0u;
-    for (uint row = e.row_begin; row < e.row_end; ++row) {
-        const uvec2 columns = tile_row(e, row, grid);
-        count += columns.y - columns.x;
+    if (e.row_begin < e.row_end) {
+        // The loop tests at its end, see common.glsl.
+        uint row = e.row_begin;
+        while (true) {
+            const uvec2 columns = tile_row(e, row, grid);
+            count += columns.y - columns.x;
+            ++row;
+            if (row >= e.row_end) break;
+        }
     }
     return count;
 }

@@ -1,6 +1,7 @@
 //! Writes the tiles of each visible splat, in depth order, as (tile, slot) pairs.
 
 use super::cutoffs::ALPHA_MIN;
+use super::turns::PER_TURN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
@@ -54,14 +55,14 @@ const TOGETHER_DOC: &str = "One thread owns one visible splat and its slots, a s
 /// A thread writes the pairs of its splat.
 pub const PASS: Pass = pass(
     "emit",
-    &[ALPHA_MIN],
+    &[PER_TURN, ALPHA_MIN],
     "One thread owns one visible splat and its slots; a workgroup owns 64 consecutive visible splats.",
 );
 /// A subgroup writes the pairs of its large splats together: for wide subgroups. The same bits.
-pub const TOGETHER: Pass = pass("emit_together_subgroup", &[ALPHA_MIN], TOGETHER_DOC);
+pub const TOGETHER: Pass = pass("emit_together_subgroup", &[PER_TURN, ALPHA_MIN], TOGETHER_DOC);
 /// The same with emulated subgroups.
 pub const TOGETHER_EMULATED: Pass = pass(
     "emit_together_emulated",
-    &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }, ALPHA_MIN],
+    &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }, PER_TURN, ALPHA_MIN],
     TOGETHER_DOC,
 );

@@ -49,6 +49,7 @@ pub mod slot_sum;
 pub mod stereo;
 pub mod subgroup_probe;
 pub mod tile_ranges;
+pub mod turns;
 
 pub use shaders::module;
 

@@ -1,6 +1,7 @@
 //! Sums of the slots of each visible splat, in order.
 
 use super::blend_forward::AUX;
+use super::turns::PER_TURN;
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
 
@@ -24,7 +25,7 @@ pub const PASS: Pass = Pass {
             write("grad_normals"),
         ],
         push_bytes: 0,
-        constants: &[AUX],
+        constants: &[AUX, PER_TURN],
         local_size: Some(64),
     },
     doc: "One thread owns four columns of one visible splat; a workgroup of 64 threads owns 16 visible splats.",

@@ -7,6 +7,7 @@ use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
 use crate::pass::cutoffs::Cutoffs;
 use crate::pass::plan::{self, Entry};
+use crate::pass::turns::per_turn;
 use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::twin::tile::TileGrid;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
@@ -148,7 +149,10 @@ impl TileLists {
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
-            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &cutoffs.of_lists())?,
+            emit: {
+                let [alpha] = cutoffs.of_lists();
+                gpu.pipeline(&kernels::emission(gpu).kernel, &[per_turn(tiles), alpha])?
+            },
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[("CARRIED", u32::from(loan.slot_splat.is_none()))])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
             depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,

@@ -18,7 +18,7 @@ const UNBOUNDED: f64 = 1.0e18;
 pub struct TileGrid {
     /// Image width and height.
     pub image: [u32; 2],
-    /// Tile width and height.
+    /// Tile width and height: powers of two.
     pub tile: [u32; 2],
     /// The alpha below which a splat is skipped at a pixel.
     pub alpha_min: f32,

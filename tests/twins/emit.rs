@@ -76,7 +76,10 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
         outcome
     };
     let outcome = run(&PASS, &[]);
-    // All bits that the twin leaves, so also those of the form above.
+    // One tile a turn, as in pictures of few tiles. All bits that the twin leaves, so also those of the form above.
+    if grid.counts().iter().product::<u32>() <= 32_767 {
+        run(&PASS, &[("PER_TURN", 1)]);
+    }
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
         run(&TOGETHER, &[]);
     }

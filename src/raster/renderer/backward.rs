@@ -2,6 +2,7 @@
 
 use super::{Renderer, Shot};
 use crate::pass::camera::CameraPush;
+use crate::pass::turns::per_turn;
 use crate::pass::{adam, project_backward, project_backward_adam, slot_sum};
 use crate::raster::approximation::ShStorage;
 use crate::raster::kernels;
@@ -108,6 +109,7 @@ impl Backward {
         let slots = variants.gradients == GradientSum::Slots;
         let channels = |aux: u32| -> Result<Channels, vk::Error> {
             let aux = ("AUX", aux);
+            let turn = per_turn(u64::from(size.tiles));
             let mut switches = vec![
                 aux,
                 ("COUNT", u32::from(size.count)),
@@ -116,7 +118,7 @@ impl Backward {
             switches.extend(&chosen.constants);
             Ok(Channels {
                 blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
-                slot_sum: slots.then(|| gpu.pipeline(&slot_sum::PASS.kernel, &[aux])).transpose()?,
+                slot_sum: slots.then(|| gpu.pipeline(&slot_sum::PASS.kernel, &[aux, turn])).transpose()?,
             })
         };
         let rows = |name, there: bool, bytes: u64, count: u32| {
