@@ -70,7 +70,9 @@ vec4 arm(uint number, ivec2 at) {
     const bool far = number >= 4u;
     const uint places = far ? 11u : 7u;
     vec4 found = vec4(0.0);
-    for (uint k = 0u; k < places; ++k) {
+    // The loop tests at its end, see common.glsl.
+    uint k = 0u;
+    while (true) {
         const int out_by = int((k + 1u) >> 1u);
         const int across = (k & 1u) == 0u ? out_by : -out_by;
         const ivec2 offset = far ? ahead * int(3u + 2u * k) : ahead * (1 + out_by) + ahead.yx * across;
@@ -82,6 +84,8 @@ vec4 arm(uint number, ivec2 at) {
         const bool better = inside && plane.w > found.w;
         const vec4 carried = vec4(plane.x - plane.y * float(away.x) - plane.z * float(away.y), plane.yzw);
         found = better ? carried : found;
+        ++k;
+        if (k >= places) break;
     }
     return found;
 }
@@ -112,7 +116,9 @@ void main() {
     const vec3 given = held.xyz;
     if (start) held = vec4(0.0);
     const uint others = start ? 1u : ARMS;
-    for (uint c = 0u; c < others + push.draws; ++c) {
+    // At least one; the loop tests at its end, see common.glsl.
+    uint c = 0u;
+    while (true) {
         const vec4 draw = spread(random_bits(uvec4(pixel, c, push.turn, push.seed)));
         vec3 hypothesis;
         if (c >= others) {
@@ -122,6 +128,8 @@ void main() {
         }
         const float score = window_score(hypothesis, middle);
         if (textured && possible(hypothesis, middle) && score > held.w) held = vec4(hypothesis, score);
+        ++c;
+        if (c >= others + push.draws) break;
     }
     planes[pixel] = held;
 }

@@ -100,13 +100,19 @@ float source_score(uint source, vec3 hypothesis, vec2 middle) {
 float window_score(vec3 hypothesis, vec2 middle) {
     vec4 best = vec4(0.0);
     uint seen = 0u;
-    for (uint source = 0u; source < push.sources; ++source) {
-        float score = source_score(source, hypothesis, middle);
-        seen += score >= 0.0 ? 1u : 0u;
-        [[unroll]] for (uint k = 0u; k < 4u; ++k) {
-            const float higher = max(best[k], score);
-            score = min(best[k], score);
-            best[k] = higher;
+    if (push.sources > 0u) {
+        // The loop tests at its end, see common.glsl.
+        uint source = 0u;
+        while (true) {
+            float score = source_score(source, hypothesis, middle);
+            seen += score >= 0.0 ? 1u : 0u;
+            [[unroll]] for (uint k = 0u; k < 4u; ++k) {
+                const float higher = max(best[k], score);
+                score = min(best[k], score);
+                best[k] = higher;
+            }
+            ++source;
+            if (source >= push.sources) break;
         }
     }
     const uint most = clamp(seen, 1u, push.best);

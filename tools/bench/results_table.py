@@ -3,8 +3,8 @@
 
   tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, or published-rates-320-1500
 
-Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process) beside
-some. Differences are paired by scene and seed; intervals are Student's, 95 %. Python's standard library alone is needed.
+Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
+commit of its build) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are Student's, 95 %. Python's standard library alone is needed.
 """
 
 import json
@@ -60,6 +60,18 @@ def seconds(process):
     return process["user_seconds"] + process["system_seconds"]
 
 
+def mean(values):
+    return sum(values) / len(values)
+
+
+def by_build(processes, scene, method):
+    times = {}
+    for (s, m, _), process in processes.items():
+        if (s, m) == (scene, method):
+            times.setdefault(process.get("build"), []).append(seconds(process))
+    return times
+
+
 def main_table(runs, processes):
     print("| scene | method | seeds | PSNR | psnr_cc | SSIM | LPIPS | GMSD | PSNR where texture is | splats | of 3dgs | CPU time of 3dgs |")
     print("|" + "---|" * 12)
@@ -73,9 +85,9 @@ def main_table(runs, processes):
             splats = sum(run["splats"] for run in rows.values()) / len(rows)
             pairs = [run["splats"] / base[seed]["splats"] for seed, run in rows.items() if seed in base]
             share = f"{100 * sum(pairs) / len(pairs):.0f} %" if pairs else ""
-            of_base = [seconds(p) for (s, m, seed), p in processes.items() if (s, m) == (scene, "3dgs")]
-            own = [seconds(p) for (s, m, seed), p in processes.items() if (s, m) == (scene, method)]
-            time = f"{sum(own) / len(own) / (sum(of_base) / len(of_base)):.2f}" if own and of_base else ""
+            own, of_base = by_build(processes, scene, method), by_build(processes, scene, "3dgs")
+            ratios = [mean(own[build]) / mean(of_base[build]) for build in own if build in of_base]
+            time = f"{mean(ratios):.2f}" if ratios else ""
             print(f"| {scene} | {method} | {len(rows)} | {' | '.join(cells)} | {splats:,.0f} | {share} | {time} |")
 
 
