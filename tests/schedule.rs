@@ -317,7 +317,7 @@ fn random_backgrounds_depend_on_the_step_only() {
 
 #[test]
 fn a_limited_set_is_recycled_while_it_grows() {
-    let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t, true), Some(Dropped::Lightest(_))));
+    let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Lightest(_))));
     let s = schedule(|s| s.density.recycle_share = 0.2);
     // Three passes over 43 views are 129 steps: after every second change, while another one follows.
     let wanted: Vec<u32> = (600..14_900).step_by(200).map(|t| t + 1).collect();
@@ -333,17 +333,7 @@ fn a_limited_set_is_recycled_while_it_grows() {
     };
     assert_eq!(recycled(&scaled(0.2)), [130, 259, 388, 517, 646]);
     // What is dropped for good, when growth has ended, is the same.
-    let below = |s: &Schedule, held_up| steps(s, |t| matches!(s.drops(t, held_up), Some(Dropped::Below(_))));
-    assert_eq!(below(&scaled(0.2), true), below(&scaled(0.0), true));
-    assert_eq!(below(&scaled(0.2), true), [750, 1201]);
-    assert!(steps(&scaled(0.2), |t| s.drops(t, false) == Some(Dropped::Lightest(0.2))).is_empty());
-    // Where nothing holds growth up, splats below a weight may go at the same steps.
-    let growing = schedule(|s| {
-        (s.run.iterations, s.run.scale_schedule) = (1500, true);
-        (s.density.recycle_share, s.density.prune_weight, s.density.prune_weight_growing) = (0.2, 0.03, 0.02);
-    });
-    assert_eq!(below(&growing, false), [130, 259, 388, 517, 646, 750, 1201]);
-    assert_eq!(growing.drops(130, false), Some(Dropped::Below(0.02)));
-    assert_eq!(growing.drops(750, false), Some(Dropped::Below(0.03)));
-    assert_eq!((recycled(&growing), below(&growing, true)), (recycled(&scaled(0.2)), vec![750, 1201]));
+    let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Below(_))));
+    assert_eq!(below(&scaled(0.2)), below(&scaled(0.0)));
+    assert_eq!(below(&scaled(0.2)), [750, 1201]);
 }

@@ -50,7 +50,7 @@ impl Needs {
             views: outline.train.clone(),
             settings: settings.clone(),
             extent: f64::from(outline.extent),
-            pictures: !outline.held_out.is_empty() || settings.density.prune_weight.max(settings.density.prune_weight_growing) > 0.0,
+            pictures: !outline.held_out.is_empty() || settings.density.prune_weight > 0.0,
             room: tally.limit.saturating_sub(tally.current.next_multiple_of(GRAIN)),
             residency: pacing.photographs,
             counted: pacing.photographs,

@@ -74,10 +74,8 @@ pub struct Schedule {
     prune_weight: f64,
     prune_before: [u32; 2],
     prune_from: u32,
-    /// Those below this one, now and then while there is growth.
-    prune_growing: f64,
     recycle_share: f64,
-    /// Density changes from one time that splats are dropped during growth to the next.
+    /// Density changes from one recycling to the next.
     recycle_every: u32,
     sh_degree: u32,
     /// Before this step it is settled which splats have harmonics above degree 1; 0 where all have.
@@ -153,7 +151,6 @@ impl Schedule {
             prune_weight: density.prune_weight,
             prune_from: density.prune_weight_from.max(densify_until),
             prune_before: [densify_until, (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1],
-            prune_growing: density.prune_weight_growing,
             recycle_share: density.recycle_share,
             recycle_every: recycle_steps(views).div_ceil(densify_interval.max(1)),
             sh_degree: settings.model.sh_degree,
@@ -180,17 +177,11 @@ impl Schedule {
     }
 
     /// Whether splats of little weight are dropped before a step, and which: when growth has come to its end, and once more when
-    /// what was left has settled; now and then while there is growth, also to make room where a limit holds it up.
-    pub fn drops(&self, t: u32, held_up: bool) -> Option<Dropped> {
+    /// what was left has settled; while there is growth, to make room for it.
+    pub fn drops(&self, t: u32) -> Option<Dropped> {
         let due = self.densify && t >= self.prune_from && t <= self.iterations && self.prune_before.contains(&t);
-        if due && self.prune_weight > 0.0 {
-            return Some(Dropped::Below(self.prune_weight));
-        }
-        match self.drops_while_growing(t) {
-            true if held_up && self.recycle_share > 0.0 => Some(Dropped::Lightest(self.recycle_share)),
-            true if self.prune_growing > 0.0 => Some(Dropped::Below(self.prune_growing)),
-            _ => None,
-        }
+        let below = (due && self.prune_weight > 0.0).then_some(Dropped::Below(self.prune_weight));
+        below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
     }
 
     /// Whether it is settled before a step which splats have harmonics above degree 1.
@@ -204,11 +195,12 @@ impl Schedule {
         if t < self.settle_sh { degree.min(1) } else { degree }
     }
 
-    /// After some density changes, with another one to come.
-    fn drops_while_growing(&self, t: u32) -> bool {
+    /// After a density change, with another one to come.
+    fn recycles(&self, t: u32) -> bool {
         let before = t.saturating_sub(1);
         let change = before / self.densify_interval;
-        self.densifies_at(before)
+        self.recycle_share > 0.0
+            && self.densifies_at(before)
             && change.is_multiple_of(self.recycle_every)
             && self.densifies_at(before + self.densify_interval)
     }

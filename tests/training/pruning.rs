@@ -142,33 +142,6 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
 }
 
 #[test]
-fn splats_of_little_weight_are_dropped_while_there_is_growth_where_that_is_asked_for() {
-    let Some(gpu) = common::gpu() else { return };
-    let input = plane_scene::input(5, 64, 48, 300);
-    // As above without a limit: before 16 and 31.
-    let mut growing = recycled(100_000);
-    growing.density.prune_weight_growing = LEAST;
-    let one = Pacing { events_in_flight: 1, ..Pacing::default() };
-    let mut trainer = Trainer::new(&gpu, input.clone(), &growing, one, None).expect("a trainer");
-    let (mut due, mut pruned_at) = (0, Vec::new());
-    while let Some(message) = trainer.next_message().expect("a message") {
-        match message {
-            Message::Density { step: 15 | 30, .. } => due = faint(&gpu, &mut trainer, 5),
-            Message::Pruned { step, dropped, .. } => {
-                assert_eq!(dropped as usize, due, "step {step}");
-                pruned_at.push((step, dropped));
-            }
-            _ => {}
-        }
-    }
-    assert!(matches!(pruned_at[..], [(16, first), (31, _)] if first > 10), "{pruned_at:?}");
-    let truth = run(&gpu, input.clone(), &growing, Pacing::default());
-    let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
-    assert_same(&truth.state, &run(&gpu, input.clone(), &growing, tight).state, "with little room");
-    stops_and_resumes_on(&gpu, &growing, &input, &[14, 15, 16, 30]);
-}
-
-#[test]
 fn nothing_is_dropped_where_density_stays_as_it_is() {
     let Some(gpu) = common::gpu() else { return };
     let mut settings = pruned();

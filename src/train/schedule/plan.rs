@@ -7,7 +7,7 @@ use super::{PerceptualStep, Rates};
 pub enum Dropped {
     /// Those of less weight than this.
     Below(f64),
-    /// This share of them, the lightest.
+    /// This share of them, the lightest, where a limit holds growth up.
     Lightest(f64),
 }
 

@@ -53,10 +53,6 @@ group! {
         /// Drop no splats below --prune-weight before this step: until opacities have been learned, weights say little
         #[arg(value_name = "STEP")]
         pub prune_weight_from: u32 = 500,
-        /// While there is growth, drop splats below this weight, too, after some density changes: they cost steps before the end of growth
-        /// drops them (0: none)
-        #[arg(value_name = "W")]
-        pub prune_weight_growing: f64 = 0.0,
         /// Where --max-splats holds growth up, drop this share of the splats, those of the least weight, after some density changes, which
         /// makes room for others (0: none)
         #[arg(value_name = "SHARE")]

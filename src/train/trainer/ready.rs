@@ -38,8 +38,9 @@ impl Trainer {
 
     /// The splats that are dropped for their weight before the next step, where that is due and not done.
     fn drops(&self) -> Option<Dropped> {
+        let due = self.schedule.drops(self.next.step).filter(|_| self.pruned < self.next.step)?;
         let held_up = self.engine.limit().is_some_and(|most| f64::from(self.last_splats) >= NEARLY * f64::from(most));
-        self.schedule.drops(self.next.step, held_up).filter(|_| self.pruned < self.next.step)
+        (held_up || matches!(due, Dropped::Below(_))).then_some(due)
     }
 
     fn prune(&mut self) -> Result<(), Error> {
