@@ -5,15 +5,18 @@
 
 use crate::vk::Constant;
 
-/// Tiles a turn. What a kernel has where nothing is told is enough for 524,280 tiles.
+/// Tiles a turn. What a kernel has where nothing is told is enough for 520,000 tiles.
 pub(super) const PER_TURN: Constant = Constant { id: 23, name: "PER_TURN", default: 8 };
 
-/// Turns that are never exceeded, with room for rows of tiles that have none listed.
-const MOST: u64 = 32_767;
+/// Up to so many tiles are taken one a turn, with room for rows of tiles that have none listed.
+const FEW: u64 = 32_767;
+/// Turns that are never exceeded.
+const MOST: u64 = 65_000;
 
 /// The constant for images of up to `tiles` tiles.
 pub fn per_turn(tiles: u64) -> (&'static str, u32) {
-    (PER_TURN.name, u32::try_from(tiles.div_ceil(MOST).max(1)).unwrap_or(u32::MAX))
+    let needed = u32::try_from(tiles.div_ceil(MOST)).unwrap_or(u32::MAX);
+    (PER_TURN.name, if tiles <= FEW { 1 } else { needed.max(PER_TURN.default) })
 }
 
 #[cfg(test)]
@@ -25,8 +28,8 @@ mod tests {
         for [width, height] in [[1u64, 1], [640, 360], [1920, 1080], [3840, 2160], [16_384, 16_384]] {
             let tiles = width.div_ceil(8) * height.div_ceil(8);
             let (_, each) = per_turn(tiles);
-            assert!(tiles.div_ceil(u64::from(each)) < 32_768, "{width}x{height}");
+            assert!(tiles.div_ceil(u64::from(each)) <= 65_000, "{width}x{height}");
         }
-        assert_eq!(per_turn(640 / 8 * 360 / 8).1, 1);
+        assert_eq!([640 * 360, 3840 * 2160].map(|pixels| per_turn(pixels / 64).1), [1, 8]);
     }
 }

@@ -76,10 +76,11 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
         outcome
     };
     let outcome = run(&PASS, &[]);
-    // One tile a turn, as in pictures of few tiles. All bits that the twin leaves, so also those of the form above.
+    // One tile a turn, as in pictures of few tiles.
     if grid.counts().iter().product::<u32>() <= 32_767 {
         run(&PASS, &[("PER_TURN", 1)]);
     }
+    // All bits that the twin leaves, so also those of the form above.
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
         run(&TOGETHER, &[]);
     }

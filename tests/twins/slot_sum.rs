@@ -38,7 +38,7 @@ pub fn run(gpu: &Gpu) {
                 garbage(4 * splats),
             ];
             let groups = (visible as u32).div_ceil(slot_sum::SPLATS_PER_WORKGROUP).max(1);
-            for per_turn in if most > 32_767 { [8, 4] } else { [8, 1] } {
+            for per_turn in if most > 32_767 { [8, 16] } else { [8, 1] } {
                 let given = [("AUX", aux), ("PER_TURN", per_turn)];
                 let outcome = harness::run(gpu, &slot_sum::PASS, &given, &buffers, &(), groups);
                 outcome.assert_same_bits(&format!("slot_sum of {visible}, aux {aux}, {per_turn} a turn"));

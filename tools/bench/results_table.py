@@ -4,7 +4,8 @@
   tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
-commit of its build) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are Student's, 95 %. Python's standard library alone is needed.
+commit of its build) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are
+Student's, 95 %. Python's standard library alone is needed.
 """
 
 import json
