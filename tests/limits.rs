@@ -111,7 +111,7 @@ fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
 }
 
 fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
-    Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true }
+    Size { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
 }
 
 /// All splats visible in a tiny image: forward, backward, and a handful of them against the projection's twin.

@@ -178,7 +178,7 @@ fn a_deterministic_training_per_splat_repeats_itself() {
 }
 
 fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
-    Size { splats, pairs, tiles, aux: false, train: true, count: false, clamp_gradient_passes: true }
+    Size { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
 }
 
 /// Counts and every array of the tile lists, as far as they hold something.

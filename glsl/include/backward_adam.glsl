@@ -23,9 +23,13 @@ layout(constant_id = 7) const uint REST = 1u;
 layout(constant_id = 8) const uint FLATTEN = 0u;
 // Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 9) const uint SHRINK = 0u;
+// 1: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. Adam's second moments are means
+// over steps: over those on the image they are larger by as much as the rest would have diluted them, about the share of splats that
+// the image shows. Rates are multiplied by the root of its inverse, so that a splat's steps stay as long as they were.
+layout(constant_id = 10) const uint LISTED = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
-layout(set = 0, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts of all splats, or the LISTED ones
 layout(set = 0, binding = 3) readonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 4) readonly buffer GradNormals { vec4 grad_normals[]; };
 layout(set = 0, binding = 5) buffer Means { float means[]; };
@@ -57,6 +61,13 @@ layout(push_constant) uniform Push {
 } push;
 
 const uint FLAG_STEPS_OPACITIES = 4u;
+// A view of next to nothing says little about the others.
+const float MOST_LONGER = 4.0;
+
+float longer_steps() {
+    const float splats = float(counters[COUNTER_SPLATS]), visible = float(counters[COUNTER_VISIBLE]);
+    return min(sqrt(splats / visible), MOST_LONGER);
+}
 
 vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 v) {
     return vec4(adam(step, lr.x, g.x, param.x, m.x, v.x), adam(step, lr.y, g.y, param.y, m.y, v.y),
@@ -79,8 +90,9 @@ vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 
     STEP4(plane, first, second, s + 2u, element + 8u, rest, SHRUNK(sh_outer2(basis, g.rgb), splat.sh[3 * group + 2], weight), splat.sh[3 * group + 2])
 
 void main() {
-    const uint i = global_index();
-    if (i >= counters[COUNTER_SPLATS]) return;
+    const uint at = global_index();
+    if (at >= counters[LISTED != 0u ? COUNTER_VISIBLE : COUNTER_SPLATS]) return;
+    const uint i = LISTED != 0u ? on_image[at] : at;
     const uint s = 3u * i;
     // The other rows have no harmonics above degree 1, nor moments of them.
     const bool full = i < FULL_ROWS;
@@ -107,7 +119,7 @@ void main() {
     SplatGradient g = no_gradient();
     // By degree; nothing for a splat that is not on the image.
     vec3 shrink = vec3(0.0);
-    if (tile_counts[i] != 0u) {
+    if (LISTED != 0u || on_image[at] != 0u) {
         const Camera camera =
             Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
                    0.0, push.focal, vec2(0.0), push.limits);
@@ -120,11 +132,12 @@ void main() {
 
     AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
                              uintBitsToFloat(EPS), push.inv_bias1, push.inv_sqrt_bias2);
-    STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)
-    STEP4(quats, m_quats, v_quats, i, 3u, vec4(push.lr_quats), g.quat, splat.quat)
-    STEP3(scales, m_scales, v_scales, 7u, push.lr_scales, g.log_scale, splat.log_scale)
-    const vec4 rest = vec4(push.lr_sh_rest);
-    const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
+    const float longer = LISTED != 0u ? longer_steps() : 1.0;
+    STEP3(means, m_means, v_means, 0u, longer * push.lr_means, g.mean, splat.mean)
+    STEP4(quats, m_quats, v_quats, i, 3u, vec4(longer * push.lr_quats), g.quat, splat.quat)
+    STEP3(scales, m_scales, v_scales, 7u, longer * push.lr_scales, g.log_scale, splat.log_scale)
+    const vec4 rest = vec4(longer * push.lr_sh_rest);
+    const vec4 head = vec4(vec3(longer * push.lr_sh_base), longer * push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
     const vec4 g_head = SHRUNK(sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x));
     if (REST != 0u) {
@@ -155,6 +168,6 @@ void main() {
     if ((push.flags & FLAG_STEPS_OPACITIES) != 0u) {
         step.inv_bias1 = push.inv_bias1_opacities;
         step.inv_sqrt_bias2 = push.inv_sqrt_bias2_opacities;
-        STEP1(opacities, m_opacities, v_opacities, i, 10u, step, push.lr_opacities, g.logit, splat.logit)
+        STEP1(opacities, m_opacities, v_opacities, i, 10u, step, longer * push.lr_opacities, g.logit, splat.logit)
     }
 }

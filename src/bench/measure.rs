@@ -318,6 +318,7 @@ impl<'a> Run<'a> {
             tile_capacity,
             sh_degree: self.sh_degree,
             sh_every: self.shortcuts.sh_every,
+            listed: self.shortcuts.visible_adam,
             moment_words: self.shortcuts.moment_bits / 16,
             variants,
             shape,

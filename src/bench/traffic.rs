@@ -29,6 +29,8 @@ pub struct Work {
     pub sh_degree: u32,
     /// The coefficients above the constant one take every so many steps.
     pub sh_every: u32,
+    /// Whether only the splats on the image take a step.
+    pub listed: bool,
     /// Words in which the optimiser keeps both moments of a parameter: 2, or 1 where they are packed.
     pub moment_words: u32,
     /// Forms of the passes.
@@ -77,6 +79,11 @@ impl Work {
         geometry + (all + (every - 1.0) * 3.0) / every
     }
 
+    /// Splats that take a step.
+    pub(super) fn stepping(&self) -> f64 {
+        if self.listed { self.visible } else { self.splats }
+    }
+
     /// Over all digits of both sorts: words of keys, and words of the tables of digit counts.
     fn sorted(&self) -> (f64, f64) {
         let one = |keys: f64, digits: Digits| {
@@ -123,7 +130,7 @@ impl Work {
 /// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
 /// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
 /// | `slot_sum` | V (12 + 48) + 48 P |
-/// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient) |
+/// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient); with `--visible-adam` V for N |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
 /// | `densify_stats` | 4 N + V (12 + 16 + 32) |
 /// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
@@ -141,7 +148,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let families: [(&str, f64); 21] = [
         (
             "project_backward_adam",
-            n * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped()) + v * (16.0 + ROW_2D),
+            work.stepping() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped()) + v * (16.0 + ROW_2D),
         ),
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),

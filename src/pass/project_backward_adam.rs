@@ -117,7 +117,7 @@ impl Push {
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 10];
+pub type Constants = [(&'static str, u32); 11];
 
 /// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
@@ -128,6 +128,15 @@ pub fn flattening(constants: Constants, weight: f32) -> Constants {
 pub fn shrinking(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "SHRINK" { weight.to_bits() } else { value }))
 }
+
+/// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the order of their index, and
+/// `counters.visible` says how many they are. Rates are multiplied by the root of the inverse of their share, at most [`MOST_LONGER`].
+pub fn listed(constants: Constants) -> Constants {
+    constants.map(|(name, value)| (name, if name == "LISTED" { 1 } else { value }))
+}
+
+/// The most that rates are multiplied by in a step of [`listed`] splats.
+pub const MOST_LONGER: f32 = 4.0;
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
 /// are zero and a step would change nothing of them. Without `rest` the step leaves the view-dependent coefficients and their moments
@@ -145,6 +154,7 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Con
         ("REST", u32::from(rest)),
         ("FLATTEN", 0),
         ("SHRINK", 0),
+        ("LISTED", 0),
     ]
 }
 
@@ -159,6 +169,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 7, name: "REST", default: 1 },
     Constant { id: 8, name: "FLATTEN", default: 0 },
     Constant { id: 9, name: "SHRINK", default: 0 },
+    Constant { id: 10, name: "LISTED", default: 0 },
 ];
 
 /// The pass.
@@ -169,7 +180,7 @@ pub const PASS: Pass = Pass {
         bindings: &[
             read("counters"),
             read("splat2d"),
-            read("tile_counts"),
+            read("on_image"),
             read("grad2d"),
             read("grad_normals"),
             read_write("means"),
@@ -204,8 +215,9 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
           project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
           zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one. \
-          FLATTEN and SHRINK as there.",
-    dispatch: "one thread per splat of the model",
+          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and these alone step, at \
+          rates that make up for it.",
+    dispatch: "one thread per splat of the model, or of the image (LISTED)",
     push: Push::FIELDS,
     twin: crate::twin::project_backward_adam::run,
 };

@@ -135,7 +135,8 @@ impl Renderer {
             if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
         // Splats of slots are dead when gradients come to the slots.
         let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
-        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &cutoffs)?;
+        let lists =
+            TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &cutoffs, size.listed)?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,

@@ -42,6 +42,8 @@ pub struct Size {
     pub aux: bool,
     /// Whether there is a backward.
     pub train: bool,
+    /// Whether the splats on the image are listed in the order of their index, for optimiser steps of them alone: a word more per splat.
+    pub listed: bool,
     /// Whether evaluated and blended pixel-splats are counted (slower; for benchmarks).
     pub count: bool,
     /// Whether gradients pass through the clamp of alpha at 0.99, as in the 3DGS reference.

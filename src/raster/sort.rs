@@ -118,6 +118,8 @@ pub(crate) struct SortMemory<'a> {
     pub(crate) keys: [BufferSlice<'a>; 2],
     /// Values.
     pub(crate) vals: [BufferSlice<'a>; 2],
+    /// The values of the input, where these are to stay.
+    pub(crate) apart: Option<BufferSlice<'a>>,
 }
 
 /// The passes of a sort, for tables of digit counts that somebody lends.
@@ -151,7 +153,8 @@ impl SortPasses {
         self.scan.bytes()
     }
 
-    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result. Values that are given
+    /// apart take the place of `vals[0]` and stay as they are.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder,
@@ -160,7 +163,7 @@ impl SortPasses {
         extent: Keys<'_>,
         bits: u32,
     ) -> Result<usize> {
-        let SortMemory { tables: [table_words, places], keys, vals } = memory;
+        let SortMemory { tables: [table_words, places], keys, vals, apart } = memory;
         let digits = self.shape.digits(bits);
         let block = self.shape.block();
         let (source, number, groups, table) = match extent {
@@ -185,7 +188,8 @@ impl SortPasses {
             let push = Push { source, count: number, shift, mask, digits: digits.rows() };
             rec.dispatch(&self.count, &[keys[from], counts, table_words], &push, groups)?;
             self.scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
-            let bound = [keys[from], vals[from], counts, places, keys[to], vals[to]];
+            let given = apart.filter(|_| digit == 0).unwrap_or(vals[from]);
+            let bound = [keys[from], given, counts, places, keys[to], vals[to]];
             rec.dispatch(&self.scatter, &bound, &push, groups)?;
         }
         Ok(digits.side())
@@ -234,8 +238,20 @@ impl RadixSort {
         extent: Keys<'_>,
         bits: u32,
     ) -> Result<usize> {
+        self.record_from(rec, (keys, vals, None), counters, extent, bits)
+    }
+
+    /// The same with the values of the input given apart, where some are: they stay as they are.
+    pub(super) fn record_from<'b, B: Into<BufferSlice<'b>>>(
+        &self,
+        rec: &mut Recorder,
+        (keys, vals, apart): ([B; 2], [B; 2], Option<BufferSlice<'b>>),
+        counters: &Buffer,
+        extent: Keys<'_>,
+        bits: u32,
+    ) -> Result<usize> {
         let tables = [self.tables[0].slice(), self.tables[1].slice()];
-        let memory = SortMemory { tables, keys: keys.map(Into::into), vals: vals.map(Into::into) };
+        let memory = SortMemory { tables, keys: keys.map(Into::into), vals: vals.map(Into::into), apart };
         self.passes.record(rec, memory, counters, extent, bits)
     }
 }

@@ -62,6 +62,8 @@ pub struct TileLists {
     tile_sort: RadixSort,
     keys: [Part; 2],
     vals: [Part; 2],
+    /// The visible splats in the order of their index, where somebody asks for them after.
+    listed: Option<Part>,
     pair_keys: [Part; 2],
     pair_vals: [Part; 2],
     /// Without, pairs carry the splat and not the slot.
@@ -123,16 +125,18 @@ impl TileLists {
         let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape, true).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(Part::whole(slot_splat));
-        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &Cutoffs::EXACT)
+        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &Cutoffs::EXACT, false)
     }
 
-    /// The same in memory that is the lists' until they are complete, see [`Layout`].
+    /// The same in memory that is the lists' until they are complete, see [`Layout`]. `listed`: the visible splats are kept in the order of
+    /// their index.
     pub(super) fn within(
         gpu: &Gpu,
         capacities: Capacities,
         shape: Shape,
         loan: Loan<'_>,
         cutoffs: &Cutoffs,
+        listed: bool,
     ) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
         let layout = Layout::new(gpu, &capacities, shape, loan.slot_splat.is_some());
@@ -159,6 +163,11 @@ impl TileLists {
             tile_sort: RadixSort::within(gpu, "tile_sort", shape, pairs, tile_bits(tiles), tile_tables)?,
             keys,
             vals,
+            listed: if listed {
+                Some(Part::whole(gpu.buffer("listed", 4 * splats.max(1), Memory::Device)?))
+            } else {
+                None
+            },
             pair_keys: words(gpu, ["pair_keys0", "pair_keys1"], pairs)?,
             pair_vals: words(gpu, ["pair_vals0", "pair_vals1"], pairs)?,
             slot_splat: loan.slot_splat,
@@ -170,7 +179,9 @@ impl TileLists {
     pub(super) fn held(&self) -> Held {
         let bytes = |parts: &[Part; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
         Held {
-            splats: self.splat_scan.bytes() + self.depth_sort.bytes(),
+            splats: self.splat_scan.bytes()
+                + self.depth_sort.bytes()
+                + self.listed.as_ref().map_or(0, |part| part.slice().bytes()),
             pairs: bytes(&self.pair_keys) + bytes(&self.pair_vals) + self.tile_sort.bytes(),
             pixels: self.tile_ranges.size(),
             slot_splats: if self.slot_splat.is_some() { bytes(&self.vals) } else { 0 },
@@ -182,6 +193,13 @@ impl TileLists {
     /// agree in these are drawn in the order of their index.
     pub fn sort_depths_by(&mut self, bits: u32) {
         self.depth_bits = bits.clamp(1, DEPTH_BITS);
+    }
+
+    /// The visible splats of the frame that was recorded last in the order of their index (the first `counters.visible`), where they are
+    /// kept, and workgroups of 64 threads for one each; none when the pairs do not fit.
+    pub(super) fn listed<'a>(&'a self, args: &'a Buffer, first_entry: u32) -> Option<(BufferSlice<'a>, Groups<'a>)> {
+        let groups = Groups::Indirect(args, Entry::offset(first_entry + VISIBLE_ITEMS));
+        self.listed.as_ref().map(|part| (part.slice(), groups))
     }
 
     /// What was allocated for.
@@ -211,7 +229,8 @@ impl TileLists {
         let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
         let places = vals[1];
         self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
-        let bound = [splat2d, tile_counts, places, count_words, keys[0], vals[0]];
+        let listed = self.listed.as_ref().map(Part::slice);
+        let bound = [splat2d, tile_counts, places, count_words, keys[0], listed.unwrap_or(vals[0])];
         let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
         rec.dispatch(&self.compact, &bound, &push, indirect(SPLAT_ITEMS))?;
 
@@ -221,7 +240,7 @@ impl TileLists {
         let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
         plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &of_visible))?;
         let extent = Keys::Counted { counter: visible, args, first: at(VISIBLE_SORT), once: at(VISIBLE_ONCE) };
-        let side = self.depth_sort.record(rec, keys, vals, counts, extent, self.depth_bits)?;
+        let side = self.depth_sort.record_from(rec, (keys, vals, listed), counts, extent, self.depth_bits)?;
         // The keys have done their work, and so has the other side of the values.
         let (order, pair_offsets, visible_counts) = (vals[side], vals[1 - side], keys[0]);
         let bound = [order, tile_counts, count_words, visible_counts];

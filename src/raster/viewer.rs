@@ -60,8 +60,16 @@ impl Viewer {
     pub fn with_variants(gpu: &Gpu, variants: Variants) -> Self {
         // Without a backward there are no slots, which would limit the pairs.
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
-        let size =
-            Size { splats: 1, pairs: 1, tiles: 1, aux: true, train: false, count: false, clamp_gradient_passes: false };
+        let size = Size {
+            splats: 1,
+            pairs: 1,
+            tiles: 1,
+            aux: true,
+            train: false,
+            listed: false,
+            count: false,
+            clamp_gradient_passes: false,
+        };
         Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None }
     }
 

@@ -218,7 +218,8 @@ impl Engine {
         };
         let masked = settings.needs_masks();
         let aux = settings.geometry.depth_prior != DepthPrior::None;
-        let size = Size { splats, pairs, tiles, aux, train: true, count: false, clamp_gradient_passes: true };
+        let listed = settings.shortcuts.visible_adam;
+        let size = Size { splats, pairs, tiles, aux, train: true, listed, count: false, clamp_gradient_passes: true };
         Ok(Self {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,

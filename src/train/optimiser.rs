@@ -65,7 +65,9 @@ impl Optimiser {
         let form = if limit >= needed {
             let of = |degree, aux, rest| {
                 let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
-                gpu.pipeline(kernel, &fused::shrinking(constants, shrink))
+                let constants = fused::shrinking(constants, shrink);
+                let listed = shortcuts.visible_adam;
+                gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
                 Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])
@@ -75,7 +77,7 @@ impl Optimiser {
                 with_aux: aux.then(|| all(true)).transpose()?,
                 without_rest: (shortcuts.sh_every > 1).then(|| of(0, false, false)).transpose()?,
             }
-        } else if packs || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
+        } else if packs || shortcuts.visible_adam || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
             Form::FromGradients(Summed::new(gpu, capacity)?)

@@ -205,7 +205,11 @@ group! {
         #[arg(value_name = "HOW", value_enum)]
         pub exponential: Exponential = Exponential::Exact,
     }
-    flags {}
+    flags {
+        /// Step only the splats that are on the image, longer by the root of the inverse of their share (at most 4 times), in place of
+        /// moving the others on by their moments: a step takes time by what a photograph shows, not by the size of the scene
+        pub visible_adam,
+    }
     optional {}
 }
 
@@ -306,6 +310,7 @@ impl Shortcuts {
         moment_bits: 16,
         sh_every: 4,
         sh_rate: 4.0,
+        visible_adam: false,
         alpha_cutoff: Approximation::NONE.alpha_cutoff,
         transmittance_cutoff: Approximation::NONE.transmittance_cutoff,
         exponential: Exponential::Exact,

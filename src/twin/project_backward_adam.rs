@@ -7,7 +7,7 @@ use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
 use crate::pass::counters;
-use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{DEGREE_SHIFT, MOST_LONGER, Push, STEPS_OPACITIES};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::twin::splat::model_of;
 
@@ -96,15 +96,41 @@ pub(super) fn step_of<R: Real>(
     Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
 }
 
+/// Place of `LISTED` among the pass's constants.
+const LISTED: usize = 10;
+
+/// The push constants with the rates that the step has: longer steps where only listed splats take one.
+pub(super) fn push_of(call: &TwinCall<'_>) -> Push {
+    let (push, counts): (Push, Vec<u32>) = (call.push(), call.get(0));
+    if call.constants[LISTED] == 0 { push } else { longer(push, counts[counters::SPLATS], counts[counters::VISIBLE]) }
+}
+
+/// Rates for steps that only `visible` of so many splats take.
+pub fn longer(push: Push, splats: u32, visible: u32) -> Push {
+    let by = (splats as f32 / visible as f32).sqrt().min(MOST_LONGER);
+    Push {
+        lr_means: by * push.lr_means,
+        lr_quats: by * push.lr_quats,
+        lr_scales: by * push.lr_scales,
+        lr_opacities: by * push.lr_opacities,
+        lr_sh_base: by * push.lr_sh_base,
+        lr_sh_rest: by * push.lr_sh_rest,
+        ..push
+    }
+}
+
 /// What a step reads beside the model and its moments, as the bound buffers have it.
 pub(super) struct Inputs {
     /// Splats.
     pub(super) n: usize,
+    /// Threads that own one of them.
+    threads: usize,
+    listed: bool,
     /// Rows from this one on have harmonics up to degree 1 alone.
     pub(super) full: usize,
     view: View<f32>,
     splat2d: Vec<[f32; 12]>,
-    tile_counts: Vec<u32>,
+    on_image: Vec<u32>,
     grad2d: Vec<[f32; 12]>,
     grad_normals: Vec<[f32; 4]>,
     aux: bool,
@@ -115,12 +141,16 @@ pub(super) struct Inputs {
 impl Inputs {
     /// Bindings 0 to 4.
     pub(super) fn new(call: &TwinCall<'_>, push: &Push) -> Self {
+        let listed = call.constants[LISTED] != 0;
+        let counted = if listed { counters::VISIBLE } else { counters::SPLATS };
         Self {
-            n: (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize),
+            listed,
+            n: call.get::<u32>(0)[counters::SPLATS] as usize,
+            threads: (call.groups as usize * 64).min(call.get::<u32>(0)[counted] as usize),
             full: counters::full_rows(&call.get::<u32>(0)),
             view: view_of_step(push, call.constants),
             splat2d: call.get(1),
-            tile_counts: call.get(2),
+            on_image: call.get(2),
             grad2d: call.get(3),
             grad_normals: call.get(4),
             aux: call.constants[0] != 0,
@@ -129,9 +159,14 @@ impl Inputs {
         }
     }
 
+    /// The splats that take a step.
+    pub(super) fn stepping(&self) -> impl Iterator<Item = usize> {
+        (0..self.threads).map(|thread| if self.listed { self.on_image[thread] as usize } else { thread })
+    }
+
     /// The gradient of splat `i`.
     pub(super) fn gradient(&self, i: usize, splat: &Splat<f32>) -> Splat<f32> {
-        if self.tile_counts[i] == 0 {
+        if !self.listed && self.on_image[i] == 0 {
             return Splat::of(&Gaussians::zeros(1), 0);
         }
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
@@ -159,10 +194,10 @@ pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussian
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
-    let push: Push = call.push();
+    let push = push_of(call);
     let inputs = Inputs::new(call, &push);
     let mut planes = [5, 13, 21].map(|first| model_of(call, first, inputs.n));
-    for i in 0..inputs.n {
+    for i in inputs.stepping() {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
         let gradient = inputs.gradient(i, &splat);
         let after = step_of(&push, call.constants, &Stepped { splat, first, second }, &gradient, i < inputs.full);

@@ -3,10 +3,10 @@
 use half::f16;
 
 use super::TwinCall;
-use super::project_backward_adam::{Inputs, Stepped, set_planes, step_of, touched};
+use super::project_backward_adam::{Inputs, Stepped, push_of, set_planes, step_of, touched};
 use super::random;
 use super::splat::{PARAMETERS, Splat, model_of};
-use crate::pass::project_backward_adam::{Push, STEP_SHIFT, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{STEP_SHIFT, STEPS_OPACITIES};
 
 /// Bits of the second moment's f32 that are not kept.
 pub const V_SHIFT: u32 = 15;
@@ -40,7 +40,7 @@ pub fn dither(flags: u32, i: usize, k: usize) -> u32 {
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
-    let push: Push = call.push();
+    let push = push_of(call);
     let inputs = Inputs::new(call, &push);
     let mut model = model_of(call, 5, inputs.n);
     // Words in the places of floats: copies keep their bits.
@@ -48,7 +48,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let stepped = |i: usize, k: usize| {
         k < touched(call.constants, i < inputs.full) && (k != 10 || push.flags & STEPS_OPACITIES != 0)
     };
-    for i in 0..inputs.n {
+    for i in inputs.stepping() {
         let (splat, packed) = (Splat::<f32>::of(&model, i), Splat::<f32>::of(&words, i).to_array());
         let moments = packed.map(|word| unpack(word.to_bits()));
         let state = Stepped {

@@ -125,6 +125,7 @@ fn half_floats_have_no_gradients() {
         tiles: 64,
         aux: false,
         train: true,
+        listed: false,
         count: false,
         clamp_gradient_passes: false,
     };

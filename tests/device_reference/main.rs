@@ -195,6 +195,7 @@ fn device_gradients(
         tiles: width.div_ceil(side) * height.div_ceil(side),
         aux,
         train: true,
+        listed: false,
         count: false,
         clamp_gradient_passes: false,
     };

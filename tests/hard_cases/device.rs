@@ -135,6 +135,7 @@ impl Scene {
             tiles,
             aux: false,
             train: true,
+            listed: false,
             count: true,
             clamp_gradient_passes: self.clamp_gradient_passes,
         };

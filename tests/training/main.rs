@@ -11,6 +11,7 @@ mod methods;
 mod photographs;
 mod propagation;
 mod pruning;
+mod visible_adam;
 
 use common::plane_scene;
 use psrgs_vk::dataset::Pixels;

@@ -83,8 +83,14 @@ pub fn settings() -> Vec<Projection> {
 
 /// The counters of a model of `n` splats.
 pub fn counts(n: usize) -> Vec<u8> {
+    counts_of(n, 7)
+}
+
+/// The same where so many of them are on the image.
+pub fn counts_of(n: usize, visible: usize) -> Vec<u8> {
     let mut words = [7u32; counters::COUNT];
     (words[counters::SPLATS], words[counters::PLAIN]) = (n as u32, 0);
+    words[counters::VISIBLE] = visible as u32;
     bytes(&words)
 }
 

@@ -126,6 +126,7 @@ impl Run {
                     tiles: width.div_ceil(side) * height.div_ceil(side),
                     aux: false,
                     train: true,
+                    listed: false,
                     count: false,
                     clamp_gradient_passes: false,
                 };

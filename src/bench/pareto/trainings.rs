@@ -38,6 +38,7 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
             s.shortcuts.sh_every = 4;
             s.shortcuts.sh_rate = 4.0;
         }),
+        knob("splats on the image alone", "--visible-adam", |s| s.shortcuts.visible_adam = true),
         knob("splats skipped below an alpha of 1/128", "--alpha-cutoff 128", |s| s.shortcuts.alpha_cutoff = 128),
         knob("splats skipped below an alpha of 1/64", "--alpha-cutoff 64", |s| s.shortcuts.alpha_cutoff = 64),
         knob("pixels stopped at a transmittance of 1/100", "--transmittance-cutoff 100", |s| {

@@ -1,6 +1,6 @@
 //! The backward of a view: from the gradient of its image to gradients of the model, or to an optimiser step.
 
-use super::{Renderer, Shot};
+use super::{Renderer, Shot, entry};
 use crate::pass::camera::CameraPush;
 use crate::pass::turns::per_turn;
 use crate::pass::{adam, project_backward, project_backward_adam, slot_sum};
@@ -62,7 +62,8 @@ pub struct BackwardStep<'a> {
     /// The first and second moments, or both in one, which change with it.
     pub moments: &'a [Planes],
     /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants: with `AUX`
-    /// exactly after a blend backward of the auxiliary channels.
+    /// exactly after a blend backward of the auxiliary channels, and with `LISTED` exactly where the renderer lists the splats on the image
+    /// ([`Size::listed`]).
     pub pipeline: &'a Pipeline,
     /// The optimiser's settings.
     pub settings: &'a adam::Settings,
@@ -210,11 +211,13 @@ impl Renderer {
         let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
         let [counts, splat2d, tile_counts, grad_normals] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
-        let mut buffers = vec![counts, splat2d, tile_counts, backward.grad2d.slice(), grad_normals];
+        let (on_image, groups) =
+            self.lists.listed(&self.args, entry::TILES).unwrap_or_else(|| (tile_counts, self.per_splat()));
+        let mut buffers = vec![counts, splat2d, on_image, backward.grad2d.slice(), grad_normals];
         for planes in std::iter::once(step.model).chain(step.moments) {
             buffers.extend(planes.buffers().iter().map(BufferSlice::from));
         }
-        recorder.dispatch(step.pipeline, &buffers, &push, self.per_splat())
+        recorder.dispatch(step.pipeline, &buffers, &push, groups)
     }
 
     /// Gradients of the projected splats ([`Self::grad2d`], and the normals' with auxiliary channels) from those of the image,

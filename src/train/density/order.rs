@@ -121,7 +121,7 @@ impl Ordering {
         let [counts, ids] = slices([model.counters, model.ids]);
         let push = Push { stride: self.capacity };
         rec.dispatch(&self.births, &[counts, ids, keys[0], vals[0]], &push, self.all())?;
-        let memory = SortMemory { tables, keys, vals };
+        let memory = SortMemory { tables, keys, vals, apart: None };
         let side = self.sort.record(rec, memory, model.counters, Keys::Host(self.capacity), ID_BITS)?;
         Ok(ByBirth {
             ids: keys[side],
@@ -158,7 +158,7 @@ impl Ordering {
         rec.dispatch(&self.codes, &bound, &CodesPush { scale: self.scale }, rows)?;
         let counter = counters::SCAN_TOTAL as u32;
         let extent = Keys::Counted { counter, args: model.args, first: first + 1, once: first + 3 };
-        let memory = SortMemory { tables: sorted.tables, keys: sorted.codes, vals: sorted.births };
+        let memory = SortMemory { tables: sorted.tables, keys: sorted.codes, vals: sorted.births, apart: None };
         let side = self.sort.record(rec, memory, model.counters, extent, CODE_BITS)?;
         let bound = [counts, sorted.births[side], sorted.map, sorted.new_ids, map, ids];
         rec.dispatch(&self.order, &bound, &(), rows)

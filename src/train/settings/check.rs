@@ -132,8 +132,9 @@ impl Settings {
         ok(staged, "lambda-constrained", "0 where there is no --low-stage")?;
         ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
         ok((1..=8).contains(&texture.perceptual_views), "perceptual-views", "from 1 to 8")?;
-        let plain = self.model.sh_share >= 1.0 && self.shortcuts.sh_every <= 1 && self.shortcuts.moment_bits == 32;
-        let several = "1 where there is --sh-share, --sh-every or --moment-bits 16";
+        let super::Shortcuts { sh_every, moment_bits, visible_adam, .. } = self.shortcuts;
+        let plain = self.model.sh_share >= 1.0 && sh_every <= 1 && moment_bits == 32 && !visible_adam;
+        let several = "1 where there is --sh-share, --sh-every, --moment-bits 16 or --visible-adam";
         ok(texture.views_at_once() == 1 || plain, "perceptual-views", several)?;
         let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
         ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;

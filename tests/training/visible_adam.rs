@@ -1,0 +1,84 @@
+//! `--visible-adam`: steps of the splats on the image alone.
+
+use psrgs_vk::train::settings::Settings;
+use psrgs_vk::train::{Input, Pacing};
+
+use super::common::{self, plane_scene};
+use super::{Run, assert_same, run, settings, stops_and_resumes_on};
+
+/// Splats of this number and above are below the ground, where no camera looks.
+const SEEN: usize = 200;
+
+/// The plane scene with 300 splats, of which a third is out of sight.
+fn input() -> Input {
+    let mut input = plane_scene::input(5, 64, 48, 300);
+    for mean in input.initial.means.chunks_exact_mut(3).skip(SEEN) {
+        mean[2] -= 500.0;
+    }
+    input
+}
+
+fn visible(iterations: u32) -> Settings {
+    let mut settings = settings(iterations);
+    settings.shortcuts.visible_adam = true;
+    settings
+}
+
+fn fixed(mut settings: Settings) -> Settings {
+    settings.run.no_densify = true;
+    settings
+}
+
+#[test]
+fn splats_out_of_sight_rest_and_the_others_learn() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = input();
+    let run = run(&gpu, input.clone(), &fixed(visible(60)), Pacing::default());
+    let row = |plane: &[f32], i: u32, width: usize| plane[i as usize * width..][..width].to_vec();
+    let mut moved = 0;
+    for (at, id) in run.state.ids.iter().enumerate() {
+        let (before, after) = (row(&input.initial.means, *id, 3), row(&run.state.params[0], at as u32, 3));
+        let first = row(&run.state.moments[0][0], at as u32, 3);
+        if *id as usize >= SEEN {
+            assert_eq!((before, first), (after, vec![0.0; 3]), "splat {id} was never seen");
+        } else {
+            moved += usize::from(before != after);
+        }
+    }
+    assert!(moved > SEEN / 2, "{moved} moved");
+    let mean = |losses: &[f32]| losses.iter().sum::<f32>() / losses.len() as f32;
+    let (first, last) = (mean(&run.losses[..10]), mean(&run.losses[50..]));
+    assert!(last < 0.8 * first, "loss {first} -> {last}");
+}
+
+/// Where every photograph shows every splat there is nothing to leave out, and nothing to make up for.
+#[test]
+fn with_everything_in_sight_it_is_the_same_bits() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut input = plane_scene::input(4, 96, 72, 40);
+    for mean in input.initial.means.chunks_exact_mut(3) {
+        mean.iter_mut().for_each(|x| *x *= 0.2);
+    }
+    let of = |settings: Settings| -> Run { run(&gpu, input.clone(), &fixed(settings), Pacing::default()) };
+    let (all, listed) = (of(settings(25)), of(visible(25)));
+    assert_same(&all.state, &listed.state, "all in sight");
+    assert_eq!(all.losses, listed.losses);
+}
+
+#[test]
+fn stops_resumes_and_replays_are_bit_equal() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = input();
+    stops_and_resumes_on(&gpu, &visible(60), &input, &[14, 29, 44]);
+    let mut packed = visible(60);
+    packed.shortcuts.moment_bits = 16;
+    packed.shortcuts.sh_every = 4;
+    stops_and_resumes_on(&gpu, &packed, &input, &[15, 40]);
+    // With too little room: what was lost is taken again.
+    let truth = run(&gpu, input.clone(), &visible(60), Pacing::default());
+    let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
+    let forced = run(&gpu, input, &visible(60), tight);
+    assert!(forced.grown >= 2 && truth.changed > 0);
+    assert_same(&truth.state, &forced.state, "with little room");
+    assert_eq!(truth.losses, forced.losses);
+}
