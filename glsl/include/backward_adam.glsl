@@ -23,9 +23,10 @@ layout(constant_id = 7) const uint REST = 1u;
 layout(constant_id = 8) const uint FLATTEN = 0u;
 // Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 9) const uint SHRINK = 0u;
-// 1: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. Adam's second moments are means
-// over steps: over those on the image they are larger by as much as the rest would have diluted them, about the share of splats that
-// the image shows. Rates are multiplied by the root of its inverse, so that a splat's steps stay as long as they were.
+// Not 0: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. Adam's second moments are
+// means over steps: over those on the image they are larger by as much as the rest would have diluted them, about the share of splats
+// that the image shows. Rates are multiplied by the root of its inverse, so that a splat's steps stay as long as they were, but by no more
+// than this, a float as bits: a view of next to nothing says little about the others.
 layout(constant_id = 10) const uint LISTED = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
@@ -61,12 +62,10 @@ layout(push_constant) uniform Push {
 } push;
 
 const uint FLAG_STEPS_OPACITIES = 4u;
-// A view of next to nothing says little about the others.
-const float MOST_LONGER = 4.0;
 
 float longer_steps() {
     const float splats = float(counters[COUNTER_SPLATS]), visible = float(counters[COUNTER_VISIBLE]);
-    return min(sqrt(splats / visible), MOST_LONGER);
+    return min(sqrt(splats / visible), uintBitsToFloat(LISTED));
 }
 
 vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 v) {

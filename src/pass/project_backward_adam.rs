@@ -130,13 +130,10 @@ pub fn shrinking(constants: Constants, weight: f32) -> Constants {
 }
 
 /// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the order of their index, and
-/// `counters.visible` says how many they are. Rates are multiplied by the root of the inverse of their share, at most [`MOST_LONGER`].
-pub fn listed(constants: Constants) -> Constants {
-    constants.map(|(name, value)| (name, if name == "LISTED" { 1 } else { value }))
+/// `counters.visible` says how many they are. Rates are multiplied by the root of the inverse of their share, by at most `most`.
+pub fn listed(constants: Constants, most: f32) -> Constants {
+    constants.map(|(name, value)| (name, if name == "LISTED" { most.to_bits() } else { value }))
 }
-
-/// The most that rates are multiplied by in a step of [`listed`] splats.
-pub const MOST_LONGER: f32 = 4.0;
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
 /// are zero and a step would change nothing of them. Without `rest` the step leaves the view-dependent coefficients and their moments

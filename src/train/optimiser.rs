@@ -9,6 +9,10 @@ use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_pa
 use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
 use crate::vk::{self, Gpu, Pipeline, Recorder};
 
+/// What rates are multiplied by at most where only the splats on the image step: for photographs of a sixteenth of the scene. One that shows
+/// less says little about how often its splats are seen.
+const MOST_LONGER: f32 = 4.0;
+
 /// How a step is taken.
 enum Form {
     /// In one pass with the projection's backward.
@@ -67,7 +71,7 @@ impl Optimiser {
                 let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
                 let constants = fused::shrinking(constants, shrink);
                 let listed = shortcuts.visible_adam;
-                gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
+                gpu.pipeline(kernel, &if listed { fused::listed(constants, MOST_LONGER) } else { constants })
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
                 Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])

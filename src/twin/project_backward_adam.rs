@@ -7,7 +7,7 @@ use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
 use crate::pass::counters;
-use crate::pass::project_backward_adam::{DEGREE_SHIFT, MOST_LONGER, Push, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEPS_OPACITIES};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::twin::splat::model_of;
 
@@ -102,12 +102,15 @@ const LISTED: usize = 10;
 /// The push constants with the rates that the step has: longer steps where only listed splats take one.
 pub(super) fn push_of(call: &TwinCall<'_>) -> Push {
     let (push, counts): (Push, Vec<u32>) = (call.push(), call.get(0));
-    if call.constants[LISTED] == 0 { push } else { longer(push, counts[counters::SPLATS], counts[counters::VISIBLE]) }
+    match call.constants[LISTED] {
+        0 => push,
+        most => longer(push, [counts[counters::SPLATS], counts[counters::VISIBLE]], f32::from_bits(most)),
+    }
 }
 
-/// Rates for steps that only `visible` of so many splats take.
-pub fn longer(push: Push, splats: u32, visible: u32) -> Push {
-    let by = (splats as f32 / visible as f32).sqrt().min(MOST_LONGER);
+/// Rates for steps that only `visible` of so many splats take, at most `most` times those of all.
+pub fn longer(push: Push, [splats, visible]: [u32; 2], most: f32) -> Push {
+    let by = (splats as f32 / visible as f32).sqrt().min(most);
     Push {
         lr_means: by * push.lr_means,
         lr_quats: by * push.lr_quats,

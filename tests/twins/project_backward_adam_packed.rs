@@ -55,7 +55,7 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 
 pub fn run(gpu: &Gpu) {
     let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, listed: false };
+    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, listed: None };
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
         let outcome = run_case(gpu, &case);
@@ -66,7 +66,15 @@ pub fn run(gpu: &Gpu) {
         let opacities = (k % 3 != 2).then_some(4);
         let (steps, rest) = (Steps { opacities, ..steps }, k % 2 == 0 || k == 5);
         let flatten = if k == 2 { 0.7 } else { 0.0 };
-        let form = Form { aux: k % 2 == 1, steps, rest, poison: k == 5, flatten, shrink: 0.5, listed: k % 3 == 1 };
+        let form = Form {
+            aux: k % 2 == 1,
+            steps,
+            rest,
+            poison: k == 5,
+            flatten,
+            shrink: 0.5,
+            listed: (k % 3 == 1).then_some(4.0),
+        };
         let case = case(&scene::ordinary(600, 60 + k as u64), &projection, most, form, kept);
         let what = format!("{projection:?}, {form:?}");
         assert!(case.seen() > 250, "{what}: {} seen", case.seen());
