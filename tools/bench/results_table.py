@@ -4,7 +4,7 @@
   tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
-commit of its build) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are
+commit of its build; "paused" where it was halted on the way) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are
 Student's, 95 %. Python's standard library alone is needed.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"
 SCENES = ["fox", "caliterra", "copr", "world"]
-METHODS = ["3dgs", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs"]
+METHODS = ["3dgs", "absgs-published", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs"]
 METRICS = ["psnr", "psnr_cc", "ssim", "lpips_squeeze", "gmsd", "psnr_high_frequency"]
 DIGITS = {"psnr": 2, "psnr_cc": 2, "psnr_high_frequency": 2, "psnr_offpath": 2, "normal_median_degrees": 1, "surface_distance": 2,
           "depth_within_0_5_percent": 3, "depth_within_2_percent": 3, "floaters": 3}
@@ -124,14 +124,15 @@ def geometry(runs):
         print(f"| {method} | {len(rows)} | {' | '.join(cells)} | {splats:,.0f} |")
 
 
-def shares(runs):
-    """Stereo and masks of psrgs, in wall time of 3dgs on the same scene and seed: of the runs that were taken beside those of 3dgs."""
+def shares(runs, processes):
+    """Stereo and masks of psrgs, in wall time of 3dgs on the same scene and seed; of runs that were halted on the way there is none."""
     method = "psrgs-round" if any(m == "psrgs-round" for _, m, _ in runs) else "psrgs"
     print("| scene | seeds | stereo | saliency |")
     print("|" + "---|" * 4)
     for scene in SCENES:
         base, rows = of(runs, scene, "3dgs"), of(runs, scene, method)
-        seeds = [seed for seed in rows if seed in base]
+        halted = lambda m, seed: processes.get((scene, m, seed), {}).get("paused")
+        seeds = [seed for seed in rows if seed in base and not halted(method, seed) and not halted("3dgs", seed)]
         if seeds:
             part = lambda key: [100 * (rows[s].get(key) or 0) / base[s]["seconds"] for s in seeds]
             print(f"| {scene} | {len(seeds)} | {spread(part('seconds_stereo'), 1)} % | {spread(part('seconds_saliency'), 1)} % |")
@@ -141,7 +142,7 @@ def main():
     runs, processes = load(sys.argv[1] if len(sys.argv) > 1 else "compare-320-1500")
     if not runs:
         sys.exit(f"no runs of that name in {RESULTS}")
-    for table in (lambda: main_table(runs, processes), lambda: differences(runs), lambda: geometry(runs), lambda: shares(runs)):
+    for table in (lambda: main_table(runs, processes), lambda: differences(runs), lambda: geometry(runs), lambda: shares(runs, processes)):
         table()
         print()
 
