@@ -110,10 +110,6 @@ fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
     common::assert_no_messages(&gpu);
 }
 
-fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
-    Size { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
-}
-
 /// All splats visible in a tiny image: forward, backward, and a handful of them against the projection's twin.
 #[test]
 fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
@@ -138,7 +134,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     let side = variants.tile.size();
     let tiles = 64u32.div_ceil(side) * 48u32.div_ceil(side);
     let pairs = most_pairs(&gpu, variants).min(4 * MANY as u32);
-    let renderer = Renderer::new(&gpu, variants, size(MANY as u32, pairs, tiles)).unwrap();
+    let renderer = Renderer::new(&gpu, variants, Size::training(MANY as u32, pairs, tiles)).unwrap();
     let planes = Planes::new(&gpu, "", MANY as u32).unwrap();
     let grads = Planes::new(&gpu, "g_", MANY as u32).unwrap();
     planes.write(&gpu, &model).unwrap();
@@ -194,7 +190,7 @@ fn a_buffer_past_the_largest_binding_is_named_with_the_limit() {
     let variants = Variants::new(Variants::choose(&gpu, true).tile, GradientSum::Slots);
     let pairs = most_pairs(&gpu, variants);
     let record = |pairs: u32| {
-        let renderer = Renderer::new(&gpu, variants, size(1, pairs, 4)).unwrap();
+        let renderer = Renderer::new(&gpu, variants, Size::training(1, pairs, 4)).unwrap();
         let planes = Planes::new(&gpu, "", 1).unwrap();
         let target = Target::new(&gpu, "", 256, false).unwrap();
         let shot =

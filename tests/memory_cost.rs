@@ -61,6 +61,12 @@ fn shortcuts_keep_to_600_bytes_per_splat() {
     assert!(memory.per_splat <= 600.0, "{memory:?}");
     assert!((full.per_splat - memory.per_splat - 236.0).abs() < 1e-9, "{full:?} {memory:?}");
     assert_eq!((memory.per_pair, memory.per_pixel), (full.per_pair, full.per_pixel));
+    // The list of the splats on the image: a word of each.
+    for (shortcuts, without) in [(Shortcuts::FAST, &memory), (Shortcuts::default(), &full)] {
+        let listed = Settings { shortcuts: Shortcuts { visible_adam: true, ..shortcuts }, ..Settings::default() };
+        let listed = Engine::new(&gpu, &input, &listed, variants, pacing(), None).expect("an engine").memory();
+        assert_eq!(listed.per_splat, without.per_splat + 4.0, "{listed:?}");
+    }
 }
 
 fn density(engine: &mut Engine, step: u32) -> Vec<u32> {

@@ -105,7 +105,8 @@ fn forms_that_the_device_cannot_run_are_refused() {
         let mut s = settings(Variants::choose(&gpu, deterministic));
         s.run.deterministic = deterministic;
         assert!(Trainer::new(&gpu, plane_scene::input(2, 24, 16, 20), &s, Pacing::default(), None).is_ok());
-        Renderer::new(&gpu, Variants::choose(&gpu, deterministic).without_slots(&gpu), size(10, 10, 10)).unwrap();
+        Renderer::new(&gpu, Variants::choose(&gpu, deterministic).without_slots(&gpu), Size::training(10, 10, 10))
+            .unwrap();
     }
 }
 
@@ -122,7 +123,7 @@ fn what_is_possible_can_be_made_and_nothing_else() {
             for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
                 for backward in [Backward::PerPixel, Backward::PerSplat] {
                     let variants = Variants { backward, ..Variants::new(tile, gradients) };
-                    let made = Renderer::new(gpu, variants, size(10, 10, 10));
+                    let made = Renderer::new(gpu, variants, Size::training(10, 10, 10));
                     assert_eq!(made.is_ok(), possible.contains(&variants), "{variants:?}");
                 }
             }
@@ -177,17 +178,13 @@ fn a_deterministic_training_per_splat_repeats_itself() {
     assert!(trained() == trained(), "two trainings differ");
 }
 
-fn size(splats: u32, pairs: u32, tiles: u32) -> Size {
-    Size { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
-}
-
 /// Counts and every array of the tile lists, as far as they hold something.
 fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<Vec<u32>> {
     let n = model.len() as u32;
     let side = variants.tile.size();
     let (width, height) = (shot.camera.width, shot.camera.height);
     let tiles = width.div_ceil(side) * height.div_ceil(side);
-    let renderer = Renderer::new(gpu, variants, size(n, 60_000, tiles)).unwrap();
+    let renderer = Renderer::new(gpu, variants, Size::training(n, 60_000, tiles)).unwrap();
     let planes = Planes::new(gpu, "", n).unwrap();
     planes.write(gpu, model).unwrap();
     let target = Target::new(gpu, "", width * height, false).unwrap();

@@ -80,7 +80,7 @@ impl Work {
     }
 
     /// Splats that take a step.
-    pub(super) fn stepping(&self) -> f64 {
+    pub(super) fn splats_stepped(&self) -> f64 {
         if self.listed { self.visible } else { self.splats }
     }
 
@@ -148,7 +148,8 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let families: [(&str, f64); 21] = [
         (
             "project_backward_adam",
-            work.stepping() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped()) + v * (16.0 + ROW_2D),
+            work.splats_stepped() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped())
+                + v * (16.0 + ROW_2D),
         ),
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),

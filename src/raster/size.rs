@@ -49,3 +49,10 @@ pub struct Size {
     /// Whether gradients pass through the clamp of alpha at 0.99, as in the 3DGS reference.
     pub clamp_gradient_passes: bool,
 }
+
+impl Size {
+    /// Room to train colours, with nothing beside: [`Size::train`] and [`Size::clamp_gradient_passes`] alone are on.
+    pub const fn training(splats: u32, pairs: u32, tiles: u32) -> Self {
+        Self { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
+    }
+}

@@ -163,11 +163,9 @@ impl TileLists {
             tile_sort: RadixSort::within(gpu, "tile_sort", shape, pairs, tile_bits(tiles), tile_tables)?,
             keys,
             vals,
-            listed: if listed {
-                Some(Part::whole(gpu.buffer("listed", 4 * splats.max(1), Memory::Device)?))
-            } else {
-                None
-            },
+            listed: listed
+                .then(|| gpu.buffer("listed", 4 * splats.max(1), Memory::Device).map(Part::whole))
+                .transpose()?,
             pair_keys: words(gpu, ["pair_keys0", "pair_keys1"], pairs)?,
             pair_vals: words(gpu, ["pair_vals0", "pair_vals1"], pairs)?,
             slot_splat: loan.slot_splat,

@@ -219,7 +219,7 @@ impl Engine {
         let masked = settings.needs_masks();
         let aux = settings.geometry.depth_prior != DepthPrior::None;
         let listed = settings.shortcuts.visible_adam;
-        let size = Size { splats, pairs, tiles, aux, train: true, listed, count: false, clamp_gradient_passes: true };
+        let size = Size { aux, listed, ..Size::training(splats, pairs, tiles) };
         Ok(Self {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,

@@ -119,16 +119,7 @@ fn half_floats_have_no_gradients() {
     let variants = Variants::new(TileShape::Column, GradientSum::Slots);
     let viewer = Viewer::with_variants(&gpu, variants);
     let model = viewer.upload_with(&case.model, ShStorage::Half).unwrap();
-    let size = Size {
-        splats: 20,
-        pairs: 5000,
-        tiles: 64,
-        aux: false,
-        train: true,
-        listed: false,
-        count: false,
-        clamp_gradient_passes: false,
-    };
+    let size = Size { clamp_gradient_passes: false, ..Size::training(20, 5000, 64) };
     let renderer = Renderer::new(&gpu, variants, size).unwrap();
     let target = Target::new(&gpu, "", 64 * 64, false).unwrap();
     let of_model = Planes::new(&gpu, "g_", 20).unwrap();

@@ -120,16 +120,7 @@ fn on_device(
     let (width, height) = (camera.width, camera.height);
     let side = variants.tile.size();
     let tiles = width.div_ceil(side) * height.div_ceil(side);
-    let size = Size {
-        splats: n,
-        pairs: 40_000,
-        tiles,
-        aux: true,
-        train: true,
-        listed: false,
-        count: false,
-        clamp_gradient_passes: false,
-    };
+    let size = Size { aux: true, clamp_gradient_passes: false, ..Size::training(n, 40_000, tiles) };
     let renderer = Renderer::new(gpu, variants, size).unwrap();
     let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
     model.write(gpu, &case.model).unwrap();

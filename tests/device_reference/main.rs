@@ -190,14 +190,9 @@ fn device_gradients(
     let (width, height) = (case.shot.camera.width, case.shot.camera.height);
     let side = variants.tile.size();
     let size = Size {
-        splats: n,
-        pairs: 40_000,
-        tiles: width.div_ceil(side) * height.div_ceil(side),
         aux,
-        train: true,
-        listed: false,
-        count: false,
         clamp_gradient_passes: false,
+        ..Size::training(n, 40_000, width.div_ceil(side) * height.div_ceil(side))
     };
     let renderer = Renderer::new(gpu, variants, size).unwrap();
     let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());

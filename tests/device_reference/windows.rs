@@ -41,16 +41,7 @@ fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<
     let (n, pixels) = (views.model.len() as u32, SIZE.0 * SIZE.1);
     let side = variants.tile.size();
     let tiles = SIZE.0.div_ceil(side) * SIZE.1.div_ceil(side);
-    let size = Size {
-        splats: n,
-        pairs: 40_000,
-        tiles,
-        aux: false,
-        train: true,
-        listed: false,
-        count: false,
-        clamp_gradient_passes: true,
-    };
+    let size = Size::training(n, 40_000, tiles);
     let renderer = Renderer::new(gpu, variants, size).unwrap();
     let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());
     model.write(gpu, &views.model).unwrap();

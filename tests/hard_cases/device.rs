@@ -130,14 +130,9 @@ impl Scene {
         let side = variants.tile.size();
         let tiles = width.div_ceil(side) * height.div_ceil(side);
         let size = Size {
-            splats: n,
-            pairs: n * tiles,
-            tiles,
-            aux: false,
-            train: true,
-            listed: false,
             count: true,
             clamp_gradient_passes: self.clamp_gradient_passes,
+            ..Size::training(n, n * tiles, tiles)
         };
         let renderer = Renderer::new(gpu, variants, size).unwrap();
         let (model, grads) = (Planes::new(gpu, "", n).unwrap(), Planes::new(gpu, "g_", n).unwrap());

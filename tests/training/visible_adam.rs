@@ -1,5 +1,6 @@
 //! `--visible-adam`: steps of the splats on the image alone.
 
+use psrgs_vk::pass::counters;
 use psrgs_vk::train::settings::Settings;
 use psrgs_vk::train::{Input, Pacing};
 
@@ -61,6 +62,7 @@ fn with_everything_in_sight_it_is_the_same_bits() {
     }
     let of = |settings: Settings| -> Run { run(&gpu, input.clone(), &fixed(settings), Pacing::default()) };
     let (all, listed) = (of(settings(25)), of(visible(25)));
+    assert_eq!(all.state.counters[counters::VISIBLE], 40, "the last photograph shows them all");
     assert_same(&all.state, &listed.state, "all in sight");
     assert_eq!(all.losses, listed.losses);
 }

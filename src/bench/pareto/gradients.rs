@@ -121,14 +121,12 @@ impl Run {
             if self.held.is_none() {
                 let side = self.variants.tile.size();
                 let size = Size {
-                    splats: n,
-                    pairs: self.pairs.min(raster::most_pairs(gpu, self.variants)),
-                    tiles: width.div_ceil(side) * height.div_ceil(side),
-                    aux: false,
-                    train: true,
-                    listed: false,
-                    count: false,
                     clamp_gradient_passes: false,
+                    ..Size::training(
+                        n,
+                        self.pairs.min(raster::most_pairs(gpu, self.variants)),
+                        width.div_ceil(side) * height.div_ceil(side),
+                    )
                 };
                 let target = Target::new(gpu, "pareto.", width * height, false)?;
                 self.held = Some((Renderer::new(gpu, self.variants, size)?, target));
