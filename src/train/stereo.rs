@@ -153,7 +153,8 @@ impl Stereo {
     }
 }
 
-/// Adds about `more` splats on surfaces to those that a model begins with, as flat as `thickness` says; gives how many.
+/// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as flat as `thickness` says; gives
+/// how many.
 fn begin_on(
     fused: &[FusedPoint],
     more: usize,
@@ -161,8 +162,7 @@ fn begin_on(
     dataset: &Dataset,
     input: &mut Input,
 ) -> Result<usize, Error> {
-    let step = fused.len().div_ceil(more).max(1);
-    let chosen: Vec<&FusedPoint> = fused.iter().step_by(step).collect();
+    let chosen = spread(fused, more);
     if chosen.is_empty() {
         return Ok(0);
     }
@@ -172,6 +172,12 @@ fn begin_on(
     let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
     init::lay_flat(&mut input.initial, dataset.points.len(), &normals, thickness);
     Ok(chosen.len())
+}
+
+/// So many of them, or all where they are fewer, evenly from first to last.
+fn spread<T>(of: &[T], count: usize) -> Vec<&T> {
+    let count = count.min(of.len());
+    (0..count).map(|i| &of[(i as u128 * of.len() as u128 / count as u128) as usize]).collect()
 }
 
 /// Depths at the points that three views and more see; nothing between them.
@@ -192,4 +198,19 @@ fn sparse(views: &[View], seen: &Observations) -> Vec<Prior> {
         Prior { width, height, depth, normals: vec![[0.0; 3]; pixels], confidence }
     };
     views.iter().zip(observed).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spread;
+
+    #[test]
+    fn as_many_as_asked_for_are_spread_evenly() {
+        let all: Vec<u32> = (0..10).collect();
+        let some = |count| spread(&all, count).into_iter().copied().collect::<Vec<_>>();
+        assert_eq!(some(4), [0, 2, 5, 7]);
+        assert_eq!(some(7), [0, 1, 2, 4, 5, 7, 8]);
+        assert_eq!((some(10), some(11), some(0)), (all.clone(), all.clone(), vec![]));
+        assert_eq!(spread::<u32>(&[], 5), Vec::<&u32>::new());
+    }
 }
