@@ -4,8 +4,9 @@
   tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
-commit of its build; "paused" where it was halted on the way) beside some. Times are compared within a build. Differences are paired by scene and seed; intervals are
-Student's, 95 %. Python's standard library alone is needed.
+commit of its build; "paused" where it was halted on the way) beside some. Times are compared within a build, and with that of "beside" where a
+later build on the same machine has steps of the same speed. Differences are paired by scene and seed; intervals are Student's, 95 %. Python's
+standard library alone is needed.
 """
 
 import json
@@ -65,11 +66,15 @@ def mean(values):
     return sum(values) / len(values)
 
 
+def timed_with(process):
+    return process.get("beside", process.get("build"))
+
+
 def by_build(processes, scene, method):
     times = {}
     for (s, m, _), process in processes.items():
         if (s, m) == (scene, method):
-            times.setdefault(process.get("build"), []).append(seconds(process))
+            times.setdefault(timed_with(process), []).append(seconds(process))
     return times
 
 
@@ -125,14 +130,16 @@ def geometry(runs):
 
 
 def shares(runs, processes):
-    """Stereo and masks of psrgs, in wall time of 3dgs on the same scene and seed; of runs that were halted on the way there is none."""
+    """Stereo and masks of psrgs, in wall time of 3dgs on the same scene and seed, where the two may be compared and neither was halted on the way."""
     method = "psrgs-round" if any(m == "psrgs-round" for _, m, _ in runs) else "psrgs"
     print("| scene | seeds | stereo | saliency |")
     print("|" + "---|" * 4)
     for scene in SCENES:
         base, rows = of(runs, scene, "3dgs"), of(runs, scene, method)
-        halted = lambda m, seed: processes.get((scene, m, seed), {}).get("paused")
-        seeds = [seed for seed in rows if seed in base and not halted(method, seed) and not halted("3dgs", seed)]
+        of_run = lambda m, seed: processes.get((scene, m, seed), {})
+        comparable = lambda seed: timed_with(of_run(method, seed)) == timed_with(of_run("3dgs", seed))
+        halted = lambda seed: any(of_run(m, seed).get("paused") for m in (method, "3dgs"))
+        seeds = [seed for seed in rows if seed in base and comparable(seed) and not halted(seed)]
         if seeds:
             part = lambda key: [100 * (rows[s].get(key) or 0) / base[s]["seconds"] for s in seeds]
             print(f"| {scene} | {len(seeds)} | {spread(part('seconds_stereo'), 1)} % | {spread(part('seconds_saliency'), 1)} % |")
