@@ -111,7 +111,11 @@ void main() {
             Splat mine = load_splat(sorted_splats[pair]);
             mine.opacity = lane < n ? mine.opacity : 0.0;
             const float mine_inverse = mine.opacity > 0.0 ? 1.0 / mine.opacity : 0.0;
+#ifdef SLOTS
+            const uint mine_row = fetched(row_of(pair));
+#else
             const uint mine_row = row_of(pair);
+#endif
             uint k = 0u;
             while (true) {
                 const Splat s = shuffled(mine, k);

@@ -18,7 +18,7 @@ layout(set = 0, binding = 6) readonly buffer GradImage { vec4 grad_image[]; };
 layout(set = 0, binding = 7) readonly buffer GradAux { vec4 grad_aux_image[]; };
 #ifdef SLOTS
 layout(set = 0, binding = 8) readonly buffer SortedSlots { uint sorted_slots[]; };
-layout(set = 0, binding = 9) writeonly buffer SlotGrads { float slot_grads[]; };
+layout(set = 0, binding = 9) buffer SlotGrads { float slot_grads[]; };
 layout(set = 0, binding = 10) writeonly buffer SlotNormals { float slot_normals[]; };
 layout(set = 0, binding = 11) buffer PairCounts { uint pair_counts[]; };
 #else
@@ -50,6 +50,16 @@ uint row_of(uint pair) {
     return sorted_splats[pair];
 #endif
 }
+
+#ifdef SLOTS
+// The same row, once its first and last word have been asked for. Rows lie where their splats do, far from one another: a store to a line
+// that is not in the cache holds up all stores after it, row by row, while loads for all lanes of a subgroup wait together. What is
+// read is of no use, but without a say in where the row is it would not be read; pictures are never 0 wide.
+uint fetched(uint row) {
+    const uint words = floatBitsToUint(slot_grads[12u * row]) ^ floatBitsToUint(slot_grads[12u * row + 11u]);
+    return row + (push.width == 0u ? words : 0u);
+}
+#endif
 
 #ifdef CAS
 #define ADD(buffer, index, value)                                                                           \

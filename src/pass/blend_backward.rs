@@ -20,7 +20,8 @@ const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, B
 const EMULATED_CONSTANTS: &[Constant] =
     &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN, CUBIC_EXPONENTIAL];
 
-/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
+/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else. What is read of it has
+/// no part in the result: reading brings the row near.
 const SLOT_BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),
@@ -31,7 +32,7 @@ const SLOT_BINDINGS: &[Binding] = &[
     read("grad_image"),
     read("grad_aux"),
     read("sorted_slots"),
-    write("slot_grads"),
+    read_write("slot_grads"),
     write("slot_normals"),
     read_write("pair_counts"),
 ];
