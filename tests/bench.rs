@@ -69,11 +69,16 @@ fn assert_live(report: &Report) {
         assert_eq!(row.over_floor, floors.larger().map(|floor| row.ms.median / floor), "{name}");
     }
     let blend = |name: &str| report.passes.iter().find(|p| p.pass.starts_with(name)).expect("a blending pass");
-    // 10 operations and an exponential for every evaluation, 13 operations more where it is blended.
-    let floor = w.pixels * (10.0 * p.forward_evaluated + 13.0 * p.forward_blended) / report.rates.gops_per_s
-        + w.pixels * p.forward_evaluated / report.rates.gexp2_per_s;
-    assert!(close(blend("blend_forward").floors.arithmetic_ms.expect("a floor"), 1e-6 * floor));
-    assert!(blend("blend_backward").floors.arithmetic_ms > blend("blend_forward").floors.arithmetic_ms);
+    // Operations for every evaluation beside its exponential, and more where it is blended. Which of the two floors is the larger
+    // depends on the rates, which a busy machine measures as it likes.
+    let floor = |evaluated: f64, blended: f64, each: f64, more: f64| {
+        1e-6 * w.pixels
+            * ((each * evaluated + more * blended) / report.rates.gops_per_s + evaluated / report.rates.gexp2_per_s)
+    };
+    let forward = floor(p.forward_evaluated, p.forward_blended, 10.0, 13.0);
+    let backward = floor(p.backward_evaluated, p.backward_blended, 11.0, 35.0);
+    assert!(close(blend("blend_forward").floors.arithmetic_ms.expect("a floor"), forward));
+    assert!(close(blend("blend_backward").floors.arithmetic_ms.expect("a floor"), backward));
     let host = &report.per_step;
     let dispatches: f64 = report.passes.iter().map(|p| p.calls).sum::<f64>() - transfers;
     assert_eq!((host.dispatches, host.transfers), (dispatches, transfers), "what is timed is what is submitted");
