@@ -183,9 +183,7 @@ fn of_form(
 ) -> Result<f64, Error> {
     let mut engine = Engine::new(gpu, input, settings, variants, Pacing::default(), None)?;
     let views = input.train.len();
-    // Every band in use, as in most steps; nothing of the model changes, so that all forms work on the same.
-    let schedule = Schedule::new(settings, views);
-    let plan = StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, ..schedule.step(1) };
+    let plan = timed(&Schedule::new(settings, views), settings);
     let mut samples = vec![Vec::new(); views];
     let mut uncounted = 0.0;
     for round in 0..=rounds {
@@ -207,6 +205,12 @@ fn of_form(
         }
     }
     Ok(samples.into_iter().map(median).sum())
+}
+
+/// The step that is timed: every band in use and photographs at their size, as in most steps; nothing of the model changes, so that all
+/// forms work on the same.
+fn timed(schedule: &Schedule, settings: &Settings) -> StepPlan {
+    StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, factor: 1, ..schedule.step(1) }
 }
 
 /// Seconds that the device worked on a step.
@@ -260,6 +264,16 @@ impl fmt::Display for Tuned {
 mod tests {
     use super::*;
     use crate::raster::{GradientSum, TileShape};
+
+    /// A method that begins with coarse photographs used to be timed on these, a sixteenth of the pixels.
+    #[test]
+    fn coarse_photographs_are_not_what_is_timed() {
+        let settings = Settings::of_method(crate::train::settings::Method::Psrgs);
+        let schedule = Schedule::new(&settings, 10);
+        assert!(schedule.step(1).factor > 1);
+        let plan = timed(&schedule, &settings);
+        assert_eq!((plan.factor, plan.sh_degree), (1, settings.model.sh_degree));
+    }
 
     #[test]
     fn another_form_has_to_be_a_tenth_faster() {

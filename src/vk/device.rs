@@ -1,7 +1,7 @@
 //! Instance, physical device, logical device and queue: our own, or a host's. Everything that has to outlive buffers.
 
 use std::collections::HashMap;
-use std::ffi::{CString, c_char};
+use std::ffi::{CStr, CString, c_char};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
@@ -239,7 +239,10 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     // SAFETY: a global command.
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
         .named("vkEnumerateInstanceExtensionProperties")?;
-    let has_debug = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
+    let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    let has_debug = has(ash::ext::debug_utils::NAME);
+    // Drivers that put Vulkan on top of another API, as on macOS, are hidden from those who do not ask for them.
+    let layered = has(ash::khr::portability_enumeration::NAME);
 
     let messages = Messages::default();
     let layer_names: Vec<*const c_char> = if watched { vec![LAYER.as_ptr()] } else { Vec::new() };
@@ -249,6 +252,11 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     if takes_settings {
         extension_names.push(ash::ext::layer_settings::NAME.as_ptr());
     }
+    if layered {
+        extension_names.push(ash::khr::portability_enumeration::NAME.as_ptr());
+    }
+    let flags =
+        if layered { vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR } else { vk::InstanceCreateFlags::empty() };
     let app = vk::ApplicationInfo::default().application_name(c"psrgs-vk").api_version(vk::API_VERSION_1_3);
     let enables = enables.unwrap_or_default();
     // What needs no look at the device has a mode of its own, and the layer objects to both at once.
@@ -259,6 +267,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         .disabled_validation_features(disables);
     let mut listen = messages.create_info();
     let mut info = vk::InstanceCreateInfo::default()
+        .flags(flags)
         .application_info(&app)
         .enabled_layer_names(&layer_names)
         .enabled_extension_names(&extension_names);
@@ -338,7 +347,11 @@ fn create_device(
     let mut enabled = FeatureStructures::default();
     reported.features.enable(&mut enabled);
     let wanted = reported.useful_extensions();
-    let names: Vec<*const c_char> = wanted.iter().map(|name| name.as_ptr()).collect();
+    let mut names: Vec<*const c_char> = wanted.iter().map(|name| name.as_ptr()).collect();
+    // A device that names it is one of a layered driver, and wants it enabled.
+    if reported.has(ash::khr::portability_subset::NAME) {
+        names.push(ash::khr::portability_subset::NAME.as_ptr());
+    }
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
     let mut info = vk::DeviceCreateInfo::default()

@@ -11,6 +11,11 @@ use super::features::{Features, REQUIRED, USEFUL_EXTENSIONS};
 use super::kernel::TexelFormat;
 use super::options::{FloatAtomics, OpenOptions};
 
+/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many threads.
+const WIDEST: u32 = 64;
+/// The width of subgroups in shared memory.
+const EMULATED: u32 = 32;
+
 /// What a physical device reports.
 pub(super) struct Reported {
     pub(super) device: String,
@@ -164,8 +169,12 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
 impl Reported {
     /// Extensions of the device that the engine can use.
     pub(super) fn useful_extensions(&self) -> Vec<&'static CStr> {
-        let has = |name: &CStr| self.extensions.iter().any(|e| e.as_bytes() == name.to_bytes());
-        USEFUL_EXTENSIONS.iter().copied().filter(|name| has(name)).collect()
+        USEFUL_EXTENSIONS.iter().copied().filter(|name| self.has(name)).collect()
+    }
+
+    /// The device has this extension.
+    pub(super) fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_bytes() == extension.to_bytes())
     }
 
     /// The device can be used at all.
@@ -210,19 +219,14 @@ impl Reported {
             | vk::SubgroupFeatureFlags::BALLOT
             | vk::SubgroupFeatureFlags::ARITHMETIC
             | vk::SubgroupFeatureFlags::SHUFFLE;
-        let one_width = self.subgroup_range.0 == self.subgroup_range.1;
-        let pin_subgroup = !one_width && f.subgroup_size_control && self.required_size;
-        let fixed = pin_subgroup || one_width;
-        let (subgroup, why) = match options.emulate_subgroup {
-            Some(width) => (Subgroup::Emulated(width), "forced".to_owned()),
+        let can_pin = f.subgroup_size_control && self.required_size;
+        let (subgroup, pin_subgroup, why) = match options.emulate_subgroup {
+            Some(width) => (Subgroup::Emulated(width), false, "forced".to_owned()),
             None if !self.operations.contains(needed) => {
-                (Subgroup::Emulated(32), "basic, ballot, arithmetic or shuffle operations are missing".to_owned())
+                let why = "basic, ballot, arithmetic or shuffle operations are missing";
+                (Subgroup::Emulated(EMULATED), false, why.to_owned())
             }
-            None if !fixed => (Subgroup::Emulated(32), "the driver may choose another width per pipeline".to_owned()),
-            None => (
-                Subgroup::Hardware(self.subgroup),
-                if pin_subgroup { "pinned per pipeline" } else { "the only width of the device" }.to_owned(),
-            ),
+            None => subgroup_of(self.subgroup, self.subgroup_range, can_pin),
         };
         let shown = match subgroup {
             Subgroup::Hardware(width) => format!("hardware, {width} wide"),
@@ -321,6 +325,24 @@ impl Reported {
     }
 }
 
+/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from the width that
+/// it names, those that its pipelines may have, and whether they can ask for one.
+fn subgroup_of(named: u32, (narrowest, widest): (u32, u32), can_pin: bool) -> (Subgroup, bool, String) {
+    let one_width = narrowest == widest;
+    let emulated = |why: String| (Subgroup::Emulated(EMULATED), false, why);
+    match named {
+        _ if !one_width && !can_pin => emulated("the driver may choose another width per pipeline".to_owned()),
+        ..=WIDEST if one_width => (Subgroup::Hardware(named), false, "the only width of the device".to_owned()),
+        ..=WIDEST => (Subgroup::Hardware(named), true, "pinned per pipeline".to_owned()),
+        _ if narrowest <= WIDEST => (
+            Subgroup::Hardware(WIDEST),
+            true,
+            format!("pinned per pipeline: {named} lanes are more than some workgroups have"),
+        ),
+        _ => emulated(format!("{named} lanes are more than some workgroups have")),
+    }
+}
+
 /// Bytes of memory that this process may use: the machine's or its control group's, whichever is less.
 fn system_memory() -> Option<u64> {
     let total = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
@@ -332,5 +354,25 @@ fn system_memory() -> Option<u64> {
     match (total, group) {
         (Some(total), Some(group)) => Some(total.min(group)),
         (total, group) => total.or(group),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subgroups_fit_into_the_smallest_workgroup() {
+        let pick = |named, range, can_pin| {
+            let (subgroup, pinned, _) = subgroup_of(named, range, can_pin);
+            (subgroup, pinned)
+        };
+        assert_eq!(pick(32, (32, 32), false), (Subgroup::Hardware(32), false));
+        assert_eq!(pick(64, (32, 64), true), (Subgroup::Hardware(64), true));
+        assert_eq!(pick(64, (32, 64), false), (Subgroup::Emulated(32), false));
+        // Wider than a workgroup of 64 threads: asked for narrower ones, or emulated where there are none.
+        assert_eq!(pick(128, (64, 128), true), (Subgroup::Hardware(64), true));
+        assert_eq!(pick(128, (64, 128), false), (Subgroup::Emulated(32), false));
+        assert_eq!(pick(128, (128, 128), true), (Subgroup::Emulated(32), false));
     }
 }

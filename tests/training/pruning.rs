@@ -141,6 +141,25 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
     stops_and_resumes_on(&gpu, &recycled(400), &input, &[14, 15, 16, 30]);
 }
 
+/// The limit is reached by the change right before the step at which the lightest splats may go: with events on their way the host used
+/// to decide by the count before that change.
+#[test]
+fn a_limit_that_was_reached_just_now_is_seen_with_any_number_of_events_on_their_way() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let mut settings = recycled(400);
+    settings.density.densify_from = 14;
+    let with = |events_in_flight| run(&gpu, input.clone(), &settings, Pacing { events_in_flight, ..Pacing::default() });
+    let one = with(1);
+    let mut never = settings.clone();
+    never.density.recycle_share = 0.0;
+    assert!(one.state != run(&gpu, input.clone(), &never, Pacing::default()).state, "nothing was dropped");
+    for events in [2, 4, 7] {
+        assert_same(&one.state, &with(events).state, &format!("{events} events on their way"));
+    }
+    stops_and_resumes_on(&gpu, &settings, &input, &[15, 16]);
+}
+
 #[test]
 fn nothing_is_dropped_where_density_stays_as_it_is() {
     let Some(gpu) = common::gpu() else { return };

@@ -14,7 +14,7 @@ impl Trainer {
     /// the next.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         let waits = match self.next.kind {
-            Kind::Step => self.propagates().is_some() || self.drops().is_some() || self.settles_sh(),
+            Kind::Step => self.propagates().is_some() || self.may_drop().is_some() || self.settles_sh(),
             Kind::Density => self.engine.has_cloud(),
             Kind::Reset => false,
         };
@@ -36,9 +36,15 @@ impl Trainer {
         }
     }
 
-    /// The splats that are dropped for their weight before the next step, where that is due and not done.
+    /// The splats that may be dropped for their weight before the next step, where that is due and not done: by the schedule alone, which
+    /// is the same however many events are on their way.
+    fn may_drop(&self) -> Option<Dropped> {
+        self.schedule.drops(self.next.step).filter(|_| self.pruned < self.next.step)
+    }
+
+    /// Those that are dropped: for room only where it is short, as counted once everything before the step is done.
     fn drops(&self) -> Option<Dropped> {
-        let due = self.schedule.drops(self.next.step).filter(|_| self.pruned < self.next.step)?;
+        let due = self.may_drop()?;
         let held_up = self.engine.limit().is_some_and(|most| f64::from(self.last_splats) >= NEARLY * f64::from(most));
         (held_up || matches!(due, Dropped::Below(_))).then_some(due)
     }
