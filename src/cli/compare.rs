@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -14,9 +14,11 @@ use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::interrupt::Interrupt;
 use ablate::Row;
 
 mod ablate;
+mod child;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -24,7 +26,8 @@ Examples:
   psrgs-vk compare fox --ablate psrgs --split val --out ablation
   psrgs-vk compare fox --percent 25,50,70,100 --out by-splats -- --lr-opacities 0.05
 
-A comparison that was stopped goes on where it was with the same command: finished runs are kept.";
+A comparison that was stopped goes on where it was with the same command: finished runs are kept. The names of the datasets' folders
+name the runs, so that they must differ.";
 
 /// Train several methods on several scenes and compare what they come to
 #[derive(clap::Args)]
@@ -48,10 +51,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "M", conflicts_with = "methods")]
     ablate: Option<String>,
     /// Seeds of each: 0 to N - 1
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// Also with at most so many percent of the splats that 3dgs has made
-    #[arg(long, value_name = "P,P...", value_delimiter = ',')]
+    #[arg(long, value_name = "P,P...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     percent: Vec<u32>,
     /// Training steps
     #[arg(long, value_name = "N", default_value_t = 1500)]
@@ -72,17 +75,22 @@ pub(crate) struct Args {
 
 /// How long a run has taken, beside its metrics.
 const SECONDS: &str = "process_seconds.txt";
+/// What a run was asked for, beside its metrics.
+const OPTIONS: &str = "options.txt";
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let runs = runs(args)?;
     let folder = args.out.join("runs");
     fs::create_dir_all(&folder).with_context(|| Failure::Output(folder.display().to_string()))?;
+    let interrupt = Interrupt::listen_and_say("stopping the training, which saves; once more to stop at once")?;
     let mut finished: Vec<Finished> = Vec::new();
     for (number, run) in runs.iter().enumerate() {
         let at = folder.join(run.folder());
         console.say(format_args!("{} of {}: {}", number + 1, runs.len(), run.folder()));
+        let options = options(args, run, &finished)?;
+        same_as_before(&at, run, &options)?;
         if !at.join("metrics.json").is_file() {
-            train(args, run, &at, &finished)?;
+            train(run, &at, &options, &interrupt)?;
         }
         let one = read(run, &at)?;
         console.say(format_args!(
@@ -111,12 +119,30 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
             Failure::Usage("--percent: splats are counted by those of 3dgs, which must come first".into()).into()
         );
     }
+    for (_, method, _) in &labels {
+        method.parse::<Method>().map_err(|problem| Failure::Usage(format!("--methods: {problem}")))?;
+    }
+    if args.split == Split::None {
+        return Err(Failure::Usage("--split none: nothing is held out that methods could be compared by".into()).into());
+    }
     let mut runs = Vec::new();
-    for data in &args.data {
+    for (k, data) in args.data.iter().enumerate() {
+        if !data.is_dir() {
+            return Err(Failure::Input(format!("{}: there is no such folder", data.display())).into());
+        }
+        if let Some(other) = args.data[..k].iter().find(|other| other.file_name() == data.file_name()) {
+            return Err(Failure::Usage(format!(
+                "{} and {}: runs are named after the dataset's folder, so that these would be one; rename one of them, or link to it by \
+                 another name",
+                other.display(),
+                data.display()
+            ))
+            .into());
+        }
         let name = data.file_name().map(|n| n.to_string_lossy().into_owned());
         let scene =
             name.ok_or_else(|| Failure::Usage(format!("{}: a folder with a name is needed", data.display())))?;
-        for seed in 0..args.seeds.max(1) {
+        for seed in 0..args.seeds {
             for (label, method, options) in &labels {
                 let sizes = std::iter::once(Size::Own).chain(args.percent.iter().map(|p| Size::Percent(*p)));
                 let (label, options) = match method.as_str() {
@@ -157,8 +183,45 @@ fn with_cloud(label: &str, options: &[String], cloud: LidarCloud) -> (String, Ve
     (format!("{label}{note}"), with)
 }
 
+/// What `train` is asked for: all but where the results go.
+fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<String>> {
+    let mut options: Vec<String> =
+        ["--preset", "standard", "--scale-schedule", "--tune", "off", "--eval-every", "0"].map(String::from).into();
+    let mut add = |name: &str, value: String| options.extend([name.to_owned(), value]);
+    add("--iterations", args.iterations.to_string());
+    add("--max-side", args.max_side.to_string());
+    add("--split", args.split.to_string());
+    add("--seed", run.seed.to_string());
+    add("--method", run.method.clone());
+    if let Size::Percent(share) = run.size {
+        add("--max-splats", allowed(run, share, finished)?.to_string());
+    }
+    options.extend(run.options.iter().chain(&args.options).cloned());
+    Ok(options)
+}
+
+/// A run in words: its dataset and its options.
+fn asked(run: &Run, options: &[String]) -> String {
+    let data = run.data.canonicalize().unwrap_or_else(|_| run.data.clone());
+    format!("{} {}", data.display(), options.join(" "))
+}
+
+/// A run that is there already was asked for the same: its results would be taken for those of another.
+fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()> {
+    let (Ok(before), now) = (fs::read_to_string(at.join(OPTIONS)), asked(run, options)) else { return Ok(()) };
+    if before.trim_end() == now {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!(
+        "{}: made of other data or with other options ({}; now {now}); choose another --out, or remove that folder to train again",
+        at.display(),
+        before.trim_end()
+    ))
+    .into())
+}
+
 /// One training in a process of its own, whose seconds are all of its seconds.
-fn train(args: &Args, run: &Run, at: &Path, finished: &[Finished]) -> anyhow::Result<()> {
+fn train(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("this program has no file")?;
     let mut command = Command::new(program);
     command.arg("--quiet").arg("train");
@@ -168,29 +231,23 @@ fn train(args: &Args, run: &Run, at: &Path, finished: &[Finished]) -> anyhow::Re
         before = seconds(at).unwrap_or(0.0);
         command.arg("--resume").arg(at);
     } else {
-        command.arg(&run.data).arg("--out").arg(at).arg("--overwrite").args(["--preset", "standard"]);
-        command.args(["--scale-schedule", "--tune", "off", "--eval-every", "0"]);
-        command.args(["--iterations", &args.iterations.to_string(), "--max-side", &args.max_side.to_string()]);
-        command.args(["--split", &args.split.to_string(), "--seed", &run.seed.to_string(), "--method", &run.method]);
-        if let Size::Percent(share) = run.size {
-            let most = allowed(run, share, finished)?;
-            command.args(["--max-splats", &most.to_string()]);
-        }
-        command.args(&run.options).args(&args.options);
+        command.arg(&run.data).arg("--out").arg(at).arg("--overwrite").args(options);
     }
     let started = Instant::now();
-    let status = command.stdin(Stdio::null()).status().context("the training cannot be started")?;
+    let status = child::run(&mut command, interrupt).context("the training cannot be run")?;
     let taken = before + started.elapsed().as_secs_f64();
     if at.is_dir() {
-        let text = format!("{taken:.3}\n");
-        atomic::write(&at.join(SECONDS), |out| out.write_all(text.as_bytes()))?;
+        for (name, text) in [(SECONDS, format!("{taken:.3}\n")), (OPTIONS, format!("{}\n", asked(run, options)))] {
+            atomic::write(&at.join(name), |out| out.write_all(text.as_bytes()))?;
+        }
     }
     match status.code() {
         Some(0) => Ok(()),
         Some(130) => Err(Failure::Interrupted("stopped; the same command goes on from here".into()).into()),
         code => {
-            let code = code.map_or("a signal".to_owned(), |code| format!("exit code {code}"));
-            Err(Failure::Check(format!("{}: the training ended with {code}", run.folder())).into())
+            let how = code.map_or("a signal".to_owned(), |code| format!("exit code {code}"));
+            let code = code.and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+            Err(Failure::Ended(code, format!("{}: the training ended with {how}", run.folder())).into())
         }
     }
 }

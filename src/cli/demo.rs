@@ -66,6 +66,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             settings: settings(args, params.seed)?,
             out: out.clone(),
             resume: false,
+            former: None,
             overwrite: true,
             preset: None,
             lose_device_at: None,

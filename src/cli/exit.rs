@@ -46,6 +46,9 @@ pub(crate) enum Failure {
     /// Stopped by the user.
     #[error("{0}")]
     Interrupted(String),
+    /// A process that was started for this ended with a code of its own.
+    #[error("{1}")]
+    Ended(u8, String),
 }
 
 /// What to do about a failure, where the command knows more than the failure's code says: the outermost context of an error.
@@ -67,6 +70,7 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
         Some(Failure::Check(_)) => CHECK,
         Some(Failure::Output(_)) => OUTPUT,
         Some(Failure::Interrupted(_)) => INTERRUPTED,
+        Some(Failure::Ended(code, _)) => *code,
         None => error.chain().find_map(code_of).unwrap_or(FAILURE),
     }
 }

@@ -12,13 +12,18 @@ pub(crate) struct Interrupt(Arc<AtomicBool>);
 impl Interrupt {
     /// Listens from now on. To be called once in a process.
     pub(crate) fn listen() -> anyhow::Result<Self> {
+        Self::listen_and_say("stopping after this step and saving; once more to stop at once")
+    }
+
+    /// The same with another answer to the user.
+    pub(crate) fn listen_and_say(answer: &'static str) -> anyhow::Result<Self> {
         let asked = Self::default();
         let flag = asked.clone();
         ctrlc::set_handler(move || {
             if flag.0.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
-            eprintln!("\nstopping after this step and saving; once more to stop at once");
+            eprintln!("\n{answer}");
         })
         .context("cannot listen for Ctrl-C")?;
         Ok(asked)

@@ -112,6 +112,14 @@ impl Args {
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     let settings = args.settings();
     settings.check()?;
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if same(&args.data, &args.out) {
+        return Err(Failure::Usage(format!(
+            "--out {}: that is the dataset, whose depth/ and normal/ are what depths are compared with; choose another folder",
+            args.out.display()
+        ))
+        .into());
+    }
     let options = LoadOptions {
         max_side: Some(args.max_side),
         split: args.split,

@@ -41,7 +41,7 @@ Examples:
 DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model. Written to the --out folder:
 point_cloud.ply, held-out renders, depth and normals, metrics.json, report.html, settings.toml, checkpoints.")]
 pub(crate) struct Args {
-    /// Folder for the results [default: DATA's name followed by -3dgs, in the current folder]
+    /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]
     #[arg(long, value_name = "DIR", help_heading = "Run")]
     pub(crate) out: Option<PathBuf>,
     /// Go on with an interrupted run from its last checkpoint, in the same folder
@@ -80,6 +80,8 @@ pub(crate) struct Plan {
     pub(crate) out: PathBuf,
     /// Whether to go on from the checkpoint in `out`.
     pub(crate) resume: bool,
+    /// The steps that the run was to have when it was last begun, where it goes on.
+    pub(crate) former: Option<u32>,
     /// Whether `out` may hold an earlier run.
     pub(crate) overwrite: bool,
     /// What to say of the preset that holds.
@@ -99,13 +101,14 @@ impl Args {
         }
         // The shortcuts count as given by name.
         let given = |key: &str| given(key) || self.fast && SHORTCUTS.contains(&key);
-        let mut preset = None;
+        let (mut preset, mut former) = (None, None);
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
                 let before = Settings::read(&run.join(run_folder::SETTINGS))
                     .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
                 let resumed = asked.over(&before, given)?;
                 unchanged_on_resume(&before, &resumed)?;
+                former = Some(before.run.iterations);
                 resumed
             }
             (None, Some(file)) => {
@@ -128,8 +131,15 @@ impl Args {
                 settings
             }
         };
-        settings.check()?;
+        match &self.config {
+            Some(file) => settings.check().with_context(|| format!("{}, with the options given", file.display()))?,
+            None => settings.check()?,
+        }
         let Some(data) = &settings.data else {
+            if let Some(run) = &self.resume {
+                let file = run.join(run_folder::SETTINGS);
+                return Err(Failure::Input(format!("{}: it names no dataset (data)", file.display())).into());
+            }
             return Err(Failure::Usage(
                 "no dataset: name its folder (psrgs-vk train DATA --out DIR), or --resume DIR, or a --config that has data"
                     .into(),
@@ -149,7 +159,7 @@ impl Args {
         #[cfg(not(debug_assertions))]
         let lose_device_at = None;
         let overwrite = self.overwrite;
-        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite, preset, lose_device_at })
+        Ok(Plan { settings, out, resume: self.resume.is_some(), former, overwrite, preset, lose_device_at })
     }
 }
 

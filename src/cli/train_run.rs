@@ -9,8 +9,8 @@ use psrgs_vk::format::checkpoint;
 use psrgs_vk::raster::Variants;
 use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{
-    Checkpointed, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Message, Pacing, Settings, StereoReport, Trainer,
-    chosen_variants, prepare, take_stereo, tune,
+    Checkpointed, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Message, Pacing, Schedule, Settings, StereoReport,
+    Trainer, chosen_variants, prepare, take_stereo, tune,
 };
 use psrgs_vk::vk::Gpu;
 
@@ -43,6 +43,9 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     tell(&dataset, console);
     let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };
+    if let Some(before) = &before {
+        fits_what_is_done(settings, plan.former, before.restart.step)?;
+    }
     let gpu = device::open(&settings.device, false, console)?;
     let mut settings = settings.clone();
     let initial = prepare::initial(&dataset, settings.run.init.as_deref(), settings.run.seed)?;
@@ -80,6 +83,14 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         settings.run.seed,
         HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
     ));
+    if let Some(most) =
+        settings.density.max_splats.filter(|most| before.is_none() && input.initial.len() > *most as usize)
+    {
+        console.warn(format_args!(
+            "--max-splats {most}: it begins with {} splats, which stay; none are added",
+            HumanCount(input.initial.len() as u64)
+        ));
+    }
     let restart = before.map(|b| b.restart);
     let variants = match &restart {
         Some(restart) => restart.variants,
@@ -222,6 +233,22 @@ fn resumed(folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Check
         .with_context(|| Failure::Input(latest.file.display().to_string()))?;
     console.say(format_args!("going on after step {} of {}", found.restart.step, latest.file.display()));
     Ok(Some(found))
+}
+
+/// Another number of steps is one that the run has not passed yet, and in which no stage that is over begins again.
+fn fits_what_is_done(settings: &Settings, former: Option<u32>, step: u32) -> anyhow::Result<()> {
+    let iterations = settings.run.iterations;
+    let wrong = |problem: String| Err(Failure::Usage(format!("--iterations {iterations}: {problem}")).into());
+    if step > iterations {
+        return wrong(format!("the run is at step {step} already; give at least that many"));
+    }
+    match former.and_then(|former| Schedule::begins_again(settings, former, step)) {
+        Some(stage) => wrong(format!(
+            "the run is at step {step}, and a stage that is over ({stage}) would begin again, as it is a share of all steps; give fewer, \
+             or train anew from its model with --init"
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Pulls messages until the end; gives the seconds of training.

@@ -109,7 +109,7 @@ impl Settings {
             }
         }
         if !(3..=6).contains(&self.taps) {
-            return wrong("taps", self.taps.to_string(), "3, 4, 5 or 6");
+            return wrong("taps (--window)", self.taps.to_string(), "3, 4, 5 or 6");
         }
         if !(1..=8).contains(&self.step) {
             return wrong("step", self.step.to_string(), "from 1 to 8");
@@ -132,7 +132,7 @@ impl Settings {
             return wrong("most_slanted", self.most_slanted.to_string(), "between 0 and 90 degrees");
         }
         if !(-1.0..=1.0).contains(&self.least_ncc) {
-            return wrong("least_ncc", self.least_ncc.to_string(), "from -1 to 1");
+            return wrong("least_ncc (--least-ncc)", self.least_ncc.to_string(), "from -1 to 1");
         }
         Ok(())
     }

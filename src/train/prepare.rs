@@ -9,6 +9,7 @@ use super::input::{Input, Known, Outline, View};
 use super::settings::{self, Settings};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
 use crate::format::ply::{self, Content};
+use crate::format::{At, Error as FileError};
 use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
 
@@ -67,6 +68,8 @@ pub fn outline(dataset: &Dataset) -> Outline {
 pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result<Gaussians, Error> {
     match init_file {
         Some(file) => match ply::read_content(file)? {
+            Content::Model(model) if model.gaussians.is_empty() => Err(empty(file, "splats")),
+            Content::Cloud(cloud) if cloud.positions.is_empty() => Err(empty(file, "points")),
             Content::Model(model) => Ok(model.in_scene(&dataset.frame)),
             Content::Cloud(cloud) => {
                 let points: Vec<_> = cloud.positions.into_iter().zip(cloud.colors).collect();
@@ -81,6 +84,11 @@ pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result
             Ok(init::from_points(&points, &dataset.frame)?)
         }
     }
+}
+
+fn empty(file: &Path, what: &str) -> Error {
+    let problem = format!("it holds no {what} to begin with; give another file, or leave --init out");
+    FileError::malformed(file, "element vertex", At::Byte(0), problem).into()
 }
 
 /// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation

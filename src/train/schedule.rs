@@ -91,6 +91,20 @@ pub struct Schedule {
 }
 
 impl Schedule {
+    /// The stage that is over after `done` steps of a run of `former` steps and would begin again in one of as many as `settings` say, as
+    /// stages are shares of all steps.
+    pub fn begins_again(settings: &Settings, former: u32, done: u32) -> Option<&'static str> {
+        let ends = |iterations| {
+            let mut settings = settings.clone();
+            settings.run.iterations = iterations;
+            let Self { coarse_until, low_until, geometry_until, .. } = Self::new(&settings, 1);
+            [coarse_until, low_until, geometry_until]
+        };
+        let (before, now) = (ends(former), ends(settings.run.iterations));
+        let names = ["that of coarse photographs", "the low-frequency stage", "that of the loss on depth and normals"];
+        (0..names.len()).find(|&k| (before[k]..now[k]).contains(&done)).map(|k| names[k])
+    }
+
     /// The schedule for `views` training photographs.
     pub fn new(settings: &Settings, views: usize) -> Self {
         let (run, density, optimiser) = (&settings.run, &settings.density, &settings.optimiser);

@@ -1,8 +1,10 @@
 //! Methods against one another.
 
 use std::fs;
+use std::process::Stdio;
+use std::time::Duration;
 
-use crate::run::{fails, shared, text, works};
+use crate::run::{command, fails, shared, text, works};
 
 #[test]
 fn methods_are_compared_and_a_stopped_comparison_goes_on() {
@@ -33,6 +35,11 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     let page = read("compare.html");
     assert!(page.contains("<svg") && !page.contains("http"), "the page asks for nothing from outside");
 
+    // Results of other options are not taken for those of these.
+    let other = [&args("1")[..], &["--lr-means", "0.001"]].concat();
+    fails(&other, 2, &["scene-3dgs-s0", "other options", "--lr-means 0.001", "another --out"]);
+    assert_eq!(runs, read("runs.csv"));
+
     // One that was stopped before its end is trained, the others are taken as they are.
     let model = out.join("runs/scene-lean-s0/point_cloud.ply");
     let before = fs::metadata(&model).and_then(|m| m.modified()).expect("a model");
@@ -51,7 +58,18 @@ fn a_comparison_that_cannot_be_made_says_why() {
     let ends = ["compare", text(&data), "--out", text(&out), "--iterations", "5"];
     let with = |more: &[&'static str]| [&ends[..], more].concat();
     fails(&with(&["--methods", "lean", "--percent", "50"]), 2, &["--percent", "3dgs"]);
-    fails(&with(&["--methods", "gsplat", "--seeds", "1"]), 7, &["gsplat", "psrgs-paper"]);
+    fails(&with(&["--methods", "gsplat", "--seeds", "1"]), 2, &["--methods", "gsplat", "psrgs-paper"]);
+    fails(&with(&["--seeds", "0"]), 2, &["--seeds"]);
+    fails(&with(&["--percent", "0"]), 2, &["--percent"]);
+    fails(&with(&["--split", "none"]), 2, &["--split none", "held out"]);
+    fails(&with(&["/nowhere/scene"]), 3, &["/nowhere/scene"]);
+    // Runs are named after folders, and nothing has been trained when that is told.
+    let other = folder.path().join("other/scene");
+    fs::create_dir_all(&other).expect("a folder");
+    fails(&with(&[text(&other).to_owned().leak()]), 2, &[text(&data), text(&other), "rename"]);
+    assert!(!out.exists());
+    // A training has its own code for what went wrong.
+    fails(&with(&["--methods", "3dgs", "--", "--lambda-dssim", "7"]), 2, &["lambda-dssim", "scene-3dgs-s0"]);
     fails(&with(&["--methods", "lean", "--ablate", "psrgs"]), 2, &["--ablate"]);
     fails(&with(&["--ablate", "gsplat"]), 2, &["--ablate", "gsplat", "psrgs-paper"]);
 }
@@ -73,4 +91,39 @@ fn rsgs_takes_the_scan_of_the_dataset_or_says_that_it_had_none() {
     assert!(both.contains("| scene | rsgs | 1 |") && both.contains("| scene | gspro | 1 |"), "{both}");
     let made = table("made", &["--methods", "rsgs", "--lidar", "mvs"]);
     assert!(made.contains("| scene | rsgs (MVS cloud, no LiDAR) | 1 |"), "{made}");
+}
+
+/// A stop reaches the training, which saves, and is waited for.
+#[cfg(unix)]
+#[test]
+fn a_comparison_that_is_stopped_leaves_no_training_behind() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (shared.data(), folder.path().join("compared"));
+    let args = [
+        "compare",
+        text(&data),
+        "--out",
+        text(&out),
+        "--methods",
+        "3dgs",
+        "--iterations",
+        "1000000",
+        "--max-side",
+        "64",
+    ];
+    let child = command(&args).stderr(Stdio::piped()).spawn().expect("it starts");
+    let run = out.join("runs/scene-3dgs-s0");
+    while !run.join("settings.toml").is_file() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    kill_process(Pid::from_raw(child.id() as i32).expect("a process"), Signal::TERM).expect("told to stop");
+    let output = child.wait_with_output().expect("an end");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("stopped; the same command goes on from here"), "{said}");
+    assert!(fs::read_dir(run.join("checkpoints")).is_ok_and(|mut files| files.next().is_some()), "nothing was saved");
+    // The run is no longer held by anybody.
+    fails(&["train", "--resume", text(&run), "--iterations", "1"], 2, &["--iterations"]);
 }

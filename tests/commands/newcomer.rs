@@ -51,11 +51,27 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another --out"]),
         (&["train", data, "--out", run_text, "--iterations", "2"], 2, &["--resume", "--overwrite", "another --out"]),
         (&["train", "--resume", data], 3, &["no run to resume", "settings.toml"]),
+        (&["train", "--resume", run_text, "--iterations", "149"], 2, &["--iterations 149", "step 150 already"]),
+        (&["stereo", data, "--out", data], 2, &["that is the dataset", "another folder"]),
         (&["render", run_text, "--cameras", data, "--out", text(&out)], 3, &["a folder", "point_cloud.ply"]),
         (&["eval", run_text, data], 3, &["a folder", "point_cloud.ply"]),
     ] {
         fails(args, code, words);
     }
+    let empty = folder.path().join("empty.ply");
+    let header = [
+        "ply",
+        "format ascii 1.0",
+        "element vertex 0",
+        "property float x",
+        "property float y",
+        "property float z",
+        "end_header",
+        "",
+    ];
+    fs::write(&empty, header.join("\n")).expect("written");
+    let args = ["train", data, "--out", text(&out), "--iterations", "2", "--init", text(&empty)];
+    fails(&args, 3, &["empty.ply", "to begin with", "--init"]);
     let misnamed = copy_of(&shared.data());
     fs::create_dir(misnamed.path().join("masks")).expect("a folder");
     image::GrayImage::new(64, 48).save(misnamed.path().join("masks/mask1.png")).expect("written");
@@ -87,4 +103,29 @@ fn a_run_does_not_go_on_with_another_dataset() {
     fails(&go_on, 3, &["8 photographs to train on, and the run had 7"]);
     scene(1, 9);
     works(&go_on);
+}
+
+/// Stages of a training are shares of its steps: one that is over does not begin again because there are to be more steps.
+#[test]
+fn a_stage_that_is_over_does_not_begin_again() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (shared.data(), folder.path().join("run"));
+    works(&[
+        "train",
+        text(&data),
+        "--out",
+        text(&out),
+        "--method",
+        "lean",
+        "--iterations",
+        "20",
+        "--coarse-steps",
+        "0.5",
+        "--max-side",
+        "64",
+    ]);
+    let go_on = |iterations| ["train", "--resume", text(&out), "--iterations", iterations];
+    fails(&go_on("42"), 2, &["--iterations 42", "step 20", "coarse photographs", "--init"]);
+    works(&go_on("30"));
 }

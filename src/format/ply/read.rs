@@ -326,7 +326,14 @@ pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> 
             }
             (Some("constrained"), [count]) => {
                 let all = model.gaussians.len();
-                model.constrained = Some(count.parse().ok().filter(|n| *n <= all).ok_or_else(wrong)?);
+                let count = count.parse().map_err(|_| wrong())?;
+                if count > all {
+                    let problem = format!(
+                        "'{comment}', of {all} splats: another program has left some out; remove that line to read the rest"
+                    );
+                    return Err(Error::malformed(file, "comment", At::Byte(*at), problem));
+                }
+                model.constrained = Some(count);
             }
             (Some("antialias" | "offset" | "constrained"), _) => return Err(wrong()),
             _ => {}
