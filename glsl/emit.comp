@@ -1,8 +1,9 @@
 #version 460
-// emit: writes the tiles of each visible splat, in depth order, as (tile, slot) pairs.
-// One thread owns one visible splat and its slots [pair_offsets[k], + tile_counts[splat]); a workgroup owns 64 consecutive ones.
+// emit: writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot, or the splat where CARRIED.
+// One thread owns one visible splat, its places [pair_offsets[k], + tile_counts[splat]) and its slots [slot_offsets[splat], + as many); a
+// workgroup owns 64 consecutive ones in depth order.
 // The tiles come from the same code on the same bits as the counts. Should a compiler make them differ all the same, a thread
-// writes no slot that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
+// writes no place that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "emit.glsl"
@@ -12,6 +13,6 @@ void main() {
     const uint k = global_index();
     if (k >= counters[COUNTER_VISIBLE]) return;
     const uint splat = order[k];
-    const uvec2 slots = slots_of(k, splat);
-    if (slots.x < slots.y) emit_alone(splat, slots.x, slots.y);
+    const uvec2 places = places_of(k, splat);
+    if (places.x < places.y) emit_alone(splat, places.x, places.y, shift_of(k, splat));
 }

@@ -1,6 +1,6 @@
 #version 460
 // emit_together: what emit does, to the same bits, where subgroups are wide: a splat of many tiles would keep its neighbours waiting.
-// One thread owns one visible splat and its slots, a workgroup 64 consecutive ones. A splat of LARGE slots or more is shared by its
+// One thread owns one visible splat with its places and slots, a workgroup 64 consecutive ones. A splat of LARGE places or more is shared by its
 // subgroup: lanes take a row of tiles each, a prefix sum over their tiles says where each row's pairs go, and then lanes take the
 // pairs in turn, so that a subgroup's stores lie side by side.
 //! variant subgroup
@@ -40,14 +40,14 @@ uint last_at_most(uint before, uint j) {
     return found;
 }
 
-// Writes the pairs of a splat that all lanes of the subgroup name; none where slot = end.
-void emit_shared(uint splat, uint slot, uint end) {
+// Writes the pairs of a splat that all lanes of the subgroup name; none where place = end.
+void emit_shared(uint splat, uint place, uint end, uint shift) {
     const TileGrid grid = tile_grid();
     const uvec2 tiles = tile_counts_of(grid);
     const uint width = subgroup_width();
     const uint lane = subgroup_lane();
     TileEllipse e = ellipse_of(splat);
-    if (slot == end) e.row_end = e.row_begin;
+    if (place == end) e.row_end = e.row_begin;
     const uint row_turns = common_turns(e.row_end - e.row_begin);
     for (uint y0 = 0u; y0 < row_turns; y0 += width) {
         const uint y = e.row_begin + y0 + lane;
@@ -61,36 +61,40 @@ void emit_shared(uint splat, uint slot, uint end) {
             const uint j = j0 + lane;
             const uint row = last_at_most(before, j);
             const uint x = subgroup_shuffle(columns.x, row) + (j - subgroup_shuffle(before, row));
-            if (j < total && slot + j < end) put(slot + j, (e.row_begin + y0 + row) * tiles.x + x, splat);
+            if (j < total && place + j < end) put(place + j, shift, (e.row_begin + y0 + row) * tiles.x + x, splat);
         }
-        slot += total;
+        place += total;
     }
-    for (uint left = slot + lane; left < end; left += width) put(left, tiles.x * tiles.y, splat);
+    for (uint left = place + lane; left < end; left += width) put(left, shift, tiles.x * tiles.y, splat);
 }
 
 void main() {
     const uint k = global_index();
     uint splat = 0u;
-    uvec2 slots = uvec2(0u);
+    uvec2 places = uvec2(0u);
+    uint shift = 0u;
     if (k < counters[COUNTER_VISIBLE]) {
         splat = order[k];
-        slots = slots_of(k, splat);
+        places = places_of(k, splat);
+        shift = shift_of(k, splat);
     }
-    const bool large = slots.y - slots.x >= LARGE;
-    if (!large && slots.y > slots.x) emit_alone(splat, slots.x, slots.y);
+    const bool large = places.y - places.x >= LARGE;
+    if (!large && places.y > places.x) emit_alone(splat, places.x, places.y, shift);
 #ifdef SUBGROUP_EMULATED
     for (uint lane = 0u; lane < subgroup_width(); ++lane) {
         const bool shared_now = subgroup_broadcast(uint(large), lane) != 0u;
-        const uint from = subgroup_broadcast(slots.x, lane);
-        const uint to = subgroup_broadcast(slots.y, lane);
-        emit_shared(subgroup_broadcast(splat, lane), from, shared_now ? to : from);
+        const uint from = subgroup_broadcast(places.x, lane);
+        const uint to = subgroup_broadcast(places.y, lane);
+        emit_shared(subgroup_broadcast(splat, lane), from, shared_now ? to : from, subgroup_broadcast(shift, lane));
     }
 #else
     const uvec4 ballot = subgroup_ballot(large);
     for (uint word = 0u; word < 4u; ++word) {
         for (uint bits = ballot[word]; bits > 0u; bits -= bits & (~bits + 1u)) {
             const uint lane = 32u * word + uint(findLSB(bits));
-            emit_shared(subgroup_broadcast(splat, lane), subgroup_broadcast(slots.x, lane), subgroup_broadcast(slots.y, lane));
+            const uint from = subgroup_broadcast(places.x, lane);
+            const uint to = subgroup_broadcast(places.y, lane);
+            emit_shared(subgroup_broadcast(splat, lane), from, to, subgroup_broadcast(shift, lane));
         }
     }
 #endif

@@ -288,15 +288,19 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &Lists<'_>) {
         let at = 2 * tile as usize;
         assert_eq!([found[at], found[at + 1]], ranges.get(&tile).copied().unwrap_or([0, 0]), "tile {tile}");
     }
-    // A splat's slots are consecutive, in depth order.
-    let [order, offsets] = [own.order, own.pair_offsets].map(read);
+    // A splat's slots are consecutive, in the order of the splats, and each is some pair's.
+    let [listed, offsets] = [own.listed, own.slot_offsets].map(read);
     let mut slot = 0;
-    for k in 0..visible {
-        assert_eq!(offsets[k] as usize, slot);
-        let count = scene.tiles[order[k] as usize].len();
-        assert!(slot_splat[slot..slot + count].iter().all(|&s| s == order[k]));
+    for &splat in &listed[..visible] {
+        assert_eq!(offsets[splat as usize] as usize, slot);
+        let count = scene.tiles[splat as usize].len();
+        assert!(slot_splat[slot..slot + count].iter().all(|&s| s == splat));
         slot += count;
     }
+    assert!(listed[..visible].is_sorted());
+    let mut of_pairs = slots[..expected.len()].to_vec();
+    of_pairs.sort_unstable();
+    assert!(of_pairs.into_iter().eq(0..expected.len() as u32), "a slot is no pair's, or several");
 }
 
 #[test]

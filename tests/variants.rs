@@ -208,8 +208,8 @@ fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<V
     // The rest is there where gradients are summed in slots, and only there.
     assert_eq!(lists.slots.is_some(), variants.gradients == GradientSum::Slots);
     if let Some(slots) = lists.slots {
-        all.push(read(slots.order, visible));
-        all.push(read(slots.pair_offsets, visible));
+        all.push(read(slots.listed, visible));
+        all.push(read(slots.slot_offsets, n as usize));
         all.push(read(slots.slot_splat, pairs));
         all.push(read(slots.sorted_slots, pairs));
     }

@@ -1,4 +1,6 @@
-// What the forms of emission share: bindings, the place of a pair, and a splat whose tiles one thread writes.
+// What the forms of emission share: bindings, where a pair goes, and a splat whose tiles one thread writes. Pairs go to places in depth
+// order, for the sort to keep; slots, where there are some, lie in the order of the splats, so that what is summed up later lies near
+// what its neighbours get.
 #ifndef EMIT_GLSL
 #define EMIT_GLSL
 
@@ -15,7 +17,8 @@ layout(set = 0, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; 
 layout(set = 0, binding = 4) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 5) writeonly buffer PairKeys { uint pair_keys[]; };
 layout(set = 0, binding = 6) writeonly buffer PairVals { uint pair_vals[]; };
-layout(set = 0, binding = 7) writeonly buffer SlotSplat { uint slot_splat[]; };
+layout(set = 0, binding = 7) writeonly buffer SlotSplat { uint slot_splat[]; };           // not where CARRIED
+layout(set = 0, binding = 8) readonly buffer SlotOffsets { uint slot_offsets[]; };  // not where CARRIED
 layout(push_constant) uniform Push {
     uint width;
     uint height;
@@ -24,14 +27,26 @@ layout(push_constant) uniform Push {
     uint capacity;  // pairs that fit
 } push;
 
+layout(constant_id = 0) const uint CARRIED = 0u;  // pairs carry the splat itself, and there are no slots
 // Tiles a turn of the loop.
 layout(constant_id = 23) const uint PER_TURN = 8u;
 
-void put(uint slot, uint tile, uint splat) {
-    pair_keys[slot] = tile;
-    pair_vals[slot] = slot;
-    slot_splat[slot] = splat;
+// Writes a pair to a place; `shift` is from there to its slot.
+void put(uint place, uint shift, uint tile, uint splat) {
+    pair_keys[place] = tile;
+    if (CARRIED != 0u) {
+        pair_vals[place] = splat;
+    } else {
+        pair_vals[place] = place + shift;
+        slot_splat[place + shift] = splat;
+    }
 }
+
+// From the first place of visible splat k to its first slot.
+uint shift_of(uint k, uint splat) { return CARRIED != 0u ? 0u : slot_offsets[splat] - pair_offsets[k]; }
+
+// How many from a first place or slot on fit.
+uint room_from(uint first) { return push.capacity - min(first, push.capacity); }
 
 TileGrid tile_grid() { return TileGrid(uvec2(push.width, push.height), uvec2(push.tile_width, push.tile_height)); }
 
@@ -41,34 +56,35 @@ TileEllipse ellipse_of(uint splat) {
     return tile_ellipse(p.xy, vec3(p.zw, q.x), q.y, tile_grid());
 }
 
-// The slots of visible splat k: as many as it has tiles, and as fit.
-uvec2 slots_of(uint k, uint splat) {
-    const uint slot = min(pair_offsets[k], push.capacity);
-    return uvec2(slot, slot + min(tile_counts[splat], push.capacity - slot));
+// The places of visible splat k: as many as it has tiles, and as fit, slots included.
+uvec2 places_of(uint k, uint splat) {
+    uint room = room_from(pair_offsets[k]);
+    if (CARRIED == 0u) room = min(room, room_from(slot_offsets[splat]));
+    return uvec2(pair_offsets[k], pair_offsets[k] + min(tile_counts[splat], room));
 }
 
 // Writes all pairs of a splat that has any. One loop over its tiles, row after row: threads that go together wait for the one with the
 // most tiles, not for the most rows times the most columns. It tests at its end, see common.glsl.
-void emit_alone(uint splat, uint slot, uint end) {
+void emit_alone(uint splat, uint place, uint end, uint shift) {
     const TileGrid grid = tile_grid();
     const uvec2 tiles = tile_counts_of(grid);
     const TileEllipse e = ellipse_of(splat);
-    const uint steps = end - slot + (e.row_end - e.row_begin);  // a slot each, and rows that list no tile
+    const uint steps = end - place + (e.row_end - e.row_begin);  // a place each, and rows that list no tile
     uint step = 0u;
     uint y = e.row_begin;
     uvec2 columns = tile_row(e, y, grid);  // what is left of the row
     while (true) {
         for (uint j = 0u; j < PER_TURN; ++j) {
             const bool listed = y < e.row_end;
-            if (slot < end && (!listed || columns.x < columns.y)) {
-                put(slot, listed ? y * tiles.x + columns.x : tiles.x * tiles.y, splat);
-                ++slot;
+            if (place < end && (!listed || columns.x < columns.y)) {
+                put(place, shift, listed ? y * tiles.x + columns.x : tiles.x * tiles.y, splat);
+                ++place;
                 ++columns.x;
             }
             if (columns.x >= columns.y) columns = tile_row(e, ++y, grid);
         }
         step += PER_TURN;
-        if (step >= steps || slot >= end) break;
+        if (step >= steps || place >= end) break;
     }
 }
 

@@ -1,4 +1,4 @@
-//! Writes the tiles of each visible splat, in depth order, as (tile, slot) pairs.
+//! Writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot, or of a tile and the splat.
 
 use super::cutoffs::ALPHA_MIN;
 use super::turns::PER_TURN;
@@ -21,6 +21,9 @@ crate::push_constants! {
     }
 }
 
+/// Pairs carry the splat itself (0 or 1): nothing is written to `slot_splat`, and `slot_offsets` is not read.
+pub(super) const CARRIED: Constant = Constant { id: 0, name: "CARRIED", default: 0 };
+
 const BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("tile_counts"),
@@ -30,6 +33,7 @@ const BINDINGS: &[Binding] = &[
     write("pair_keys"),
     write("pair_vals"),
     write("slot_splat"),
+    read("slot_offsets"),
 ];
 
 const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static str) -> Pass {
@@ -49,20 +53,20 @@ const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static 
     }
 }
 
-const TOGETHER_DOC: &str = "One thread owns one visible splat and its slots, a subgroup those of its threads' splats that have many; a \
+const TOGETHER_DOC: &str = "One thread owns one visible splat with its places and slots, a subgroup those of its threads' splats that have many; a \
      workgroup owns 64 consecutive visible splats.";
 
 /// A thread writes the pairs of its splat.
 pub const PASS: Pass = pass(
     "emit",
-    &[PER_TURN, ALPHA_MIN],
-    "One thread owns one visible splat and its slots; a workgroup owns 64 consecutive visible splats.",
+    &[CARRIED, PER_TURN, ALPHA_MIN],
+    "One thread owns one visible splat with its places and slots; a workgroup owns 64 consecutive visible splats.",
 );
 /// A subgroup writes the pairs of its large splats together: for wide subgroups. The same bits.
-pub const TOGETHER: Pass = pass("emit_together_subgroup", &[PER_TURN, ALPHA_MIN], TOGETHER_DOC);
+pub const TOGETHER: Pass = pass("emit_together_subgroup", &[CARRIED, PER_TURN, ALPHA_MIN], TOGETHER_DOC);
 /// The same with emulated subgroups.
 pub const TOGETHER_EMULATED: Pass = pass(
     "emit_together_emulated",
-    &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }, PER_TURN, ALPHA_MIN],
+    &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }, CARRIED, PER_TURN, ALPHA_MIN],
     TOGETHER_DOC,
 );

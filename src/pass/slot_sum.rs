@@ -8,16 +8,16 @@ use crate::vk::{Kernel, read, write};
 /// Visible splats that one workgroup owns.
 pub const SPLATS_PER_WORKGROUP: u32 = 16;
 
-/// The pass. `order` is the splat of each rank of the depth order (`vals0` after the sort). Rows of splats that are not visible
-/// are left as they are.
+/// The pass. `listed` are the visible splats in the order of their index, `slot_offsets` the first slot of every splat. Rows of splats that
+/// are not visible are left as they are.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "slot_sum",
         spirv: module("slot_sum"),
         bindings: &[
             read("counters"),
-            read("order"),
-            read("pair_offsets"),
+            read("listed"),
+            read("slot_offsets"),
             read("tile_counts"),
             read("slot_grads"),
             read("slot_normals"),

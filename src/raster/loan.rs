@@ -11,23 +11,21 @@ use crate::vk::{Buffer, Gpu, Memory, Part, Result};
 /// | who | from | until |
 /// |---|---|---|
 /// | keys of the depth sort, two sides; the first also holds tile counts in depth order | `compact` | the prefix sum over these counts |
-/// | values of the depth sort, two sides: the order, and the first slots of the visible splats; only where there are no slots | `compact` | `emit` |
+/// | values of the depth sort, two sides: the order, and the first place of the pairs of each | `compact` | `emit` |
 /// | two tables of the depth sort | the depth sort | its end |
 /// | two tables of the tile sort, over all the above | after `emit` | the end of the tile sort |
 ///
 /// In training the buffer is that of the projected splats' gradients: nothing is written there before the lists are complete, and
-/// these are not looked at after. With sums in slots the order and the first slots are looked at by `slot_sum`, which writes those
-/// gradients, so they have memory of their own.
+/// these are not looked at after.
 pub(super) struct Layout {
     pub(super) keys: [Range<u64>; 2],
-    /// Empty with slots.
     pub(super) vals: [Range<u64>; 2],
     pub(super) depth_tables: [Range<u64>; 2],
     pub(super) tile_tables: [Range<u64>; 2],
 }
 
 impl Layout {
-    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, shape: Shape, slots: bool) -> Layout {
+    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, shape: Shape) -> Layout {
         let alignment = gpu.caps().limits.storage_alignment;
         let place = |end: &mut u64, bytes: u64| {
             let begin = end.next_multiple_of(alignment);
@@ -40,7 +38,7 @@ impl Layout {
         let (mut early, mut late) = (0, 0);
         let mut two = |bytes| [place(&mut early, bytes), place(&mut early, bytes)];
         let keys = two(splats);
-        let vals = if slots { [0..0, 0..0] } else { two(splats) };
+        let vals = two(splats);
         let depth_tables = two(depth);
         Layout { keys, vals, depth_tables, tile_tables: [place(&mut late, tile), place(&mut late, tile)] }
     }

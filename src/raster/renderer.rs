@@ -125,7 +125,7 @@ impl Renderer {
         let capacities = Capacities { splats, pairs, tiles };
         let shape = Shape::of(gpu.caps());
         let slots = size.train && variants.gradients == GradientSum::Slots;
-        let for_lists = Layout::new(gpu, &capacities, shape, slots).bytes();
+        let for_lists = Layout::new(gpu, &capacities, shape).bytes();
         let early = if size.train {
             gpu.buffer("grad2d", for_lists.max(ROW_2D * n).max(LEAST_2D), Memory::Device)?
         } else {

@@ -6,11 +6,11 @@ use super::loan::{Layout, Loan, parts, words};
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
 use crate::pass::cutoffs::Cutoffs;
-use crate::pass::plan::{self, Entry};
+use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
 use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::twin::tile::TileGrid;
-use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
+use crate::vk::{Buffer, BufferSlice, Error, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
 
 /// Bits of a depth key: depths are positive, so their sign bit is 0.
 pub(crate) const DEPTH_BITS: u32 = 31;
@@ -62,13 +62,21 @@ pub struct TileLists {
     tile_sort: RadixSort,
     keys: [Part; 2],
     vals: [Part; 2],
-    /// The visible splats in the order of their index, where somebody asks for them after.
+    /// The visible splats in the order of their index, where somebody asks for them after: the optimiser, or the sums of slots.
     listed: Option<Part>,
+    /// Whether the optimiser does.
+    optimised: bool,
     pair_keys: [Part; 2],
     pair_vals: [Part; 2],
     /// Without, pairs carry the splat and not the slot.
-    slot_splat: Option<Part>,
+    slots: Option<SlotBuffers>,
     tile_ranges: Buffer,
+}
+
+/// What slots need beyond the pairs.
+struct SlotBuffers {
+    splat: Part,
+    offsets: Part,
 }
 
 /// What the passes before have written.
@@ -101,13 +109,13 @@ pub struct Lists<'a> {
     pub slot_sums: Groups<'a>,
 }
 
-/// The places of pairs at emission: a splat's slots are consecutive, in depth order.
+/// The slots of pairs: a splat's are consecutive, in the order of the splats. With splats in Morton order those of a tile lie near one another.
 #[derive(Clone, Copy)]
 pub struct Slots<'a> {
-    /// Visible splats in depth order (the first `counters.visible`).
-    pub order: BufferSlice<'a>,
-    /// First slot of each visible splat in depth order.
-    pub pair_offsets: BufferSlice<'a>,
+    /// Visible splats in the order of their index (the first `counters.visible`).
+    pub listed: BufferSlice<'a>,
+    /// First slot of each splat.
+    pub slot_offsets: BufferSlice<'a>,
     /// Splat of each slot; in training until the blend backward.
     pub slot_splat: BufferSlice<'a>,
     /// Slot of each pair in (tile, depth) order.
@@ -122,7 +130,7 @@ impl TileLists {
 
     /// The same with the sort's shape given.
     pub fn with_shape(gpu: &Gpu, capacities: Capacities, shape: Shape) -> Result<TileLists> {
-        let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape, true).bytes(), Memory::Device)?;
+        let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(Part::whole(slot_splat));
         TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &Cutoffs::EXACT, false)
@@ -139,13 +147,12 @@ impl TileLists {
         listed: bool,
     ) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
-        let layout = Layout::new(gpu, &capacities, shape, loan.slot_splat.is_some());
-        let [depth_tables, tile_tables, keys] =
-            [&layout.depth_tables, &layout.tile_tables, &layout.keys].map(|ranges| parts(loan.early, ranges));
-        let vals = match &loan.slot_splat {
-            Some(_) => words(gpu, ["vals0", "vals1"], splats)?,
-            None => parts(loan.early, &layout.vals),
-        };
+        let layout = Layout::new(gpu, &capacities, shape);
+        let [depth_tables, tile_tables, keys, vals] =
+            [&layout.depth_tables, &layout.tile_tables, &layout.keys, &layout.vals]
+                .map(|ranges| parts(loan.early, ranges));
+        let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(Part::whole);
+        let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
         Ok(TileLists {
             capacities,
             shape,
@@ -155,20 +162,22 @@ impl TileLists {
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
             emit: {
                 let [alpha] = cutoffs.of_lists();
-                gpu.pipeline(&kernels::emission(gpu).kernel, &[per_turn(tiles), alpha])?
+                gpu.pipeline(&kernels::emission(gpu).kernel, &[carried, per_turn(tiles), alpha])?
             },
-            ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[("CARRIED", u32::from(loan.slot_splat.is_none()))])?,
+            ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[carried])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
             depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,
             tile_sort: RadixSort::within(gpu, "tile_sort", shape, pairs, tile_bits(tiles), tile_tables)?,
             keys,
             vals,
-            listed: listed
-                .then(|| gpu.buffer("listed", 4 * splats.max(1), Memory::Device).map(Part::whole))
-                .transpose()?,
+            listed: (listed || loan.slot_splat.is_some()).then(|| of_splats("listed")).transpose()?,
+            optimised: listed,
             pair_keys: words(gpu, ["pair_keys0", "pair_keys1"], pairs)?,
             pair_vals: words(gpu, ["pair_vals0", "pair_vals1"], pairs)?,
-            slot_splat: loan.slot_splat,
+            slots: loan
+                .slot_splat
+                .map(|splat| Ok::<_, Error>(SlotBuffers { splat, offsets: of_splats("slot_offsets")? }))
+                .transpose()?,
             tile_ranges: gpu.buffer("tile_ranges", 8 * tiles.max(1), Memory::Device)?,
         })
     }
@@ -176,13 +185,13 @@ impl TileLists {
     /// Bytes of its own buffers, what was lent aside.
     pub(super) fn held(&self) -> Held {
         let bytes = |parts: &[Part; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
+        let listed = self.listed.as_ref().map_or(0, |part| part.slice().bytes());
+        let (of_optimiser, of_slots) = if self.optimised { (listed, 0) } else { (0, listed) };
         Held {
-            splats: self.splat_scan.bytes()
-                + self.depth_sort.bytes()
-                + self.listed.as_ref().map_or(0, |part| part.slice().bytes()),
+            splats: self.splat_scan.bytes() + self.depth_sort.bytes() + of_optimiser,
             pairs: bytes(&self.pair_keys) + bytes(&self.pair_vals) + self.tile_sort.bytes(),
             pixels: self.tile_ranges.size(),
-            slot_splats: if self.slot_splat.is_some() { bytes(&self.vals) } else { 0 },
+            slot_splats: of_slots + self.slots.as_ref().map_or(0, |slots| slots.offsets.slice().bytes()),
             ..Held::default()
         }
     }
@@ -194,10 +203,10 @@ impl TileLists {
     }
 
     /// The visible splats of the frame that was recorded last in the order of their index (the first `counters.visible`), where they are
-    /// kept, and workgroups of 64 threads for one each; none when the pairs do not fit.
+    /// kept for the optimiser, and workgroups of 64 threads for one each; none when the pairs do not fit.
     pub(super) fn listed<'a>(&'a self, args: &'a Buffer, first_entry: u32) -> Option<(BufferSlice<'a>, Groups<'a>)> {
         let groups = Groups::Indirect(args, Entry::offset(first_entry + VISIBLE_ITEMS));
-        self.listed.as_ref().map(|part| (part.slice(), groups))
+        self.listed.as_ref().filter(|_| self.optimised).map(|part| (part.slice(), groups))
     }
 
     /// What was allocated for.
@@ -227,12 +236,16 @@ impl TileLists {
         let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
         let places = vals[1];
         self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
+        let slots = self.slots.as_ref().map(|slots| (slots.splat.slice(), slots.offsets.slice()));
+        if let Some((_, offsets)) = slots {
+            self.splat_scan.record(rec, [tile_counts, offsets], counts, extent, Summand::Words, NO_COUNTER)?;
+        }
         let listed = self.listed.as_ref().map(Part::slice);
         let bound = [splat2d, tile_counts, places, count_words, keys[0], listed.unwrap_or(vals[0])];
         let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
         rec.dispatch(&self.compact, &bound, &push, indirect(SPLAT_ITEMS))?;
 
-        // In the order of their depth, with the first slot of each.
+        // In the order of their depth, with the place of the first pair of each.
         let [sort, table] = self.shape.entries(self.depth_bits);
         let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
         let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
@@ -262,12 +275,10 @@ impl TileLists {
             capacity,
         };
         let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
-        // Where there are no slots the splat itself is sorted, and the slots go where the sort overwrites them.
-        let (slots, slot_splat) = match &self.slot_splat {
-            Some(slot_splat) => (vals[0], slot_splat.slice()),
-            None => (vals[1], vals[0]),
-        };
-        let bound = [splat2d, tile_counts, order, pair_offsets, count_words, keys[0], slots, slot_splat];
+        // Where there are no slots other buffers stand for theirs, which are neither read nor written then.
+        let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
+        let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
+        let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
         rec.dispatch(&self.emit, &bound, &push, indirect(VISIBLE_ITEMS))?;
 
         // In the order of their tile; the sort is stable, so by depth within each.
@@ -276,17 +287,17 @@ impl TileLists {
         rec.fill(&self.tile_ranges, 0)?;
         let ranges: BufferSlice<'_> = (&self.tile_ranges).into();
         // The other side of the keys is free again.
-        let slot_splat = self.slot_splat.as_ref().map_or(vals[1 - side], Part::slice);
+        let slot_splat = slots.map_or(vals[1 - side], |(splat, _)| splat);
         let bound = [keys[side], vals[side], slot_splat, count_words, keys[1 - side], ranges];
         rec.dispatch(&self.ranges, &bound, &tile_ranges::Push { tiles }, indirect(PAIR_ITEMS))?;
         Ok(Lists {
-            slots: self.slot_splat.is_some().then_some(Slots {
-                order,
-                pair_offsets,
+            slots: slots.zip(listed).map(|((slot_splat, slot_offsets), listed)| Slots {
+                listed,
+                slot_offsets,
                 slot_splat,
                 sorted_slots: vals[side],
             }),
-            sorted_splats: if self.slot_splat.is_some() { keys[1 - side] } else { vals[side] },
+            sorted_splats: if slots.is_some() { keys[1 - side] } else { vals[side] },
             tile_ranges: ranges,
             slot_sums: indirect(VISIBLE_SLOTS),
         })

@@ -26,13 +26,22 @@ pub fn run(call: &mut TwinCall<'_>) {
     let pair_offsets = call.get::<u32>(3);
     let visible = call.get::<u32>(4)[counters::VISIBLE].min(call.groups * 64) as usize;
     let mut out: [Vec<u32>; 3] = [call.get(5), call.get(6), call.get(7)];
+    let slot_offsets = call.get::<u32>(8);
+    let carried = call.constants[call.constants.len() - 3] != 0;
     for k in 0..visible {
         let splat = order[k] as usize;
         let tiles = tiles_of::<f32>(&splat2d[splat], tile_counts[splat], &grid);
-        for (slot, tile) in (pair_offsets[k]..push.capacity).zip(tiles) {
-            out[0][slot as usize] = tile;
-            out[1][slot as usize] = slot;
-            out[2][slot as usize] = splat as u32;
+        let first = pair_offsets[k].max(if carried { 0 } else { slot_offsets[splat] });
+        for (i, tile) in (0..push.capacity.saturating_sub(first)).zip(tiles) {
+            let place = (pair_offsets[k] + i) as usize;
+            out[0][place] = tile;
+            if carried {
+                out[1][place] = splat as u32;
+            } else {
+                let slot = slot_offsets[splat] + i;
+                out[1][place] = slot;
+                out[2][slot as usize] = splat as u32;
+            }
         }
     }
     for (i, words) in out.iter().enumerate() {

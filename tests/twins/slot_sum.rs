@@ -13,13 +13,13 @@ pub fn run(gpu: &Gpu) {
             // Splats 0, 3, 6, ... are visible; the others' counts are 0.
             let splats = 3 * visible + 2;
             let mut tile_counts = vec![0u32; splats];
-            let order: Vec<u32> = (0..visible).rev().map(|k| 3 * k as u32).collect();
-            let mut offsets = Vec::new();
+            let listed: Vec<u32> = (0..visible).map(|k| 3 * k as u32).collect();
+            let mut offsets = vec![u32::MAX; splats];
             let mut pairs = 0;
-            for &splat in &order {
+            for &splat in &listed {
                 let count = if random.word().is_multiple_of(9) || visible == 1 { most } else { 1 + random.word() % 5 };
                 tile_counts[splat as usize] = count;
-                offsets.push(pairs);
+                offsets[splat as usize] = pairs;
                 pairs += count;
             }
             let floats =
@@ -29,8 +29,8 @@ pub fn run(gpu: &Gpu) {
             let slots = pairs.max(1) as usize;
             let buffers = [
                 bytes(&counts),
-                if visible == 0 { garbage(4) } else { bytes(&order) },
-                if visible == 0 { garbage(4) } else { bytes(&offsets) },
+                if visible == 0 { garbage(4) } else { bytes(&listed) },
+                bytes(&offsets),
                 bytes(&tile_counts),
                 bytes(&floats(12 * slots, &mut random)),
                 bytes(&floats(4 * slots, &mut random)),

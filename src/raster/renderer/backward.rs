@@ -256,7 +256,7 @@ impl Renderer {
             recorder.dispatch(&channels.blend, &buffers, &push, groups)?;
             let [counts, tile_counts] = slices([&self.counters, &self.tile_counts]);
             let buffers =
-                [counts, slots.order, slots.pair_offsets, tile_counts, slot_grads, slot_normals, grad2d, grad_normals];
+                [counts, slots.listed, slots.slot_offsets, tile_counts, slot_grads, slot_normals, grad2d, grad_normals];
             recorder.dispatch(slot_sum, &buffers, &(), lists.slot_sums)
         } else {
             recorder.fill(grad2d, 0)?;
