@@ -110,6 +110,38 @@ fn forms_that_the_device_cannot_run_are_refused() {
     }
 }
 
+/// The least that Vulkan asks of a device is 16 KiB.
+#[test]
+fn forms_that_take_more_shared_memory_than_there_is_are_not_taken() {
+    let Some(gpu) = common::gpu_with(|o| o.max_shared_bytes = Some(16 << 10)) else { return };
+    assert_eq!(gpu.caps().limits.shared_bytes, 16 << 10);
+    let possible = Variants::possible(&gpu);
+    let start = |variants: Variants| {
+        let input = plane_scene::input(2, 24, 16, 20);
+        Trainer::new(&gpu, input, &settings(variants), Pacing::default(), None).err()
+    };
+    let large = Variants::new(TileShape::Pixel, GradientSum::Slots);
+    assert!(!possible.contains(&large) && !large.runs_on(&gpu));
+    let refused = start(large).expect("a form that does not fit");
+    assert!(matches!(refused, train::Error::SharedMemory { most: 16_384, .. }), "{refused}");
+    let made = Renderer::new(&gpu, large, Size::training(10, 10, 10)).err().map(|error| error.to_string());
+    assert!(made.as_ref().is_some_and(|text| text.contains("bytes of shared memory")), "{made:?}");
+    for variants in possible {
+        assert!(start(variants).is_none(), "{variants}");
+    }
+    // Nor does what is chosen on a device with less than any form of pixel tiles takes, or the sort.
+    let little = common::gpu_with(|o| {
+        o.max_shared_bytes = Some(4 << 10);
+        o.emulate_subgroup = Some(32);
+    })
+    .unwrap();
+    for deterministic in [false, true] {
+        let chosen = Variants::choose(&little, deterministic);
+        assert_eq!(chosen, Variants::new(TileShape::Column, GradientSum::Slots));
+        Renderer::new(&little, chosen, Size::training(10, 10, 10)).unwrap();
+    }
+}
+
 #[test]
 fn what_is_possible_can_be_made_and_nothing_else() {
     let Some(native) = common::gpu() else { return };

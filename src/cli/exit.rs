@@ -143,7 +143,10 @@ fn of_training(error: &train::Error) -> u8 {
         train::Error::Dataset(data) => of_dataset(data),
         train::Error::File(file) => of_file(file),
         train::Error::Settings(settings) => of_settings(settings),
-        train::Error::NotDeterministic | train::Error::NoFloatAtomics | train::Error::PerSplatInColumns => USAGE,
+        train::Error::NotDeterministic
+        | train::Error::NoFloatAtomics
+        | train::Error::PerSplatInColumns
+        | train::Error::SharedMemory { .. } => USAGE,
         train::Error::Init(_)
         | train::Error::NoViews
         | train::Error::CloudElsewhere { .. }

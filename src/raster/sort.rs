@@ -1,6 +1,7 @@
 //! Stable radix sort of (key, value) words on the device, least significant digit first.
 
 use super::scan::{BLOCK as SCAN_BLOCK, Extent, Scan, Summand};
+use crate::pass::Pass;
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::radix::{self as pass, Push};
 use crate::vk::{
@@ -10,7 +11,7 @@ use crate::vk::{
 /// How the passes split their work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear.
+    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear, and where there is little of it.
     Runs,
     /// A workgroup owns a block of keys: for GPUs.
     Groups,
@@ -19,7 +20,9 @@ pub enum Shape {
 impl Shape {
     /// The shape for a device.
     pub fn of(caps: &Caps) -> Shape {
-        if caps.kind == DeviceKind::Cpu { Shape::Runs } else { Shape::Groups }
+        let (_, scatter, _) = kernels(Shape::Groups, caps.subgroup);
+        let room = scatter.kernel.shared_bytes().is_none_or(|bytes| bytes <= caps.limits.shared_bytes);
+        if caps.kind == DeviceKind::Cpu || !room { Shape::Runs } else { Shape::Groups }
     }
 
     /// Keys in a block, a column of the table of digit counts.
@@ -133,13 +136,7 @@ pub(crate) struct SortPasses {
 impl SortPasses {
     /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffer of the prefix sum.
     pub(crate) fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<SortPasses> {
-        let (count, scatter, width) = match (shape, gpu.caps().subgroup) {
-            (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
-            (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
-            (Shape::Groups, Subgroup::Emulated(width)) => {
-                (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
-            }
-        };
+        let (count, scatter, width) = kernels(shape, gpu.caps().subgroup);
         Ok(SortPasses {
             shape,
             count: gpu.pipeline(&count.kernel, width.as_slice())?,
@@ -193,6 +190,17 @@ impl SortPasses {
             rec.dispatch(&self.scatter, &bound, &push, groups)?;
         }
         Ok(digits.side())
+    }
+}
+
+/// The counting and the scattering pass of a shape, and the width of subgroups where it is a constant.
+fn kernels(shape: Shape, subgroup: Subgroup) -> (&'static Pass, &'static Pass, Option<(&'static str, u32)>) {
+    match (shape, subgroup) {
+        (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
+        (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
+        (Shape::Groups, Subgroup::Emulated(width)) => {
+            (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::approximation::{Approximation, Exponential};
+use super::kernels::{self, fits};
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
 /// The column shape is written for subgroups of this width.
@@ -134,19 +135,27 @@ impl Variants {
     }
 
     /// Whether the device can run this form: slots always, other sums of column tiles with subgroups of 8 only, float atomics
-    /// where there are some and subgroup operations too, a backward per splat in pixel tiles.
+    /// where there are some and subgroup operations too, a backward per splat in pixel tiles; and what takes no more shared memory than
+    /// there is.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
         let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
         let columns_sum = caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH);
-        match (self.tile, self.backward, self.gradients) {
+        let there = match (self.tile, self.backward, self.gradients) {
             (TileShape::Column, Backward::PerSplat, _) => false,
             (_, _, GradientSum::Slots) => true,
             (TileShape::Column, _, GradientSum::CompareAndSwap) => columns_sum,
             (TileShape::Column, _, GradientSum::Atomic) => columns_sum && atomics,
             (TileShape::Pixel, _, GradientSum::CompareAndSwap) => true,
             (TileShape::Pixel, _, GradientSum::Atomic) => atomics,
-        }
+        };
+        there && self.fits(gpu)
+    }
+
+    /// Whether a workgroup has as much shared memory as this form takes; also where the form is not there for other reasons.
+    pub(crate) fn fits(self, gpu: &Gpu) -> bool {
+        kernels::blend_backward(gpu, self).map_or(true, |chosen| fits(gpu, &chosen.pass.kernel))
+            && fits(gpu, &kernels::blend_forward(gpu, self).pass.kernel)
     }
 
     /// What suits the device; `deterministic` allows only bit-reproducible forms.
@@ -156,7 +165,9 @@ impl Variants {
         let tile = if cpu { TileShape::Column } else { TileShape::Pixel };
         // On CPU devices slots are also the faster form: atomics there are compare-and-swap loops per lane.
         let slots = Self::new(tile, GradientSum::Slots);
-        if deterministic || cpu { slots } else { slots.without_slots(gpu) }
+        let best = if deterministic || cpu { slots } else { slots.without_slots(gpu) };
+        // Column tiles need next to no shared memory.
+        if best.runs_on(gpu) { best } else { Self::new(TileShape::Column, GradientSum::Slots) }
     }
 
     /// The same with sums by atomics, which need no memory per pair; in the tiles for which the device can do them.

@@ -25,5 +25,9 @@ pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error
     if variants.gradients == GradientSum::Atomic && gpu.caps().buffer_floats != FloatAtomics::Native {
         return Err(Error::NoFloatAtomics);
     }
+    if !variants.fits(gpu) {
+        let most = gpu.caps().limits.shared_bytes;
+        return Err(Error::SharedMemory { form: variants.to_string(), most });
+    }
     Ok(variants)
 }

@@ -43,6 +43,16 @@ pub enum Error {
     /// A backward per splat was asked for in column tiles.
     #[error("--backward per-splat: only in tiles of 16x16; use --tile-shape pixel, or leave one of them out")]
     PerSplatInColumns,
+    /// A form of the blending passes that takes more shared memory than a workgroup has.
+    #[error(
+        "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; --tile-shape column --gradient-sum slots takes next to none"
+    )]
+    SharedMemory {
+        /// The form.
+        form: String,
+        /// Bytes that a workgroup has.
+        most: u32,
+    },
     /// A shortcut of the optimiser was asked for on a device that binds too few buffers to a pass.
     #[error(
         "--sh-every, --sh-share, --visible-adam: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or add --moment-bits 16"

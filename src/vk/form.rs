@@ -8,7 +8,8 @@ use ash::vk;
 use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::features::Features;
-use super::kernel::{Kernel, TexelView, Texels};
+use super::kernel::{self, Kernel, TexelView, Texels};
+use super::shared_memory;
 
 /// How a kernel reaches its buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,7 +77,13 @@ impl Form {
             let most = limits.storage_buffers;
             return Err(bad(format!("{descriptors} storage buffers, the device takes {most}")));
         }
-        let words: Vec<u32> = spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let words = kernel::words(spirv);
+        let given = |id| kernel.constants.iter().zip(values).find(|(c, _)| c.id == id).map(|(_, value)| *value);
+        let shared = shared_memory::bytes(&words, given).unwrap_or(0);
+        if shared > u64::from(limits.shared_bytes) {
+            let most = limits.shared_bytes;
+            return Err(bad(format!("{shared} bytes of shared memory, the device has {most} for a workgroup")));
+        }
         let capabilities = capabilities(&words);
         for &capability in &capabilities {
             if let Some((feature, there)) = needed_feature(capability, &device.caps.features)

@@ -1,5 +1,7 @@
 //! What the device layer needs to know of a compute shader, as plain data.
 
+use super::shared_memory;
+
 /// How a shader touches a buffer. The recorder infers barriers from it; a test compares it with the SPIR-V decorations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -104,6 +106,20 @@ pub struct Kernel {
     pub constants: &'static [Constant],
     /// Threads in a workgroup (flat: y and z are 1); `None` when a specialization constant sets it.
     pub local_size: Option<u32>,
+}
+
+impl Kernel {
+    /// Bytes of shared memory that a workgroup takes, with the constants' defaults; `None` where that cannot be told from the module.
+    pub fn shared_bytes(&self) -> Option<u32> {
+        let default = |id| self.constants.iter().find(|c| c.id == id).map(|c| c.default);
+        let bytes = shared_memory::bytes(&words(self.spirv.descriptors), default)?;
+        u32::try_from(bytes).ok()
+    }
+}
+
+/// The words of a module.
+pub(super) fn words(spirv: &[u8]) -> Vec<u32> {
+    spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
 /// A [`Binding`] that the shader only reads.

@@ -28,6 +28,7 @@ mod planning;
 mod profile;
 mod recorder;
 mod report;
+mod shared_memory;
 mod slot;
 mod submit;
 mod validation;

@@ -55,6 +55,8 @@ pub struct OpenOptions {
     pub texels: Option<bool>,
     /// Bind no more storage buffers to one pass than this, where the device takes more.
     pub max_storage_buffers: Option<u32>,
+    /// Give a workgroup no more bytes of shared memory than this, where the device has more.
+    pub max_shared_bytes: Option<u32>,
     /// Folder of the pipeline cache; `None` keeps it in memory only.
     pub pipeline_cache: Option<PathBuf>,
 }
@@ -74,6 +76,7 @@ impl Default for OpenOptions {
             addresses: None,
             texels: None,
             max_storage_buffers: None,
+            max_shared_bytes: None,
             pipeline_cache: None,
         }
     }
@@ -84,7 +87,7 @@ impl OpenOptions {
     /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
     /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
     /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
-    /// `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
+    /// `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
     pub fn from_env() -> Self {
         let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
         let flag = |name: &str, default: bool| get(name).map_or(default, |value| value != "0");
@@ -111,6 +114,7 @@ impl OpenOptions {
             addresses: get("PSRGS_ADDRESSES").and_then(|value| always_or_never(&value)),
             texels: get("PSRGS_TEXELS").and_then(|value| always_or_never(&value)),
             max_storage_buffers: get("PSRGS_STORAGE_BUFFERS").and_then(|value| value.parse().ok()),
+            max_shared_bytes: get("PSRGS_SHARED_BYTES").and_then(|value| value.parse().ok()),
             pipeline_cache: get("PSRGS_CACHE").map(PathBuf::from).or_else(cache_folder),
             ..base
         }

@@ -267,6 +267,14 @@ impl Reported {
             _ => "maxPerStageDescriptorStorageBuffers",
         };
         note("storage buffers of a pass", limits.storage_buffers.to_string(), why.to_owned());
+        let why = match options.max_shared_bytes {
+            Some(most) if most < limits.shared_bytes => {
+                limits.shared_bytes = most;
+                "forced"
+            }
+            _ => "maxComputeSharedMemorySize",
+        };
+        note("shared memory of a workgroup", format!("{} bytes", limits.shared_bytes), why.to_owned());
 
         let (memory_limit, why) = self.memory_limit(options);
         note("device memory limit", format!("{} MiB", memory_limit >> 20), why);

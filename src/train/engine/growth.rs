@@ -19,7 +19,7 @@ impl Engine {
         if status & counters::PAIRS_BIT != 0 {
             let wanted = words[counters::WANT_PAIRS];
             if wanted > most_pairs(&self.gpu, variants) && !self.settings.run.deterministic {
-                variants = variants.without_slots(&self.gpu);
+                variants = Some(variants.without_slots(&self.gpu)).filter(|v| v.runs_on(&self.gpu)).unwrap_or(variants);
             }
             let limit = most_pairs(&self.gpu, variants);
             let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
