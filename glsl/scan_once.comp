@@ -1,7 +1,8 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three.
+// scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three. A total that
+// is more than a word holds becomes the largest word.
 // The workgroup walks over the words; in each turn a thread owns ITEMS consecutive ones.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
@@ -22,13 +23,18 @@ layout(push_constant) uniform Push {
     uint predicate;  // not 0: sum 1 for every word that is not 0
     uint total;      // counter that gets the sum, or NO_COUNTER
 } push;
+shared uint passed;  // not 0: the sum is more than a word holds
+
 void main() {
+    if (local_index() == 0u) passed = 0u;
+    barrier();
     // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
     const bool owner = group_index() == 0u;
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = owner ? table_size(given, push.divide, push.multiply) : 0u;
     const uint turns = table_size(n, LOCAL_SIZE * ITEMS, 1u);
     uint carry = 0u;
+    bool over = false;
     for (uint turn = 0u; turn < turns; ++turn) {
         const uint first = (turn * LOCAL_SIZE + workgroup_rank()) * ITEMS;
         const uint end = min(first + ITEMS, n);
@@ -42,9 +48,13 @@ void main() {
         for (uint i = first; i < end; ++i) {
             const uint word = words[i];
             target[i] = running;
-            running += push.predicate != 0u ? uint(word != 0u) : word;
+            const uint value = push.predicate != 0u ? uint(word != 0u) : word;
+            running += value;
+            over = over || running < value;
         }
+        if (over) atomicOr(passed, 1u);
         carry += total;
     }
-    if (owner && local_index() == 0u && push.total != NO_COUNTER) counters[push.total] = carry;
+    barrier();
+    if (owner && local_index() == 0u && push.total != NO_COUNTER) counters[push.total] = passed != 0u ? 0xffffffffu : carry;
 }

@@ -1,7 +1,8 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// scan_spine: second pass of a prefix sum: the exclusive prefix sum of the workgroups' sums, in place, and the total.
+// scan_spine: second pass of a prefix sum: the exclusive prefix sum of the workgroups' sums, in place, and the total: the largest word
+// where that is more, so that what asks for room sees it.
 // One workgroup owns all sums and walks over them; in each turn a thread owns ITEMS consecutive ones.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
@@ -21,7 +22,11 @@ layout(push_constant) uniform Push {
     uint predicate;  // not 0: sum 1 for every word that is not 0
     uint total;      // counter that gets the sum, or NO_COUNTER (spine)
 } push;
+shared uint passed;  // not 0: the sum is more than a word holds
+
 void main() {
+    if (local_index() == 0u) passed = 0u;
+    barrier();
     // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
     const bool owner = group_index() == 0u;
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
@@ -29,6 +34,7 @@ void main() {
     const uint blocks = owner ? table_size(n, LOCAL_SIZE * ITEMS, 1u) : 0u;
     const uint turns = table_size(blocks, LOCAL_SIZE * ITEMS, 1u);
     uint carry = 0u;
+    bool over = false;
     for (uint turn = 0u; turn < turns; ++turn) {
         const uint first = (turn * LOCAL_SIZE + workgroup_rank()) * ITEMS;
         const uint end = min(first + ITEMS, blocks);
@@ -40,8 +46,11 @@ void main() {
             const uint word = sums[i];
             sums[i] = running;
             running += word;
+            over = over || running < word;
         }
+        if (over) atomicOr(passed, 1u);
         carry += total;
     }
-    if (owner && local_index() == 0u && push.total != NO_COUNTER) counters[push.total] = carry;
+    barrier();
+    if (owner && local_index() == 0u && push.total != NO_COUNTER) counters[push.total] = passed != 0u ? 0xffffffffu : carry;
 }

@@ -263,7 +263,8 @@ impl TileLists {
         // Pairs, if they fit. If not, everything planned so far is void too: what follows must not run on them.
         let bits = tile_bits(u64::from(tiles));
         let [sort, table] = self.shape.entries(bits);
-        let capacity = u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX);
+        // The largest word stands for a count that is more than a word holds.
+        let capacity = u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX).min(u32::MAX - 1);
         let push = plan::Push::unlimited(pairs, at(PAIR_SORT), &[sort, table, items, once]);
         let push = push.limited(capacity, counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
         plan(rec, push.voiding(entries))?;

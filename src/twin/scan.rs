@@ -5,6 +5,11 @@ use super::plan::{given_count, table_size};
 use crate::pass::plan::NO_COUNTER;
 use crate::pass::scan::{LOCAL_SIZE, Push};
 
+/// The sum; the largest word where that is more.
+pub fn total(words: impl Iterator<Item = u32>) -> u32 {
+    words.fold(0, u32::saturating_add)
+}
+
 /// Exclusive prefix sum and total, modulo 2^32.
 pub fn exclusive(words: impl Iterator<Item = u32>) -> (Vec<u32>, u32) {
     let mut sum = 0u32;
@@ -45,9 +50,10 @@ pub fn spine(call: &mut TwinCall<'_>) {
     let mut counters = call.get::<u32>(0);
     let n = table_size(given_count(&counters, push.source, push.count), push.divide, push.multiply) as usize;
     let sums = call.get::<u32>(1);
-    let (prefix, total) = exclusive(sums[..n.div_ceil(block(call))].iter().copied());
+    let sums = &sums[..n.div_ceil(block(call))];
+    let (prefix, _) = exclusive(sums.iter().copied());
     if push.total != NO_COUNTER {
-        counters[push.total as usize] = total;
+        counters[push.total as usize] = total(sums.iter().copied());
     }
     call.set(0, &counters);
     call.set(1, &prefix);
@@ -76,9 +82,10 @@ pub fn once(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (source, mut counters) = (call.get::<u32>(0), call.get::<u32>(1));
     let n = table_size(given_count(&counters, push.source, push.count), push.divide, push.multiply) as usize;
-    let (prefix, total) = exclusive(source[..n].iter().map(|&w| value(&push, w)));
+    let words = || source[..n].iter().map(|&w| value(&push, w));
+    let (prefix, _) = exclusive(words());
     if push.total != NO_COUNTER {
-        counters[push.total as usize] = total;
+        counters[push.total as usize] = total(words());
     }
     call.set(1, &counters);
     call.set(2, &prefix);

@@ -44,23 +44,27 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
     assert_eq!(once.device[2], add.device[3], "{what}: in one pass");
     assert_eq!(once.device[1], spine.device[0], "{what}: the total in one pass");
     let value = |word: u32| if push.predicate != 0 { u32::from(word != 0) } else { word };
-    let mut sum = 0u32;
+    let (mut sum, mut exact) = (0u32, 0u64);
     for (i, (&word, prefix)) in words.iter().zip(add.device::<u32>(3)).enumerate() {
         assert_eq!(prefix, sum, "{what}: word {i}");
         sum = sum.wrapping_add(value(word));
+        exact += u64::from(value(word));
     }
-    assert_eq!(spine.device::<u32>(0)[counters::SCAN_TOTAL], sum, "{what}");
+    let total = u32::try_from(exact).unwrap_or(u32::MAX);
+    assert_eq!(spine.device::<u32>(0)[counters::SCAN_TOTAL], total, "{what}");
 }
 
 pub fn run(gpu: &Gpu) {
     let hardware = [&REDUCE, &SPINE, &ADD, &ONCE];
     let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
-    let mut random = Random(11);
+    // As large as the words of a workgroup may be: 1,024 of them fit a word. The sums of the longer lists do not.
+    let mut source = Random(11);
+    let mut words_of = |n: usize| source.words(n).into_iter().map(|w| w >> 10).collect::<Vec<_>>();
     let total = counters::SCAN_TOTAL as u32;
     let host = |n: usize| Push { source: NO_COUNTER, count: n as u32, divide: 1, multiply: 1, predicate: 0, total };
     let counted = Push { source: counters::PAIRS as u32, count: 1, divide: 1, multiply: 1, predicate: 1, total };
     for n in [0, 1, 15, 16, 17, 63, 64, 65, 1023, 1024, 1025, 2047, 2049, 10_000] {
-        let words = random.words(n);
+        let words = words_of(n);
         let sparse: Vec<u32> = words.iter().map(|&w| if w % 3 == 0 { 0 } else { w }).collect();
         chain(gpu, hardware, &[], &words, &host(n));
         chain(gpu, hardware, &[], &sparse, &counted);
@@ -71,16 +75,25 @@ pub fn run(gpu: &Gpu) {
     }
     // One item per thread: a spine of several turns.
     for n in [4095, 4096, 4097, 64 * 64 * 3 + 1] {
-        let words = random.words(n);
+        let words = words_of(n);
         chain(gpu, hardware, &[("ITEMS", 1)], &words, &host(n));
         chain(gpu, emulated, &[("ITEMS", 1), ("EMULATED_WIDTH", 32)], &words, &counted_words(&counted));
     }
     // A table's size: ceil(n / 10) * 4 words.
     let table = Push { source: NO_COUNTER, count: 41, divide: 10, multiply: 4, predicate: 0, total };
-    chain(gpu, hardware, &[], &random.words(20), &table);
+    chain(gpu, hardware, &[], &words_of(20), &table);
     // More blocks than one turn of the default spine.
-    let many = random.words((1 << 20) + 3 * 1024 + 5);
+    let many = words_of((1 << 20) + 3 * 1024 + 5);
     chain(gpu, hardware, &[], &many, &host(many.len()));
+    // The largest sum that a word holds, and one more, by the first word of a later turn.
+    let mut edge = vec![1 << 20; 4096];
+    edge[4095] -= 1;
+    for more in [0, 1] {
+        edge[2048] = (1 << 20) + more;
+        for passes in [hardware, emulated] {
+            chain(gpu, passes, &[], &edge, &host(edge.len()));
+        }
+    }
 }
 
 fn counted_words(push: &Push) -> Push {
