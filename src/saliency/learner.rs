@@ -7,6 +7,7 @@ use super::adam::Adam;
 use super::features::Standard;
 use super::mask::logistic;
 use super::network::{Network, PARAMETERS};
+use super::recall::Recall;
 use super::{Error, Features, Plane, Spectrum, Target, composite, cross_entropy, spaced};
 
 /// How sigma is learned.
@@ -36,6 +37,8 @@ pub struct LearnSettings {
     /// Widths at which an update from errors looks at the loss beside its own, so that a hill between it and a better one does not hold it up; 0 for
     /// none: then it goes downhill from where it is.
     pub outlook: usize,
+    /// Steps after an update from errors that recall what the outlooks of all images have found, each image's last one; 0 for none.
+    pub recall: usize,
     /// Seed of the network.
     pub seed: u64,
 }
@@ -54,6 +57,7 @@ impl Default for LearnSettings {
             error_blur: 2.0,
             price: 0.015,
             outlook: 9,
+            recall: 24,
             seed: 0,
         }
     }
@@ -76,6 +80,7 @@ impl LearnSettings {
         one("typical", self.typical, self.typical > 0.0 && self.typical <= 1000.0, "above 0 and at most 1000")?;
         one("failing", self.failing, (0.001..=0.999).contains(&self.failing), "from 0.001 to 0.999")?;
         one("outlook", self.outlook as f64, self.outlook <= 1000, "at most 1000")?;
+        one("recall", self.recall as f64, self.recall <= 1000, "at most 1000")?;
         one("error-blur", self.error_blur, (0.0..=64.0).contains(&self.error_blur), "from 0 to 64")?;
         one("price", self.price, (0.0..=1.0).contains(&self.price), "from 0 to 1")
     }
@@ -120,6 +125,7 @@ pub struct Renders<'a> {
 pub struct SigmaLearner {
     network: Network,
     adam: Adam,
+    recall: Recall,
     standard: Standard,
     settings: LearnSettings,
 }
@@ -131,7 +137,8 @@ impl SigmaLearner {
         let at = (settings.start - settings.lowest) / (settings.highest - settings.lowest);
         let network = Network::new([(at / (1.0 - at)).ln(), 0.0], settings.seed);
         let adam = Adam::new(PARAMETERS);
-        Ok(Self { network, adam, standard: Standard::of(images), settings: settings.clone() })
+        let (recall, standard) = (Recall::default(), Standard::of(images));
+        Ok(Self { network, adam, recall, standard, settings: settings.clone() })
     }
 
     /// Sigma and level for an image.
@@ -173,7 +180,12 @@ impl SigmaLearner {
         let [by_sigma, _] = mask.pull(&by_logit);
         let elsewhere = self.elsewhere(spectrum, choice.level, target)?;
         // The share of the mask is given: moving the level would only learn the share of the target.
-        Ok(Some(self.update(spectrum, choice, loss, [by_sigma, 0.0], &elsewhere)))
+        let update = self.update(spectrum, choice, loss, [by_sigma, 0.0], &elsewhere);
+        if let Some((goal, depth)) = self.goal(&elsewhere).filter(|_| self.settings.recall > 0) {
+            self.recall.keep(self.standard.apply(spectrum.features()), goal, depth);
+            self.recall.teach(&mut self.network, self.settings.recall, self.settings.rate);
+        }
+        Ok(Some(update))
     }
 
     /// One update of one image: the mask is to be where the splats that only the full render has are worth their price. None for an
@@ -205,18 +217,47 @@ impl SigmaLearner {
         spaced(s.lowest, s.highest, s.outlook).into_par_iter().map(at).collect()
     }
 
+    /// (ln(sigma / typical))^2, weighted.
+    fn prior(&self, sigma: f64) -> f64 {
+        self.settings.prior * (sigma / self.settings.typical).ln().powi(2)
+    }
+
+    /// The output that gives the best width of an outlook, by a parabola through it and its neighbours in the logarithm; and by how much the
+    /// loss changes over the outlook. `None` for an outlook of fewer than three widths.
+    fn goal(&self, outlook: &[(f64, f64)]) -> Option<(f64, f64)> {
+        let losses: Vec<f64> = outlook.iter().map(|(sigma, loss)| loss + self.prior(*sigma)).collect();
+        if losses.len() < 3 || !losses.iter().all(|loss| loss.is_finite()) {
+            return None;
+        }
+        let (best, least) = losses.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let most = losses.iter().copied().fold(least, f64::max);
+        let bend = |below: f64, above: f64| {
+            let curvature = below + above - 2.0 * least;
+            if curvature > 0.0 { (0.5 * (below - above) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+        };
+        let aside = match (best.checked_sub(1).and_then(|k| losses.get(k)), losses.get(best + 1)) {
+            (Some(below), Some(above)) => bend(*below, *above),
+            _ => 0.0,
+        };
+        let s = &self.settings;
+        let step = (s.highest / s.lowest).ln() / (losses.len() - 1) as f64;
+        let sigma = outlook.get(best)?.0 * (aside * step).exp();
+        // The ends of the range are at infinity.
+        let share = ((sigma - s.lowest) / (s.highest - s.lowest)).clamp(0.01, 0.99);
+        Some(((share / (1.0 - share)).ln(), most - least))
+    }
+
     /// The loss with the prior, and where sigma is to go by it: downhill; but straight to the best width elsewhere, over the hill, where
     /// downhill leads away from it.
     fn slope(&self, sigma: f64, [loss, by_sigma]: [f64; 2], elsewhere: &[(f64, f64)]) -> [f64; 2] {
         let s = &self.settings;
-        let distance = |sigma: f64| (sigma / s.typical).ln();
-        let with_prior = |sigma: f64, loss: f64| loss + s.prior * distance(sigma) * distance(sigma);
+        let with_prior = |sigma: f64, loss: f64| loss + self.prior(sigma);
         let here = with_prior(sigma, loss);
         let nearest = 0.5 * (s.highest / s.lowest).ln() / elsewhere.len().saturating_sub(1).max(1) as f64;
         let far = elsewhere.iter().filter(|(other, _)| (other / sigma).ln().abs() > nearest);
         let best = elsewhere.iter().map(|(other, loss)| with_prior(*other, *loss)).fold(here, f64::min);
         let better = far.map(|(other, loss)| (*other, with_prior(*other, *loss))).find(|(_, loss)| *loss <= best);
-        let downhill = by_sigma + 2.0 * s.prior * distance(sigma) / sigma;
+        let downhill = by_sigma + 2.0 * s.prior * (sigma / s.typical).ln() / sigma;
         match better {
             Some((other, loss)) if loss < here && downhill * (sigma - other) <= 0.0 => {
                 [here, (here - loss) / (sigma - other)]
@@ -252,6 +293,9 @@ struct State {
     version: u32,
     network: Network,
     adam: Adam,
+    /// Empty in what earlier versions kept.
+    #[serde(default)]
+    recall: Recall,
     standard: Standard,
     settings: LearnSettings,
 }
@@ -261,8 +305,8 @@ const VERSION: u32 = 1;
 
 impl From<SigmaLearner> for State {
     fn from(learner: SigmaLearner) -> Self {
-        let SigmaLearner { network, adam, standard, settings } = learner;
-        Self { version: VERSION, network, adam, standard, settings }
+        let SigmaLearner { network, adam, recall, standard, settings } = learner;
+        Self { version: VERSION, network, adam, recall, standard, settings }
     }
 }
 
@@ -270,14 +314,14 @@ impl TryFrom<State> for SigmaLearner {
     type Error = Error;
 
     fn try_from(state: State) -> Result<Self, Error> {
-        let State { version, network, adam, standard, settings } = state;
+        let State { version, network, adam, recall, standard, settings } = state;
         if version != VERSION {
             return Err(Error::State(format!("its version is {version}, and {VERSION} is known")));
         }
         settings.check()?;
-        if !(network.is_sound() && adam.is_sound(PARAMETERS) && standard.is_finite()) {
+        if !(network.is_sound() && adam.is_sound(PARAMETERS) && recall.is_sound() && standard.is_finite()) {
             return Err(Error::State(format!("it does not hold {PARAMETERS} finite parameters with their moments")));
         }
-        Ok(Self { network, adam, standard, settings })
+        Ok(Self { network, adam, recall, standard, settings })
     }
 }

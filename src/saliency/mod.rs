@@ -34,6 +34,7 @@ mod mask;
 mod network;
 mod plane;
 mod random;
+mod recall;
 mod resample;
 mod settings;
 mod spectrum;

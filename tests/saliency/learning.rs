@@ -111,6 +111,38 @@ fn one_network_tells_images_apart() {
     assert!(spaced(0.5, 12.0, 40).into_iter().all(|sigma| all(sigma) > 0.1));
 }
 
+/// A training of 1,500 steps has two or three updates of an image, between those of all others.
+#[test]
+fn three_updates_of_each_of_many_images_are_enough() {
+    let images: Vec<Case> =
+        (0..12u32).map(|k| case(&waves(48 + 2 * k, 60, k.into()), 1.5 * 1.17f64.powi(k as i32))).collect();
+    let features: Vec<Features> = images.iter().map(|c| *c.spectrum.features()).collect();
+    let ends = |settings: &LearnSettings| -> Vec<f64> {
+        let mut learner = SigmaLearner::new(&features, settings).expect("a learner");
+        for _ in 0..3 {
+            for case in &images {
+                learner.learn_from_target(&case.spectrum, &case.target).expect("an update");
+            }
+        }
+        assert_eq!(learner.updates(), 3 * images.len() as u64);
+        features.iter().map(|f| learner.choose(f).sigma).collect()
+    };
+    let agree = |recall: usize| {
+        let of = [1.0, 3.0, 10.0].map(|start| ends(&LearnSettings { start, recall, ..LearnSettings::default() }));
+        let alike = |i: &usize| {
+            let sigmas = of.each_ref().map(|ends| ends[*i]);
+            let [least, most] = [f64::min, f64::max].map(|f| sigmas.into_iter().fold(sigmas[0], f));
+            most < 1.2 * least && sigmas.iter().all(|sigma| above(&images[*i], *sigma) < 0.1)
+        };
+        (0..images.len()).filter(alike).count()
+    };
+    let (with, without) = (agree(LearnSettings::default().recall), agree(0));
+    assert!(
+        with >= 11 && without <= 4,
+        "{with} and {without} of 12 images agree from all starts, near their best loss"
+    );
+}
+
 #[test]
 fn learning_repeats_and_goes_on_where_it_was() {
     let case = case(&waves(40, 30, 1), 6.0);
@@ -129,10 +161,11 @@ fn learning_repeats_and_goes_on_where_it_was() {
     assert_eq!(restored, straight);
 
     type Damage = fn(&mut serde_json::Value);
-    let damages: [(&str, Damage); 4] = [
+    let damages: [(&str, Damage); 5] = [
         ("version", |v| v["version"] = 9.into()),
         ("parameters", |v| v["network"]["parameters"] = vec![0.0; 3].into()),
         ("parameters", |v| v["adam"]["second"][5] = (-1.0).into()),
+        ("moments", |v| v["recall"]["found"][0]["weight"] = (-1.0).into()),
         ("start", |v| v["settings"]["start"] = 50.0.into()),
     ];
     for (word, damage) in damages {
