@@ -48,11 +48,13 @@ pub struct Projection {
     pub antialias: bool,
     /// Whether gradients keep the 3DGS reference's derivative of the field-of-view clamp.
     pub reference_clamp: bool,
+    /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
+    pub limits: Option<[f64; 4]>,
 }
 
 impl Default for Projection {
     fn default() -> Self {
-        Self { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: false }
+        Self { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: false, limits: None }
     }
 }
 
@@ -84,7 +86,7 @@ impl CameraPush {
             row2: row(2),
             center: [c[0] as f32, c[1] as f32, c[2] as f32, projection.near as f32],
             intrinsics: [camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32],
-            limits: clamp_limits(camera).map(|x| x as f32),
+            limits: projection.limits.unwrap_or_else(|| clamp_limits(camera)).map(|x| x as f32),
             width: camera.width,
             height: camera.height,
             sh_degree: projection.sh_degree.min(3),

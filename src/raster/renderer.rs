@@ -16,7 +16,7 @@ use super::sort::Shape;
 use super::target::Target;
 use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
-use crate::pass::camera::{CameraPush, Projection};
+use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
 use crate::pass::{blend_forward, constrain, counters, project};
 use crate::scene::Camera;
@@ -58,6 +58,13 @@ pub struct Shot {
 }
 
 impl Shot {
+    /// The same of a window of the image: its pixels are the same.
+    pub fn window(&self, at: (u32, u32), size: (u32, u32)) -> Self {
+        let limits = self.projection.limits.unwrap_or_else(|| clamp_limits(&self.camera));
+        let projection = Projection { limits: Some(limits), ..self.projection };
+        Self { camera: self.camera.window(at, size), projection, ..*self }
+    }
+
     fn blend_push(&self) -> blend_forward::Push {
         let [red, green, blue] = self.background;
         blend_forward::Push { width: self.camera.width, height: self.camera.height, red, green, blue }

@@ -353,8 +353,13 @@ impl Engine {
     }
 
     fn shot(&self, camera: Camera, plan: &StepPlan) -> Shot {
-        let projection =
-            Projection { sh_degree: plan.sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: true };
+        let projection = Projection {
+            sh_degree: plan.sh_degree,
+            near: NEAR,
+            antialias: self.antialias,
+            reference_clamp: true,
+            limits: None,
+        };
         Shot { camera, projection, background: plan.background }
     }
 

@@ -33,7 +33,7 @@ impl Engine {
                 mask: None,
             };
             let Some(window) = perceptual.window(&compared, self.center(other.view, other.seen)) else { continue };
-            let shot = self.shot(camera.window(window.at, (window.side, window.side)), plan);
+            let shot = self.shot(*camera, plan).window(window.at, (window.side, window.side));
             let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
             let pixels = window.side * window.side;
             let turn = Turn { view: other.view, pixels, known: plan.step, seen: other.seen, rate: 0.0 };
