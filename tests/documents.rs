@@ -119,6 +119,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
     use Warning::*;
     let all = [
         CamerasAtOnePlace { cameras: 3, extent: 2.5 },
+        CameraFarAway { name: "a.jpg".into(), times: 1e6 },
         AllMasked { name: "a.jpg".into() },
         BrighterThanWhite { photographs: 2, pixels: 70 },
         SeveralFormats { used: Format::Colmap, others: vec![Format::Nerfstudio] },
@@ -138,7 +139,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         match &warning {
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
             OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } => {}
-            PhotographsWithoutPose { .. } => {}
+            PhotographsWithoutPose { .. } | CameraFarAway { .. } => {}
         }
         let message = warning.to_string();
         assert!(quotes.iter().any(|quote| is_quoted(&message, quote)), "the guide has no row for: {message}");

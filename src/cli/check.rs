@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use psrgs_vk::dataset::{self, Dataset, Format, Reference, Role};
-use psrgs_vk::train::settings::{DeviceChoice, Photographs, Preset};
+use psrgs_vk::train::settings::{DeviceChoice, LidarCloud, Method, Photographs, Preset};
 use psrgs_vk::train::{Settings, prepare};
 
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::presets;
-use super::train::named;
+use super::train::{METHOD, named};
 use training::Training;
 
 /// Look at a dataset: what was found, what training takes, and what is wrong
@@ -25,7 +25,8 @@ Examples:
 
 Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the share of its
 points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options;
-for the time a few steps are taken on two of the photographs. Exit code 0: nothing is wrong; 7: problems are listed, and training
+for the time a few steps are taken on two of the photographs, and
+the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are listed, and training
 would begin all the same; 3: it could not begin.")]
 pub(crate) struct Args {
     /// Dataset
@@ -36,6 +37,9 @@ pub(crate) struct Args {
     /// As that of `train`
     #[arg(long, value_name = "NAME")]
     pub(crate) preset: Option<Preset>,
+    /// As that of `train`
+    #[arg(long, value_name = "NAME", default_value_t = METHOD)]
+    pub(crate) method: Method,
     /// Training steps
     #[arg(long, value_name = "N")]
     pub(crate) iterations: Option<u32>,
@@ -68,6 +72,7 @@ struct Found {
     /// Bytes of the photographs to train on, decoded.
     photograph_bytes: u64,
     preset: Option<Preset>,
+    method: Method,
     iterations: u32,
     /// What training takes, where there is a device.
     training: Option<Training>,
@@ -87,6 +92,11 @@ struct CameraGroup {
 pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
     let mut settings = args.settings();
     let preset = presets::apply(&mut settings, |key| named(matches, key));
+    args.method.apply(&mut settings, |key| named(matches, key));
+    if args.method == Method::Rsgs {
+        // Whichever cloud it is, the training takes about the same.
+        settings.density.lidar = Some(LidarCloud::Mvs);
+    }
     settings.check()?;
     let mut options = prepare::load_options(&settings.photographs);
     let (dataset, missing) = match Dataset::load(&args.data, &options) {
@@ -161,6 +171,7 @@ fn found(dataset: &Dataset, settings: &Settings) -> Found {
         overlap: median(sights.iter().filter_map(|s| s.overlap).collect()),
         photograph_bytes: dataset.views_of(Role::Train).map(|(_, view)| view.pixel_bytes()).sum(),
         preset: settings.run.preset,
+        method: settings.run.method,
         iterations: settings.run.iterations,
         training: None,
         problems: dataset.problems(&sights),
@@ -200,6 +211,7 @@ fn told(found: &Found) -> String {
     if let Some(masks) = found.masks {
         rows.push(("masks", format!("{masks} of {}", found.photographs)));
     }
+    rows.push(("method", found.method.name().to_owned()));
     if let Some(preset) = found.preset {
         rows.push(("preset", format!("{preset}, {} steps", found.iterations)));
     }

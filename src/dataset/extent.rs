@@ -7,6 +7,27 @@ use crate::scene::Frame;
 /// Below this fraction of the distance to the points the cameras count as one: their spread says nothing of the scene.
 const DEGENERATE: f64 = 1e-4;
 
+/// A camera so many times as far from the middle of all as half of them are has a pose that nobody flew to.
+const FAR: f64 = 30.0;
+
+/// The cameras that are far from all others, with how many times as far as half of them, by the distances from their middle (the median
+/// along each axis); none where half of them are at one place.
+pub(super) fn far_cameras(centers: &[[f64; 3]]) -> Vec<(usize, f64)> {
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let middle: [f64; 3] = std::array::from_fn(|k| median(centers.iter().map(|c| c[k]).collect()));
+    let distances: Vec<f64> = centers.iter().map(|c| distance(*c, middle)).collect();
+    let typical = median(distances.clone());
+    let rounding = 1e-9 * middle.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
+    if centers.len() < 3 || typical <= rounding {
+        return Vec::new();
+    }
+    let times = distances.into_iter().map(|d| d / typical).enumerate();
+    times.filter(|(_, times)| *times > FAR || times.is_nan()).collect()
+}
+
 /// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset units.
 /// Without a spread of the cameras the extent is the median distance of the points from the cameras, which is what the
 /// reach of the cameras is about when they go around an object; without points it is one dataset unit.

@@ -228,8 +228,13 @@ impl Dataset {
 
         let masks = count_masks(&model, masks_folder, &views, &mut warnings);
 
-        let centers: Vec<[f64; 3]> =
-            views.iter().filter(|v| v.role == Role::Train).map(|v| v.camera.center()).collect();
+        let on = || views.iter().filter(|v| v.role == Role::Train);
+        let mut centers: Vec<[f64; 3]> = on().map(|v| v.camera.center()).collect();
+        // One pose that is wrong would make the scene as large as its error.
+        for (at, times) in extent::far_cameras(&centers).into_iter().rev() {
+            centers.remove(at);
+            warnings.extend(on().nth(at).map(|view| Warning::CameraFarAway { name: view.name.clone(), times }));
+        }
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         warnings.extend(degenerate);
         range::check_views(&model.file, &views, &frame)?;

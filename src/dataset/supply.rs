@@ -54,6 +54,7 @@ struct Inner {
     depth: Depth,
     masked: u32,
     clipped: u64,
+    checksum: u32,
 }
 
 #[derive(Debug)]
@@ -72,7 +73,8 @@ impl Supply {
     pub fn of(mut pixels: Pixels) -> Self {
         pixels.harden_alpha();
         let (depth, masked) = (pixels.depth(), pixels.masked());
-        Self { inner: Arc::new(Inner { place: Place::Decoded(Arc::new(pixels)), depth, masked, clipped: 0 }) }
+        let checksum = crc32fast::hash(pixels.bytes());
+        Self { inner: Arc::new(Inner { place: Place::Decoded(Arc::new(pixels)), depth, masked, clipped: 0, checksum }) }
     }
 
     /// The pixels: at once where they are kept decoded, else decoded now.
@@ -111,6 +113,11 @@ impl Supply {
     /// Pixels of the file that are brighter than the white level.
     pub fn clipped(&self) -> u64 {
         self.inner.clipped
+    }
+
+    /// CRC-32 of its file, or of the pixels where these were given: another one is another photograph.
+    pub fn checksum(&self) -> u32 {
+        self.inner.checksum
     }
 
     /// Whether [`Self::pixels`] has nothing to do.
@@ -199,8 +206,9 @@ impl Intake {
         if masked as usize == pixels.len() {
             return Ok(None);
         }
+        let checksum = crc32fast::hash(&file);
         let place = self.place(view, file, pixels);
-        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped }) }))
+        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, checksum }) }))
     }
 
     fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {

@@ -15,6 +15,13 @@ pub enum Warning {
         /// The extent used instead, in dataset units.
         extent: f64,
     },
+    /// A training camera is far from all others: its pose is probably wrong. The scene's extent is that of the others.
+    CameraFarAway {
+        /// The view.
+        name: String,
+        /// How many times as far from the middle of all cameras as half of them.
+        times: f64,
+    },
     /// Every pixel of a photograph is masked: it is not used.
     AllMasked {
         /// The view.
@@ -70,7 +77,13 @@ impl fmt::Display for Warning {
         match self {
             Self::CamerasAtOnePlace { cameras, extent } => write!(
                 f,
-                "the training cameras ({cameras}) are all at one place: the scene's extent is taken from the points ({extent} units)"
+                "the training cameras ({cameras}) are all at one place beside the distance of the points: the scene's extent is \
+                 taken from these ({extent} units)"
+            ),
+            Self::CameraFarAway { name, times } => write!(
+                f,
+                "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its pose is probably \
+                 wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from the others"
             ),
             Self::AllMasked { name } => write!(f, "'{name}': every pixel is masked; it is left out"),
             Self::BrighterThanWhite { photographs, pixels } => write!(

@@ -59,6 +59,6 @@ pub use schedule::{Schedule, StepPlan};
 pub use settings::Settings;
 pub use sigma::SigmaUpdate;
 pub use state::State;
-pub use stereo::{CloudReport, StereoReport, take_stereo};
+pub use stereo::{CloudReport, StereoReport, first_splats, take_stereo};
 pub use trained_on::TrainedOn;
 pub use trainer::{Restart, Trainer};

@@ -63,9 +63,8 @@ pub fn take_stereo(
         _ => None,
     };
     if let Some(stereo) = &matched {
-        let allowed =
-            training.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(input.initial.len() as u32));
-        let more = settings.stereo_splats.min(allowed) as usize;
+        let points = input.initial.len() as u32;
+        let more = (first_splats(points, training) - points) as usize;
         if made || (begins && more > 0) {
             let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
             if begins && more > 0 {
@@ -117,6 +116,12 @@ pub fn take_stereo(
 }
 
 /// What the training views see, and which of them can be compared.
+/// The most splats that a training begins with: those of `points`, and those that stereo adds, with room left to grow.
+pub fn first_splats(points: u32, settings: &Settings) -> u32 {
+    let allowed = settings.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(points));
+    points.saturating_add(settings.geometry.stereo_splats.min(allowed))
+}
+
 fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings, share: &HostShare) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
     let bytes = |view: &input::View| {

@@ -7,11 +7,14 @@ use crate::scene::Camera;
 /// Numbers of a camera may differ by so much: they are worked out anew, perhaps on another machine.
 const TOLERANCE: f64 = 1e-6;
 
-/// Names and cameras (in scene coordinates) of the photographs to train on.
+/// Names, cameras (in scene coordinates) and checksums of the photographs to train on.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TrainedOn {
     pub(super) names: Vec<String>,
     cameras: Vec<Vec<f64>>,
+    /// Empty in what earlier versions kept.
+    #[serde(default)]
+    checksums: Vec<u32>,
 }
 
 impl TrainedOn {
@@ -19,6 +22,7 @@ impl TrainedOn {
         Self {
             names: views.iter().map(|view| view.name.clone()).collect(),
             cameras: views.iter().map(|view| numbers(&view.camera)).collect(),
+            checksums: views.iter().map(|view| view.photograph.checksum()).collect(),
         }
     }
 
@@ -41,6 +45,9 @@ impl TrainedOn {
             let equal = a.zip(b).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(same));
             if !equal {
                 return other(format!("the camera of '{name}' is another one"));
+            }
+            if self.checksums.get(k).zip(now.checksums.get(k)).is_some_and(|(a, b)| a != b) {
+                return other(format!("the file of '{name}' has changed"));
             }
         }
         Ok(())
@@ -82,5 +89,14 @@ mod tests {
         ] {
             assert!(complaint(&views).contains(words), "{}", complaint(&views));
         }
+        let mut retouched = view("b", 1.0);
+        retouched.photograph = crate::dataset::Supply::of(Pixels::Rgba8([vec![255; 15], vec![254]].concat()));
+        // Alpha is hardened: the same photograph.
+        assert_eq!(complaint(&[view("a", 0.0), retouched.clone()]), "");
+        retouched.photograph = crate::dataset::Supply::of(Pixels::Rgba8([vec![254], vec![255; 15]].concat()));
+        let views = [view("a", 0.0), retouched];
+        assert!(complaint(&views).contains("the file of 'b' has changed"), "{}", complaint(&views));
+        let earlier = TrainedOn { checksums: Vec::new(), ..run };
+        assert!(earlier.check(&TrainedOn::of(&views)).is_ok(), "a checkpoint without checksums");
     }
 }

@@ -197,6 +197,14 @@ fn a_dataset_is_checked_before_it_is_trained() {
     for row in ["preset        standard, 70 steps", "device memory ", "host memory   of the ", "time          about "] {
         assert!(said.contains(row), "{row}: {said}");
     }
+    // Of the method that trains where none is named, which begins with splats of stereo too.
+    assert!(said.contains("method        psrgs\n"), "{said}");
+    let output = psrgs(&["check", text(data.path()), "--method", "3dgs", "--json"]);
+    let plain: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&found["method"], &plain["method"]), (&"psrgs".into(), &"3dgs".into()));
+    let splats = |of: &serde_json::Value| of["training"]["estimate"]["splats"].as_u64().expect("a number");
+    assert_eq!(splats(&found), splats(&plain) + 60_000);
+    assert!(found["training"]["device_bytes"].as_u64() > plain["training"]["device_bytes"].as_u64());
     // Too little memory is a problem that is named before anything is trained.
     let output = psrgs(&["check", text(data.path()), "--host-memory", "1M", "--json"]);
     assert_eq!(output.status.code(), Some(7));

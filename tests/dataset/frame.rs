@@ -54,6 +54,36 @@ fn one_photograph_and_cameras_at_one_place_take_the_extent_of_the_points() {
     assert_eq!(dataset.extent, 1.0);
 }
 
+/// One pose of a reconstruction that went wrong, 1e30 away, used to make the scene as large and every splat a speck in it.
+#[test]
+fn a_camera_far_from_all_others_is_named_and_has_no_say_in_the_extent() {
+    let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png"];
+    let all = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
+    let load = |folder: &Folder| Dataset::load(folder.dataset(false).path(), &all).expect("loads");
+    let mut folder = Folder::ring(&names, [3.0, -4.0, 5.0]);
+    let sound = load(&folder);
+    assert!(!sound.warnings.iter().any(|w| matches!(w, Warning::CameraFarAway { .. })), "{:?}", sound.warnings);
+    for far in [1e3, 1e9, 1e30] {
+        folder.images[3].translation[0] = far;
+        let dataset = load(&folder);
+        let named: Vec<&Warning> =
+            dataset.warnings.iter().filter(|w| matches!(w, Warning::CameraFarAway { .. })).collect();
+        match named[..] {
+            [Warning::CameraFarAway { name, times }] => {
+                assert_eq!(*name, folder.images[3].name);
+                assert!((0.2 * far..2.0 * far).contains(times), "{far}: {times}");
+            }
+            _ => panic!("{far}: {named:?}"),
+        }
+        assert!((0.8..1.25).contains(&(dataset.extent / sound.extent)), "{far}: {} {}", dataset.extent, sound.extent);
+    }
+    // Far, but not beyond belief: as before.
+    folder.images[3].translation[0] = 20.0;
+    let dataset = load(&folder);
+    assert!(!dataset.warnings.iter().any(|w| matches!(w, Warning::CameraFarAway { .. })));
+    assert!(dataset.extent > 4.0 * sound.extent, "{}", dataset.extent);
+}
+
 #[test]
 fn geo_referenced_coordinates_give_the_same_scene() {
     let shift = [5e5, 4.6e6, 100.0];

@@ -1,8 +1,10 @@
 //! What training a dataset takes: memory of the device and of the host, and time.
 
+use psrgs_vk::bench;
 use psrgs_vk::dataset::{Dataset, Role, Supply};
 use psrgs_vk::train::{
-    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, prepare,
+    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
+    first_splats, prepare,
 };
 use psrgs_vk::vk::{self, Gpu};
 
@@ -59,7 +61,9 @@ fn planned(
     problems: &mut Vec<String>,
 ) -> Result<Training, psrgs_vk::train::Error> {
     let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
-    let initial = prepare::initial(dataset, None, settings.run.seed)?;
+    let points = prepare::initial(dataset, None, settings.run.seed)?;
+    // Stereo has not been run: as many splats as it is to add, where there are points.
+    let initial = bench::resized(&points, first_splats(points.len() as u32, settings), settings.run.seed);
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     let splats = initial.len() as u32;
     let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
