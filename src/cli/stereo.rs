@@ -164,6 +164,12 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         HumanCount(cloud.len() as u64),
         args.out.join("fused.ply").display()
     ));
+    if cloud.is_empty() && views > 0 {
+        console.warn(format_args!(
+            "no two photographs agree on any depth: fused.ply is empty. A lower --least-ncc or --agree keeps more; poses that are wrong \
+             keep nothing"
+        ));
+    }
     compare(&dataset, &scene, &priors, console)?;
     let peak = peak_host_bytes().map_or(String::new(), |bytes| format!(", {} of host memory at most", mib(bytes)));
     console.detail(format_args!("{} in all{peak}", progress::duration(started.elapsed().as_secs_f64())));

@@ -96,6 +96,14 @@ impl Settings {
         if !(self.sources..=MOST_CHECKS as u32).contains(&self.checks) {
             return wrong("checks", self.checks.to_string(), "from the number of sources to 8");
         }
+        if !(1..=self.checks).contains(&self.agree_sources) {
+            let value = self.agree_sources.to_string();
+            return wrong(
+                "agree_sources (--agree)",
+                value,
+                "from 1 to the number of views that depths are checked against (--checks)",
+            );
+        }
         for (name, value) in [
             ("iterations", self.iterations),
             ("random_iterations", self.random_iterations),

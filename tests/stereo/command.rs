@@ -139,4 +139,8 @@ fn wrong_options_and_missing_data_have_their_exit_codes() {
     let (usage, said) = code(&["stereo", "/nowhere/at/all", "--window", "9"]);
     assert_eq!(usage, Some(2), "{said}");
     assert!(said.contains("taps"), "{said}");
+    // More to agree than are looked at left nothing, and ended well.
+    let (usage, said) = code(&["stereo", "/nowhere/at/all", "--agree", "5", "--checks", "4"]);
+    assert_eq!(usage, Some(2), "{said}");
+    assert!(said.contains("--agree") && said.contains("--checks"), "{said}");
 }
