@@ -17,7 +17,7 @@ layout(set = 0, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; 
 layout(set = 0, binding = 4) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 5) writeonly buffer PairKeys { uint pair_keys[]; };
 layout(set = 0, binding = 6) writeonly buffer PairVals { uint pair_vals[]; };
-layout(set = 0, binding = 7) writeonly buffer SlotSplat { uint slot_splat[]; };           // not where CARRIED
+layout(set = 0, binding = 7) writeonly buffer SlotSplat { uint slot_splat[]; };          // not where CARRIED
 layout(set = 0, binding = 8) readonly buffer SlotOffsets { uint slot_offsets[]; };  // not where CARRIED
 layout(push_constant) uniform Push {
     uint width;

@@ -229,12 +229,15 @@ impl Dataset {
         let masks = count_masks(&model, masks_folder, &views, &mut warnings);
 
         let on = || views.iter().filter(|v| v.role == Role::Train);
-        let mut centers: Vec<[f64; 3]> = on().map(|v| v.camera.center()).collect();
+        let all: Vec<[f64; 3]> = on().map(|v| v.camera.center()).collect();
         // One pose that is wrong would make the scene as large as its error.
-        for (at, times) in extent::far_cameras(&centers).into_iter().rev() {
-            centers.remove(at);
-            warnings.extend(on().nth(at).map(|view| Warning::CameraFarAway { name: view.name.clone(), times }));
-        }
+        let far = extent::far_cameras(&all);
+        let named = |(at, times): &(usize, f64)| {
+            on().nth(*at).map(|view| Warning::CameraFarAway { name: view.name.clone(), times: *times })
+        };
+        warnings.extend(far.iter().filter_map(named));
+        let near = |at: &usize| far.iter().all(|(other, _)| other != at);
+        let centers: Vec<[f64; 3]> = (0..all.len()).filter(near).map(|at| all[at]).collect();
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         warnings.extend(degenerate);
         range::check_views(&model.file, &views, &frame)?;

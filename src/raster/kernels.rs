@@ -2,7 +2,7 @@
 
 use super::variants::{Backward, COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit};
-use crate::vk::{DeviceKind, Error, Gpu, Kernel, Result, Subgroup};
+use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
 
 /// Least width of subgroups that emit together.
 const WIDE: u32 = 16;
@@ -21,11 +21,6 @@ impl Chosen {
     fn with(pass: &'static Pass, constants: &[(&'static str, u32)]) -> Self {
         Self { pass, constants: constants.to_vec() }
     }
-}
-
-/// Whether a workgroup has as much shared memory as the kernel takes.
-pub(super) fn fits(gpu: &Gpu, kernel: &Kernel) -> bool {
-    kernel.shared_bytes().is_none_or(|bytes| bytes <= gpu.caps().limits.shared_bytes)
 }
 
 fn columns_by_hardware(gpu: &Gpu) -> bool {

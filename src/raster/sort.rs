@@ -20,9 +20,8 @@ pub enum Shape {
 impl Shape {
     /// The shape for a device.
     pub fn of(caps: &Caps) -> Shape {
-        let (_, scatter, _) = kernels(Shape::Groups, caps.subgroup);
-        let room = scatter.kernel.shared_bytes().is_none_or(|bytes| bytes <= caps.limits.shared_bytes);
-        if caps.kind == DeviceKind::Cpu || !room { Shape::Runs } else { Shape::Groups }
+        let room = || kernels(Shape::Groups, caps.subgroup).1.kernel.fits(&caps.limits);
+        if caps.kind == DeviceKind::Cpu || !room() { Shape::Runs } else { Shape::Groups }
     }
 
     /// Keys in a block, a column of the table of digit counts.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::approximation::{Approximation, Exponential};
-use super::kernels::{self, fits};
+use super::kernels;
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
 /// The column shape is written for subgroups of this width.
@@ -154,8 +154,9 @@ impl Variants {
 
     /// Whether a workgroup has as much shared memory as this form takes; also where the form is not there for other reasons.
     pub(crate) fn fits(self, gpu: &Gpu) -> bool {
-        kernels::blend_backward(gpu, self).map_or(true, |chosen| fits(gpu, &chosen.pass.kernel))
-            && fits(gpu, &kernels::blend_forward(gpu, self).pass.kernel)
+        let limits = &gpu.caps().limits;
+        kernels::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits))
+            && kernels::blend_forward(gpu, self).pass.kernel.fits(limits)
     }
 
     /// What suits the device; `deterministic` allows only bit-reproducible forms.

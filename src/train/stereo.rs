@@ -115,13 +115,13 @@ pub fn take_stereo(
     Ok(report)
 }
 
-/// What the training views see, and which of them can be compared.
 /// The most splats that a training begins with: those of `points`, and those that stereo adds, with room left to grow.
 pub fn first_splats(points: u32, settings: &Settings) -> u32 {
     let allowed = settings.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(points));
     points.saturating_add(settings.geometry.stereo_splats.min(allowed))
 }
 
+/// What the training views see, and which of them can be compared.
 fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings, share: &HostShare) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
     let bytes = |view: &input::View| {

@@ -1,5 +1,6 @@
 //! What the device layer needs to know of a compute shader, as plain data.
 
+use super::caps::Limits;
 use super::shared_memory;
 
 /// How a shader touches a buffer. The recorder infers barriers from it; a test compares it with the SPIR-V decorations.
@@ -114,6 +115,11 @@ impl Kernel {
         let default = |id| self.constants.iter().find(|c| c.id == id).map(|c| c.default);
         let bytes = shared_memory::bytes(&words(self.spirv.descriptors), default)?;
         u32::try_from(bytes).ok()
+    }
+
+    /// Whether a workgroup has as much shared memory as the kernel takes.
+    pub fn fits(&self, limits: &Limits) -> bool {
+        self.shared_bytes().is_none_or(|bytes| bytes <= limits.shared_bytes)
     }
 }
 

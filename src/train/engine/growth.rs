@@ -19,7 +19,10 @@ impl Engine {
         if status & counters::PAIRS_BIT != 0 {
             let wanted = words[counters::WANT_PAIRS];
             if wanted > most_pairs(&self.gpu, variants) && !self.settings.run.deterministic {
-                variants = Some(variants.without_slots(&self.gpu)).filter(|v| v.runs_on(&self.gpu)).unwrap_or(variants);
+                let without = variants.without_slots(&self.gpu);
+                if without.runs_on(&self.gpu) {
+                    variants = without;
+                }
             }
             let limit = most_pairs(&self.gpu, variants);
             let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
