@@ -155,6 +155,7 @@ impl Args {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    args.json.as_deref().map(atomic::check).transpose()?;
     if let Some([picture, results @ ..]) = args.plot.as_deref() {
         return grown::run(picture, results);
     }

@@ -94,6 +94,7 @@ struct Scores<'a> {
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
+    args.json.as_deref().map(atomic::check).transpose()?;
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs));
     let dataset = Dataset::load(&args.data, &options)?;

@@ -57,10 +57,11 @@ impl RunFolder {
             Err(TryLockError::Error(e)) => return Err(unwritable(&lock_file, &e)),
         }
         let old = if plan.resume { Vec::new() } else { results(&path)? };
-        if !old.is_empty() && !plan.overwrite {
+        if let Some(left) = old.first().filter(|_| !plan.overwrite) {
             return Err(Failure::Usage(format!(
-                "{0}: holds an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
-                path.display()
+                "{0}: holds {1} of an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
+                path.display(),
+                left.strip_prefix(&path).unwrap_or(left).display()
             ))
             .into());
         }
@@ -175,6 +176,7 @@ mod tests {
         drop(run);
         let (code, text) = refused(&plan(folder.path()));
         assert!(code == 2 && text.contains("--overwrite") && text.contains("--resume"), "{code} {text}");
+        assert!(text.contains("holds point_cloud.ply"), "{text}");
         assert!(model.exists() && checkpoint.exists());
 
         drop(RunFolder::open(&Plan { resume: true, ..plan(folder.path()) }).unwrap());

@@ -28,6 +28,9 @@ const FREE_ON_RESUME: [&str; 8] = [
 const SHORTCUTS: [&str; 3] = ["moment-bits", "sh-every", "sh-rate"];
 
 /// Train a model on posed photographs
+///
+/// Defaults are given as the method 3dgs has them at 30,000 steps. Every other method, --preset and --scale-schedule change some: `--method M
+/// --print-settings` prints those that hold.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -16,8 +16,10 @@ pub(super) fn instead_of_dataset(folder: &Path) -> String {
     if !folder.is_dir() {
         return "it is a file, and a dataset is a folder".to_owned();
     }
-    if let Some(above) = folder.parent().filter(|above| is_dataset(above)) {
-        return format!("the dataset is the folder above it, {}", above.display());
+    // Of `sparse/0` it is two above.
+    let mut above = folder.ancestors().skip(1).take(2).zip(["the folder above it", "two folders above it"]);
+    if let Some((above, place)) = above.find(|(above, _)| is_dataset(above)) {
+        return format!("the dataset is {place}, {}", above.display());
     }
     let children = std::fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten();
     let mut inside: Vec<_> = children.map(|entry| entry.path()).filter(|path| is_dataset(path)).collect();

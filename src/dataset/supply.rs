@@ -206,7 +206,7 @@ impl Intake {
         if masked as usize == pixels.len() {
             return Ok(None);
         }
-        let checksum = crc32fast::hash(&file);
+        let checksum = checksum(&file, view)?;
         let place = self.place(view, file, pixels);
         Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, checksum }) }))
     }
@@ -240,6 +240,16 @@ impl Intake {
             None => false,
         }
     }
+}
+
+/// Of the file and its mask: what the pixels are made of.
+fn checksum(file: &[u8], view: &View) -> Result<u32, Error> {
+    let mut all = crc32fast::Hasher::new();
+    all.update(file);
+    if let Some(mask) = &view.mask {
+        all.update(&photograph::read(mask)?);
+    }
+    Ok(all.finalize())
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -117,8 +117,8 @@ impl fmt::Display for Warning {
                 }
                 write!(
                     f,
-                    "Without --init, training starts from random points in the cameras' common view: expect a lower \
-                     quality, more splats and more of them in mid-air than from triangulated points"
+                    "Without --init, training starts from random points in the cameras' common view, or from the surfaces that \
+                     stereo finds: expect a lower quality, more splats and more of them in mid-air than from triangulated points"
                 )
             }
             Self::PhotographsWithoutPose { photographs } => {

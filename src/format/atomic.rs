@@ -10,19 +10,33 @@ use super::Error;
 /// file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file is removed and
 /// what stood there before stays.
 pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
-    let folder = match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let mut temporary =
-        temporary_file(folder, &format!(".{name}.")).map_err(Error::io(file, "create a temporary file beside it"))?;
+    let (folder, mut temporary) = beside(file)?;
     let mut out = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
     content(&mut out).and_then(|()| out.flush()).map_err(Error::io(file, "write"))?;
     drop(out);
     temporary.as_file().sync_all().map_err(Error::io(file, "flush to the disk"))?;
     temporary.persist(file).map_err(|e| Error::io(file, "rename the temporary file to it")(e.error))?;
     flush_folder(folder).map_err(Error::io(folder, "flush to the disk"))
+}
+
+/// Whether [`write`] finds a place for its temporary file, for who would learn at the end of long work that it does not.
+pub fn check(file: &Path) -> Result<(), Error> {
+    if file.is_dir() {
+        return Err(Error::io(file, "write")(io::ErrorKind::IsADirectory.into()));
+    }
+    beside(file).map(drop)
+}
+
+/// The folder of a file, and a temporary file in it.
+fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let temporary =
+        temporary_file(folder, &format!(".{name}.")).map_err(Error::io(file, "create a temporary file beside it"))?;
+    Ok((folder, temporary))
 }
 
 /// Removes what a process that was killed while it wrote a file has left in a folder, of files whose names begin with `prefix`: it takes

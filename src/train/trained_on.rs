@@ -47,7 +47,7 @@ impl TrainedOn {
                 return other(format!("the camera of '{name}' is another one"));
             }
             if self.checksums.get(k).zip(now.checksums.get(k)).is_some_and(|(a, b)| a != b) {
-                return other(format!("the file of '{name}' has changed"));
+                return other(format!("the file of '{name}' or its mask has changed"));
             }
         }
         Ok(())
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(complaint(&[view("a", 0.0), retouched.clone()]), "");
         retouched.photograph = crate::dataset::Supply::of(Pixels::Rgba8([vec![254], vec![255; 15]].concat()));
         let views = [view("a", 0.0), retouched];
-        assert!(complaint(&views).contains("the file of 'b' has changed"), "{}", complaint(&views));
+        assert!(complaint(&views).contains("the file of 'b' or its mask has changed"), "{}", complaint(&views));
         let earlier = TrainedOn { checksums: Vec::new(), ..run };
         assert!(earlier.check(&TrainedOn::of(&views)).is_ok(), "a checkpoint without checksums");
     }

@@ -149,6 +149,9 @@ fn masks_are_counted_and_a_photograph_masked_all_over_is_left_out() {
     assert!(said.contains("'view_0001.jpg': every pixel is masked"), "{said}");
     let said = works(&[&train(data.path(), &out)[..6], &["--overwrite", "--mask-ignores", "white"]].concat());
     assert!(said.contains("masks: 2 of 9") && !said.contains("every pixel"), "{said}");
+    let other = image::GrayImage::from_fn(64, 48, |x, _| image::Luma([if x < 16 { 255 } else { 0 }]));
+    other.save(masks.join("view_0002.png")).expect("a mask");
+    fails(&["train", "--resume", text(&out), "--iterations", "4"], 3, &["view_0002.jpg", "its mask has changed"]);
     image::GrayImage::new(48, 48).save(masks.join("view_0002.png")).expect("a mask");
     let again = [&train(data.path(), &out)[..], &["--overwrite"]].concat();
     fails(&again, 3, &["view_0002.png", "the mask is 48x48"]);

@@ -21,6 +21,7 @@ fn wrong_folders_are_told_with_the_right_one() {
     for (folder, words) in [
         (root.path().join("nowhere"), &["nowhere", "no such folder"][..]),
         (data.join("images"), &["the dataset is the folder above it", text(&data)]),
+        (data.join("sparse/0"), &["the dataset is two folders above it", text(&data)]),
         (above, &["there is one in", text(&data)]),
         (data.join("images/view_0001.jpg"), &["view_0001.jpg", "it is a file"]),
         (without_cameras.path().to_owned(), &["sparse/0", "nothing says where they were taken from", "COLMAP"]),
@@ -55,6 +56,9 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["stereo", data, "--out", data], 2, &["that is the dataset", "another folder"]),
         (&["render", run_text, "--cameras", data, "--out", text(&out)], 3, &["a folder", "point_cloud.ply"]),
         (&["eval", run_text, data], 3, &["a folder", "point_cloud.ply"]),
+        (&["eval", "none.ply", data, "--json", text(&out.join("scores.json"))], 8, &["scores.json", "beside it"]),
+        (&["eval", "none.ply", data, "--json", run_text], 8, &[run_text, "cannot write"]),
+        (&["bench", "--plot", text(&taken), text(&out.join("none.json"))], 3, &["none.json", "bench --json"]),
     ] {
         fails(args, code, words);
     }

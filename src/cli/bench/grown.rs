@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use psrgs_vk::bench::plot::{self, Series};
 use psrgs_vk::format::atomic;
 use serde_json::Value;
 
 use crate::cli::console;
+use crate::cli::exit::Failure;
 
 /// What is read of a result.
 struct Read {
@@ -18,11 +18,13 @@ struct Read {
 }
 
 fn read(file: &Path) -> anyhow::Result<Read> {
-    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let value: Value = serde_json::from_str(&text).with_context(|| format!("{} is no JSON", file.display()))?;
+    let unusable =
+        |why: String| Failure::Input(format!("{}: {why}; --plot wants results of `bench --json`", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|e| unusable(format!("cannot be read: {e}")))?;
+    let value: Value = serde_json::from_str(&text).map_err(|e| unusable(format!("is no JSON: {e}")))?;
     let number = |pointer: &str| {
         let number = value.pointer(pointer).and_then(Value::as_f64);
-        number.with_context(|| format!("{} has no {pointer}: is it a result of `bench --json`?", file.display()))
+        number.ok_or_else(|| unusable(format!("has no {pointer}")))
     };
     Ok(Read {
         splats: number("/workload/splats")?,
