@@ -98,6 +98,7 @@ impl Args {
     pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<Plan> {
         let given = |key: &str| named(matches, key);
         let mut asked = self.settings.clone();
+        can_be_kept(&asked)?;
         if self.fast {
             let shortcuts = Settings { shortcuts: Shortcuts::FAST, ..asked.clone() };
             asked = asked.over(&shortcuts, given)?;
@@ -163,6 +164,19 @@ impl Args {
         let lose_device_at = None;
         let overwrite = self.overwrite;
         Ok(Plan { settings, out, resume: self.resume.is_some(), former, overwrite, preset, lose_device_at })
+    }
+}
+
+/// Settings are kept as text.
+fn can_be_kept(settings: &Settings) -> Result<(), Failure> {
+    let paths = [&settings.data, &settings.run.init, &settings.scoring.perceptual_weights];
+    match paths.into_iter().flatten().find(|path| path.to_str().is_none()) {
+        Some(path) => Err(Failure::Usage(format!(
+            "{}: this name is not UTF-8, and {} could not hold it; rename it, or name it by a link",
+            path.display(),
+            run_folder::SETTINGS
+        ))),
+        None => Ok(()),
     }
 }
 

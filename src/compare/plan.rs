@@ -64,7 +64,7 @@ pub const ABLATIONS: [Ablation; 24] = [
     Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
-    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "4e-4"] },
+    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "5e-4"] },
     Ablation { name: "no-low-weights", options: &["--low-texture-weight", "1"] },
     // The constrained set is what the stage leaves.
     Ablation { name: "no-low-stage", options: &["--low-stage", "0", "--lambda-constrained", "0"] },

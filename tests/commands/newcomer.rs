@@ -5,7 +5,7 @@ use std::fs;
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
-use crate::run::{copy_of, fails, shared, text, works};
+use crate::run::{command, copy_of, fails, shared, text, works};
 
 #[test]
 fn wrong_folders_are_told_with_the_right_one() {
@@ -132,4 +132,16 @@ fn a_stage_that_is_over_does_not_begin_again() {
     let go_on = |iterations| ["train", "--resume", text(&out), "--iterations", iterations];
     fails(&go_on("42"), 2, &["--iterations 42", "step 20", "coarse photographs", "--init"]);
     works(&go_on("30"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_name_that_settings_cannot_hold_is_refused() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let name = std::ffi::OsStr::from_bytes(b"fox-\xff");
+    for before in [&["train"][..], &["train", "fox", "--init"]] {
+        let output = command(before).arg(name).output().expect("a process");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains("not UTF-8"), "{before:?}: {said}");
+    }
 }

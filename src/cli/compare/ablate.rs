@@ -57,6 +57,13 @@ mod tests {
     }
 
     #[test]
+    fn one_threshold_is_that_of_high_frequencies() {
+        let one = ABLATIONS.iter().find(|ablation| ablation.name == "one-threshold").expect("a row");
+        let density = with(&Settings::of_method(Method::PsrgsPaper), one.options).expect("settings").density;
+        assert_eq!(density.low_grad_threshold, density.grad_threshold);
+    }
+
+    #[test]
     fn what_a_method_does_not_have_is_no_row() {
         let plain = names("3dgs");
         assert_eq!(plain[0], "3dgs");
