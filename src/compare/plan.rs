@@ -53,7 +53,7 @@ pub struct Ablation {
 }
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 24] = [
+pub const ABLATIONS: [Ablation; 26] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
     Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
@@ -62,9 +62,11 @@ pub const ABLATIONS: [Ablation; 24] = [
     Ablation { name: "no-flattening", options: &["--lambda-flatten", "0"] },
     Ablation { name: "no-stereo-splats", options: &["--stereo-splats", "0"] },
     Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
+    Ablation { name: "wide-stereo-splats", options: &["--stereo-width", "1"] },
+    Ablation { name: "faint-stereo-splats", options: &["--stereo-opacity", "0.1"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
-    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "5e-4"] },
+    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "6e-4"] },
     Ablation { name: "no-low-weights", options: &["--low-texture-weight", "1"] },
     // The constrained set is what the stage leaves.
     Ablation { name: "no-low-stage", options: &["--low-stage", "0", "--lambda-constrained", "0"] },

@@ -46,7 +46,7 @@ pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaus
     }
     let positions: Vec<[f64; 3]> = points.iter().map(|(p, _)| frame.to_scene(*p)).collect();
     let mut out = Gaussians::zeros(points.len());
-    out.opacities.fill((FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln() as f32);
+    make_opaque(&mut out, 0, FIRST_OPACITY);
     out.quats.chunks_exact_mut(4).for_each(|q| q[0] = 1.0);
     for (i, (position, (_, color))) in positions.iter().zip(points).enumerate() {
         for k in 0..3 {
@@ -73,6 +73,17 @@ pub fn lay_flat(gaussians: &mut Gaussians, first: usize, normals: &[[f32; 3]], t
         quat.copy_from_slice(&[half[0] / length, half[1] / length, half[2] / length, 0.0]);
         scale[2] += thickness.ln() as f32;
     }
+}
+
+/// Multiplies the standard deviations of the Gaussians from `first` on by a positive number.
+pub fn widen(gaussians: &mut Gaussians, first: usize, times: f64) {
+    gaussians.scales.iter_mut().skip(3 * first).for_each(|s| *s += times.ln() as f32);
+}
+
+/// Gives the Gaussians from `first` on an opacity between 0 and 1.
+pub fn make_opaque(gaussians: &mut Gaussians, first: usize, opacity: f64) {
+    let logit = (opacity / (1.0 - opacity)).ln() as f32;
+    gaussians.opacities.iter_mut().skip(first).for_each(|o| *o = logit);
 }
 
 fn log_scales(positions: &[[f64; 3]]) -> Vec<f64> {
@@ -172,6 +183,21 @@ mod tests {
             assert_eq!(now[..2], before[..2]);
             assert!((now[2] - before[2] - 0.25_f32.ln()).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn only_those_from_the_first_on_are_made_opaque_and_narrower() {
+        let mut out = from_points(&random_points(8), &Frame::IDENTITY).expect("points");
+        let before = out.clone();
+        make_opaque(&mut out, 3, 0.75);
+        widen(&mut out, 3, 0.5);
+        assert_eq!(out.scales[..9], before.scales[..9]);
+        let narrower = |(now, then): (&f32, &f32)| (now - then - 0.5_f32.ln()).abs() < 1e-6;
+        assert!(out.scales[9..].iter().zip(&before.scales[9..]).all(narrower));
+        let opacity = |logit: f32| 1.0 / (1.0 + (-f64::from(logit)).exp());
+        let all: Vec<f64> = out.opacities.iter().map(|o| opacity(*o)).collect();
+        assert!(all[..3].iter().all(|o| (o - FIRST_OPACITY).abs() < 1e-7), "{all:?}");
+        assert!(all[3..].iter().all(|o| (o - 0.75).abs() < 1e-7), "{all:?}");
     }
 
     #[test]

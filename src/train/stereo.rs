@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Error;
 use super::cloud::{self, Gate};
 use super::input::{self, Input, Outline};
-use super::settings::{DepthPrior, LidarCloud, Settings};
+use super::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, init};
 use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, View, fuse};
@@ -68,7 +68,7 @@ pub fn take_stereo(
         if made || (begins && more > 0) {
             let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
             if begins && more > 0 {
-                report.splats = begin_on(&fused, more, settings.stereo_thickness, dataset, input)?;
+                report.splats = begin_on(&fused, more, settings, dataset, input)?;
             }
             if made {
                 cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -158,12 +158,12 @@ impl Stereo {
     }
 }
 
-/// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as flat as `thickness` says; gives
-/// how many.
+/// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as wide, flat and opaque as is
+/// asked for; gives how many.
 fn begin_on(
     fused: &[FusedPoint],
     more: usize,
-    thickness: f64,
+    settings: &Geometry,
     dataset: &Dataset,
     input: &mut Input,
 ) -> Result<usize, Error> {
@@ -175,7 +175,9 @@ fn begin_on(
     let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
-    init::lay_flat(&mut input.initial, dataset.points.len(), &normals, thickness);
+    init::lay_flat(&mut input.initial, dataset.points.len(), &normals, settings.stereo_thickness);
+    init::widen(&mut input.initial, dataset.points.len(), settings.stereo_width);
+    init::make_opaque(&mut input.initial, dataset.points.len(), settings.stereo_opacity);
     Ok(chosen.len())
 }
 

@@ -97,7 +97,9 @@ fn what_nothing_looks_at_changes_no_bit() {
     other.frequencies.sigma = 7.0;
     other.frequencies.sigma_every = 2;
     other.frequencies.low_texture_weight = 0.1;
+    other.geometry.stereo_width = 0.5;
     other.geometry.stereo_thickness = 0.1;
+    other.geometry.stereo_opacity = 0.7;
     other.geometry.lambda_depth = 50.0;
     other.geometry.lambda_smooth = 3.0;
     other.geometry.lambda_normal = 3.0;

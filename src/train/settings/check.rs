@@ -122,8 +122,11 @@ impl Settings {
         }
         ok(geometry.depth_left > 0.0 && geometry.depth_left <= 1.0, "depth-left", "a number above 0, at most 1")?;
         ok(geometry.depth_huber > 0.0 && geometry.depth_huber.is_finite(), "depth-huber", "a positive number")?;
-        let thickness = geometry.stereo_thickness;
+        let (width, thickness) = (geometry.stereo_width, geometry.stereo_thickness);
+        ok(width > 0.0 && width.is_finite(), "stereo-width", "a positive number")?;
         ok(thickness > 0.0 && thickness <= 1.0, "stereo-thickness", "a number above 0, at most 1")?;
+        let opacity = geometry.stereo_opacity;
+        ok(opacity > 0.0 && opacity < 1.0, "stereo-opacity", "a number above 0, below 1")?;
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
         ok(geometry.propagate_every >= 1, "propagate-every", "at least 1")?;

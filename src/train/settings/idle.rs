@@ -31,7 +31,9 @@ impl Settings {
             s.geometry.lambda_normal = plain.geometry.lambda_normal;
         }
         if s.geometry.stereo_splats == 0 {
+            s.geometry.stereo_width = plain.geometry.stereo_width;
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
+            s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
         }
         if s.texture.lambda_perceptual == 0.0 {
             s.texture.perceptual_every = plain.texture.perceptual_every;

@@ -122,14 +122,16 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
-        "grad-threshold" density.grad_threshold = 5e-4,
-        "low-grad-threshold" density.low_grad_threshold = 5e-4,
+        "grad-threshold" density.grad_threshold = 6e-4,
+        "low-grad-threshold" density.low_grad_threshold = 6e-4,
         "low-stage" frequencies.low_stage = 0.25,
         "sample-mask-share" density.sample_mask_share = 0.5,
         "sample-error-share" density.sample_error_share = 0.5,
         "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
         "stereo-splats" geometry.stereo_splats = 60_000,
+        "stereo-width" geometry.stereo_width = 0.7,
         "stereo-thickness" geometry.stereo_thickness = 0.2,
+        "stereo-opacity" geometry.stereo_opacity = 0.3,
     );
 }
 

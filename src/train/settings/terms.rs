@@ -2,6 +2,7 @@
 
 use super::DepthPrior;
 use super::group::group;
+use crate::scene::init::FIRST_OPACITY;
 
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
@@ -16,9 +17,15 @@ group! {
         /// Begin with so many splats more, on surfaces that stereo has found (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
+        /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
+        #[arg(value_name = "SHARE")]
+        pub stereo_width: f64 = 1.0,
         /// How thick these are along the normals that stereo has found, as a share of their width
         #[arg(value_name = "SHARE")]
         pub stereo_thickness: f64 = 1.0,
+        /// How opaque these are to begin with (splats of reconstructed points: 0.1)
+        #[arg(value_name = "O")]
+        pub stereo_opacity: f64 = FIRST_OPACITY,
         /// Share of the steps that have a loss on depth and normals
         #[arg(value_name = "SHARE")]
         pub depth_steps: f64 = 0.5,
