@@ -98,9 +98,14 @@ fn example(views: usize, side: u32) -> ReportData {
             .map(|(a, b)| (a.into(), b.into()))
             .into(),
         curves: vec![
-            Curve { name: "Loss".into(), unit: "L1 and SSIM, 0.8 : 0.2".into(), points: loss.collect() },
-            Curve { name: "Held-out PSNR".into(), unit: "dB".into(), points: psnr.collect() },
-            Curve { name: "Splats".into(), unit: String::new(), points: splats.collect() },
+            Curve {
+                name: "Loss".into(),
+                unit: "L1 and SSIM, 0.8 : 0.2".into(),
+                points: loss.collect(),
+                scattered: false,
+            },
+            Curve { name: "Held-out PSNR".into(), unit: "dB".into(), points: psnr.collect(), scattered: false },
+            Curve { name: "Splats".into(), unit: String::new(), points: splats.collect(), scattered: false },
         ],
         metrics: metrics(scores),
         views: panels,

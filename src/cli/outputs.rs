@@ -177,8 +177,12 @@ fn curves(history: &History) -> Vec<Curve> {
         let mean = part.iter().map(|l| f64::from(*l)).sum::<f64>() / part.len() as f64;
         ((i * stretch + part.len().div_ceil(2)) as f64, mean)
     });
-    let curve =
-        |name: &str, unit: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), unit: unit.into(), points };
+    let curve = |name: &str, unit: &str, points: Vec<(f64, f64)>| Curve {
+        name: name.into(),
+        unit: unit.into(),
+        points,
+        scattered: false,
+    };
     let mut splats: Vec<(f64, f64)> = history.splats.iter().map(|s| (f64::from(s.0), f64::from(s.1))).collect();
     // The number holds from the last change to the end.
     if let Some(&(_, last)) = splats.last() {
@@ -191,7 +195,8 @@ fn curves(history: &History) -> Vec<Curve> {
     ];
     if !history.sigmas.is_empty() {
         let sigmas = history.sigmas.iter().map(|(step, _, sigma, _)| (f64::from(*step), *sigma));
-        curves.push(curve("Sigma of the saliency filter", "bins", sigmas.collect()));
+        // Each is of the photograph of its step.
+        curves.push(Curve { scattered: true, ..curve("Sigma", "bins of 256", sigmas.collect()) });
     }
     curves
 }

@@ -132,7 +132,7 @@ fn the_sets_of_the_stages_are_rendered_apart() {
     let (low, all) = (model.constrained.expect("a constrained set"), model.gaussians.len());
     assert!(low > 100 && low < all, "{low} of {all}");
     let report = fs::read_to_string(run.join("report.html")).expect("a report");
-    for title in ["Texture mask", "Low frequencies", "High frequencies", "Sigma of the saliency filter"] {
+    for title in ["Texture mask", "Low frequencies", "High frequencies", "bins of 256"] {
         assert!(report.contains(title), "{title}");
     }
     let sigmas = json(&run.join("sigma.json"));

@@ -15,6 +15,9 @@ const BOTTOM: f64 = 34.0;
 /// Points drawn at most; longer curves are drawn by the mean of their parts, with the range as a band.
 const PARTS: usize = 240;
 
+/// Dots drawn at most: of longer curves every so many-th value.
+const DOTS: usize = 1000;
+
 /// Values over a stretch of steps.
 struct Part {
     step: f64,
@@ -35,7 +38,7 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
     let (Some(first), Some(last)) = (points.first(), points.last()) else {
         return format!("<figure class=\"chart\">{heading}<p class=\"empty\">no values</p></figure>");
     };
-    let parts = parts(&points);
+    let parts = if curve.scattered { some(&points) } else { parts(&points) };
     let low = parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min);
     let high = parts.iter().map(|p| p.high).fold(f64::NEG_INFINITY, f64::max);
     // A range that starts near zero is drawn from zero.
@@ -86,9 +89,11 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         let outline: Vec<String> = upper.chain(lower).collect();
         let _ = write!(svg, "<polygon class=\"band\" points=\"{}\"/>", outline.join(" "));
     }
-    let line: Vec<String> = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.mean))).collect();
-    let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
-    if parts.len() <= 24 {
+    if !curve.scattered {
+        let line: Vec<String> = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.mean))).collect();
+        let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
+    }
+    if curve.scattered || parts.len() <= 24 {
         for p in &parts {
             let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"/>", sx(p.step), sy(p.mean));
         }
@@ -135,6 +140,11 @@ fn parts(points: &[(f64, f64)]) -> Vec<Part> {
         .collect()
 }
 
+fn some(points: &[(f64, f64)]) -> Vec<Part> {
+    let every = points.len().div_ceil(DOTS).max(1);
+    points.iter().step_by(every).map(|&(step, mean)| Part { step, mean, low: mean, high: mean }).collect()
+}
+
 /// Round values that enclose [low, high] in about `count` steps of 1, 2 or 5 times a power of ten; at least two values.
 fn ticks(low: f64, high: f64, count: usize) -> (Vec<f64>, f64) {
     let span = if high > low { high - low } else { low.abs().max(1.0) * 0.1 };
@@ -171,12 +181,16 @@ mod tests {
 
     #[test]
     fn odd_curves_are_drawn() {
-        let curve = |points: Vec<(f64, f64)>| Curve { name: "x<y".into(), unit: String::new(), points };
+        let curve = |points: Vec<(f64, f64)>| Curve { name: "x<y".into(), points, ..Curve::default() };
         assert!(figure(&curve(vec![]), 0, 9.0).contains("no values"));
         assert!(figure(&curve(vec![(1.0, f64::NAN)]), 0, 9.0).contains("no values"));
         let one = figure(&curve(vec![(10.0, 0.5)]), 1, 0.0);
         assert!(one.contains("x&lt;y") && !one.contains("NaN") && !one.contains("inf"), "{one}");
         let long = figure(&curve((0..5000).map(|k| (f64::from(k), f64::from(k % 7))).collect()), 2, 5000.0);
         assert!(long.contains("class=\"band\"") && long.len() < 40_000);
+        let of_photographs = (0..60).map(|k| (f64::from(k), f64::from(k % 7))).collect();
+        let dots = figure(&Curve { scattered: true, ..curve(of_photographs) }, 0, 60.0);
+        assert_eq!(dots.matches("class=\"dot\"").count(), 60);
+        assert!(!dots.contains("polyline"), "a line would tell of a change from one photograph to the next");
     }
 }

@@ -33,6 +33,8 @@ pub struct Curve {
     pub unit: String,
     /// Step and value, by ascending step.
     pub points: Vec<(f64, f64)>,
+    /// Whether neighbouring values are of different things, a photograph each, say: dots, which no line joins.
+    pub scattered: bool,
 }
 
 /// Depth (z in the camera frame, dataset units), row-major; 0 or not finite where there is no surface.
