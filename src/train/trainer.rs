@@ -170,10 +170,15 @@ impl Trainer {
         if !evaluate {
             return self.attend(stop);
         }
-        self.evaluated = stop;
-        let quality = self.quality(stop)?;
+        self.score(stop)
+    }
+
+    /// Scores the model after a step, all of which is done and nothing after it.
+    fn score(&mut self, step: u32) -> Result<(), Error> {
+        self.evaluated = step;
+        let quality = self.quality(step)?;
         let (splats, seconds) = (self.last_splats, self.seconds());
-        self.tell(Message::Evaluated { step: stop, quality, splats, seconds });
+        self.tell(Message::Evaluated { step, quality, splats, seconds });
         Ok(())
     }
 
@@ -273,6 +278,11 @@ impl Trainer {
             while let Some((event, ticket)) = self.in_flight.pop_front() {
                 let outcome = self.engine.outcome(ticket)?;
                 self.look(event, outcome)?;
+            }
+            // Who goes on from here begins behind the step that is to be scored.
+            let (stop, evaluate, last) = self.due();
+            if evaluate && self.next > last {
+                self.score(stop)?;
             }
             // A step that has to be repeated after what the host did before it belongs to what is done.
             if self.next.kind == Kind::Step && self.propagated.max(self.pruned).max(self.settled) < self.next.step {

@@ -277,6 +277,28 @@ fn stops_and_resumes_on(gpu: &Gpu, settings: &Settings, input: &Input, stops: &[
 }
 
 #[test]
+fn a_stop_near_a_scoring_leaves_no_gap_in_the_curve() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(5, 64, 48, 300);
+    let mut s = settings(30);
+    s.run.eval_every = 10;
+    let scored = |trainer: &Trainer| trainer.history().quality.clone();
+    let start = |restart| Trainer::new(&gpu, input.clone(), &s, Pacing::default(), restart).expect("trainer");
+    let to_the_end = |trainer: &mut Trainer| while trainer.next_message().expect("message").is_some() {};
+    let mut whole = start(None);
+    to_the_end(&mut whole);
+    assert_eq!(scored(&whole).iter().map(|q| q.0).collect::<Vec<_>>(), [10, 20, 30]);
+    for stop in 7..=12 {
+        let mut first = start(None);
+        while !matches!(first.next_message().expect("message"), Some(Message::Step { step, .. }) if step == stop) {}
+        let mut second = start(Some(first.snapshot().expect("snapshot")));
+        to_the_end(&mut second);
+        let same = scored(&whole).iter().zip(scored(&second)).filter(|(a, b)| (a.0, a.1) == (b.0, b.1)).count();
+        assert_eq!(same, 3, "stopped at {stop}: {:?}", scored(&second));
+    }
+}
+
+#[test]
 fn test_photographs_do_not_reach_the_model() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
