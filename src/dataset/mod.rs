@@ -360,10 +360,15 @@ fn roles(split: Split, views: usize, warnings: &mut Vec<Warning>) -> Vec<Role> {
     vec![Role::Train; views]
 }
 
+/// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.
+const SMALLEST_COPY: u32 = 16;
+
 /// The file may be a reduced copy: sides of such copies are rounded up or down.
 fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), Error> {
     let camera = (shot.lens.size[0], shot.lens.size[1]);
-    if photograph::same_shape(photograph, camera) {
+    let longer = |size: (u32, u32)| size.0.max(size.1);
+    let tiny = longer(photograph) < SMALLEST_COPY.min(longer(camera));
+    if photograph::same_shape(photograph, camera) && !tiny {
         return Ok(());
     }
     let turned = photograph::same_shape((photograph.1, photograph.0), camera);
@@ -372,6 +377,12 @@ fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), 
         photograph,
         camera: shot.camera.clone(),
         expected: camera,
-        hint: if turned { "; turned by 90 degrees it would fit: orientation tags of EXIF are not applied" } else { "" },
+        hint: if tiny {
+            "; it is too small for a reduced copy"
+        } else if turned {
+            "; turned by 90 degrees it would fit: orientation tags of EXIF are not applied"
+        } else {
+            ""
+        },
     })
 }

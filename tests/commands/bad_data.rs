@@ -16,7 +16,7 @@ fn train<'a>(data: &'a Path, out: &'a Path) -> [&'a str; 7] {
 fn damaged_datasets_are_told_apart() {
     let Some(shared) = shared() else { return };
     type Damage = fn(&Path);
-    let cases: [(&str, Damage, &[&str]); 6] = [
+    let cases: [(&str, Damage, &[&str]); 7] = [
         (
             "a photograph is missing",
             |data| fs::remove_file(data.join("images/view_0004.jpg")).expect("removed"),
@@ -26,6 +26,11 @@ fn damaged_datasets_are_told_apart() {
             "a photograph of another shape",
             |data| image::RgbImage::new(48, 64).save(data.join("images/view_0002.jpg")).expect("written"),
             &["view_0002.jpg", "48x64", "64x48", "90 degrees"],
+        ),
+        (
+            "a pixel in the place of a photograph",
+            |data| image::RgbImage::new(1, 1).save(data.join("images/view_0002.jpg")).expect("written"),
+            &["view_0002.jpg", "1x1", "64x48", "too small"],
         ),
         (
             "a photograph that is none",
