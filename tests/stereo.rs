@@ -11,6 +11,8 @@ mod command;
 mod cost;
 #[path = "stereo/degenerate.rs"]
 mod degenerate;
+#[path = "stereo/first_splats.rs"]
+mod first_splats;
 #[path = "stereo/memory.rs"]
 mod memory;
 #[path = "stereo/planes.rs"]

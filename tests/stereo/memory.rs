@@ -10,7 +10,7 @@ use psrgs_vk::world::{LidarParams, WorldParams, generate};
 
 use super::common;
 
-fn world(folder: &std::path::Path, max_side: u32) -> Dataset {
+pub(super) fn world(folder: &std::path::Path, max_side: u32) -> Dataset {
     let lidar = LidarParams { density: 0.1, ..LidarParams::default() };
     let params =
         WorldParams { images: 9, max_side, seed: 5, pixels_per_point: 40, offpath: 0, lidar, ..WorldParams::default() };
