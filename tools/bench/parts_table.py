@@ -4,7 +4,8 @@
   tools/bench/parts_table.py
 
 Files: ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json (nothing left out), and
-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside compare-320-1500-SCENE-psrgs-sSEED.json. Intervals are those of results_table.py.
+equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
+psrgs of their build, wide-320-1500-SCENE-psrgs-sSEED. Intervals are those of results_table.py.
 """
 
 import json
@@ -58,7 +59,7 @@ def beside_lean():
                 if not lean or not psrgs:
                     continue
                 cells = [f"{r[m]:.{DIGITS.get(m, 4)}f}" for m in ("psnr", "ssim", "lpips_squeeze", "gmsd") for r in (psrgs, lean)]
-                ratio = time(f"equal-320-{name}-s{seed}") / time(of)
+                ratio = time(f"equal-320-{name}-s{seed}") / time(f"wide-320-1500-{scene}-psrgs-s{seed}")
                 print(f"| {title} | {scene} | {seed} | {' | '.join(cells)} | {100 * lean['splats'] / psrgs['splats']:.0f} % | {ratio:.2f} |")
                 for metric in METRICS:
                     differences.setdefault((title, metric), []).append(psrgs[metric] - lean[metric])
