@@ -361,7 +361,7 @@ fn roles(split: Split, views: usize, warnings: &mut Vec<Warning>) -> Vec<Role> {
 }
 
 /// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.
-const SMALLEST_COPY: u32 = 16;
+const SMALLEST_COPY: u32 = 8;
 
 /// The file may be a reduced copy: sides of such copies are rounded up or down.
 fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), Error> {
