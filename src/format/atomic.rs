@@ -19,7 +19,7 @@ pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
     flush_folder(folder).map_err(Error::io(folder, "flush to the disk"))
 }
 
-/// Whether [`write`] finds a place for its temporary file, for who would learn at the end of long work that it does not.
+/// Whether [`write()`] finds a place for its temporary file, for who would learn at the end of long work that it does not.
 pub fn check(file: &Path) -> Result<(), Error> {
     if file.is_dir() {
         return Err(Error::io(file, "write")(io::ErrorKind::IsADirectory.into()));
