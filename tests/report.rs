@@ -47,6 +47,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         peak_device_bytes: 412_000_000,
         peak_host_bytes: Some(620_000_000),
         streaming: None,
+        exposures: None,
         geometry: Geometry { floaters: Some(0.0123), surface_distance: Some(0.0456), ..Geometry::default() },
         images: Vec::new(),
     }

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{
-    self, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry, mean, mean_if_all,
+    self, ExposureScores, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry,
+    mean, mean_if_all,
 };
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{DeviceChoice, Photographs, Scoring, Split};
@@ -15,6 +16,7 @@ use super::colour::Colour;
 use super::console::{self, Console};
 use super::drawing::DrawingArgs;
 use super::exit::Failure;
+use super::exposed::{self, Exposed, ExposureArgs};
 use super::lpips::Lpips;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
@@ -48,6 +50,8 @@ pub(crate) struct Args {
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
+    #[command(flatten)]
+    pub(crate) exposure: ExposureArgs,
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
     #[command(flatten)]
@@ -88,6 +92,8 @@ struct Scores<'a> {
     gmsd: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr_high_frequency: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exposures: Option<ExposureScores>,
     #[serde(flatten)]
     geometry: Geometry,
     images: &'a [ImageScore],
@@ -101,6 +107,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
+    let exposures = args.exposure.read(&args.model, &dataset, console)?;
     let mut share = prepare::host_share(&dataset, Role::HeldOut, &args.device);
     let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
@@ -112,10 +119,11 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,
     };
+    let mut exposed = Exposed::new(exposures);
     let (mut images, mut panels) = (Vec::new(), Vec::new());
     let bar = progress::counter(console, views.len(), "photographs");
     for (i, view) in views.iter().enumerate() {
-        let picture = drawn.picture(&view.camera, pictures.is_some())?;
+        let picture = exposed.picture(view, drawn.picture(&view.camera, pictures.is_some())?)?;
         match &pictures {
             Some(pictures) => {
                 let mut panel = pictures.held_out(i, view, &picture)?;
@@ -141,6 +149,9 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         })?,
     };
     console::print(&table(&images))?;
+    if let Some(scores) = exposed.scores() {
+        console.say(exposed::line(&scores));
+    }
     if geometry != Geometry::default() {
         console::print(&geometry_table(&geometry))?;
     }
@@ -167,6 +178,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
             gmsd: mean_if_all(images.iter().map(|i| i.gmsd)),
             psnr_high_frequency: mean_if_all(images.iter().map(|i| i.psnr_high_frequency)),
+            exposures: exposed.scores(),
             geometry,
             images: &images,
         };
@@ -200,6 +212,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             peak_device_bytes: gpu.memory_use().peak,
             peak_host_bytes: eval::peak_host_bytes(),
             streaming: None,
+            exposures: exposed.scores(),
             geometry,
             images: Vec::new(),
         }

@@ -12,6 +12,7 @@ mod device;
 mod drawing;
 mod eval;
 mod exit;
+mod exposed;
 mod info;
 mod interrupt;
 mod lpips;

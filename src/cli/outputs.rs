@@ -11,6 +11,7 @@ use psrgs_vk::train::{History, Trainer, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
+use super::exposed::{self, Exposed};
 use super::lpips::Lpips;
 use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, RENDERS, REPORT, RunFolder};
@@ -61,8 +62,10 @@ pub(crate) fn write(
     let views = trainer.held_out().to_vec();
     let pictures = Pictures::new(&run.folder.file(RENDERS), views.iter().map(|v| v.name.as_str()), frame.scale)?;
     let (mut scores, mut panels) = (Vec::new(), Vec::new());
+    let mut exposed = Exposed::new(trainer.expected_exposures()?);
     for (i, view) in views.iter().enumerate() {
-        let mut panel = pictures.held_out(i, view, &trainer.picture(&view.camera)?)?;
+        let picture = exposed.picture(view, trainer.picture(&view.camera)?)?;
+        let mut panel = pictures.held_out(i, view, &picture)?;
         panel.lpips_squeeze = lpips.measure(run.gpu, view, panel.render.as_raw(), console);
         scores.push(panel.score());
         panels.push(panel.among(views.len()));
@@ -110,6 +113,7 @@ pub(crate) fn write(
         peak_device_bytes,
         peak_host_bytes: eval::peak_host_bytes(),
         streaming: trainer.streaming(),
+        exposures: exposed.scores(),
         geometry,
         images: Vec::new(),
     }
@@ -130,6 +134,9 @@ pub(crate) fn write(
         let fitted = data.metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
         let lpips = data.metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
         console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}"));
+        if let Some(scores) = &data.metrics.exposures {
+            console.say(exposed::line(scores));
+        }
     }
     let shares: Vec<String> = [("stereo", run.stereo_seconds), ("masks", trainer.saliency_seconds())]
         .into_iter()

@@ -2,6 +2,7 @@
 
 pub mod colormap;
 mod colour_fit;
+mod exposure;
 pub mod geometry;
 mod gmsd;
 mod metrics;
@@ -11,9 +12,12 @@ mod ssim;
 mod texture;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
+pub use exposure::{ExposureMatrix, Exposures};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
-pub use metrics::{ImageScore, Metrics, MetricsError, PhotographWait, Streaming, mean, mean_if_all, peak_host_bytes};
+pub use metrics::{
+    ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Streaming, mean, mean_if_all, peak_host_bytes,
+};
 pub use quality::Quality;
 pub use report::{
     Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report, write_report,

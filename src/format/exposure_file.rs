@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{At, Error, atomic};
+use crate::eval::ExposureMatrix;
 
 /// The name of the file, in the folder of the run.
 pub const EXPOSURE_FILE: &str = "exposures.json";
@@ -13,7 +14,7 @@ pub const EXPOSURE_FILE: &str = "exposures.json";
 #[serde(transparent)]
 pub struct ExposureFile {
     /// Name and matrix, row by row.
-    pub photographs: BTreeMap<String, [[f64; 4]; 3]>,
+    pub photographs: BTreeMap<String, ExposureMatrix>,
 }
 
 impl ExposureFile {

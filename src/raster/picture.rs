@@ -1,5 +1,7 @@
 //! A rendered view on the host.
 
+use crate::eval::ExposureMatrix;
+
 /// A rendered view, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
@@ -17,6 +19,18 @@ impl Picture {
     /// 8-bit RGB, rounded to the nearest.
     pub fn rgb8(&self) -> Vec<u8> {
         crate::format::image_out::to_rgb8(&self.rgbt, 4)
+    }
+
+    /// The picture as a photograph of this exposure shows it: colours, background included, under an affine map.
+    #[must_use]
+    pub fn exposed(mut self, exposure: &ExposureMatrix) -> Self {
+        let rows = exposure.map(|row| row.map(|v| v as f32));
+        for pixel in self.rgbt.chunks_exact_mut(4) {
+            let [r, g, b] = [pixel[0], pixel[1], pixel[2]];
+            let colour = rows.map(|row| row[0] * r + row[1] * g + row[2] * b + row[3]);
+            pixel[..3].copy_from_slice(&colour);
+        }
+        self
     }
 
     /// Expected depth per pixel in scene units: sum w z / sum w where something is there (sum w > 0.01), else 0.

@@ -6,21 +6,27 @@ use super::feed::Feed;
 use super::input::View;
 use crate::dataset::Pixels;
 use crate::eval::{
-    ImageScore, Quality, gmsd, psnr, psnr_cc, psnr_cc_where, psnr_high_frequency, psnr_where, ssim, ssim_where,
+    Exposures, ImageScore, Quality, gmsd, psnr, psnr_cc, psnr_cc_where, psnr_high_frequency, psnr_where, ssim,
+    ssim_where,
 };
 
-/// Renders every view and compares it with its photograph, both rounded to 8 bits.
+/// Renders every view, exposed as is expected of its photograph, and compares it with that, both rounded to 8 bits.
 pub(super) fn quality(
     engine: &mut Engine,
     views: &[View],
     photographs: &Feed,
     sh_degree: u32,
     background: [f32; 3],
+    exposures: Option<&Exposures>,
 ) -> Result<Quality, Error> {
     let mut images = Vec::with_capacity(views.len());
     for (i, view) in views.iter().enumerate() {
         photographs.look_ahead(&(i..views.len().min(i + photographs.ahead())).collect::<Vec<_>>());
         let picture = engine.picture(&view.camera, sh_degree, background, false)?;
+        let picture = match exposures {
+            Some(exposures) => picture.exposed(&exposures.of(&view.name)),
+            None => picture,
+        };
         images.push(score(view, &*photographs.get(i)?, &picture.rgb8()));
     }
     // Nothing stays decoded until the next time.

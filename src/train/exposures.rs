@@ -1,12 +1,10 @@
 //! The photographs' exposures on the device: between the blend and the loss, and their own optimiser.
 
 use super::Error;
+use crate::eval::ExposureMatrix;
 use crate::pass::adam;
 use crate::pass::exposure::{self, NUMBERS, ROW};
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
-
-/// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1).
-pub type ExposureMatrix = [[f64; 4]; 3];
 
 /// One photograph's turn.
 #[derive(Clone, Copy, Debug)]

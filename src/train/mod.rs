@@ -38,6 +38,7 @@ mod trained_on;
 mod trainer;
 pub mod tune;
 
+pub use crate::eval::ExposureMatrix;
 pub use checkpoint::Checkpointed;
 pub use choice::chosen_variants;
 pub use cost::MemoryCost;
@@ -46,7 +47,6 @@ pub use error::Error;
 pub use estimate::Estimate;
 pub use evaluate::score;
 pub use event::{Event, Kind};
-pub use exposures::ExposureMatrix;
 pub use feed::FeedCounts;
 pub use history::History;
 pub use host::{HostMemory, HostPlan, shares_memory};

@@ -6,7 +6,7 @@ mod ready;
 mod recovery;
 mod streaming;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -15,7 +15,6 @@ use super::choice::chosen_variants;
 use super::cost::MemoryCost;
 use super::engine::Engine;
 use super::event::{Event, Kind};
-use super::exposures::ExposureMatrix;
 use super::feed::Feed;
 use super::history::History;
 use super::input::{Input, View};
@@ -26,6 +25,7 @@ use super::settings::Settings;
 use super::state::State;
 use super::trained_on::TrainedOn;
 use super::{Error, evaluate};
+use crate::eval::{ExposureMatrix, Exposures};
 use crate::format::checkpoint;
 use crate::raster::{Picture, Variants};
 use crate::saliency;
@@ -300,12 +300,14 @@ impl Trainer {
 
     fn quality(&mut self, step: u32) -> Result<crate::eval::Quality, Error> {
         let plan = self.schedule.step(step.max(1));
+        let exposures = self.learned()?.map(Exposures::new);
         evaluate::quality(
             &mut self.engine,
             &self.held_out,
             &self.truth,
             plan.sh_degree,
             self.settings.model.background.evaluated(),
+            exposures.as_ref(),
         )
     }
 
@@ -368,6 +370,17 @@ impl Trainer {
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
     pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
         self.settle()?;
+        Ok(self.learned()?.map(|known| known.into_iter().collect()))
+    }
+
+    /// The exposures that the held-out photographs are scored by; `None` where exposures are off, and the model is scored as it is.
+    pub fn expected_exposures(&mut self) -> Result<Option<Exposures>, Error> {
+        self.settle()?;
+        Ok(self.learned()?.map(Exposures::new))
+    }
+
+    /// The exposures by name, as they are on the device.
+    fn learned(&mut self) -> Result<Option<BTreeMap<String, ExposureMatrix>>, Error> {
         Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 

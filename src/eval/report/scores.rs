@@ -38,6 +38,8 @@ pub(super) fn numbers(m: &Metrics) -> String {
     let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
     let geometry = m.geometry.rows();
     let lpips = m.lpips_squeeze.map(|v| ("LPIPS on SqueezeNet", format!("{v:.4}")));
+    let own = m.exposures.and_then(|e| e.psnr_own_colours);
+    let own = own.map(|psnr| ("PSNR, the model's own colours", format!("{} dB", decibels(Some(psnr)))));
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
@@ -59,6 +61,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .chain(&own)
     .chain(&lpips)
     .chain(&geometry)
     .filter(|(k, _)| trained(m) || !of_training.contains(k))

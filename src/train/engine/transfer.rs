@@ -1,6 +1,7 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
 use super::Engine;
+use crate::eval::ExposureMatrix;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
@@ -9,7 +10,7 @@ use crate::saliency::Curve;
 use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
 use crate::train::coarse::Coarse;
 use crate::train::cost::MemoryCost;
-use crate::train::exposures::{self, ExposureMatrix, Exposures};
+use crate::train::exposures::{self, Exposures};
 use crate::train::saliencies::Saliencies;
 use crate::train::sigma::SigmaTraining;
 use crate::train::terms::{Constrained, Geometry, Perceptual};

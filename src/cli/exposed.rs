@@ -1,0 +1,80 @@
+//! The exposures that held-out photographs are scored by.
+
+use std::path::{Path, PathBuf};
+
+use psrgs_vk::dataset::Dataset;
+use psrgs_vk::eval::{ExposureScores, Exposures, mean};
+use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
+use psrgs_vk::raster::Picture;
+use psrgs_vk::train::{View, score};
+
+use super::console::Console;
+use super::exit::Failure;
+
+/// What `eval` takes exposures from.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ExposureArgs {
+    /// Exposures of the photographs that the model was trained on; others are exposed as those before and after them [default: exposures.json beside the
+    /// model, where there is one]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) exposures: Option<PathBuf>,
+    /// Score the model's own colours, whatever lies beside it
+    #[arg(long, conflicts_with = "exposures")]
+    pub(crate) own_colours: bool,
+}
+
+impl ExposureArgs {
+    /// Reads them. A file that was not asked for and is of other photographs is left alone, with a word.
+    pub(crate) fn read(&self, model: &Path, dataset: &Dataset, console: &Console) -> anyhow::Result<Option<Exposures>> {
+        let beside = model.with_file_name(EXPOSURE_FILE);
+        let file = match &self.exposures {
+            _ if self.own_colours => return Ok(None),
+            Some(file) => file,
+            None if beside.is_file() => &beside,
+            None => return Ok(None),
+        };
+        let read = Exposures::new(ExposureFile::read(file)?.photographs);
+        if !dataset.views.iter().any(|view| read.knows(&view.name)) {
+            let problem = format!("{}: none of its photographs is in this dataset", file.display());
+            if self.exposures.is_some() {
+                return Err(Failure::Input(format!("{problem}: give the file of the model's training")).into());
+            }
+            console.warn(format_args!("{problem}; the model is scored in its own colours"));
+            return Ok(None);
+        }
+        Ok(Some(read))
+    }
+}
+
+/// Pictures with the exposures of their photographs, and the scores without.
+pub(crate) struct Exposed {
+    exposures: Option<Exposures>,
+    own_colours: Vec<f64>,
+}
+
+impl Exposed {
+    pub(crate) fn new(exposures: Option<Exposures>) -> Self {
+        Self { exposures, own_colours: Vec::new() }
+    }
+
+    /// The picture of a view's camera as its photograph is expected to show it.
+    pub(crate) fn picture(&mut self, view: &View, picture: Picture) -> anyhow::Result<Picture> {
+        let Some(exposures) = &self.exposures else { return Ok(picture) };
+        self.own_colours.push(score(view, &*view.photograph.pixels()?, &picture.rgb8()).psnr);
+        Ok(picture.exposed(&exposures.of(&view.name)))
+    }
+
+    /// What came of it, after all pictures.
+    pub(crate) fn scores(&self) -> Option<ExposureScores> {
+        let follows = self.exposures.as_ref()?.follows();
+        Some(ExposureScores { follows, psnr_own_colours: mean(self.own_colours.iter().copied()) })
+    }
+}
+
+/// The scores in a line.
+pub(crate) fn line(scores: &ExposureScores) -> String {
+    let own =
+        scores.psnr_own_colours.map_or_else(String::new, |psnr| format!("; {psnr:.2} dB in the model's own colours"));
+    let percent = 100.0 * scores.follows;
+    format!("exposed by {percent:.0} % of how the photographs before and after are{own}")
+}
