@@ -5,6 +5,8 @@
 #[path = "common/mod.rs"]
 mod common;
 
+#[path = "stereo/alone.rs"]
+mod alone;
 #[path = "stereo/command.rs"]
 mod command;
 #[path = "stereo/cost.rs"]

@@ -295,6 +295,8 @@ fn follow(
                 "step {step}: depths of {:.1} % of a photograph propagated, {added} splats added: {splats} splats",
                 100.0 * share
             )),
+            Message::Skirted { step, added, splats } => progress
+                .detail(format_args!("step {step}: {added} splats added where no photograph looks: {splats} splats")),
             Message::Pruned { step, dropped, splats } => {
                 progress.detail(format_args!("step {step}: {dropped} splats of little weight dropped: {splats} splats"))
             }

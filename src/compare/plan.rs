@@ -53,7 +53,7 @@ pub struct Ablation {
 }
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 26] = [
+pub const ABLATIONS: [Ablation; 29] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
     Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
@@ -64,6 +64,9 @@ pub const ABLATIONS: [Ablation; 26] = [
     Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
     Ablation { name: "wide-stereo-splats", options: &["--stereo-width", "1"] },
     Ablation { name: "faint-stereo-splats", options: &["--stereo-opacity", "0.1"] },
+    Ablation { name: "no-lone-splats", options: &["--stereo-alone", "0"] },
+    Ablation { name: "no-skirt", options: &["--stereo-skirt", "0"] },
+    Ablation { name: "no-exposures", options: &["--exposure", "off"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
     Ablation { name: "one-threshold", options: &["--low-grad-threshold", "6e-4"] },

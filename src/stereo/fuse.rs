@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::links::{Link, intrinsics, rotation};
 use super::{Prior, Settings, View};
+use crate::scene::Camera;
 
 /// Largest angle between the normals of pixels that become one point, degrees.
 const SAME_DIRECTION: f64 = 30.0;
@@ -87,15 +88,17 @@ fn seen_at(link: &Link, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Option<(
 }
 
 fn lifted(view: &View, prior: &Prior, pixel: usize) -> Lifted {
-    let camera = &view.camera;
     let (u, v) = middle(prior, pixel);
+    let (position, normal) = in_space(&view.camera, [u, v], f64::from(prior.depth[pixel]), prior.normals[pixel]);
+    Lifted { position, normal, color: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
+}
+
+/// The place in space of a place in a picture at a depth, and its normal in the camera frame turned there.
+pub(super) fn in_space(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f32; 3]) -> (DVec3, DVec3) {
     let back = rotation(camera).transpose();
     let ray = intrinsics(camera).inverse() * DVec3::new(u, v, 1.0);
-    Lifted {
-        position: DVec3::from_array(camera.center()) + back * (ray * f64::from(prior.depth[pixel])),
-        normal: back * DVec3::from_array(prior.normals[pixel].map(f64::from)),
-        color: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from),
-    }
+    let position = DVec3::from_array(camera.center()) + back * (ray * depth);
+    (position, back * DVec3::from_array(normal.map(f64::from)))
 }
 
 fn merged(group: &[Lifted]) -> FusedPoint {

@@ -18,7 +18,9 @@
 //! ```
 
 mod accuracy;
+mod continued;
 mod error;
+mod extend;
 mod fuse;
 mod links;
 mod matcher;
@@ -26,6 +28,7 @@ mod prior;
 mod room;
 mod scene;
 mod settings;
+mod skirt;
 mod sources;
 mod start;
 mod view;
@@ -33,12 +36,14 @@ mod work;
 
 pub use accuracy::{Accuracy, Known};
 pub use error::Error;
+pub use extend::extend;
 pub use fuse::{FusedPoint, fuse, lifted_pixel};
 pub use matcher::Matcher;
 pub use prior::Prior;
 pub use room::Room;
 pub use scene::{Pending, Scene, Skipped};
 pub use settings::{Budget, Settings};
+pub use skirt::{SkirtPoint, skirt};
 pub use sources::{Observations, choose_sources};
 pub use start::{Start, depth_range};
 pub use view::View;

@@ -44,7 +44,7 @@ impl Prior {
 }
 
 /// The normal of a hypothesis at a place in the picture.
-fn normal(camera: &Camera, [u, v]: [f64; 2], hypothesis: [f32; 3]) -> [f32; 3] {
+pub(super) fn normal(camera: &Camera, [u, v]: [f64; 2], hypothesis: [f32; 3]) -> [f32; 3] {
     let [d, gx, gy] = hypothesis.map(f64::from);
     // 1/z = q (u, v, 1) = (K^T q) ray, and the normal of the plane p X = 1 that the camera is before is -p.
     let q = DVec3::new(gx, gy, d - gx * u - gy * v);

@@ -40,7 +40,7 @@ use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
-use crate::scene::{Camera, SplatOrder};
+use crate::scene::{Camera, Gaussians, SplatOrder};
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket};
 
 /// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
@@ -111,6 +111,7 @@ pub struct Engine {
     density: DensityControl,
     gate: Option<Arc<Gate>>,
     propagation: Option<Arc<Propagation>>,
+    skirt: Option<Arc<Gaussians>>,
     finish: Pipeline,
     ring: Buffer,
     next_slot: u64,
@@ -166,6 +167,7 @@ impl Engine {
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, capacities)?;
         engine.initial_splats = initial_splats;
         engine.gate = input.known.gate.clone();
+        engine.skirt = input.known.skirt.clone();
         engine.propagation = engine.propagation_of(input)?;
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
@@ -242,6 +244,7 @@ impl Engine {
             density: density_control(gpu, splats, needs)?,
             gate: None,
             propagation: None,
+            skirt: None,
             finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
             ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
             next_slot: 0,

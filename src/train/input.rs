@@ -55,6 +55,8 @@ pub struct Known {
     pub perceptual: Option<Arc<LpipsWeights>>,
     /// Where splats may grow; everywhere without.
     pub gate: Option<Arc<Gate>>,
+    /// Splats that come when growth has ended and splats of little weight have gone: what lies where no photograph looks.
+    pub skirt: Option<Arc<Gaussians>>,
     /// The views as stereo sees them, in their order, where depths are propagated.
     pub scene: Option<Arc<Scene>>,
 }

@@ -52,6 +52,15 @@ pub enum Message {
         /// Splats after that.
         splats: u32,
     },
+    /// Splats where no photograph looks were added before a step.
+    Skirted {
+        /// Step.
+        step: u32,
+        /// Splats that were added.
+        added: u32,
+        /// Splats after that.
+        splats: u32,
+    },
     /// Splats of little weight were dropped before a step.
     Pruned {
         /// Step.

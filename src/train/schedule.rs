@@ -74,6 +74,7 @@ pub struct Schedule {
     prune_weight: f64,
     prune_before: [u32; 2],
     prune_from: u32,
+    skirt_before: u32,
     recycle_share: f64,
     /// Density changes from one recycling to the next.
     recycle_every: u32,
@@ -112,6 +113,7 @@ impl Schedule {
         let scaled = |steps: u32| (f64::from(steps) * s).round() as u32;
 
         let densify_until = scaled(density.densify_until);
+        let prune_again = (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1;
         let mut densify_interval = density.densify_interval;
         let mut reset_interval = density.opacity_reset_interval;
         let mut reset_until = densify_until.saturating_sub(1);
@@ -164,7 +166,11 @@ impl Schedule {
             propagations: Propagations::default(),
             prune_weight: density.prune_weight,
             prune_from: density.prune_weight_from.max(densify_until),
-            prune_before: [densify_until, (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1],
+            prune_before: [densify_until, prune_again],
+            skirt_before: match settings.geometry.stereo_skirt > 0.0 && settings.model.sh_share >= 1.0 {
+                true => prune_again.max(densify_until + 1),
+                false => 0,
+            },
             recycle_share: density.recycle_share,
             recycle_every: recycle_steps(views).div_ceil(densify_interval.max(1)),
             sh_degree: settings.model.sh_degree,
@@ -196,6 +202,11 @@ impl Schedule {
         let due = self.densify && t >= self.prune_from && t <= self.iterations && self.prune_before.contains(&t);
         let below = (due && self.prune_weight > 0.0).then_some(Dropped::Below(self.prune_weight));
         below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
+    }
+
+    /// Whether what lies where no photograph looks is added before a step: after everything that drops splats which no photograph shows.
+    pub fn skirts(&self, t: u32) -> bool {
+        self.skirt_before > 0 && t == self.skirt_before
     }
 
     /// Whether it is settled before a step which splats have harmonics above degree 1.

@@ -7,9 +7,13 @@ use super::cloud::{self, Gate};
 use super::input::{self, Input, Outline};
 use super::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use crate::dataset::{Dataset, HostShare, Role};
-use crate::scene::{Camera, init};
-use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, View, fuse};
+use crate::scene::{Camera, Frame, Gaussians, init};
+use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, SkirtPoint, View, fuse};
 use crate::vk::Gpu;
+
+/// Standard deviation of a splat of a skirt, as a share of the distance to its neighbours: so that they cover what is between them.
+const SKIRT_WIDTH: f64 = 0.75;
+const SKIRT_OPACITY: f64 = 0.9;
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,7 +70,10 @@ pub fn take_stereo(
         let points = input.initial.len() as u32;
         let more = (first_splats(points, training) - points) as usize;
         if made || (begins && more > 0) {
-            let fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
+            let mut fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
+            if settings.stereo_alone > 0 {
+                fused.extend(stereo::extend(&stereo.scene.views, &stereo.priors, settings.stereo_alone as usize));
+            }
             if begins && more > 0 {
                 report.splats = begin_on(&fused, more, settings, dataset, input)?;
             }
@@ -74,6 +81,10 @@ pub fn take_stereo(
                 cloud = Some(fused.iter().map(|p| p.position).collect());
             }
         }
+    }
+    if let Some(Stereo { scene, priors }) = matched.as_ref().filter(|_| settings.stereo_skirt > 0.0) {
+        let points = stereo::skirt(&scene.views, priors, settings.stereo_skirt);
+        input.known.skirt = skirt_splats(&points, settings.stereo_thickness)?.map(Arc::new);
     }
     let priors = match (settings.depth_prior, matched, &cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
@@ -179,6 +190,22 @@ fn begin_on(
     init::widen(&mut input.initial, dataset.points.len(), settings.stereo_width);
     init::make_opaque(&mut input.initial, dataset.points.len(), settings.stereo_opacity);
     Ok(chosen.len())
+}
+
+/// Splats that cover what lies between points of a skirt.
+fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussians>, Error> {
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let coloured: Vec<_> = points.iter().map(|p| (p.point.position, p.point.color)).collect();
+    let normals: Vec<[f32; 3]> = points.iter().map(|p| p.point.normal).collect();
+    let mut out = init::from_points(&coloured, &Frame::IDENTITY)?;
+    for (scales, point) in out.scales.chunks_exact_mut(3).zip(points) {
+        scales.fill((SKIRT_WIDTH * point.spacing).ln() as f32);
+    }
+    init::lay_flat(&mut out, 0, &normals, thickness);
+    init::make_opaque(&mut out, 0, SKIRT_OPACITY);
+    Ok(Some(out))
 }
 
 /// So many of them, or all where they are fewer, evenly from first to last.

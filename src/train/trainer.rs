@@ -71,6 +71,8 @@ pub struct Trainer {
     pruned: u32,
     /// Which splats have harmonics above degree 1 has been settled up to this step.
     settled: u32,
+    /// The skirt has been added up to this step.
+    skirted: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
@@ -129,6 +131,7 @@ impl Trainer {
             propagated: step,
             pruned: step,
             settled: step,
+            skirted: step,
             evaluated: step,
             checkpoints: None,
             history,
@@ -285,7 +288,9 @@ impl Trainer {
                 self.score(stop)?;
             }
             // A step that has to be repeated after what the host did before it belongs to what is done.
-            if self.next.kind == Kind::Step && self.propagated.max(self.pruned).max(self.settled) < self.next.step {
+            if self.next.kind == Kind::Step
+                && self.propagated.max(self.pruned).max(self.settled).max(self.skirted) < self.next.step
+            {
                 return Ok(self.next.step - 1);
             }
             self.submit_next(SubmitOrder::default())?;

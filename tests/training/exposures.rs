@@ -1,12 +1,13 @@
 //! Exposures: found again on photographs that were given some, without a drift of the model's colours, and bit-reproducible.
 
 use psrgs_vk::dataset::Pixels;
+use psrgs_vk::eval::Exposures;
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Shot, Viewer};
 use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::train::settings::Exposure;
-use psrgs_vk::train::{Checkpointed, ExposureMatrix, Input, Message, Pacing, Settings, Trainer, View};
+use psrgs_vk::train::{self, Checkpointed, ExposureMatrix, Input, Message, Pacing, Settings, Trainer, View};
 use psrgs_vk::vk::Gpu;
 
 use super::common::{self, plane_scene};
@@ -134,6 +135,37 @@ fn exposures_are_found_again_to_a_hundredth() {
     let written = ExposureFile { photographs: found.into_iter().collect() };
     written.write(&file).unwrap();
     assert_eq!(ExposureFile::read(&file).unwrap(), written);
+}
+
+/// A photograph that is held out is scored as its exposure is expected to be; its pixels have no part in that.
+#[test]
+fn held_out_photographs_are_scored_by_the_exposures_about_them() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut input = exposed_input(&gpu);
+    // The second photograph under its own name, whose exposure is learned, and under one that lies between two others.
+    let second = input.train[1].clone();
+    let pixels = second.photograph.pixels().unwrap().as_ref().clone();
+    let between = format!("{}5", second.name);
+    let named = |name: &str| View::new(name, second.camera, pixels.clone());
+    input.held_out = vec![named(&second.name), named(&between)];
+    let (mut trainer, _) = trained(&gpu, &input, &colours_only(320, Exposure::Affine));
+    let expected = trainer.expected_exposures().unwrap().expect("exposures are on");
+    let found = trainer.exposures().unwrap().unwrap();
+    assert_eq!(expected, Exposures::new(found.iter().cloned().collect()));
+    assert_eq!(expected.of(&second.name), found[1].1);
+    let quality = trainer.evaluate().unwrap();
+    let rgb = |exposure: &ExposureMatrix, trainer: &mut Trainer| {
+        trainer.picture(&second.camera).unwrap().exposed(exposure).rgb8()
+    };
+    for (view, score) in input.held_out.iter().zip(&quality.images) {
+        let by_hand = train::score(view, &pixels, &rgb(&expected.of(&view.name), &mut trainer));
+        assert_eq!(*score, by_hand);
+    }
+    let mut identity = [[0.0; 4]; 3];
+    (0..3).for_each(|k| identity[k][k] = 1.0);
+    let own_colours = train::score(&input.held_out[0], &pixels, &rgb(&identity, &mut trainer)).psnr;
+    let own_exposure = quality.images[0].psnr;
+    assert!(own_exposure > own_colours + 3.0, "{own_exposure} dB with its exposure, {own_colours} without");
 }
 
 #[test]

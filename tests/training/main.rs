@@ -11,6 +11,7 @@ mod methods;
 mod photographs;
 mod propagation;
 mod pruning;
+mod skirt;
 mod visible_adam;
 
 use common::plane_scene;

@@ -50,6 +50,15 @@ impl Engine {
         Ok(Brought { splats, share: found.prior.share(), capacity })
     }
 
+    /// Adds the splats of what lies where no photograph looks. To be called when everything submitted is done. Waits.
+    pub fn add_skirt(&mut self) -> Result<Brought, Error> {
+        let Some(skirt) = self.skirt.clone() else { return Ok(Brought::default()) };
+        let before = self.size.splats;
+        let splats = self.append(&skirt)?;
+        let capacity = (self.size.splats > before).then_some(self.size.splats);
+        Ok(Brought { splats, share: 0.0, capacity })
+    }
+
     /// Adds splats behind the others, with moments and statistics of zero, as many as may be and fit; gives how many. Waits.
     fn append(&mut self, new: &Gaussians) -> Result<u32, Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;

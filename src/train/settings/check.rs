@@ -127,6 +127,8 @@ impl Settings {
         ok(thickness > 0.0 && thickness <= 1.0, "stereo-thickness", "a number above 0, at most 1")?;
         let opacity = geometry.stereo_opacity;
         ok(opacity > 0.0 && opacity < 1.0, "stereo-opacity", "a number above 0, below 1")?;
+        let skirt = geometry.stereo_skirt;
+        ok((0.0..=1.0).contains(&skirt), "stereo-skirt", "a number from 0 to 1")?;
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
         ok(geometry.propagate_every >= 1, "propagate-every", "at least 1")?;

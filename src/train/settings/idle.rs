@@ -30,10 +30,14 @@ impl Settings {
             s.geometry.smooth_edge_stop = plain.geometry.smooth_edge_stop;
             s.geometry.lambda_normal = plain.geometry.lambda_normal;
         }
+        if s.geometry.depth_prior != DepthPrior::Stereo || s.model.sh_share < 1.0 {
+            s.geometry.stereo_skirt = plain.geometry.stereo_skirt;
+        }
         if s.geometry.stereo_splats == 0 {
             s.geometry.stereo_width = plain.geometry.stereo_width;
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
+            s.geometry.stereo_alone = plain.geometry.stereo_alone;
         }
         if s.texture.lambda_perceptual == 0.0 {
             s.texture.perceptual_every = plain.texture.perceptual_every;

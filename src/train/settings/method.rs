@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DepthPrior, Gate, Growth, Settings, SigmaLearning};
+use super::{DepthPrior, Exposure, Gate, Growth, Settings, SigmaLearning};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub enum Method {
     Rsgs,
     /// `lean`: 3dgs with sampled growth, fading in place of opacity resets, and coarse photographs first; nothing of the paper.
     Lean,
-    /// `psrgs`: progressive spectral residual splatting, as far as it pays.
+    /// `psrgs`: progressive spectral residual splatting, as far as it pays, with exposures and surfaces continued to where few photographs look.
     Psrgs,
     /// `psrgs-paper`: the same with every part of the paper, whether it pays or not.
     PsrgsPaper,
@@ -55,6 +55,7 @@ impl Method {
             Self::Psrgs => {
                 lean(settings, &named);
                 psrgs(settings, &named);
+                beyond_the_paper(settings, &named);
             }
             Self::PsrgsPaper => {
                 lean(settings, &named);
@@ -132,6 +133,15 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-width" geometry.stereo_width = 0.7,
         "stereo-thickness" geometry.stereo_thickness = 0.2,
         "stereo-opacity" geometry.stereo_opacity = 0.3,
+    );
+}
+
+/// What `psrgs` has and the paper has not.
+fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    unless_named!(named, settings:
+        "stereo-alone" geometry.stereo_alone = 3,
+        "stereo-skirt" geometry.stereo_skirt = 0.25,
+        "exposure" optimiser.exposure = Exposure::Affine,
     );
 }
 

@@ -14,7 +14,9 @@ impl Trainer {
     /// the next.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         let waits = match self.next.kind {
-            Kind::Step => self.propagates().is_some() || self.may_drop().is_some() || self.settles_sh(),
+            Kind::Step => {
+                self.propagates().is_some() || self.may_drop().is_some() || self.settles_sh() || self.skirts()
+            }
             Kind::Density => self.engine.has_cloud(),
             Kind::Reset => false,
         };
@@ -30,7 +32,8 @@ impl Trainer {
             Kind::Step => {
                 self.propagate()?;
                 self.prune()?;
-                self.settle_sh()
+                self.settle_sh()?;
+                self.add_skirt()
             }
             Kind::Reset => Ok(()),
         }
@@ -87,6 +90,28 @@ impl Trainer {
         let (full, splats) = (self.engine.settle_harmonics()?, self.last_splats);
         self.settled = step;
         self.tell(Message::HarmonicsSettled { step, full, splats });
+        Ok(())
+    }
+
+    fn skirts(&self) -> bool {
+        self.schedule.skirts(self.next.step) && self.skirted < self.next.step
+    }
+
+    fn add_skirt(&mut self) -> Result<(), Error> {
+        if !self.skirts() {
+            return Ok(());
+        }
+        let step = self.next.step;
+        let brought = self.engine.add_skirt()?;
+        self.skirted = step;
+        self.last_splats += brought.splats;
+        if let Some(capacity) = brought.capacity {
+            self.tell(Message::Grown { what: "splats", capacity: capacity.into(), replay_from: step });
+        }
+        if brought.splats > 0 {
+            let (added, splats) = (brought.splats, self.last_splats);
+            self.tell(Message::Skirted { step, added, splats });
+        }
         Ok(())
     }
 

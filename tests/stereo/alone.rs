@@ -1,0 +1,176 @@
+//! Surfaces continued to where few or no views look.
+
+use psrgs_vk::scene::Camera;
+use psrgs_vk::stereo::{FusedPoint, Prior, Start, View, extend, skirt};
+
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+/// The ground is where z = SLOPE x, and cameras look down on it from this height.
+const SLOPE: f64 = 0.2;
+const ABOVE: f64 = 5.0;
+
+/// A camera above x that looks down: x to the right, y towards the top of the picture.
+fn camera(x: f64, y: f64) -> Camera {
+    let rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    Camera {
+        rotation,
+        translation: [-x, y, ABOVE],
+        fx: 80.0,
+        fy: 80.0,
+        cx: 0.5 * f64::from(WIDTH),
+        cy: 0.5 * f64::from(HEIGHT),
+        width: WIDTH,
+        height: HEIGHT,
+    }
+}
+
+/// Depth of the ground at a place in the picture.
+fn depth(camera: &Camera, u: f64, v: f64) -> f64 {
+    let [x, _, z] = camera.center();
+    let (a, _) = ((u - camera.cx) / camera.fx, v);
+    // z - d = SLOPE (x + a d)
+    (z - SLOPE * x) / (1.0 + SLOPE * a)
+}
+
+fn seen_by(camera: &Camera, point: [f64; 3]) -> bool {
+    let c = camera.center();
+    let d = [0, 1, 2].map(|k| point[k] - c[k]);
+    let [x, y, z] = camera.rotation.map(|row| (0..3).map(|k| row[k] * d[k]).sum::<f64>());
+    let (u, v) = (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy);
+    z > 0.0 && (0.0..f64::from(WIDTH)).contains(&u) && (0.0..f64::from(HEIGHT)).contains(&v)
+}
+
+fn on_ground(camera: &Camera, u: f64, v: f64) -> [f64; 3] {
+    let (c, d) = (camera.center(), depth(camera, u, v));
+    [c[0] + (u - camera.cx) / camera.fx * d, c[1] - (v - camera.cy) / camera.fy * d, c[2] - d]
+}
+
+fn middle(pixel: usize) -> (f64, f64) {
+    ((pixel % WIDTH as usize) as f64 + 0.5, (pixel / WIDTH as usize) as f64 + 0.5)
+}
+
+/// Views of the ground, whose depths are known, times what `wrong` says of the pixel, where three views and more look.
+fn views(at: &[(f64, f64)], wrong: impl Fn(usize) -> f64) -> (Vec<View>, Vec<Prior>) {
+    let cameras: Vec<Camera> = at.iter().map(|&(x, y)| camera(x, y)).collect();
+    let pixels = (WIDTH * HEIGHT) as usize;
+    let colour = |p: usize| [(p % WIDTH as usize) as u8, (p / WIDTH as usize) as u8, 200];
+    let view = |camera: &Camera| View {
+        camera: *camera,
+        luma: vec![0.5; pixels],
+        colours: (0..pixels).map(colour).collect(),
+        sources: Vec::new(),
+        depths: [1.0, 100.0],
+        start: Start::Random,
+        wanted: None,
+    };
+    let prior = |camera: &Camera| {
+        let known = |p: usize| {
+            let (u, v) = middle(p);
+            cameras.iter().filter(|c| seen_by(c, on_ground(camera, u, v))).count() >= 3
+        };
+        let depth = |p: usize| {
+            let (u, v) = middle(p);
+            if known(p) { (depth(camera, u, v) * wrong(p)) as f32 } else { 0.0 }
+        };
+        Prior {
+            width: WIDTH,
+            height: HEIGHT,
+            depth: (0..pixels).map(depth).collect(),
+            normals: vec![[0.0, 0.0, -1.0]; pixels],
+            confidence: vec![1.0; pixels],
+        }
+    };
+    (cameras.iter().map(view).collect(), cameras.iter().map(prior).collect())
+}
+
+const ROW: [(f64, f64); 4] = [(0.0, 0.0), (1.2, 0.1), (2.4, -0.1), (3.6, 0.0)];
+
+#[track_caller]
+fn lies_on_the_ground(point: &FusedPoint) {
+    let [x, _, z] = point.position;
+    assert!((z - SLOPE * x).abs() < 1e-3, "{point:?}");
+    let length = (1.0 + SLOPE * SLOPE).sqrt();
+    let normal = [-SLOPE / length, 0.0, 1.0 / length];
+    for (got, want) in point.normal.iter().zip(normal) {
+        assert!((f64::from(*got) - want).abs() < 1e-3, "{point:?} instead of {normal:?}");
+    }
+}
+
+#[test]
+fn a_plane_goes_on_where_one_or_two_views_look() {
+    let (views, priors) = views(&ROW, |_| 1.0);
+    let looking = |p: &FusedPoint| views.iter().filter(|v| seen_by(&v.camera, p.position)).count();
+    let unknown = |v: usize| priors[v].depth.iter().filter(|d| **d == 0.0).count();
+    let all: usize = (0..views.len()).map(unknown).sum();
+    let mut counts = Vec::new();
+    for most in [1, 2] {
+        let points = extend(&views, &priors, most);
+        points.iter().for_each(lies_on_the_ground);
+        // Not all that is lifted falls on the same side of an edge again.
+        let wrong = points.iter().filter(|p| !(1..=most).contains(&looking(p))).count();
+        assert!(50 * wrong < points.len(), "{wrong} of {}", points.len());
+        counts.push(points.len());
+    }
+    let alone: usize = (0..views.len())
+        .map(|v| {
+            let camera = &views[v].camera;
+            let alone = |p: &usize| {
+                let at = on_ground(camera, middle(*p).0, middle(*p).1);
+                views.iter().filter(|other| seen_by(&other.camera, at)).count() == 1
+            };
+            (0..views[v].pixels()).filter(alone).count()
+        })
+        .sum();
+    assert!((alone.abs_diff(counts[0])) * 50 < alone, "{alone} pixels, {} points", counts[0]);
+    // What two views look at is used once.
+    let shared = (all - alone) as f64 / 2.0;
+    let added = (counts[1] - counts[0]) as f64;
+    assert!((added / shared - 1.0).abs() < 0.1, "{added} points of {shared} places");
+    assert!(extend(&views, &priors, 0).is_empty());
+}
+
+#[test]
+fn neither_masked_pixels_nor_rough_surfaces_go_on() {
+    let (mut views, priors) = views(&ROW, |_| 1.0);
+    let whole = extend(&views, &priors, 1).len();
+    // The left half of every picture.
+    for view in &mut views {
+        view.wanted = Some((0..view.pixels()).map(|p| middle(p).0 > 0.5 * f64::from(WIDTH)).collect());
+    }
+    let half = extend(&views, &priors, 1);
+    assert!(!half.is_empty() && half.len() < whole);
+    assert!(half.iter().all(|p| u32::from(p.color[0]) >= WIDTH / 2), "colours say where a point is from");
+    let jitter = |p: usize| 1.0 + 0.05 * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
+    let (views, priors) = self::views(&ROW, jitter);
+    assert!(extend(&views, &priors, 2).is_empty(), "depths that vary by some hundredths");
+    // Nothing is known, or hardly anything.
+    let (views, mut priors) = self::views(&ROW, |_| 1.0);
+    for prior in &mut priors {
+        prior.depth.iter_mut().skip(40).for_each(|d| *d = 0.0);
+    }
+    assert!(extend(&views, &priors, 2).is_empty() && skirt(&views, &priors, 0.25).is_empty());
+}
+
+#[test]
+fn a_skirt_lies_on_the_ground_where_no_view_looks() {
+    let (views, priors) = views(&ROW, |_| 1.0);
+    let points = skirt(&views, &priors, 0.25);
+    assert!(points.len() > 40, "{}", points.len());
+    for p in &points {
+        lies_on_the_ground(&p.point);
+        assert!(!views.iter().any(|v| seen_by(&v.camera, p.point.position)), "{p:?}");
+        // At most a quarter of the longer side, 24 pixels of about ABOVE / 80, beyond the row.
+        let [x, y, _] = p.point.position;
+        assert!((-5.5..9.5).contains(&x) && y.abs() < 5.0, "{p:?}");
+        assert!((p.spacing / (8.0 * ABOVE / 80.0) - 1.0).abs() < 0.5, "{p:?}");
+    }
+    for (i, p) in points.iter().enumerate() {
+        let distance =
+            |q: &FusedPoint| (0..3).map(|k| (p.point.position[k] - q.position[k]).powi(2)).sum::<f64>().sqrt();
+        assert!(points[..i].iter().all(|q| distance(&q.point) > 0.5 * p.spacing), "{p:?}");
+    }
+    // To the left of the row colours are those of the left edge.
+    let left = points.iter().filter(|p| p.point.position[0] < -3.3);
+    assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.color[0] < 16));
+    assert!(skirt(&views, &priors, 0.0).is_empty());
+}

@@ -1,0 +1,86 @@
+//! Splats where no photograph looks, which come late.
+
+use std::sync::Arc;
+
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::settings::DepthPrior;
+use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer};
+
+use super::common::{gpu, plane_scene};
+use super::{assert_same, settings, stops_and_resumes_on};
+
+/// Of 60 steps: after growth, which ends at step 40, and after four fifths.
+const BEFORE: u32 = 49;
+const SPLATS: usize = 40;
+
+fn with_skirt() -> (Settings, Input) {
+    let mut s = settings(60);
+    s.density.densify_until = 40;
+    s.density.prune_weight = 0.02;
+    s.density.prune_weight_from = 1;
+    s.geometry.depth_prior = DepthPrior::Stereo;
+    s.geometry.stereo_skirt = 0.25;
+    let mut input = plane_scene::input(5, 64, 48, 300);
+    // Far beyond what the photographs show, where splats of no weight would be dropped.
+    let mut skirt: Gaussians = plane_scene::splats(SPLATS);
+    skirt.means.chunks_exact_mut(3).for_each(|mean| mean[0] += 100.0);
+    input.known.skirt = Some(Arc::new(skirt));
+    (s, input)
+}
+
+fn far(state: &psrgs_vk::train::State) -> usize {
+    state.params[0].chunks_exact(3).filter(|mean| mean[0] > 50.0).count()
+}
+
+#[test]
+fn a_skirt_comes_once_after_what_would_drop_it_and_stays() {
+    let Some(gpu) = gpu() else { return };
+    let (settings, input) = with_skirt();
+    let splats = input.initial.len() as u32;
+    // Room that is too small, and many events on their way.
+    let tight = Pacing { events_in_flight: 7, splat_capacity: splats + 1, pair_capacity: 64, ..Pacing::default() };
+    let mut states = Vec::new();
+    for pacing in [Pacing::default(), tight] {
+        let mut trainer = Trainer::new(&gpu, input.clone(), &settings, pacing, None).expect("trainer");
+        let (mut added_at, mut last) = (Vec::new(), splats);
+        while let Some(message) = trainer.next_message().expect("message") {
+            match message {
+                Message::Skirted { step, added, splats } => {
+                    assert_eq!(splats, last + added);
+                    added_at.push((step, added));
+                    last = splats;
+                }
+                Message::Density { splats, .. } | Message::Pruned { splats, .. } => last = splats,
+                Message::Step { step, splats, .. } => assert_eq!(splats, last, "step {step}"),
+                _ => {}
+            }
+        }
+        assert_eq!(added_at, [(BEFORE, SPLATS as u32)]);
+        states.push(trainer.snapshot().expect("snapshot").state);
+    }
+    assert_eq!(far(&states[0]), SPLATS);
+    assert_same(&states[0], &states[1], "with little room");
+    // No more than may be.
+    let mut limited = settings;
+    limited.density.max_splats = Some(splats);
+    let mut trainer = Trainer::new(&gpu, input, &limited, Pacing::default(), None).expect("trainer");
+    while trainer.next_message().expect("message").is_some() {}
+    assert!(trainer.snapshot().expect("snapshot").state.ids.len() <= splats as usize);
+}
+
+#[test]
+fn a_run_with_a_skirt_stops_and_resumes_bit_equal() {
+    let Some(gpu) = gpu() else { return };
+    let (settings, input) = with_skirt();
+    stops_and_resumes_on(&gpu, &settings, &input, &[BEFORE - 2, BEFORE - 1, BEFORE, BEFORE + 3]);
+}
+
+#[test]
+fn settings_without_one_have_none() {
+    let Some(gpu) = gpu() else { return };
+    let (mut settings, input) = with_skirt();
+    settings.geometry.stereo_skirt = 0.0;
+    let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None).expect("trainer");
+    while trainer.next_message().expect("message").is_some() {}
+    assert_eq!(far(&trainer.snapshot().expect("snapshot").state), 0);
+}
