@@ -6,7 +6,7 @@ use std::path::Path;
 
 #[cfg(unix)]
 use crate::run::Running;
-use crate::run::{OPTIONS, STEPS, Shared, psrgs, shared, stderr, text, works};
+use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, works};
 
 const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images \
@@ -72,6 +72,42 @@ fn settings_repeat_a_run_bit_for_bit() {
     let exposures = fs::read_to_string(other.join("exposures.json")).expect("exposures");
     let exposures: BTreeMap<String, [[f64; 4]; 3]> = serde_json::from_str(&exposures).expect("a matrix each");
     assert_eq!(exposures.len(), 7, "one for each photograph that was trained on");
+
+    // A later scoring finds them beside the model, or leaves them alone.
+    let (model, data, file) = (other.join("point_cloud.ply"), shared.data(), folder.path().join("scores.json"));
+    let json = |file: &Path| -> serde_json::Value {
+        serde_json::from_str(&fs::read_to_string(file).expect("scores")).expect("JSON")
+    };
+    let scores = |options: &[&str]| {
+        works(&[&["eval", text(&model), text(&data), "--json", text(&file), "-q"], options].concat());
+        json(&file)
+    };
+    let same = |a: &serde_json::Value, b: &serde_json::Value| {
+        let [a, b] = [a, b].map(|v| v.as_f64().expect("a number"));
+        assert!((a - b).abs() < 0.01, "{a} and {b}");
+    };
+    let metrics = json(&other.join("metrics.json"));
+    let (found, own) = (scores(&[]), scores(&["--own-colours"]));
+    same(&found["psnr"], &metrics["psnr"]);
+    same(&found["exposures"]["follows"], &metrics["exposures"]["follows"]);
+    same(&own["psnr"], &metrics["exposures"]["psnr_own_colours"]);
+    assert!(own.get("exposures").is_none());
+    let moved = folder.path().join("moved.json");
+    fs::rename(other.join("exposures.json"), &moved).expect("moved");
+    same(&scores(&[])["psnr"], &own["psnr"]);
+    same(&scores(&["--exposures", text(&moved)])["psnr"], &found["psnr"]);
+    // Of other photographs, broken, and not there.
+    let eval = |file: &Path, words: &[&str]| {
+        fails(&["eval", text(&model), text(&data), "--exposures", text(file)], 3, words);
+    };
+    let identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,0]]";
+    fs::write(&moved, format!("{{\"other.jpg\": {identity}}}")).expect("written");
+    eval(&moved, &["moved.json", "none of its photographs", "the model's training"]);
+    fs::copy(&moved, other.join("exposures.json")).expect("copied");
+    same(&scores(&[])["psnr"], &own["psnr"]);
+    fs::write(&moved, "{\"a.jpg\": [[1,0],[0,1]]}").expect("written");
+    eval(&moved, &["moved.json", "exposures"]);
+    eval(&folder.path().join("none.json"), &["none.json"]);
 }
 
 /// Starts a training and sends it a signal once it has said `word`; gives its exit code and what it said.
