@@ -14,7 +14,7 @@ use super::exit::Failure;
 /// What `eval` takes exposures from.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ExposureArgs {
-    /// Exposures of the photographs that the model was trained on; others are exposed as those before and after them [default: exposures.json beside the
+    /// Exposures of the photographs that the model was trained on; others are exposed as those before, after and near them are [default: exposures.json beside the
     /// model, where there is one]
     #[arg(long, value_name = "FILE")]
     pub(crate) exposures: Option<PathBuf>,
@@ -33,8 +33,13 @@ impl ExposureArgs {
             None if beside.is_file() => &beside,
             None => return Ok(None),
         };
-        let read = Exposures::new(ExposureFile::read(file)?.photographs);
-        if !dataset.views.iter().any(|view| read.knows(&view.name)) {
+        let photographs = ExposureFile::read(file)?.photographs;
+        let known = (0..dataset.views.len()).filter_map(|i| {
+            let (view, camera) = (dataset.views.get(i)?, dataset.scene_camera(i)?);
+            Some((view.name.clone(), *photographs.get(&view.name)?, camera.center()))
+        });
+        let known: Vec<_> = known.collect();
+        if known.is_empty() {
             let problem = format!("{}: none of its photographs is in this dataset", file.display());
             if self.exposures.is_some() {
                 return Err(Failure::Input(format!("{problem}: give the file of the model's training")).into());
@@ -42,7 +47,7 @@ impl ExposureArgs {
             console.warn(format_args!("{problem}; the model is scored in its own colours"));
             return Ok(None);
         }
-        Ok(Some(read))
+        Ok(Some(Exposures::new(known)))
     }
 }
 
@@ -61,13 +66,17 @@ impl Exposed {
     pub(crate) fn picture(&mut self, view: &View, picture: Picture) -> anyhow::Result<Picture> {
         let Some(exposures) = &self.exposures else { return Ok(picture) };
         self.own_colours.push(score(view, &*view.photograph.pixels()?, &picture.rgb8()).psnr);
-        Ok(picture.exposed(&exposures.of(&view.name)))
+        Ok(picture.exposed(&exposures.of(&view.name, view.camera.center())))
     }
 
     /// What came of it, after all pictures.
     pub(crate) fn scores(&self) -> Option<ExposureScores> {
         let follows = self.exposures.as_ref()?.follows();
-        Some(ExposureScores { follows, psnr_own_colours: mean(self.own_colours.iter().copied()) })
+        Some(ExposureScores {
+            follows_order: follows.order,
+            follows_place: follows.place,
+            psnr_own_colours: mean(self.own_colours.iter().copied()),
+        })
     }
 }
 
@@ -75,6 +84,8 @@ impl Exposed {
 pub(crate) fn line(scores: &ExposureScores) -> String {
     let own =
         scores.psnr_own_colours.map_or_else(String::new, |psnr| format!("; {psnr:.2} dB in the model's own colours"));
-    let percent = 100.0 * scores.follows;
-    format!("exposed by {percent:.0} % of how the photographs before and after are{own}")
+    let [order, place] = [scores.follows_order, scores.follows_place].map(|share| 100.0 * share);
+    format!(
+        "exposed by {order:.0} % of how the photographs before and after are, {place:.0} % of how those nearby are{own}"
+    )
 }

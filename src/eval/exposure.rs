@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Bound::{Excluded, Unbounded};
 
+use glam::DVec3;
+
 /// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1) of the model, colours from 0 to 1.
 pub type ExposureMatrix = [[f64; 4]; 3];
 
@@ -12,52 +14,114 @@ const PRODUCTS: [[f64; 4]; 4] =
     [[1.0 / 3.0, 0.25, 0.25, 0.5], [0.25, 1.0 / 3.0, 0.25, 0.5], [0.25, 0.25, 1.0 / 3.0, 0.5], [0.5, 0.5, 0.5, 1.0]];
 /// Exposures whose colours differ by less than this, root mean square, do not differ.
 const NO_DIFFERENCE: f64 = 1e-6;
+/// Photographs that stand nearest, of which a mean is taken that goes by nearness.
+const NEAREST: usize = 3;
 
-/// The exposures of a training, by which those of other photographs are expected: a camera's exposure drifts with the light, so that a
-/// photograph is exposed as those before and after it, in the order of their names, as far as the photographs of the training
-/// themselves are. No pixel of the other photographs is looked at.
+/// How far exposures follow others, from 0 to 1 each, and no more than 1 in all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Follows {
+    /// Those of the photographs before and after, in the order of their names: light and cameras drift.
+    pub order: f64,
+    /// Those of the three photographs taken nearest to the place.
+    pub place: f64,
+}
+
+/// What was learned of a photograph.
+#[derive(Clone, Debug, PartialEq)]
+struct Learned {
+    matrix: ExposureMatrix,
+    centre: DVec3,
+}
+
+/// The exposures of a training, by which those of other photographs are expected: as those before and after them, and as those taken
+/// nearby. No pixel of the other photographs is looked at.
 ///
-/// A photograph differs from the model, which is the mean of all, by a deviation from the identity. What is expected of it is
-/// [`follows`](Self::follows) times the mean of its two neighbours' deviations; that number is the one which is best, in least squares
-/// of the colours, for the photographs of the training, each left out in its turn. Where exposures are drawn anew for each photograph
-/// it is near zero, and so the model's own colours are expected.
+/// A photograph differs from the model, which is the mean of all, by a deviation from the identity. What is expected of it is a sum of
+/// the mean deviation of its two neighbours by name and of that of its three neighbours in space; [`Follows`] says how much of each, which
+/// are the numbers that are best, in least squares of the colours, for the photographs of the training, each left out in its turn. Where
+/// exposures are drawn anew for every photograph both are near zero, and so the model's own colours are expected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exposures {
-    known: BTreeMap<String, ExposureMatrix>,
-    follows: f64,
+    learned: BTreeMap<String, Learned>,
+    follows: Follows,
 }
 
 impl Exposures {
-    /// From what was learned, by name.
-    pub fn new(known: BTreeMap<String, ExposureMatrix>) -> Self {
-        let (mut along, mut squares) = (0.0, 0.0);
-        for (name, own) in &known {
-            let Some(expected) = neighbours(&known, name) else { continue };
-            along += product(&deviation(own), &expected);
-            squares += product(&expected, &expected);
-        }
-        let differ = squares > NO_DIFFERENCE * NO_DIFFERENCE * known.len() as f64;
-        let follows = if differ { (along / squares).clamp(0.0, 1.0) } else { 0.0 };
-        Self { known, follows }
+    /// From names, what was learned of them, and where they were taken from.
+    pub fn new(learned: impl IntoIterator<Item = (String, ExposureMatrix, [f64; 3])>) -> Self {
+        let kept = |(name, matrix, centre): (String, ExposureMatrix, [f64; 3])| {
+            (name, Learned { matrix, centre: DVec3::from_array(centre) })
+        };
+        let mut out = Self { learned: learned.into_iter().map(kept).collect(), follows: Follows::default() };
+        out.follows = out.fitted();
+        out
     }
 
-    /// How far a photograph's exposure follows those before and after it, from 0 to 1.
-    pub fn follows(&self) -> f64 {
+    /// How far exposures follow others.
+    pub fn follows(&self) -> Follows {
         self.follows
     }
 
-    /// Whether the photograph's exposure was learned.
-    pub fn knows(&self, name: &str) -> bool {
-        self.known.contains_key(name)
+    /// The exposure of a photograph with a name and a camera centre: its own where it was learned, else what is expected.
+    pub fn of(&self, name: &str, centre: [f64; 3]) -> ExposureMatrix {
+        if let Some(own) = self.learned.get(name) {
+            return own.matrix;
+        }
+        let order = self.by_order(name).unwrap_or_default();
+        let place = self.by_place(name, DVec3::from_array(centre)).unwrap_or_default();
+        let Follows { order: a, place: b } = self.follows;
+        std::array::from_fn(|row| std::array::from_fn(|k| IDENTITY[row][k] + a * order[row][k] + b * place[row][k]))
     }
 
-    /// The exposure of a photograph: its own where it was learned, else what is expected.
-    pub fn of(&self, name: &str) -> ExposureMatrix {
-        if let Some(own) = self.known.get(name) {
-            return *own;
+    /// The numbers, neither negative nor more than 1 in all, with the least squares.
+    fn fitted(&self) -> Follows {
+        let (mut aa, mut ab, mut bb, mut a, mut b) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (name, own) in &self.learned {
+            let (Some(order), Some(place)) = (self.by_order(name), self.by_place(name, own.centre)) else { continue };
+            let own = deviation(&own.matrix);
+            aa += product(&order, &order);
+            ab += product(&order, &place);
+            bb += product(&place, &place);
+            a += product(&own, &order);
+            b += product(&own, &place);
         }
-        let expected = neighbours(&self.known, name).unwrap_or_default();
-        std::array::from_fn(|row| std::array::from_fn(|k| IDENTITY[row][k] + self.follows * expected[row][k]))
+        if aa.max(bb) <= NO_DIFFERENCE * NO_DIFFERENCE * self.learned.len() as f64 {
+            return Follows::default();
+        }
+        let ratio = |x: f64, y: f64| if y > 0.0 { x / y } else { 0.0 };
+        let determinant = aa * bb - ab * ab;
+        let free = [ratio(a * bb - b * ab, determinant), ratio(b * aa - a * ab, determinant)];
+        let whole = ratio(a - b + bb - ab, aa + bb - 2.0 * ab).clamp(0.0, 1.0);
+        let candidates = [
+            [0.0, 0.0],
+            [ratio(a, aa).clamp(0.0, 1.0), 0.0],
+            [0.0, ratio(b, bb).clamp(0.0, 1.0)],
+            [whole, 1.0 - whole],
+            free,
+        ];
+        // Less what is the same for all.
+        let squares = |[x, y]: &[f64; 2]| x * x * aa + y * y * bb + 2.0 * (x * y * ab - x * a - y * b);
+        let allowed = |[x, y]: &[f64; 2]| *x >= 0.0 && *y >= 0.0 && x + y <= 1.0;
+        let best = candidates.into_iter().filter(allowed).min_by(|x, y| squares(x).total_cmp(&squares(y)));
+        best.map_or_else(Follows::default, |[order, place]| Follows { order, place })
+    }
+
+    /// The mean deviation of the photographs before and after this name, without its own.
+    fn by_order(&self, name: &str) -> Option<ExposureMatrix> {
+        let before = self.learned.range::<str, _>((Unbounded, Excluded(name))).next_back();
+        let after = self.learned.range::<str, _>((Excluded(name), Unbounded)).next();
+        mean(before.into_iter().chain(after).map(|(_, other)| (1.0, &other.matrix)))
+    }
+
+    /// The mean deviation of the photographs taken nearest, without that of this name, by the inverse of the distance.
+    fn by_place(&self, name: &str, centre: DVec3) -> Option<ExposureMatrix> {
+        let others = self.learned.iter().filter(|(other, _)| *other != name);
+        let mut near: Vec<(f64, &Learned)> = others.map(|(_, other)| (centre.distance(other.centre), other)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.truncate(NEAREST);
+        // Photographs taken from the same place share all of it.
+        let least = near.last().map_or(0.0, |farthest| 1e-9 * farthest.0).max(f64::MIN_POSITIVE);
+        mean(near.iter().map(|(distance, other)| (least / distance.max(least), &other.matrix)))
     }
 }
 
@@ -65,14 +129,16 @@ fn deviation(of: &ExposureMatrix) -> ExposureMatrix {
     std::array::from_fn(|row| std::array::from_fn(|k| of[row][k] - IDENTITY[row][k]))
 }
 
-/// The mean deviation of the photographs before and after this name, without its own; `None` where there is neither.
-fn neighbours(known: &BTreeMap<String, ExposureMatrix>, name: &str) -> Option<ExposureMatrix> {
-    let before = known.range::<str, _>((Unbounded, Excluded(name))).next_back();
-    let after = known.range::<str, _>((Excluded(name), Unbounded)).next();
-    let both: Vec<ExposureMatrix> = before.into_iter().chain(after).map(|(_, own)| deviation(own)).collect();
-    let share = 1.0 / both.len() as f64;
-    let mean = |row: usize, k: usize| both.iter().map(|d| d[row][k]).sum::<f64>() * share;
-    (!both.is_empty()).then(|| std::array::from_fn(|row| std::array::from_fn(|k| mean(row, k))))
+/// The weighted mean deviation; `None` of nothing.
+fn mean<'a>(of: impl Iterator<Item = (f64, &'a ExposureMatrix)>) -> Option<ExposureMatrix> {
+    let (mut sum, mut weights) = (ExposureMatrix::default(), 0.0);
+    for (weight, matrix) in of {
+        for (sum, value) in sum.iter_mut().flatten().zip(deviation(matrix).iter().flatten()) {
+            *sum += weight * value;
+        }
+        weights += weight;
+    }
+    (weights > 0.0).then(|| sum.map(|row| row.map(|value| value / weights)))
 }
 
 /// The mean product of the changes that two deviations make to colours.
@@ -89,52 +155,109 @@ mod tests {
         std::array::from_fn(|row| std::array::from_fn(|k| if row == k { by } else { 0.0 }))
     }
 
+    /// Evenly spread from 0 to 1, by number.
+    fn drawn(i: usize) -> f64 {
+        let mixed = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f64 / f64::from(1 << 24)
+    }
+
+    /// Somewhere, without order.
+    fn place(i: usize) -> [f64; 3] {
+        [drawn(3 * i), drawn(3 * i + 1), 0.0]
+    }
+
+    fn name(i: usize) -> String {
+        format!("{i:03}.jpg")
+    }
+
     fn learned(gains: impl IntoIterator<Item = (usize, f64)>) -> Exposures {
-        Exposures::new(gains.into_iter().map(|(i, by)| (format!("{i:03}.jpg"), gain(by))).collect())
+        Exposures::new(gains.into_iter().map(|(i, by)| (name(i), gain(by), place(i))))
     }
 
     #[test]
     fn a_drift_is_followed_to_photographs_between_and_at_the_ends() {
         let drift = |i: usize| 1.0 + 0.1 * (i as f64 * 0.05).sin();
         let exposures = learned((1..100).filter(|i| i % 8 != 0).map(|i| (i, drift(i))));
-        assert!(exposures.follows() > 0.98, "{}", exposures.follows());
+        let Follows { order, place: by_place } = exposures.follows();
+        assert!(order > 0.95 && by_place < 0.05, "{order}, {by_place}");
         for held in (8..97).step_by(8) {
-            let expected = exposures.of(&format!("{held:03}.jpg"));
-            assert!((expected[1][1] - drift(held)).abs() < 0.003, "{held}: {expected:?}");
+            let expected = exposures.of(&name(held), place(held));
+            assert!((expected[1][1] - drift(held)).abs() < 0.01, "{held}: {expected:?}");
             assert_eq!([expected[1][0], expected[1][3]], [0.0, 0.0]);
         }
         // Before the first and after the last there is one neighbour.
-        assert!((exposures.of("000.jpg")[0][0] - drift(1)).abs() < 0.001);
-        assert!((exposures.of("zzz.jpg")[0][0] - drift(99)).abs() < 0.003);
+        for (name, nearest) in [("000.jpg", 1), ("zzz.jpg", 99)] {
+            assert!((exposures.of(name, place(0))[0][0] - drift(nearest)).abs() < 0.01, "{name}");
+        }
+    }
+
+    #[test]
+    fn exposures_that_go_by_place_are_followed_whatever_the_names() {
+        let here = |[x, y, _]: [f64; 3]| 1.0 + 0.1 * (2.0 * x - y);
+        let exposures = learned((0..300).map(|i| (i, here(place(i)))));
+        let Follows { order, place: by_place } = exposures.follows();
+        assert!(by_place > 0.95 && order < 0.05, "{order}, {by_place}");
+        for at in [[0.3, 0.3, 0.0], [0.8, 0.2, 0.0]] {
+            assert!((exposures.of("new.jpg", at)[2][2] - here(at)).abs() < 0.02, "{at:?}");
+        }
+        // Where one was taken, it is what it was.
+        let same = exposures.of("new.jpg", place(17))[0][0];
+        assert!((same - (1.0 + by_place * (here(place(17)) - 1.0))).abs() < 0.01, "{same}");
     }
 
     #[test]
     fn exposures_without_order_are_not_followed() {
-        let mut state = 7_u64;
-        let mut drawn = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            1.0 + 0.2 * ((state >> 40) as f64 / f64::from(1 << 24) - 0.5)
-        };
-        let exposures = learned((0..400).map(|i| (i, drawn())));
-        assert!(exposures.follows() < 0.15, "{}", exposures.follows());
+        let exposures = learned((0..400).map(|i| (i, 0.9 + 0.2 * drawn(7 * i + 5000))));
+        let Follows { order, place } = exposures.follows();
+        assert!(order + place < 0.25, "{order}, {place}");
         // Every second one darker: what follows is the opposite of its neighbours, and nothing is better than that.
         let flicker = learned((0..50).map(|i| (i, if i % 2 == 0 { 0.9 } else { 1.1 })));
-        assert_eq!(flicker.follows(), 0.0);
-        assert_eq!(flicker.of("0075.jpg"), IDENTITY);
+        assert_eq!(flicker.follows().order, 0.0);
+    }
+
+    #[test]
+    fn no_other_numbers_have_less_squares() {
+        for salt in 0..20 {
+            let exposures = learned((0..30).map(|i| {
+                let drift = 0.1 * (i as f64 * 0.3).sin() * drawn(salt);
+                (i, 1.0 + drift + 0.1 * place(i)[0] * drawn(salt + 50) + 0.1 * drawn(100 * salt + i))
+            }));
+            let squares = |[a, b]: [f64; 2]| -> f64 {
+                let off = |(name, own): (&String, &Learned)| {
+                    let order = exposures.by_order(name).unwrap();
+                    let place = exposures.by_place(name, own.centre).unwrap();
+                    let own = deviation(&own.matrix);
+                    let left: ExposureMatrix = std::array::from_fn(|row| {
+                        std::array::from_fn(|k| own[row][k] - a * order[row][k] - b * place[row][k])
+                    });
+                    product(&left, &left)
+                };
+                exposures.learned.iter().map(off).sum()
+            };
+            let Follows { order, place } = exposures.follows();
+            let found = squares([order, place]);
+            for (x, y) in (0..=20).flat_map(|x| (0..=20 - x).map(move |y| (x, y))) {
+                let other = [f64::from(x) / 20.0, f64::from(y) / 20.0];
+                assert!(found <= squares(other) * (1.0 + 1e-9), "{order}, {place} is worse than {other:?}");
+            }
+        }
     }
 
     #[test]
     fn what_was_learned_is_given_as_it_is() {
         let exposures = learned([(1, 0.9), (2, 1.1), (3, 1.0)]);
-        assert!(exposures.knows("002.jpg") && !exposures.knows("004.jpg"));
-        assert_eq!(exposures.of("002.jpg"), gain(1.1));
+        assert_eq!(exposures.of("002.jpg", [0.0; 3]), gain(1.1));
     }
 
     #[test]
     fn few_photographs_and_equal_ones_expect_the_model_s_own_colours() {
         for none in [learned([]), learned([(1, 0.8)]), learned((0..9).map(|i| (i, 1.0)))] {
-            assert_eq!((none.follows(), none.of("x.jpg")), (0.0, IDENTITY));
+            assert_eq!((none.follows(), none.of("x.jpg", [0.0; 3])), (Follows::default(), IDENTITY));
         }
+        // All from one place.
+        let one = Exposures::new((0..9).map(|i| (name(i), gain(1.0 + 0.01 * i as f64), [1.0; 3])));
+        assert!(one.of("004.jpg", [1.0; 3]).iter().flatten().all(|v| v.is_finite()));
+        assert!(one.of("0045.jpg", [1.0; 3]).iter().flatten().all(|v| v.is_finite()));
     }
 
     #[test]

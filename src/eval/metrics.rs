@@ -109,8 +109,10 @@ pub struct Metrics {
 /// Scores of renders that are exposed as is expected of their photographs ([`super::Exposures`]), and of those that are not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExposureScores {
-    /// How far a photograph's exposure follows those before and after it, from 0 to 1.
-    pub follows: f64,
+    /// How far a photograph's exposure follows those before and after it, from 0 to 1 ([`super::Follows`]) ...
+    pub follows_order: f64,
+    /// ... and those of photographs taken nearby.
+    pub follows_place: f64,
     /// Mean of the views' PSNR in the model's own colours, which are those of the mean photograph; what a viewer that knows of no
     /// exposures shows.
     pub psnr_own_colours: Option<f64>,

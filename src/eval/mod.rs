@@ -12,7 +12,7 @@ mod ssim;
 mod texture;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
-pub use exposure::{ExposureMatrix, Exposures};
+pub use exposure::{ExposureMatrix, Exposures, Follows};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
 pub use metrics::{

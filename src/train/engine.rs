@@ -198,6 +198,11 @@ impl Engine {
         Ok(engine)
     }
 
+    /// The cameras of the views, in their order.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
     /// Everything that a training holds, with room for (splats, pairs); contents undefined.
     pub(super) fn allocate(
         gpu: &Gpu,

@@ -24,7 +24,7 @@ pub(super) fn quality(
         photographs.look_ahead(&(i..views.len().min(i + photographs.ahead())).collect::<Vec<_>>());
         let picture = engine.picture(&view.camera, sh_degree, background, false)?;
         let picture = match exposures {
-            Some(exposures) => picture.exposed(&exposures.of(&view.name)),
+            Some(exposures) => picture.exposed(&exposures.of(&view.name, view.camera.center())),
             None => picture,
         };
         images.push(score(view, &*photographs.get(i)?, &picture.rgb8()));

@@ -6,7 +6,7 @@ mod ready;
 mod recovery;
 mod streaming;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -305,7 +305,7 @@ impl Trainer {
 
     fn quality(&mut self, step: u32) -> Result<crate::eval::Quality, Error> {
         let plan = self.schedule.step(step.max(1));
-        let exposures = self.learned()?.map(Exposures::new);
+        let exposures = self.learned()?;
         evaluate::quality(
             &mut self.engine,
             &self.held_out,
@@ -375,18 +375,21 @@ impl Trainer {
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
     pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
         self.settle()?;
-        Ok(self.learned()?.map(|known| known.into_iter().collect()))
+        Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 
     /// The exposures that the held-out photographs are scored by; `None` where exposures are off, and the model is scored as it is.
     pub fn expected_exposures(&mut self) -> Result<Option<Exposures>, Error> {
         self.settle()?;
-        Ok(self.learned()?.map(Exposures::new))
+        self.learned()
     }
 
-    /// The exposures by name, as they are on the device.
-    fn learned(&mut self) -> Result<Option<BTreeMap<String, ExposureMatrix>>, Error> {
-        Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
+    /// The exposures as they are on the device.
+    fn learned(&mut self) -> Result<Option<Exposures>, Error> {
+        let Some(all) = self.engine.exposures()? else { return Ok(None) };
+        let centres = self.engine.cameras().iter().map(Camera::center);
+        let named = self.trained_on.names.iter().cloned().zip(all).zip(centres);
+        Ok(Some(Exposures::new(named.map(|((name, matrix), centre)| (name, matrix, centre)))))
     }
 
     /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
