@@ -71,8 +71,11 @@ mod tests {
         let lean = names("lean");
         assert_eq!(lean, ["lean", "lean-sfm-depth", "lean-free-harmonics", "lean-no-coarse-steps", "lean-no-pruning"]);
         let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
-        assert!(psrgs.iter().all(|row| paper.contains(&row.replace("psrgs", "psrgs-paper"))), "{psrgs:?} {paper:?}");
-        assert_eq!(paper.len(), 1 + ABLATIONS.len(), "all that there is, the paper has: {paper:?}");
+        let beyond = ["psrgs-no-lone-splats", "psrgs-no-skirt", "psrgs-no-exposures"];
+        assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");
+        let in_paper = |row: &String| paper.contains(&row.replace("psrgs", "psrgs-paper"));
+        assert!(psrgs.iter().all(|row| in_paper(row) != beyond.contains(&row.as_str())), "{psrgs:?} {paper:?}");
+        assert_eq!(paper.len() + beyond.len(), 1 + ABLATIONS.len(), "all else that there is, the paper has: {paper:?}");
         assert!(psrgs.len() < paper.len());
         assert!(rows("gsplat").expect_err("no method").to_string().contains("psrgs-paper"));
     }
