@@ -34,8 +34,12 @@ pub(super) struct Continued<'a> {
 }
 
 impl<'a> Continued<'a> {
-    /// `None` where too little is known.
+    /// `None` where too little is known, or the prior is not of the view's pixels.
     pub(super) fn new(view: &'a View, prior: &Prior) -> Option<Self> {
+        let size = (view.camera.width, view.camera.height);
+        if (prior.width, prior.height) != size || prior.depth.len() != view.pixels() {
+            return None;
+        }
         let place = |pixel: usize| {
             let (u, v) = middle(prior.width, pixel);
             DVec3::new(u, v, 1.0)

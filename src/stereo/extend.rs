@@ -46,7 +46,7 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
     let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Vec::new() };
     let Some(continued) = Continued::new(view, prior) else { return Vec::new() };
     let others = others(views, i);
-    let wanted = |pixel: &usize| view.wanted.as_ref().is_none_or(|wanted| wanted[*pixel]);
+    let wanted = |pixel: &usize| view.wanted.as_ref().is_none_or(|wanted| wanted.get(*pixel) != Some(&false));
     let one = |pixel: usize| {
         let (u, v) = middle(prior.width, pixel);
         let (q, rough) = continued.inverse_depth(u, v);

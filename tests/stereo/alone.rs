@@ -143,6 +143,12 @@ fn neither_masked_pixels_nor_rough_surfaces_go_on() {
     let jitter = |p: usize| 1.0 + 0.05 * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
     let (views, priors) = self::views(&ROW, jitter);
     assert!(extend(&views, &priors, 2).is_empty(), "depths that vary by some hundredths");
+    // A prior of another size than its view.
+    let (views, mut priors) = self::views(&ROW, |_| 1.0);
+    for prior in &mut priors {
+        prior.depth.truncate(40);
+    }
+    assert!(extend(&views, &priors, 2).is_empty() && skirt(&views, &priors, 0.25).is_empty());
     // Nothing is known, or hardly anything.
     let (views, mut priors) = self::views(&ROW, |_| 1.0);
     for prior in &mut priors {

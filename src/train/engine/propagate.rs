@@ -44,23 +44,17 @@ impl Engine {
         if let Some(geometry) = &mut self.geometry {
             geometry.set(&self.gpu, view, &found.prior)?;
         }
-        let before = self.size.splats;
-        let splats = self.append(&found.splats)?;
-        let capacity = (self.size.splats > before).then_some(self.size.splats);
-        Ok(Brought { splats, share: found.prior.share(), capacity })
+        Ok(Brought { share: found.prior.share(), ..self.append(&found.splats)? })
     }
 
     /// Adds the splats of what lies where no photograph looks. To be called when everything submitted is done. Waits.
     pub fn add_skirt(&mut self) -> Result<Brought, Error> {
-        let Some(skirt) = self.skirt.clone() else { return Ok(Brought::default()) };
-        let before = self.size.splats;
-        let splats = self.append(&skirt)?;
-        let capacity = (self.size.splats > before).then_some(self.size.splats);
-        Ok(Brought { splats, share: 0.0, capacity })
+        self.skirt.clone().map_or(Ok(Brought::default()), |skirt| self.append(&skirt))
     }
 
-    /// Adds splats behind the others, with moments and statistics of zero, as many as may be and fit; gives how many. Waits.
-    fn append(&mut self, new: &Gaussians) -> Result<u32, Error> {
+    /// Adds splats behind the others, with moments and statistics of zero, as many as may be and fit. Waits.
+    fn append(&mut self, new: &Gaussians) -> Result<Brought, Error> {
+        let before = self.size.splats;
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let (splats, next_id) = (words[counters::SPLATS], words[counters::NEXT_ID]);
         let limits = self.most_splats.into_iter().chain(self.settings.density.max_splats);
@@ -68,7 +62,7 @@ impl Engine {
         let wanted = splats.saturating_add(new.len() as u32).min(most.max(splats));
         let more = self.room_for(wanted, &words)?.min(wanted) - splats;
         if more == 0 {
-            return Ok(0);
+            return Ok(Brought::default());
         }
         let rows =
             |width: u32| 4 * u64::from(width) * u64::from(splats)..4 * u64::from(width) * u64::from(splats + more);
@@ -90,6 +84,7 @@ impl Engine {
         (words[counters::SPLATS], words[counters::NEXT_ID]) = (splats + more, next_id.saturating_add(more));
         recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
         self.gpu.wait(recorder.submit()?)?;
-        Ok(more)
+        let capacity = (self.size.splats > before).then_some(self.size.splats);
+        Ok(Brought { splats: more, share: 0.0, capacity })
     }
 }

@@ -26,11 +26,11 @@ group! {
         /// How opaque these are to begin with (splats of reconstructed points: 0.1)
         #[arg(value_name = "O")]
         pub stereo_opacity: f64 = FIRST_OPACITY,
-        /// They lie on surfaces continued to where at most so many photographs look, too, and stereo knows nothing (0: nowhere)
+        /// Some of these lie where stereo knows nothing and at most so many photographs look, on its surfaces continued (0: nowhere)
         #[arg(value_name = "N")]
         pub stereo_alone: u32 = 0,
-        /// Where no photograph looks, up to this share of its longer side beside one, there are wide splats in the colours of its edge in the end
-        /// (0: none; none with --sh-share either)
+        /// Towards the end wide splats come where no photograph looks, up to this share of its longer side beside one, in the colours of its
+        /// edge (0: none; none with --sh-share either)
         #[arg(value_name = "SHARE")]
         pub stereo_skirt: f64 = 0.0,
         /// Share of the steps that have a loss on depth and normals

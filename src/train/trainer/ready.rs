@@ -1,6 +1,7 @@
 //! What the host does before some events, with nothing else on its way.
 
 use super::Trainer;
+use crate::train::engine::Brought;
 use crate::train::event::Kind;
 use crate::train::memory::is_lack_of_memory;
 use crate::train::schedule::Dropped;
@@ -104,10 +105,7 @@ impl Trainer {
         let step = self.next.step;
         let brought = self.engine.add_skirt()?;
         self.skirted = step;
-        self.last_splats += brought.splats;
-        if let Some(capacity) = brought.capacity {
-            self.tell(Message::Grown { what: "splats", capacity: capacity.into(), replay_from: step });
-        }
+        self.count_in(&brought, step);
         if brought.splats > 0 {
             let (added, splats) = (brought.splats, self.last_splats);
             self.tell(Message::Skirted { step, added, splats });
@@ -120,15 +118,20 @@ impl Trainer {
         self.schedule.propagates(self.next.step).filter(|_| self.propagated < self.next.step)
     }
 
+    /// Counts splats that came from the host before a step, and says where there is more room since.
+    fn count_in(&mut self, brought: &Brought, step: u32) {
+        self.last_splats += brought.splats;
+        if let Some(capacity) = brought.capacity {
+            self.tell(Message::Grown { what: "splats", capacity: capacity.into(), replay_from: step });
+        }
+    }
+
     fn propagate(&mut self) -> Result<(), Error> {
         let (Some(ratio), step) = (self.propagates(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         let brought = self.engine.propagate(self.schedule.view_at(step), ratio, degree)?;
         self.propagated = step;
-        self.last_splats += brought.splats;
-        if let Some(capacity) = brought.capacity {
-            self.tell(Message::Grown { what: "splats", capacity: capacity.into(), replay_from: step });
-        }
+        self.count_in(&brought, step);
         let (added, share, splats) = (brought.splats, brought.share, self.last_splats);
         self.tell(Message::Propagated { step, added, share, splats });
         Ok(())
