@@ -35,7 +35,8 @@ pub struct Settings {
     pub sigma_luma: f32,
     /// Largest angle between a surface's normal and the ray, degrees.
     pub most_slanted: f32,
-    /// Least NCC of what is kept.
+    /// Least NCC of what is kept. Windows on bare ground correlate little under the noise of a sensor, and it is the views' agreement that
+    /// says whether a depth is right.
     pub least_ncc: f32,
     /// Distance in pixels that a point may have after the way to a source and back.
     pub agree_pixels: f32,
@@ -68,7 +69,7 @@ impl Default for Settings {
             sigma_distance: 1.0,
             sigma_luma: 0.2,
             most_slanted: 80.0,
-            least_ncc: 0.5,
+            least_ncc: 0.3,
             agree_pixels: 2.0,
             agree_depth: 0.01,
             checks: 8,

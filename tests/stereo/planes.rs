@@ -102,6 +102,33 @@ fn what_others_do_not_see_is_removed() {
     assert!(seen.valid > 0.8 && seen.error < 0.005, "{seen:?}");
 }
 
+/// Bare ground under the noise of a sensor: windows correlate little at the right depth too, and views agree all the same.
+#[test]
+fn what_views_agree_on_is_kept_where_windows_correlate_little() {
+    let Some(gpu) = common::gpu() else { return };
+    // No search: what is looked at is which of the depths that are there stay.
+    let settings = Settings { iterations: 0, first_draws: 0, draws: 0, rounds: 0, ..settings() };
+    let valid = |contrast: f64, least_ncc: f32| {
+        let sheets = [Sheet { contrast, ..Sheet::plane(DVec3::new(0.2, 0.1, -1.0), DVec3::new(0.0, 0.0, 3.0)) }];
+        let (mut views, truths) = views(&sheets, &cross(0.35, 96, 72), [1.5, 6.0]);
+        for (v, (view, truth)) in views.iter_mut().zip(&truths).enumerate() {
+            let noise = |p: usize| ((p + 96 * 72 * v) as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+            view.luma.iter_mut().enumerate().for_each(|(p, l)| *l += (noise(p) as f32 / 16_777_216.0 - 0.5) * 0.012);
+            let depth: Vec<f32> = truth.depth.iter().map(|z| *z as f32).collect();
+            let normals: Vec<[f32; 3]> = truth.normals.iter().map(|n| n.as_vec3().to_array()).collect();
+            view.start = Start::from_maps(&view.camera, &depth, &normals);
+        }
+        let priors = Matcher::new(&gpu, &Settings { least_ncc, ..settings.clone() }).unwrap().run(&views, |_| ());
+        let score = score(&priors.unwrap()[0], &truths[0], not_at_the_edge(96, 72, 3));
+        println!("contrast {contrast}, least NCC {least_ncc}: {score:?}");
+        assert!(score.error < 0.001, "{score:?}");
+        score.valid
+    };
+    let default = Settings::default().least_ncc;
+    let (kept, strict, noise) = (valid(0.04, default), valid(0.04, 0.5), valid(0.0, default));
+    assert!(kept > 0.75 && strict < 0.65 && noise < 0.25, "{kept} kept, {strict} with 0.5, {noise} of noise alone");
+}
+
 #[test]
 fn equal_inputs_give_equal_bits() {
     let Some(gpu) = common::gpu() else { return };

@@ -4,7 +4,7 @@
   tools/bench/splats_table.py
 
 Files: percent-320-1500-SCENE-METHOD-SHAREpercent-s0.json (at most that share of the splats of 3dgs) and compare-320-1500-SCENE-METHOD-s0.json
-(without a limit; for psrgs, whose limits are of before it had exposures and continued surfaces, plain-320-1500-SCENE-psrgs-s0.json).
+(without a limit).
 """
 
 import json
@@ -16,8 +16,7 @@ SHARES = [25, 50, 70, None]
 
 
 def run(scene, method, share):
-    free = f"{'plain' if method == 'psrgs' else 'compare'}-320-1500-{scene}-{method}-s0"
-    name = f"percent-320-1500-{scene}-{method}-{share}percent-s0" if share else free
+    name = f"percent-320-1500-{scene}-{method}-{share}percent-s0" if share else f"compare-320-1500-{scene}-{method}-s0"
     file = RESULTS / f"{name}.json"
     return json.loads(file.read_text()) if file.exists() else None
 

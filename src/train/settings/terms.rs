@@ -4,6 +4,10 @@ use super::DepthPrior;
 use super::group::group;
 use crate::scene::init::FIRST_OPACITY;
 
+/// Least NCC of the depths that a model is trained with and begins on. Bare ground, which a lower one would add (see
+/// [`crate::stereo::Settings::least_ncc`]), makes no difference to the model.
+const TRAINED_NCC: f32 = 0.5;
+
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
     pub struct Geometry("Depth and normals") {
@@ -122,7 +126,7 @@ impl Geometry {
 
     /// How stereo works.
     pub fn stereo(&self) -> crate::stereo::Settings {
-        crate::stereo::Settings { max_side: self.stereo_side, ..Default::default() }
+        crate::stereo::Settings { max_side: self.stereo_side, least_ncc: TRAINED_NCC, ..Default::default() }
     }
 }
 
