@@ -18,7 +18,7 @@ const uint MODE_COPY = 0u;    // every row as its source
 const uint MODE_SHRINK = 1u;  // logarithmic scales: children of a split are smaller
 const uint MODE_MOMENT = 2u;  // moments: zero for rows that are new
 const uint MODE_ZERO = 3u;    // statistics: zero for all
-const uint MODE_SHRINK_AXIS = 4u;  // logarithmic scales: children are shorter along their longest axis
+const uint MODE_SHRINK_AXIS = 4u;  // logarithmic scales: children are shorter along the axis that they stand along
 const uint MODE_SHARE = 5u;   // opacity logits: two children show at their parent's centre what it showed; all fade to `keep`
 
 // ln of (share of what is shown) over (what is not).
@@ -28,7 +28,7 @@ float logit(float opacity) {
     return result;
 }
 
-// Of a child along the longest axis: 1 - (1 - c o')^2 = o, o' at most o.
+// Of a child along an axis: 1 - (1 - c o')^2 = o, o' at most o.
 float shared_opacity(float opacity) {
     precise float below = 1.0 + sqrt(1.0 - opacity);
     precise float half_shown = opacity / below;
@@ -56,7 +56,7 @@ void main() {
     const bool shrink = push.mode == MODE_SHRINK && child;
     uint axis = WIDTH;
     if (WIDTH == 3u && push.mode == MODE_SHRINK_AXIS && child) {
-        axis = longest_axis(
+        axis = map_axis(entry,
             uintBitsToFloat(source[3u * i]), uintBitsToFloat(source[3u * i + 1u]), uintBitsToFloat(source[3u * i + 2u]));
     }
     for (uint k = 0u; k < WIDTH; ++k) {

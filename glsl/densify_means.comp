@@ -1,6 +1,6 @@
 #version 460
 // densify_means: the centres after a density change. Children of a split are drawn from their parent's Gaussian (3DGS), or
-// stand on both sides of its centre along its longest axis; every other row keeps its source's centre. The draw's key is (seed,
+// stand on both sides of its centre along its longest axis or that of `densify_axes`; every other row keeps its source's centre. The draw's key is (seed,
 // event, identity of the parent, which child).
 // One thread owns one new row; one workgroup owns 64 consecutive rows. Runs before scales and rotations are moved.
 #extension GL_GOOGLE_include_directive : require
@@ -41,7 +41,7 @@ void main() {
     if (kind == KIND_CHILD_A || kind == KIND_CHILD_B) {
         vec3 place = random_normals(uvec4(push.seed, push.event, old_ids[i], kind - KIND_CHILD_A));
         if (push.along_axis != 0u) {
-            const uint axis = longest_axis(scales[3u * i], scales[3u * i + 1u], scales[3u * i + 2u]);
+            const uint axis = map_axis(entry, scales[3u * i], scales[3u * i + 1u], scales[3u * i + 2u]);
             const float offset = kind == KIND_CHILD_A ? AXIS_OFFSET : -AXIS_OFFSET;
             place = vec3(axis == 0u ? offset : 0.0, axis == 1u ? offset : 0.0, axis == 2u ? offset : 0.0);
         }

@@ -13,7 +13,7 @@ const uint KIND_COUNT = 4u;
 // Children of a split have 1 / 1.6 of the parent's standard deviations (3DGS: 0.8 N with N = 2 children).
 const float LN_SPLIT_SHRINK = 0.47000363;
 
-// Children along the longest axis stand half a standard deviation from their parent's centre and have sqrt(3/4) of its standard
+// Children along an axis stand half a standard deviation from their parent's centre and have sqrt(3/4) of its standard
 // deviation along that axis: together they have its covariance.
 const float AXIS_OFFSET = 0.5;
 const float LN_AXIS_SHRINK = 0.14384104;
@@ -26,7 +26,13 @@ uint longest_axis(float x, float y, float z) {
 }
 
 uint map_entry(uint source, uint kind) { return source | (kind << 30u); }
-uint map_source(uint entry) { return entry & 0x3fffffffu; }
+// The same entry with the axis along which children stand; 0 in its place is the longest.
+uint map_along(uint entry, uint axis) { return (entry & 0xcfffffffu) | (axis + 1u) << 28u; }
+uint map_source(uint entry) { return entry & 0x0fffffffu; }
 uint map_kind(uint entry) { return entry >> 30u; }
+uint map_axis(uint entry, float x, float y, float z) {
+    const uint noted = entry >> 28u & 3u;
+    return noted == 0u ? longest_axis(x, y, z) : noted - 1u;
+}
 
 #endif

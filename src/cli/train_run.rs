@@ -178,11 +178,15 @@ fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console:
         0 => String::new(),
         n => format!("; {} splats more to begin with", HumanCount(n as u64)),
     };
+    let smaller = match found.side < settings.geometry.stereo_side && found.side > 0 {
+        true => format!(" at {} pixels, which fits --stereo-share", found.side),
+        false => String::new(),
+    };
     if prior == DepthPrior::Propagation {
         console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
     } else {
         console.say(format_args!(
-            "depths from {prior}: {} of {views} photographs, {:.1} % of their pixels{splats}",
+            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels{splats}",
             found.views,
             100.0 * found.share
         ));

@@ -53,7 +53,7 @@ pub struct Ablation {
 }
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 29] = [
+pub const ABLATIONS: [Ablation; 33] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
     Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
@@ -70,10 +70,14 @@ pub const ABLATIONS: [Ablation; 29] = [
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
     Ablation { name: "one-threshold", options: &["--low-grad-threshold", "6e-4"] },
+    // The order of the paper's abstract, which its second figure contradicts.
+    Ablation { name: "low-threshold-first", options: &["--low-grad-threshold", "1.5e-4"] },
+    Ablation { name: "along-gradient", options: &["--split-along-gradient"] },
     Ablation { name: "no-low-weights", options: &["--low-texture-weight", "1"] },
     // The constrained set is what the stage leaves.
     Ablation { name: "no-low-stage", options: &["--low-stage", "0", "--lambda-constrained", "0"] },
     Ablation { name: "fixed-sigma", options: &["--sigma-learning", "off"] },
+    Ablation { name: "composite-sigma", options: &["--sigma-learning", "composite"] },
     Ablation { name: "gate-gradient", options: &["--gate", "gradient", "--sigma-learning", "off"] },
     Ablation { name: "gate-phase", options: &["--gate", "phase", "--sigma-learning", "off"] },
     Ablation { name: "gate-random", options: &["--gate", "random", "--sigma-learning", "off"] },
@@ -86,5 +90,6 @@ pub const ABLATIONS: [Ablation; 29] = [
     Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"] },
     Ablation { name: "one-perceptual-view", options: &["--perceptual-views", "1"] },
     Ablation { name: "no-coarse-steps", options: &["--coarse-steps", "0"] },
+    Ablation { name: "coarse-by-spectrum", options: &["--coarse-spectrum"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
 ];

@@ -11,9 +11,9 @@ pub const MODE_SHRINK: u32 = 1;
 pub const MODE_MOMENT: u32 = 2;
 /// Statistics: zero for all rows.
 pub const MODE_ZERO: u32 = 3;
-/// Logarithmic scales: children are shorter along their longest axis, so that both have their parent's covariance together.
+/// Logarithmic scales: children are shorter along the axis that they stand along, so that both have their parent's covariance together.
 pub const MODE_SHRINK_AXIS: u32 = 4;
-/// Opacity logits: two children along the longest axis show at their parent's centre what it showed, and every opacity is
+/// Opacity logits: two children along an axis show at their parent's centre what it showed, and every opacity is
 /// multiplied by `keep`.
 pub const MODE_SHARE: u32 = 5;
 

@@ -23,7 +23,7 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one old splat and writes the rows that it becomes; a workgroup owns 64 consecutive old splats. \
           An entry of `map` is the source's index, with the kind of row (kept, clone, first child, second child) in the \
-          upper two bits.",
+          upper two bits; `densify_axes` uses the two below.",
     dispatch: "one thread per old splat, through `args`",
     push: Push::FIELDS,
     twin: crate::twin::densify_map::run,

@@ -12,6 +12,7 @@ pub mod convolution;
 pub mod counters;
 pub mod crop;
 pub mod cutoffs;
+pub mod densify_axes;
 pub mod densify_classify;
 pub mod densify_finish;
 pub mod densify_gather;
@@ -108,6 +109,7 @@ pub const ALL: &[&Pass] = &[
     &convolution::PASS,
     &crop::GRADIENT,
     &crop::PAIR,
+    &densify_axes::PASS,
     &densify_classify::PASS,
     &densify_finish::PASS,
     &densify_gather::PASS,

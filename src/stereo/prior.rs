@@ -36,6 +36,24 @@ impl Prior {
         out
     }
 
+    /// The same at another size, from the nearest pixels.
+    pub fn at_size(self, width: u32, height: u32) -> Self {
+        if (width, height) == (self.width, self.height) {
+            return self;
+        }
+        let nearest =
+            |k: u32, to: u32, from: u32| ((2 * u64::from(k) + 1) * u64::from(from) / (2 * u64::from(to))) as usize;
+        let mut out = Self { width, height, ..Self::default() };
+        for pixel in 0..width * height {
+            let (x, y) = (nearest(pixel % width, width, self.width), nearest(pixel / width, height, self.height));
+            let at = y * self.width as usize + x;
+            out.depth.push(self.depth.get(at).copied().unwrap_or(0.0));
+            out.normals.push(self.normals.get(at).copied().unwrap_or([0.0; 3]));
+            out.confidence.push(self.confidence.get(at).copied().unwrap_or(0.0));
+        }
+        out
+    }
+
     /// Share of pixels that have a depth.
     pub fn share(&self) -> f64 {
         let known = self.depth.iter().filter(|d| **d > 0.0).count();

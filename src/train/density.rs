@@ -10,8 +10,8 @@ use order::{ByBirth, Ordering};
 use crate::pass::densify_gather::{MODE_COPY, MODE_MOMENT, MODE_SHARE, MODE_SHRINK, MODE_SHRINK_AXIS, MODE_ZERO};
 use crate::pass::plan::{self, Entry};
 use crate::pass::{
-    counters, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
-    densify_sample, opacity_reset,
+    counters, densify_axes, densify_classify, densify_finish, densify_gather, densify_limit, densify_map,
+    densify_means, densify_sample, opacity_reset,
 };
 use crate::raster::UPPER;
 use crate::raster::scan::{Extent, Scan, Summand};
@@ -118,6 +118,7 @@ pub struct DensityControl {
     sample: Pipeline,
     limit: Pipeline,
     rows: Pipeline,
+    axes: Pipeline,
     means: Pipeline,
     gathers: [(u32, Pipeline); 5],
     finish: Pipeline,
@@ -145,6 +146,7 @@ impl DensityControl {
             sample: gpu.pipeline(&densify_sample::PASS.kernel, &[])?,
             limit: gpu.pipeline(&densify_limit::PASS.kernel, &[])?,
             rows: gpu.pipeline(&densify_map::PASS.kernel, &[])?,
+            axes: gpu.pipeline(&densify_axes::PASS.kernel, &[])?,
             means: gpu.pipeline(&densify_means::PASS.kernel, &[])?,
             gathers: [gather(1)?, gather(2)?, gather(3)?, gather(4)?, gather(12)?],
             finish: gpu.pipeline(&densify_finish::PASS.kernel, &[])?,
@@ -198,6 +200,13 @@ impl DensityControl {
         rec.dispatch(&self.rows, &buffers, &densify_map::Push { stride: self.capacity }, old_rows)?;
         if let (Some(order), Some(sorted)) = (&self.order, &sorted) {
             order.record_rows(rec, sorted, model, map, entry_new)?;
+        }
+
+        if rules.sampled.is_some_and(|sampled| sampled.along_gradient) {
+            let [quats, scales, moments] =
+                slices([&model.planes[QUATS], &model.planes[SCALES], &model.first_moments[MEANS]]);
+            let push = densify_axes::Push { packed_moments: u32::from(model.second_moments.is_none()) };
+            rec.dispatch(&self.axes, &[counts, quats, scales, moments, map], &push, new_rows)?;
         }
 
         // Centres before rotations and scales: children are drawn from their parents' old ones.

@@ -6,6 +6,7 @@ use super::Error;
 use super::cloud::{self, Gate};
 use super::input::{self, Input, Outline};
 use super::settings::{DepthPrior, Geometry, LidarCloud, Settings};
+use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, SkirtPoint, View, fuse};
@@ -22,6 +23,8 @@ pub struct StereoReport {
     pub views: usize,
     /// Share of their pixels that have a depth.
     pub share: f64,
+    /// Most pixels on the longer side of the photographs that were matched, at most `--stereo-side`; 0 where none were.
+    pub side: u32,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
     /// Names of views of which nothing is known.
@@ -60,11 +63,14 @@ pub fn take_stereo(
         _ => None,
     };
     let made = training.density.lidar == Some(LidarCloud::Mvs);
-    let wanted = settings.stereo();
-    let matched = match settings.depth_prior {
-        DepthPrior::Stereo => Some(Stereo::matched(gpu, dataset, input, &wanted, share)?),
-        _ if made => Some(Stereo::matched(gpu, dataset, input, &wanted, share)?),
-        _ => None,
+    let mut wanted = settings.stereo();
+    let matched = match settings.depth_prior == DepthPrior::Stereo || made {
+        true => {
+            wanted = stereo_settings(training, input.train.iter().map(|v| (v.camera.width, v.camera.height)));
+            report.side = wanted.max_side;
+            Some(Stereo::matched(gpu, dataset, input, training, &wanted, share)?)
+        }
+        false => None,
     };
     if let Some(stereo) = &matched {
         let points = input.initial.len() as u32;
@@ -122,7 +128,11 @@ pub fn take_stereo(
         report.skipped = scene.skipped.iter().map(|view| view.name.clone()).collect();
         input.known.scene = Some(Arc::new(scene));
     }
-    input.known.priors = priors.into_iter().map(|prior| known(&prior).then_some(prior)).collect();
+    let kept = priors.into_iter().zip(&input.train).map(|(prior, view)| {
+        let (width, height) = settings.prior_size(view.camera.width, view.camera.height);
+        known(&prior).then(|| prior.at_size(width, height))
+    });
+    input.known.priors = kept.collect();
     Ok(report)
 }
 
@@ -160,10 +170,12 @@ impl Stereo {
         gpu: &Gpu,
         dataset: &Dataset,
         input: &Input,
+        training: &Settings,
         wanted: &stereo::Settings,
         share: &HostShare,
     ) -> Result<Self, Error> {
-        let scene = scene(dataset, input, wanted, share)?;
+        let mut scene = scene(dataset, input, wanted, share)?;
+        leave_out_texture(&mut scene, training)?;
         let priors = Matcher::new(gpu, wanted)?.run(&scene.views, |_| ())?;
         Ok(Self { scene, priors })
     }

@@ -2,27 +2,15 @@
 
 use super::TwinCall;
 use super::densify_classify::LN_SPLIT_SHRINK;
-use super::densify_map::unpack;
+use super::densify_map::{axis, unpack};
 use super::random::Elementary;
 use crate::pass::counters::SCAN_TOTAL;
 use crate::pass::densify_gather::{MODE_MOMENT, MODE_SHARE, MODE_SHRINK, MODE_SHRINK_AXIS, MODE_ZERO, Push};
 
-/// -ln sqrt(3/4): by how much a child along the longest axis is shorter than its parent.
+/// -ln sqrt(3/4): by how much a child along an axis is shorter than its parent.
 const LN_AXIS_SHRINK: f32 = 0.143_841_04;
 /// exp(1/6): one over what such a child shows at its parent's centre, of its own opacity.
 const INVERSE_AXIS_CENTER: f64 = 1.181_360_41;
-
-/// The first of the longest.
-pub fn longest_axis(log_scales: [f32; 3]) -> usize {
-    let [x, y, z] = log_scales;
-    if x >= y && x >= z {
-        0
-    } else if y >= z {
-        1
-    } else {
-        2
-    }
-}
 
 /// The logit of an opacity that has faded to `keep`; of a child, after what it shares with the other one.
 pub fn faded<R: Elementary>(logit: R, child: bool, keep: R) -> R {
@@ -65,7 +53,7 @@ pub fn run(call: &mut TwinCall<'_>) {
         }
         if width == 3 && push.mode == MODE_SHRINK_AXIS && kind >= 2 {
             let scales = [words[0], words[1], words[2]].map(f32::from_bits);
-            let axis = longest_axis(scales);
+            let axis = axis(map[row], scales);
             plane[width * row + axis] = (scales[axis] - LN_AXIS_SHRINK).to_bits();
         }
     }

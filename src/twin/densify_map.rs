@@ -5,14 +5,39 @@ use super::densify_classify::KINDS;
 use crate::pass::counters::{NEXT_ID, SPLATS};
 use crate::pass::densify_map::Push;
 
-/// An entry of the map: a source's index with the kind of row in the upper two bits.
+/// An entry of the map: a source's index with the kind of row in the upper two bits; the two bits below are 0.
 pub fn entry(source: usize, kind: usize) -> u32 {
     source as u32 | (kind as u32) << 30
 }
 
 /// The source's index and the kind of row of an entry.
 pub fn unpack(entry: u32) -> (usize, usize) {
-    ((entry & 0x3fff_ffff) as usize, (entry >> 30) as usize)
+    ((entry & 0x0fff_ffff) as usize, (entry >> 30) as usize)
+}
+
+/// The entry with the axis along which children stand.
+pub fn along(entry: u32, axis: usize) -> u32 {
+    entry & 0xcfff_ffff | (axis as u32 + 1) << 28
+}
+
+/// The axis along which children of an entry stand; the longest where none is noted.
+pub fn axis(entry: u32, log_scales: [f32; 3]) -> usize {
+    match entry >> 28 & 3 {
+        0 => longest_axis(log_scales),
+        noted => noted as usize - 1,
+    }
+}
+
+/// The first of the longest.
+pub fn longest_axis(lengths: [f32; 3]) -> usize {
+    let [x, y, z] = lengths;
+    if x >= y && x >= z {
+        0
+    } else if y >= z {
+        1
+    } else {
+        2
+    }
 }
 
 /// Adapter over raw buffers.

@@ -1,8 +1,7 @@
 //! Twin of `glsl/densify_means.comp`.
 
 use super::TwinCall;
-use super::densify_gather::longest_axis;
-use super::densify_map::unpack;
+use super::densify_map::{axis, unpack};
 use super::random::{Elementary, normals};
 use crate::pass::counters::SCAN_TOTAL;
 use crate::pass::densify_means::Push;
@@ -32,10 +31,10 @@ fn placed<R: Elementary>(mean: [R; 3], quat: [R; 4], log_scales: [R; 3], place: 
     std::array::from_fn(|k| mean[k] + offset[k])
 }
 
-/// Half a standard deviation along the longest axis: up for the first child, down for the second.
-fn axis_place(log_scales: [f32; 3], kind: usize) -> [f32; 3] {
+/// Half a standard deviation along an axis: up for the first child, down for the second.
+fn axis_place(axis: usize, kind: usize) -> [f32; 3] {
     let mut place = [0.0; 3];
-    place[longest_axis(log_scales)] = if kind == 2 { 0.5 } else { -0.5 };
+    place[axis] = if kind == 2 { 0.5 } else { -0.5 };
     place
 }
 
@@ -53,7 +52,7 @@ pub fn run(call: &mut TwinCall<'_>) {
             let key = [push.seed, push.event, old_ids[i], kind as u32 - 2];
             let place = match push.along_axis {
                 0 => normals::<f32>(key),
-                _ => axis_place(scales[i], kind),
+                _ => axis_place(axis(map[row], scales[i]), kind),
             };
             means[row] = placed(source[i].map(f32::from_bits), quats[i], scales[i], place).map(f32::to_bits);
         }

@@ -10,6 +10,7 @@ pub mod compact;
 pub mod constrain;
 pub mod convolution;
 pub mod crop;
+pub mod densify_axes;
 pub mod densify_classify;
 pub mod densify_finish;
 pub mod densify_gather;

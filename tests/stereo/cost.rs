@@ -1,6 +1,35 @@
 //! What stereo costs, and how it is made to fit.
 
 use psrgs_vk::stereo::{Budget, Settings};
+use psrgs_vk::train::{self, stereo_settings};
+
+/// What stereo takes follows from the steps: short trainings on many photographs have less of it, and those that were measured all.
+#[test]
+fn stereo_fits_the_time_of_the_steps() {
+    let taken = |views: usize, size: (u32, u32), iterations: u32, share: f64| {
+        let mut training = train::Settings::default();
+        training.run.iterations = iterations;
+        training.geometry.stereo_share = share;
+        let settings = stereo_settings(&training, vec![size; views]);
+        (Budget::samples(&settings, views, size.0, size.1), settings, training.geometry.stereo())
+    };
+    for (views, size) in [(65, (320, 240)), (43, (180, 320)), (33, (320, 214)), (56, (320, 240))] {
+        let (_, found, asked) = taken(views, size, 1500, 0.12);
+        assert_eq!(found, asked, "{views} photographs of {size:?}");
+    }
+    let mut before = f64::INFINITY;
+    for iterations in [30_000, 2000, 500, 100] {
+        let (samples, found, asked) = taken(2000, (1600, 1200), iterations, 0.12);
+        let allowed = 0.12 * f64::from(iterations) * 170.0 * (1600.0 * 1200.0 + 76_800.0);
+        assert!(samples <= allowed.max(1e9) && samples <= before, "{iterations} steps: {samples}, {found:?}");
+        assert!(found.max_side >= 16 && found.max_side <= asked.max_side);
+        before = samples;
+    }
+    assert!(before < 0.2 * taken(2000, (1600, 1200), 30_000, 0.12).0, "{before}");
+    // However few the steps, a few seconds are there.
+    assert_eq!(taken(9, (96, 72), 1, 0.12).1.max_side, train::Settings::default().geometry.stereo_side.min(96));
+    assert_eq!(stereo_settings(&train::Settings::default(), []), train::Settings::default().geometry.stereo());
+}
 
 #[test]
 fn samples_are_counted_and_settings_made_to_fit() {

@@ -44,3 +44,33 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
         assert!((opacity - if on_surface { 0.75 } else { 0.1 }).abs() < 1e-6, "splat {i}: {opacity}");
     }
 }
+
+/// Pixels that the mask says are texture have no depth, and the others have it still.
+#[test]
+fn texture_is_left_out_where_that_is_asked_for() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dataset = world(folder.path(), 96);
+    let known = |texture: f64| {
+        let mut settings = train::Settings::default();
+        settings.geometry.depth_prior = DepthPrior::Stereo;
+        settings.geometry.stereo_side = 48;
+        settings.geometry.stereo_texture = texture;
+        let share = HostShare::unlimited();
+        let initial = prepare::initial(&dataset, None, 0).expect("points");
+        let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
+        take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        let sizes: Vec<(u32, u32)> = input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
+        let priors = input.known.priors.iter().zip(&sizes).map(|(prior, size)| {
+            let (width, height) = settings.geometry.prior_size(size.0, size.1);
+            let depth = prior.as_ref().map_or(vec![0.0; (width * height) as usize], |p| p.depth.clone());
+            depth.into_iter().map(|d| d > 0.0).collect::<Vec<bool>>()
+        });
+        priors.collect::<Vec<_>>()
+    };
+    let (all, some) = (known(1.0), known(0.5));
+    let count = |of: &[Vec<bool>]| of.iter().flatten().filter(|k| **k).count();
+    let (before, after) = (count(&all), count(&some));
+    // The mask's mean is 0.3: about as many pixels are above a half.
+    assert!(after > before / 3 && after < before * 9 / 10, "{after} of {before}");
+}

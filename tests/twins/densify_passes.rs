@@ -3,10 +3,11 @@
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS, STATUS};
 use psrgs_vk::pass::{
-    densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_sample,
-    densify_scores, densify_stats, opacity_reset,
+    densify_axes, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
+    densify_sample, densify_scores, densify_stats, opacity_reset,
 };
 use psrgs_vk::twin::densify_means::child_mean;
+use psrgs_vk::twin::project_backward_adam_packed;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::Gpu;
 
@@ -38,6 +39,7 @@ pub fn run(gpu: &Gpu) {
         let (flags, offsets, total) = flags(random, n);
         limit(gpu, n, &flags, &offsets, total);
         map(gpu, random, n, &flags, &offsets, total);
+        axes(gpu, random, n);
         finish(gpu, n, &offsets, total);
         gather(gpu, random, n);
         means(gpu, random, n);
@@ -200,6 +202,30 @@ fn map(gpu: &Gpu, random: &mut Random, n: usize, flags: &[u32], offsets: &[u32],
     outcome.assert_same_bits(&format!("densify_map of {n}"));
 }
 
+fn axes(gpu: &Gpu, random: &mut Random, n: usize) {
+    let rows = 2 * n;
+    let map = entries(random, n.max(1), rows + 4);
+    let quats = floats(random, 4 * room(n), -1.0, 1.0);
+    let scales = floats(random, 3 * room(n), -12.0, 2.0);
+    let mut moments = floats(random, 3 * room(n), -1e-6, 1e-6);
+    // Of the first splat nothing is known.
+    moments[..3].fill(0.0);
+    let packed: Vec<u32> = moments.iter().map(|m| project_backward_adam_packed::pack(*m, m * m + 1e-14, 0)).collect();
+    for packed_moments in [0, 1] {
+        let moments = if packed_moments == 0 { bytes(&moments) } else { bytes(&packed) };
+        let push = densify_axes::Push { packed_moments };
+        let buffers =
+            [counts(&[(SCAN_TOTAL, rows as u32)]), bytes(&quats), bytes(&scales), moments.clone(), bytes(&map)];
+        let outcome = harness::run(gpu, &densify_axes::PASS, &[], &buffers, &push, groups(rows));
+        outcome.assert_same_bits(&format!("densify_axes of {rows}, packed {packed_moments}"));
+        let found = outcome.device::<u32>(4);
+        for (row, (entry, before)) in found.iter().zip(&map).enumerate() {
+            let child = row < rows && entry >> 30 >= 2 && (before & 0x0fff_ffff) > 0;
+            assert!(if child { entry >> 28 & 3 != 0 } else { entry == before }, "densify_axes, row {row}");
+        }
+    }
+}
+
 fn finish(gpu: &Gpu, n: usize, offsets: &[u32], total: u32) {
     let push = densify_finish::Push { stride: room(n) as u32 };
     for status in [0, counters::PAIRS_BIT, counters::SPLATS_BIT] {
@@ -211,9 +237,9 @@ fn finish(gpu: &Gpu, n: usize, offsets: &[u32], total: u32) {
     }
 }
 
-/// A map of `rows` rows onto `n` sources.
+/// A map of `rows` rows onto `n` sources, along any axis.
 fn entries(random: &mut Random, n: usize, rows: usize) -> Vec<u32> {
-    (0..rows).map(|_| (random.word() % n as u32) | (random.word() << 30)).collect()
+    (0..rows).map(|_| (random.word() % n as u32) | (random.word() << 28)).collect()
 }
 
 fn gather(gpu: &Gpu, random: &mut Random, n: usize) {
@@ -270,7 +296,7 @@ fn means(gpu: &Gpu, random: &mut Random, n: usize) {
     let outcome = harness::run(gpu, &densify_means::PASS, &[], &buffers, &push, groups(rows));
     let (device, twin) = (outcome.device::<[f32; 3]>(6), outcome.twin::<[f32; 3]>(6));
     for row in 0..rows + 4 {
-        let (i, kind) = ((map[row] & 0x3fff_ffff) as usize, map[row] >> 30);
+        let (i, kind) = ((map[row] & 0x0fff_ffff) as usize, map[row] >> 30);
         if row >= rows || kind < 2 {
             assert_eq!(device[row].map(f32::to_bits), twin[row].map(f32::to_bits), "densify_means, row {row}");
             continue;

@@ -2,8 +2,9 @@
 
 use super::common::{assert_no_messages, gpu};
 use super::density::{borderline, random_rows, rules};
-use super::density_model::{MEANS, Model, OPACITIES, Rng, Row, SCALES, WIDTHS};
+use super::density_model::{MEANS, Model, OPACITIES, QUATS, Rng, Row, SCALES, WIDTHS};
 use super::density_twin;
+use glam::{DQuat, DVec3};
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
 use psrgs_vk::pass::{densify_stats, opacity_reset};
 use psrgs_vk::raster::sort::Shape;
@@ -185,11 +186,13 @@ fn sampled_growth_follows_the_twin() {
         mask_share: 0.5,
         error_share: 0.5,
         prune_unseen: true,
+        along_gradient: false,
     };
-    for n in [0, 1, 64, 1025] {
+    for (n, along_gradient) in [(0, true), (1, true), (64, false), (64, true), (1025, false), (1025, true)] {
         let rng = &mut Rng(n as u64);
         let (rows, born) = random_rows(rng, n);
         let mut want = Model::new(&rows, 2 * n + 1, born, rng);
+        let sampled = Sampled { along_gradient, ..sampled };
         let rules = DensityRules { sampled: Some(sampled), keep_opacity: 0.9, ..rules() };
         let device = OnDevice::new(&gpu, &want);
         device.change(&rules, &[9]);
@@ -201,15 +204,21 @@ fn sampled_growth_follows_the_twin() {
     assert_no_messages(&gpu);
 }
 
-/// Two children along the longest axis, each weighted by a half, have the mean and the covariance of their parent, and show at its
+/// Two children along the longest axis, or along that which the loss changes most along, each weighted by a half, have the mean and the covariance of their parent, and show at its
 /// centre what it showed.
 #[test]
 fn children_along_the_axis_are_their_parent_together() {
-    for (log_scales, logit) in [([0.3_f64, -1.0, -0.5], 1.5_f64), ([-4.0, -2.0, -2.5], -3.0), ([0.0, 0.0, 0.0], 6.0)] {
+    let cases = [([0.3_f64, -1.0, -0.5], 1.5_f64), ([-4.0, -2.0, -2.5], -3.0), ([0.0, 0.0, 0.0], 6.0)];
+    let mut axes = Vec::new();
+    for ((log_scales, logit), gradient) in cases.iter().flat_map(|&case| {
+        let along = [None, Some(DVec3::ZERO), Some(DVec3::X), Some(DVec3::Y), Some(DVec3::Z)];
+        along.map(|gradient| (case, gradient))
+    }) {
         let mut rng = Rng(1);
         let mut row = Row::random(&mut rng, 0);
         row.planes[SCALES] = log_scales.map(|s| s as f32).to_vec();
         row.planes[OPACITIES] = vec![logit as f32];
+        row.moments[MEANS] = gradient.unwrap_or(DVec3::X).as_vec3().to_array().to_vec();
         (row.stats, row.scores) = ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0]);
         let mut model = Model::new(&[row.clone()], 2, 1, &mut rng);
         let sampled = Sampled {
@@ -220,11 +229,19 @@ fn children_along_the_axis_are_their_parent_together() {
             mask_share: 0.0,
             error_share: 0.0,
             prune_unseen: false,
+            along_gradient: gradient.is_some(),
         };
         let rules = DensityRules { sampled: Some(sampled), ..DensityRules::reference(100.0, 0) };
         density_twin::change(&mut model, &rules, 3);
         let [a, b]: [Row; 2] = model.rows().try_into().unwrap();
-        let axis = (0..3).max_by(|&i, &j| log_scales[i].total_cmp(&log_scales[j]).then(j.cmp(&i))).unwrap();
+        let [w, x, y, z] = [0, 1, 2, 3].map(|k| f64::from(row.planes[QUATS][k]));
+        let in_axes = DQuat::from_xyzw(x, y, z, w).normalize().inverse() * gradient.unwrap_or(DVec3::ZERO);
+        let lengths = match in_axes == DVec3::ZERO {
+            true => log_scales,
+            false => std::array::from_fn(|k| in_axes[k].abs() * log_scales[k].exp()),
+        };
+        let axis = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j]).then(j.cmp(&i))).unwrap();
+        axes.push(axis);
         let apart: Vec<f64> = (0..3).map(|k| f64::from(a.planes[MEANS][k] - b.planes[MEANS][k])).collect();
         let half = 0.5 * apart.iter().map(|d| d * d).sum::<f64>().sqrt();
         for (k, log_scale) in log_scales.into_iter().enumerate() {
@@ -243,6 +260,11 @@ fn children_along_the_axis_are_their_parent_together() {
             child < 0.999 * opacity(logit) && (shown - opacity(logit)).abs() < 1e-5 || child > 0.999 * opacity(logit)
         );
     }
+    assert!((0..3).all(|axis| axes.contains(&axis)), "{axes:?}");
+    assert!(
+        axes.chunks(5).any(|case| case[2..].iter().any(|axis| *axis != case[0])),
+        "the gradient has a say: {axes:?}"
+    );
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use super::density_model::{MEANS, Model, OPACITIES, QUATS, SCALES, WIDTHS};
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::pass::{
-    densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_sample,
+    densify_axes, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
+    densify_sample,
 };
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::TwinCall;
@@ -71,6 +72,13 @@ pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
     let push = densify_map::Push { stride };
     let mut b = [&mut c, &mut flags, &mut offsets, &mut old_ids, &mut map, &mut model.ids];
     run(&densify_map::PASS, &mut b, bytemuck::bytes_of(&push), &[], old);
+
+    if settings.sampled.is_some_and(|sampled| sampled.along_gradient) {
+        let ([_, quats, scales, ..], moments) = (&mut model.planes, &mut model.moments[MEANS]);
+        let mut b = [&mut c, quats, scales, moments, &mut map];
+        let push = densify_axes::Push { packed_moments: 0 };
+        run(&densify_axes::PASS, &mut b, bytemuck::bytes_of(&push), &[], new);
+    }
 
     let [means, quats, scales, ..] = &mut model.planes;
     let mut source = means.clone();

@@ -80,7 +80,7 @@ cases! {
     convolution: "convolution";
     crop: "crop_gradient" "crop_pair";
     densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";
-    densify_passes: "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
+    densify_passes: "densify_axes" "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_sample" "densify_scores" "densify_stats" "opacity_reset";
     emit: "emit" "emit_together_emulated" "emit_together_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";

@@ -27,7 +27,7 @@ pub struct DensityRules {
     pub seed: u32,
 }
 
-/// Growth by sampling: see [`densify_sample`]. Splits put their children along the longest axis.
+/// Growth by sampling: see [`densify_sample`]. Splits put their children along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled {
     /// Mean gradient norm (normalised device coordinates) from which a splat with mask value 0 may be split.
@@ -44,6 +44,8 @@ pub struct Sampled {
     pub error_share: f32,
     /// Whether splats are pruned that blended into no pixel since the last change.
     pub prune_unseen: bool,
+    /// Whether children stand along that axis of their parent along which the loss changes most, in place of the longest.
+    pub along_gradient: bool,
 }
 
 /// Logit of an opacity, in the precision in which opacities are stored.

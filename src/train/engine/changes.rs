@@ -34,6 +34,7 @@ impl Engine {
                 mask_share: density.sample_mask_share as f32,
                 error_share: density.sample_error_share as f32,
                 prune_unseen: density.prune_unseen,
+                along_gradient: density.split_along_gradient,
             }),
             keep_opacity: density.keep_opacity as f32,
             seed: self.settings.run.seed as u32 ^ (self.settings.run.seed >> 32) as u32,

@@ -130,6 +130,12 @@ impl Settings {
         let skirt = geometry.stereo_skirt;
         ok((0.0..=1.0).contains(&skirt), "stereo-skirt", "a number from 0 to 1")?;
         ok(geometry.stereo_side >= 16, "stereo-side", "at least 16 pixels")?;
+        let share = geometry.stereo_share;
+        ok(share > 0.0 && share.is_finite(), "stereo-share", "a positive number")?;
+        let from = geometry.stereo_texture;
+        ok(from > 0.0 && from <= 1.0, "stereo-texture", "a number above 0, at most 1")?;
+        let masked = from >= 1.0 || self.frequencies.gate != Gate::Off;
+        ok(masked, "stereo-texture", "1 where --gate is off, as nothing is texture then")?;
         ok(geometry.depth_every >= 1, "depth-every", "at least 1")?;
         ok(geometry.propagate_every >= 1, "propagate-every", "at least 1")?;
         ok(texture.gradients_every >= 1, "gradients-every", "at least 1")?;

@@ -72,6 +72,9 @@ group! {
         pub absgrad,
         /// Prune splats that have blended into no pixel since the last density change, where growth is sampled
         pub prune_unseen,
+        /// Where growth is sampled, split splats along that of their axes along which the loss changes most, by the optimiser's mean
+        /// gradient of their centres, in place of the longest
+        pub split_along_gradient,
     }
     optional {
         /// The threshold for splits where it is not that for clones

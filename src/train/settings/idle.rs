@@ -1,6 +1,6 @@
 //! Settings that a method does not look at.
 
-use super::{DepthPrior, Growth, Settings};
+use super::{DepthPrior, Growth, LidarCloud, Settings};
 
 impl Settings {
     /// The same settings, but what nothing looks at has its default: settings that are equal here train to the same model. A loss on depth has
@@ -12,6 +12,7 @@ impl Settings {
             s.density.sample_mask_share = plain.density.sample_mask_share;
             s.density.sample_error_share = plain.density.sample_error_share;
             s.density.sample_error = plain.density.sample_error;
+            s.density.split_along_gradient = plain.density.split_along_gradient;
         }
         if s.density.growth == Growth::Threshold || s.frequencies.low_stage == 0.0 {
             s.density.low_grad_threshold = s.density.grad_threshold;
@@ -30,6 +31,10 @@ impl Settings {
             s.geometry.smooth_edge_stop = plain.geometry.smooth_edge_stop;
             s.geometry.lambda_normal = plain.geometry.lambda_normal;
         }
+        if s.geometry.depth_prior != DepthPrior::Stereo && s.density.lidar != Some(LidarCloud::Mvs) {
+            s.geometry.stereo_share = plain.geometry.stereo_share;
+            s.geometry.stereo_texture = plain.geometry.stereo_texture;
+        }
         if s.geometry.depth_prior != DepthPrior::Stereo || s.model.sh_share < 1.0 {
             s.geometry.stereo_skirt = plain.geometry.stereo_skirt;
         }
@@ -43,7 +48,7 @@ impl Settings {
             s.texture.perceptual_every = plain.texture.perceptual_every;
             s.texture.perceptual_views = plain.texture.perceptual_views;
         }
-        if !s.needs_masks() {
+        if !s.needs_masks() && s.geometry.stereo_texture >= 1.0 {
             s.frequencies.gate = plain.frequencies.gate;
             s.frequencies.sigma = plain.frequencies.sigma;
             s.frequencies.sigma_learning = plain.frequencies.sigma_learning;

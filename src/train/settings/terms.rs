@@ -18,6 +18,13 @@ group! {
         /// Stereo works on photographs of at most this many pixels on the longer side
         #[arg(value_name = "PX")]
         pub stereo_side: u32 = 160,
+        /// Stereo takes at most about this share of the time of the steps: where it would take more, photographs become smaller, and
+        /// sources and rounds fewer
+        #[arg(value_name = "SHARE")]
+        pub stereo_share: f64 = 0.12,
+        /// Stereo leaves out pixels whose mask value is this or more, which are texture (1: none)
+        #[arg(value_name = "M")]
+        pub stereo_texture: f64 = 1.0,
         /// Begin with so many splats more, on surfaces that stereo has found (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
