@@ -3,7 +3,9 @@
 
   tools/bench/parts_table.py
 
-Files: ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json (nothing left out), and
+Files: ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
+ablate-160-1500-val-SCENE-psrgs-paper-PART-s0.json beside ablate-160-1500-val-SCENE-psrgs-paper-s0.json,
+wide-ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json, and
 equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
 psrgs of their build, wide-320-1500-SCENE-psrgs-sSEED. Intervals are those of results_table.py.
 """
@@ -13,8 +15,10 @@ import math
 
 from results_table import DIGITS, METRICS, RESULTS, SCENES, quantile, seconds
 
-PARTS = ["no-stereo", "no-stereo-splats", "no-depth-loss", "gate-off", "no-mask-growth", "no-error-growth", "no-coarse-steps", "no-pruning",
-         "free-harmonics", "round-stereo-splats", "perceptual"]
+PARTS = ["no-stereo", "no-stereo-splats", "no-depth-loss", "no-smoothness", "no-flattening", "no-lone-splats", "no-skirt", "no-exposures",
+         "texture-left-out", "gate-off", "fixed-sigma", "no-low-stage", "one-threshold", "low-threshold-first", "no-low-weights", "no-mask-growth",
+         "no-error-growth", "along-gradient", "no-coarse-steps", "no-pruning", "free-harmonics", "round-stereo-splats", "no-gradient-maps",
+         "no-constrained-maps", "no-perceptual", "perceptual"]
 SPLATS = {"fox": "1500-fox-lean-2.8e-4", "caliterra": "1500-caliterra-lean-2.8e-4", "copr": "1500-copr-lean-4e-4", "world": "1500-world-lean-2.8e-4"}
 TIME = {"fox": "2500-fox-lean", "caliterra": "2200-caliterra-lean", "copr": "2100-copr-lean", "world": "2200-world-lean"}
 
@@ -28,23 +32,24 @@ def time(name):
     return seconds(json.loads((RESULTS / f"{name}.process.json").read_text()))
 
 
-def parts():
-    print("| left out or changed | " + " | ".join(SCENES) + " |")
-    print("|" + "---|" * (1 + len(SCENES)))
-    base = {scene: run(f"starts-320-1500-val-{scene}-60k-5e-4-s0") for scene in SCENES}
+def parts(whole, changed):
+    base = {scene: found for scene in SCENES if (found := run(whole.format(scene)))}
+    print("| left out or changed | " + " | ".join(base) + " |")
+    print("|" + "---|" * (1 + len(base)))
 
     def row(name, cells):
         print(f"| {name} | {' | '.join(cells)} |")
 
     row("nothing", [f"{r['psnr']:.2f} dB, {r['ssim']:.4f}, {r['lpips_squeeze']:.4f}, {r['splats']:,}" for r in base.values()])
     for part in PARTS:
-        runs = {scene: run(f"ablate-320-1500-val-{scene}-psrgs-{part}-s0") for scene in SCENES}
+        runs = {scene: run(changed.format(scene, part)) for scene in base}
         if not any(runs.values()):
             continue
         change = lambda r, b, key: f"{100 * (r[key] / b[key] - 1):+.0f} %"
         cells = [f"{r['psnr'] - b['psnr']:+.2f} dB, {r['ssim'] - b['ssim']:+.4f}, {change(r, b, 'lpips_squeeze')}, {change(r, b, 'splats')}" if r else ""
-                 for r, b in ((runs[s], base[s]) for s in SCENES)]
+                 for r, b in ((runs[s], base[s]) for s in base)]
         row(part, cells)
+    print()
 
 
 def beside_lean():
@@ -76,6 +81,7 @@ def beside_lean():
 
 
 if __name__ == "__main__":
-    parts()
-    print()
+    parts("rim-320-1500-val-{}-both-s0", "ablate-320-1500-val-{}-psrgs-{}-s0")
+    parts("ablate-160-1500-val-{}-psrgs-paper-s0", "ablate-160-1500-val-{}-psrgs-paper-{}-s0")
+    parts("starts-320-1500-val-{}-60k-5e-4-s0", "wide-ablate-320-1500-val-{}-psrgs-{}-s0")
     beside_lean()
