@@ -53,7 +53,7 @@ pub struct Ablation {
 }
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 33] = [
+pub const ABLATIONS: [Ablation; 34] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
     Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
@@ -64,6 +64,7 @@ pub const ABLATIONS: [Ablation; 33] = [
     Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
     Ablation { name: "wide-stereo-splats", options: &["--stereo-width", "1"] },
     Ablation { name: "faint-stereo-splats", options: &["--stereo-opacity", "0.1"] },
+    Ablation { name: "texture-left-out", options: &["--stereo-texture", "0.5"] },
     Ablation { name: "no-lone-splats", options: &["--stereo-alone", "0"] },
     Ablation { name: "no-skirt", options: &["--stereo-skirt", "0"] },
     Ablation { name: "no-exposures", options: &["--exposure", "off"] },

@@ -3,7 +3,7 @@
 use clap::{Args as _, Command, FromArgMatches as _};
 use psrgs_vk::compare::ABLATIONS;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::Method;
+use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 
 use crate::cli::exit::Failure;
 use crate::cli::train::named;
@@ -17,12 +17,23 @@ pub(super) fn rows(method: &str) -> anyhow::Result<Vec<Row>> {
     let whole = Settings::of_method(known);
     let mut rows = vec![(method.to_owned(), method.to_owned(), Vec::new())];
     for ablation in &ABLATIONS {
-        if with(&whole, ablation.options)?.in_use() != whole.in_use() {
+        let changed = with(&whole, ablation.options)?;
+        if changed.in_use() != whole.in_use() && can_be_trained(&changed) {
             let options = ablation.options.iter().map(|o| (*o).to_owned()).collect();
             rows.push((format!("{method}-{}", ablation.name), method.to_owned(), options));
         }
     }
     Ok(rows)
+}
+
+/// Whether the method can have the change: no width of a filter is learned where there is no filter, say.
+fn can_be_trained(changed: &Settings) -> bool {
+    let mut settings = changed.clone();
+    if settings.geometry.depth_prior == DepthPrior::Lidar {
+        // Which cloud it is, the comparison says.
+        settings.density.lidar.get_or_insert(LidarCloud::Mvs);
+    }
+    settings.check().is_ok()
 }
 
 /// Settings with options of `train` in place of their own values.
@@ -34,8 +45,6 @@ fn with(whole: &Settings, options: &[&str]) -> anyhow::Result<Settings> {
 
 #[cfg(test)]
 mod tests {
-    use psrgs_vk::train::settings::LidarCloud;
-
     use super::*;
 
     fn names(method: &str) -> Vec<String> {
@@ -69,7 +78,9 @@ mod tests {
         assert_eq!(plain[0], "3dgs");
         assert_eq!(plain, ["3dgs", "3dgs-sfm-depth"], "it has none of the parts");
         let lean = names("lean");
-        assert_eq!(lean, ["lean", "lean-sfm-depth", "lean-free-harmonics", "lean-no-coarse-steps", "lean-no-pruning"]);
+        let parts =
+            ["sfm-depth", "free-harmonics", "along-gradient", "no-coarse-steps", "coarse-by-spectrum", "no-pruning"];
+        assert_eq!(lean[1..], parts.map(|part| format!("lean-{part}")), "{lean:?}");
         let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
         let beyond = ["psrgs-no-lone-splats", "psrgs-no-skirt", "psrgs-no-exposures"];
         assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");

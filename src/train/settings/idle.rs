@@ -20,6 +20,10 @@ impl Settings {
         if s.frequencies.low_stage == 0.0 {
             s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;
         }
+        if s.frequencies.coarse_steps == 0.0 {
+            s.frequencies.coarse_quarter = plain.frequencies.coarse_quarter;
+            s.frequencies.coarse_spectrum = plain.frequencies.coarse_spectrum;
+        }
         if s.geometry.depth_prior == DepthPrior::None {
             s.geometry.depth_steps = plain.geometry.depth_steps;
             s.geometry.depth_every = plain.geometry.depth_every;
