@@ -17,7 +17,7 @@ from pathlib import Path
 
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"
 SCENES = ["fox", "caliterra", "copr", "world"]
-METHODS = ["3dgs", "3dgs-exposures", "absgs-published", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs-no-exposures", "psrgs"]
+METHODS = ["3dgs", "3dgs-reference", "3dgs-exposures", "absgs-published", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs-no-exposures", "psrgs"]
 METRICS = ["psnr", "psnr_cc", "ssim", "lpips_squeeze", "gmsd", "psnr_high_frequency"]
 DIGITS = {"psnr": 2, "psnr_cc": 2, "psnr_high_frequency": 2, "psnr_offpath": 2, "normal_median_degrees": 1, "surface_distance": 2,
           "depth_within_0_5_percent": 3, "depth_within_2_percent": 3, "floaters": 3}
