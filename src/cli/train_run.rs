@@ -178,10 +178,8 @@ fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console:
         0 => String::new(),
         n => format!("; {} splats more to begin with", HumanCount(n as u64)),
     };
-    let smaller = match found.side < settings.geometry.stereo_side && found.side > 0 {
-        true => format!(" at {} pixels, which fits --stereo-share", found.side),
-        false => String::new(),
-    };
+    let smaller =
+        found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
     if prior == DepthPrior::Propagation {
         console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
     } else {

@@ -23,8 +23,8 @@ pub struct StereoReport {
     pub views: usize,
     /// Share of their pixels that have a depth.
     pub share: f64,
-    /// Most pixels on the longer side of the photographs that were matched, at most `--stereo-side`; 0 where none were.
-    pub side: u32,
+    /// Pixels on the longer side of the photographs as they were matched, where `--stereo-share` made these smaller than `--stereo-side`.
+    pub reduced_to: Option<u32>,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
     /// Names of views of which nothing is known.
@@ -66,8 +66,10 @@ pub fn take_stereo(
     let mut wanted = settings.stereo();
     let matched = match settings.depth_prior == DepthPrior::Stereo || made {
         true => {
-            wanted = stereo_settings(training, input.train.iter().map(|v| (v.camera.width, v.camera.height)));
-            report.side = wanted.max_side;
+            let sizes = || input.train.iter().map(|view| (view.camera.width, view.camera.height));
+            let whole = sizes().map(|(width, height)| width.max(height)).max().unwrap_or(0).min(wanted.max_side);
+            wanted = stereo_settings(training, sizes());
+            report.reduced_to = (wanted.max_side < whole).then_some(wanted.max_side);
             Some(Stereo::matched(gpu, dataset, input, training, &wanted, share)?)
         }
         false => None,

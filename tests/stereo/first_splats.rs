@@ -25,7 +25,7 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
         let initial = prepare::initial(&dataset, None, 0).expect("points");
         let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
         let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
-        assert!(report.splats > 50, "{report:?}");
+        assert!(report.splats > 50 && report.reduced_to.is_none(), "{report:?}");
         (report.splats, input.initial)
     };
     let (count, plain) = begun(1.0, 1.0, 0.1);
@@ -54,12 +54,13 @@ fn texture_is_left_out_where_that_is_asked_for() {
     let known = |texture: f64| {
         let mut settings = train::Settings::default();
         settings.geometry.depth_prior = DepthPrior::Stereo;
-        settings.geometry.stereo_side = 48;
+        settings.geometry.stereo_side = 160;
         settings.geometry.stereo_texture = texture;
         let share = HostShare::unlimited();
         let initial = prepare::initial(&dataset, None, 0).expect("points");
         let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
-        take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        assert_eq!(report.reduced_to, None, "small photographs are matched as they are");
         let sizes: Vec<(u32, u32)> = input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
         let priors = input.known.priors.iter().zip(&sizes).map(|(prior, size)| {
             let (width, height) = settings.geometry.prior_size(size.0, size.1);
