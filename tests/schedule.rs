@@ -208,22 +208,34 @@ fn a_scaled_schedule_of_full_length_is_the_reference() {
 }
 
 #[test]
-fn a_short_schedule_keeps_a_pass_between_density_changes_and_room_after_resets() {
+fn a_short_schedule_changes_density_seldom_and_has_room_after_resets() {
+    let s = schedule(|o| {
+        o.run.iterations = 500;
+        o.run.scale_schedule = true;
+    });
+    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (8, 250, 43), "a pass over the views at least");
+
+    let s = schedule(|o| {
+        o.run.iterations = 900;
+        o.run.scale_schedule = true;
+    });
+    assert_eq!(s.densify_interval, 60, "a fifteenth of the steps at least");
+
     let s = schedule(|o| {
         o.run.iterations = 1500;
         o.run.scale_schedule = true;
     });
-    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (25, 750, 43));
+    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (25, 750, 100));
     assert_eq!((s.sh_interval, s.lr_means_steps, s.reset_interval), (50, 1500, 500));
-    assert_eq!(densified(&s).first(), Some(&43));
-    assert_eq!(densified(&s).last(), Some(&731));
+    assert_eq!(densified(&s).first(), Some(&100));
+    assert_eq!(densified(&s).last(), Some(&700));
     assert_eq!(resets(&s), [0_u32; 0], "500 is less than 300 steps before 750");
 
     let s = schedule(|o| {
         o.run.iterations = 7000;
         o.run.scale_schedule = true;
     });
-    assert_eq!((s.densify_until, s.densify_interval, s.reset_interval), (3500, 43, 700));
+    assert_eq!((s.densify_until, s.densify_interval, s.reset_interval), (3500, 100, 700));
     assert_eq!(resets(&s), [700, 1400, 2100, 2800]);
 
     let mut settings = Settings::default();
@@ -324,16 +336,25 @@ fn a_limited_set_is_recycled_while_it_grows() {
     assert_eq!(recycled(&s), wanted);
     assert!(recycled(&schedule(|_| {})).is_empty());
     assert!(recycled(&schedule(|s| (s.density.recycle_share, s.run.no_densify) = (0.2, true))).is_empty());
-    // Scaled, changes are 43 steps apart: every third.
+    // Scaled, changes are 100 steps apart: every second.
     let scaled = |share: f64| {
         schedule(|s| {
             (s.run.iterations, s.run.scale_schedule) = (1500, true);
             (s.density.recycle_share, s.density.prune_weight) = (share, 0.03);
         })
     };
-    assert_eq!(recycled(&scaled(0.2)), [130, 259, 388, 517, 646]);
+    assert_eq!(recycled(&scaled(0.2)), [201, 401, 601]);
     // What is dropped for good, when growth has ended, is the same.
     let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Below(_))));
     assert_eq!(below(&scaled(0.2)), below(&scaled(0.0)));
     assert_eq!(below(&scaled(0.2)), [750, 1201]);
+    let young = |share: f64| {
+        let s = schedule(|s| {
+            (s.run.iterations, s.run.scale_schedule) = (1500, true);
+            (s.density.prune_young, s.density.prune_weight) = (share, 0.04);
+        });
+        [s.drops(750), s.drops(1201)]
+    };
+    assert_eq!(young(0.25), [Some(Dropped::Below(0.01)), Some(Dropped::Below(0.04))]);
+    assert_eq!(young(0.0), [None, Some(Dropped::Below(0.04))], "what is young stays");
 }

@@ -23,6 +23,8 @@ pub use rates::Rates;
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
+/// Scaled schedules: a run has at most so many intervals of growth, down to those of the full length. Growth takes half of a run.
+const MOST_INTERVALS: u32 = 15;
 /// Scaled schedules: opacities are reset at most this often, and need [`RESET_RECOVERY`] steps of growth after it.
 const SHORTEST_RESET_INTERVAL: u32 = 500;
 const RESET_RECOVERY: u32 = 300;
@@ -70,8 +72,8 @@ pub struct Schedule {
     sigma: Every,
     sigma_from: u32,
     propagations: Propagations,
-    /// Splats below this weight are dropped before these steps.
-    prune_weight: f64,
+    /// Splats below these weights are dropped before these steps.
+    prune_weights: [f64; 2],
     prune_before: [u32; 2],
     prune_from: u32,
     skirt_before: u32,
@@ -118,9 +120,11 @@ impl Schedule {
         let mut reset_interval = density.opacity_reset_interval;
         let mut reset_until = densify_until.saturating_sub(1);
         if run.scale_schedule {
-            // A statistic needs every training view once, or the views seen decide what grows.
+            // A statistic needs every training view once, or the views seen decide what grows. Beyond that few changes of many steps each
+            // are better than many of few: what grew is judged when it has settled.
             let pass = u32::try_from(views).unwrap_or(u32::MAX);
-            densify_interval = scaled(densify_interval).max(pass).min(densify_interval);
+            let interval = scaled(densify_interval).max(pass).max(run.iterations / MOST_INTERVALS);
+            densify_interval = interval.min(densify_interval);
             if reset_interval > 0 {
                 reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
             }
@@ -164,7 +168,7 @@ impl Schedule {
                 _ => 0,
             },
             propagations: Propagations::default(),
-            prune_weight: density.prune_weight,
+            prune_weights: [density.prune_weight * density.prune_young, density.prune_weight],
             prune_from: density.prune_weight_from.max(densify_until),
             prune_before: [densify_until, prune_again],
             skirt_before: match settings.geometry.stereo_skirt > 0.0 && settings.model.sh_share >= 1.0 {
@@ -199,8 +203,10 @@ impl Schedule {
     /// Whether splats of little weight are dropped before a step, and which: when growth has come to its end, and once more when
     /// what was left has settled; while there is growth, to make room for it.
     pub fn drops(&self, t: u32) -> Option<Dropped> {
-        let due = self.densify && t >= self.prune_from && t <= self.iterations && self.prune_before.contains(&t);
-        let below = (due && self.prune_weight > 0.0).then_some(Dropped::Below(self.prune_weight));
+        let due = self.densify && t >= self.prune_from && t <= self.iterations;
+        // Where growth ends as late as the second time, that is what counts.
+        let weight = (0..2).rev().find(|&k| due && self.prune_before[k] == t).map_or(0.0, |k| self.prune_weights[k]);
+        let below = (weight > 0.0).then_some(Dropped::Below(weight));
         below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
     }
 

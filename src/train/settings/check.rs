@@ -180,6 +180,7 @@ impl Settings {
         }
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
+        ok((0.0..=1.0).contains(&density.prune_young), "prune-young", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.recycle_share), "recycle-share", "a number from 0 to 1")?;
         ok(density.max_splats != Some(0), "max-splats", "at least 1")
     }

@@ -47,12 +47,15 @@ group! {
         #[arg(value_name = "O")]
         pub prune_opacity: f64 = 0.005,
         /// Drop splats whose weight (alpha times transmittance) is below this in every pixel of every photograph that is trained on, when
-        /// growth has ended and after four fifths of the steps (0: keep them)
+        /// growth has ended (--prune-young) and after four fifths of the steps (0: keep them)
         #[arg(value_name = "W")]
         pub prune_weight: f64 = 0.0,
         /// Drop no splats below --prune-weight before this step: until opacities have been learned, weights say little
         #[arg(value_name = "STEP")]
         pub prune_weight_from: u32 = 500,
+        /// When growth has ended, take this share of --prune-weight, as what is young weighs little yet (0: drop none then)
+        #[arg(value_name = "SHARE")]
+        pub prune_young: f64 = 1.0,
         /// Where --max-splats holds growth up, drop this share of the splats, those of the least weight, after some density changes, which
         /// makes room for others (0: none)
         #[arg(value_name = "SHARE")]

@@ -17,6 +17,10 @@ impl Settings {
         if s.density.growth == Growth::Threshold || s.frequencies.low_stage == 0.0 {
             s.density.low_grad_threshold = s.density.grad_threshold;
         }
+        if s.density.prune_weight == 0.0 {
+            s.density.prune_young = plain.density.prune_young;
+            s.density.prune_weight_from = plain.density.prune_weight_from;
+        }
         if s.frequencies.low_stage == 0.0 {
             s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;
         }
