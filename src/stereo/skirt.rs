@@ -4,12 +4,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::continued::Continued;
-use super::extend::{ROUGHEST, others, pixel_at};
+use super::extend::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 
 /// Pixels between points.
-const STEP: usize = 8;
+const STEP: usize = 12;
+/// Surfaces that vary by more than this share of their distance say nothing of what is beside them.
+const ROUGHEST: f64 = 0.1;
 /// Points that are nearer to each other than this share of the distance between neighbours are one.
 const SAME_PLACE: f64 = 0.7;
 

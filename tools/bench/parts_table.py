@@ -6,7 +6,7 @@
 Files: ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
 ablate-160-1500-val-SCENE-psrgs-paper-PART-s0.json beside ablate-160-1500-val-SCENE-psrgs-paper-s0.json,
 wide-ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json, and
-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
+each-look-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside each-look-compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
 psrgs of their build, wide-320-1500-SCENE-psrgs-sSEED. Intervals are those of results_table.py.
 """
 
@@ -59,12 +59,12 @@ def beside_lean():
     for title, names in (("as many splats", SPLATS), ("as much time", TIME)):
         for scene, name in names.items():
             for seed in range(5):
-                of = f"compare-320-1500-{scene}-psrgs-s{seed}"
-                lean, psrgs = run(f"equal-320-{name}-s{seed}"), run(of)
+                of = f"each-look-compare-320-1500-{scene}-psrgs-s{seed}"
+                lean, psrgs = run(f"each-look-equal-320-{name}-s{seed}"), run(of)
                 if not lean or not psrgs:
                     continue
                 cells = [f"{r[m]:.{DIGITS.get(m, 4)}f}" for m in ("psnr", "ssim", "lpips_squeeze", "gmsd") for r in (psrgs, lean)]
-                ratio = time(f"equal-320-{name}-s{seed}") / time(f"wide-320-1500-{scene}-psrgs-s{seed}")
+                ratio = time(f"each-look-equal-320-{name}-s{seed}") / time(f"wide-320-1500-{scene}-psrgs-s{seed}")
                 print(f"| {title} | {scene} | {seed} | {' | '.join(cells)} | {100 * lean['splats'] / psrgs['splats']:.0f} % | {ratio:.2f} |")
                 for metric in METRICS:
                     differences.setdefault((title, metric), []).append(psrgs[metric] - lean[metric])

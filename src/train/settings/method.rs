@@ -141,13 +141,13 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "densify-until" density.densify_until = 10_000,
-        "grad-threshold" density.grad_threshold = 7e-4,
-        "low-grad-threshold" density.low_grad_threshold = 7e-4,
+        "grad-threshold" density.grad_threshold = 1e-3,
+        "low-grad-threshold" density.low_grad_threshold = 1e-3,
         "prune-weight" density.prune_weight = 0.1,
         "prune-young" density.prune_young = 0.0,
-        "stereo-splats" geometry.stereo_splats = 20_000,
+        "stereo-splats" geometry.stereo_splats = 30_000,
         "stereo-alone" geometry.stereo_alone = 3,
-        "stereo-skirt" geometry.stereo_skirt = 0.25,
+        "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
     );
 }
