@@ -168,7 +168,7 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
         // At most a quarter of the longer side, 24 pixels of about ABOVE / 80, beyond the row.
         let [x, y, _] = p.point.position;
         assert!((-5.5..9.5).contains(&x) && y.abs() < 5.0, "{p:?}");
-        assert!((p.spacing / (8.0 * ABOVE / 80.0) - 1.0).abs() < 0.5, "{p:?}");
+        assert!((p.spacing / (12.0 * ABOVE / 80.0) - 1.0).abs() < 0.5, "{p:?}");
     }
     for (i, p) in points.iter().enumerate() {
         let distance =
