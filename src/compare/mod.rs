@@ -7,5 +7,5 @@ mod table;
 
 pub use interval::{Difference, paired};
 pub use page::page;
-pub use plan::{ABLATIONS, Ablation, Run, Size};
+pub use plan::{ABLATIONS, Ablation, OWN_GRAD_THRESHOLD, Run, Size};
 pub use table::{Finished, Summary, csv, markdown, summaries};

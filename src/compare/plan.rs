@@ -52,6 +52,9 @@ pub struct Ablation {
     pub options: &'static [&'static str],
 }
 
+/// In the options of an ablation: the method's own `--grad-threshold`.
+pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
+
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
 pub const ABLATIONS: [Ablation; 34] = [
     Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
@@ -70,7 +73,7 @@ pub const ABLATIONS: [Ablation; 34] = [
     Ablation { name: "no-exposures", options: &["--exposure", "off"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },
-    Ablation { name: "one-threshold", options: &["--low-grad-threshold", "6e-4"] },
+    Ablation { name: "one-threshold", options: &["--low-grad-threshold", OWN_GRAD_THRESHOLD] },
     // The order of the paper's abstract, which its second figure contradicts.
     Ablation { name: "low-threshold-first", options: &["--low-grad-threshold", "1.5e-4"] },
     Ablation { name: "along-gradient", options: &["--split-along-gradient"] },

@@ -12,8 +12,6 @@ use crate::scene::Camera;
 /// Surfaces are continued where what they are continued from varies by at most this share of the depth: a depth that is wrong by a
 /// hundredth moves a place by some pixels in the views that look there from elsewhere.
 pub(super) const ROUGHEST: f64 = 0.01;
-/// Others are looked for among so many views that stand nearest.
-const NEAREST: usize = 128;
 
 /// A pixel that few views look at.
 struct Alone {
@@ -53,8 +51,8 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
         if rough > ROUGHEST {
             return None;
         }
-        let shared: Vec<(usize, usize)> =
-            others.iter().filter_map(|(j, link)| Some((*j, pixel_at(link, [u, v], q, &views[*j].camera)?))).collect();
+        let sharing = others.iter().filter_map(|(j, link)| Some((*j, pixel_at(link, [u, v], q, &views[*j].camera)?)));
+        let shared: Vec<(usize, usize)> = sharing.take(most).collect();
         (shared.len() < most).then(|| {
             let (position, normal) = in_space(&view.camera, [u, v], 1.0 / q, continued.normal(u, v, q));
             let color = view.colours.get(pixel).copied().unwrap_or([128; 3]);
@@ -65,14 +63,13 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()
 }
 
-/// How the pixels of a view lead to those of the views that stand nearest.
+/// How the pixels of a view lead to those of all others, of those first that stand nearest: they are the likeliest to look at the same.
 pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Link)> {
     let centre = |view: &View| DVec3::from_array(view.camera.center());
     let own = centre(&views[i]);
     let distance = |j: &usize| own.distance_squared(centre(&views[*j]));
     let mut nearest: Vec<usize> = (0..views.len()).filter(|&j| j != i).collect();
     nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.truncate(NEAREST);
     nearest.into_iter().map(|j| (j, Link::new(&views[i].camera, &views[j].camera))).collect()
 }
 

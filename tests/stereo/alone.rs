@@ -182,6 +182,23 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
 }
 
 #[test]
+fn a_view_beyond_many_that_stand_nearer_looks_all_the_same() {
+    const FAR: (f64, f64) = (8.4, 0.0);
+    let at: Vec<(f64, f64)> = ROW.into_iter().chain([FAR]).collect();
+    let (mut views, mut priors) = self::views(&at, |_| 1.0);
+    let without = skirt(&views[..ROW.len()], &priors[..ROW.len()], 0.25);
+    let far = views[ROW.len()].camera;
+    assert!(without.iter().any(|p| seen_by(&far, p.point.position)), "else there is nothing to see");
+    for _ in 0..150 {
+        views.push(views[0].clone());
+        priors.push(priors[0].clone());
+    }
+    let with = skirt(&views, &priors, 0.25);
+    assert!(with.len() > 20, "{}", with.len());
+    assert!(!with.iter().any(|p| seen_by(&far, p.point.position)));
+}
+
+#[test]
 fn a_skirt_goes_on_from_roofs_and_trees_as_a_blur_does_not_show_them() {
     let spread = |share: f64| move |p: usize| 1.0 + share * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
     // Three hundredths of the distance, as buildings of 5 m are from 100 m above: no splats that photographs look at, but a skirt.

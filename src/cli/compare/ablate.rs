@@ -1,7 +1,7 @@
 //! The rows of a method without its parts.
 
 use clap::{Args as _, Command, FromArgMatches as _};
-use psrgs_vk::compare::ABLATIONS;
+use psrgs_vk::compare::{ABLATIONS, Ablation, OWN_GRAD_THRESHOLD};
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 
@@ -17,13 +17,21 @@ pub(super) fn rows(method: &str) -> anyhow::Result<Vec<Row>> {
     let whole = Settings::of_method(known);
     let mut rows = vec![(method.to_owned(), method.to_owned(), Vec::new())];
     for ablation in &ABLATIONS {
-        let changed = with(&whole, ablation.options)?;
+        let options = options_of(ablation, &whole);
+        let changed = with(&whole, &options)?;
         if changed.in_use() != whole.in_use() && can_be_trained(&changed) {
-            let options = ablation.options.iter().map(|o| (*o).to_owned()).collect();
             rows.push((format!("{method}-{}", ablation.name), method.to_owned(), options));
         }
     }
     Ok(rows)
+}
+
+fn options_of(ablation: &Ablation, whole: &Settings) -> Vec<String> {
+    let one = |option: &&str| match *option {
+        OWN_GRAD_THRESHOLD => whole.density.grad_threshold.to_string(),
+        option => option.to_owned(),
+    };
+    ablation.options.iter().map(one).collect()
 }
 
 /// Whether the method can have the change: no width of a filter is learned where there is no filter, say.
@@ -37,7 +45,7 @@ fn can_be_trained(changed: &Settings) -> bool {
 }
 
 /// Settings with options of `train` in place of their own values.
-fn with(whole: &Settings, options: &[&str]) -> anyhow::Result<Settings> {
+fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
     let command = Settings::augment_args(Command::new("train").no_binary_name(true));
     let matches = command.try_get_matches_from(options)?;
     Ok(Settings::from_arg_matches(&matches)?.over(whole, |key| named(&matches, key))?)
@@ -59,7 +67,6 @@ mod tests {
                 if method == Method::Rsgs {
                     whole.density.lidar = Some(LidarCloud::Mvs);
                 }
-                let options: Vec<&str> = options.iter().map(String::as_str).collect();
                 with(&whole, &options).expect(&label).check().unwrap_or_else(|error| panic!("{label}: {error}"));
             }
         }
@@ -68,8 +75,10 @@ mod tests {
     #[test]
     fn one_threshold_is_that_of_high_frequencies() {
         let one = ABLATIONS.iter().find(|ablation| ablation.name == "one-threshold").expect("a row");
-        let density = with(&Settings::of_method(Method::PsrgsPaper), one.options).expect("settings").density;
+        let paper = Settings::of_method(Method::PsrgsPaper);
+        let density = with(&paper, &options_of(one, &paper)).expect("settings").density;
         assert_eq!(density.low_grad_threshold, density.grad_threshold);
+        assert!(!names("psrgs").iter().any(|row| row == "psrgs-one-threshold"), "it has one threshold");
     }
 
     #[test]
