@@ -8,8 +8,12 @@ use super::extend::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 
-/// Pixels between points.
-const STEP: usize = 12;
+/// Pixels between points beside a picture, where a photograph from elsewhere is likely to look.
+const NEAR_STEP: f64 = 8.0;
+/// How far beside it that is, in pixels.
+const NEAR: f64 = 24.0;
+/// Pixels between points farther off.
+const FAR_STEP: f64 = 16.0;
 /// Surfaces that vary by more than this share of their distance say nothing of what is beside them.
 const ROUGHEST: f64 = 0.1;
 /// Points that are nearer to each other than this share of the distance between neighbours are one.
@@ -27,10 +31,11 @@ pub struct SkirtPoint {
 /// Points on the views' surfaces, continued past the edges of the pictures by up to `share` of their longer sides, where no view looks and these
 /// surfaces vary little: far apart, in the colours of the nearest edge. No photograph says what is there; but something is, and without them nothing is shown.
 pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
-    let found: Vec<Vec<SkirtPoint>> =
-        (0..views.len()).into_par_iter().map(|i| around(views, priors, i, share)).collect();
+    let (near, far): (Vec<_>, Vec<_>) =
+        (0..views.len()).into_par_iter().map(|i| around(views, priors, i, share)).unzip();
     let mut points: Vec<SkirtPoint> = Vec::new();
-    for one in found.into_iter().flatten() {
+    // The near ones of all views first: a far one that comes later gives way to them.
+    for one in near.into_iter().chain(far).flatten() {
         let at = DVec3::from_array(one.point.position);
         let same = |other: &SkirtPoint| {
             at.distance(DVec3::from_array(other.point.position)) < SAME_PLACE * one.spacing.max(other.spacing)
@@ -42,32 +47,44 @@ pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     points
 }
 
-fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> Vec<SkirtPoint> {
-    let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Vec::new() };
+/// Those of a view that are near to its picture, and the others.
+fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtPoint>, Vec<SkirtPoint>) {
+    let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Default::default() };
     let (Some(continued), true) = (Continued::new(view, prior), view.colours.len() == view.pixels()) else {
-        return Vec::new();
+        return Default::default();
     };
     let others = others(views, i);
     let camera = &view.camera;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let rings = (share * width.max(height) / STEP as f64).round() as i64;
-    let along = |side: u32| {
-        let inside = side.div_ceil(STEP as u32) as i64;
-        (-rings..inside + rings).map(|k| (k as f64 + 0.5) * STEP as f64)
+    let farthest = share * width.max(height);
+    let beside = |u: f64, v: f64| {
+        let out = |at: f64, side: f64| (-at).max(at - side).max(0.0);
+        out(u, width).max(out(v, height))
     };
-    let beside = |u: f64, v: f64| u < 0.0 || v < 0.0 || u >= width || v >= height;
-    let one = |(u, v): (f64, f64)| {
+    let one = |[u, v]: [f64; 2], step: f64| {
         let (q, rough) = continued.inverse_depth(u, v);
         if rough > ROUGHEST || others.iter().any(|(j, link)| pixel_at(link, [u, v], q, &views[*j].camera).is_some()) {
             return None;
         }
         let (position, normal) = in_space(camera, [u, v], 1.0 / q, continued.normal(u, v, q));
         let (position, normal) = (position.to_array(), normal.as_vec3().to_array());
-        let spacing = STEP as f64 / (q * 0.5 * (camera.fx + camera.fy));
+        let spacing = step / (q * 0.5 * (camera.fx + camera.fy));
         Some(SkirtPoint { point: FusedPoint { position, normal, color: edge_colour(view, u, v), pixels: 0 }, spacing })
     };
-    let nodes = along(camera.height).flat_map(|v| along(camera.width).map(move |u| (u, v)));
-    nodes.filter(|&(u, v)| beside(u, v)).filter_map(one).collect()
+    let grid = |step: f64, from: f64, to: f64| {
+        let (right, bottom) = (nodes(width, step, to), nodes(height, step, to));
+        let all = bottom.flat_map(move |v| right.clone().map(move |u| [u, v]));
+        all.filter(|&[u, v]| (from..to).contains(&beside(u, v))).filter_map(|at| one(at, step)).collect()
+    };
+    let near = NEAR.min(farthest);
+    (grid(NEAR_STEP, f64::MIN_POSITIVE, near), grid(FAR_STEP, near, farthest))
+}
+
+/// Places `step` apart along a side and up to `beyond` it on both ends.
+fn nodes(side: f64, step: f64, beyond: f64) -> impl Iterator<Item = f64> + Clone {
+    let out = (beyond / step).ceil();
+    let inside = (side / step).ceil();
+    (0..(2.0 * out + inside) as usize).map(move |k| (k as f64 - out + 0.5) * step)
 }
 
 /// The mean colour about the pixel that is nearest to a place beside the picture, over a square that is the wider the farther that is.
@@ -75,7 +92,7 @@ fn edge_colour(view: &View, u: f64, v: f64) -> [u8; 3] {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let nearest = |at: f64, side: usize| at.clamp(0.0, side.saturating_sub(1) as f64) as usize;
     let (x, y) = (nearest(u, width), nearest(v, height));
-    let reach = (u - x as f64).abs().max((v - y as f64).abs()).max(STEP as f64) as usize / 2;
+    let reach = (u - x as f64).abs().max((v - y as f64).abs()).max(NEAR_STEP) as usize / 2;
     let mut sum = [0_u32; 3];
     let mut count = 0;
     for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {

@@ -1,7 +1,7 @@
 //! Surfaces continued to where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, Prior, Start, View, extend, skirt};
+use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -168,8 +168,10 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
         // At most a quarter of the longer side, 24 pixels of about ABOVE / 80, beyond the row.
         let [x, y, _] = p.point.position;
         assert!((-5.5..9.5).contains(&x) && y.abs() < 5.0, "{p:?}");
-        assert!((p.spacing / (12.0 * ABOVE / 80.0) - 1.0).abs() < 0.5, "{p:?}");
     }
+    // Of 8 pixels beside a picture, of 16 farther off.
+    let steps: Vec<f64> = points.iter().map(|p| p.spacing / (ABOVE / 80.0)).collect();
+    assert!(steps.iter().all(|step| (8.0 / 1.5..16.0 * 1.5).contains(step)), "{steps:?}");
     for (i, p) in points.iter().enumerate() {
         let distance =
             |q: &FusedPoint| (0..3).map(|k| (p.point.position[k] - q.position[k]).powi(2)).sum::<f64>().sqrt();
@@ -179,6 +181,24 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
     let left = points.iter().filter(|p| p.point.position[0] < -3.3);
     assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.color[0] < 16));
     assert!(skirt(&views, &priors, 0.0).is_empty());
+}
+
+#[test]
+fn a_skirt_is_coarser_farther_off() {
+    let (views, priors) = views(&ROW, |_| 1.0);
+    let points = skirt(&views, &priors, 0.5);
+    // Above and below the row, where the ground is level: 24 pixels of ABOVE / 80 beside the pictures, and beyond.
+    let pixel = |p: &SkirtPoint| {
+        let [x, y, z] = p.point.position;
+        (x > -2.0 && x < 5.6).then(|| (y.abs() * 80.0 / (ABOVE - z) - 36.0, p.spacing * 80.0 / (ABOVE - z)))
+    };
+    let at: Vec<(f64, f64)> = points.iter().filter_map(pixel).collect();
+    let (near, far): (Vec<_>, Vec<_>) = at.into_iter().partition(|(beside, _)| *beside < 20.0);
+    let far: Vec<_> = far.into_iter().filter(|(beside, _)| *beside > 32.0).collect();
+    assert!(near.len() > 20 && far.len() > 4, "{near:?} {far:?}");
+    assert!(near.iter().all(|(_, step)| (step / 8.0 - 1.0).abs() < 0.4), "{near:?}");
+    assert!(far.iter().all(|(_, step)| (step / 16.0 - 1.0).abs() < 0.4), "{far:?}");
+    assert!(far.iter().all(|(beside, _)| *beside < 48.0 + 12.0), "{far:?}");
 }
 
 #[test]
