@@ -184,9 +184,10 @@ fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console:
         console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
     } else {
         console.say(format_args!(
-            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels{splats}",
+            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels, of surfaces that fill {:.1} photographs{splats}",
             found.views,
-            100.0 * found.share
+            100.0 * found.share,
+            found.surface
         ));
     }
     if let [first, rest @ ..] = found.skipped.as_slice() {

@@ -57,13 +57,16 @@ pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
 pub const ABLATIONS: [Ablation; 34] = [
-    Ablation { name: "no-stereo", options: &["--depth-prior", "none", "--stereo-splats", "0"] },
-    Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0"] },
+    Ablation {
+        name: "no-stereo",
+        options: &["--depth-prior", "none", "--stereo-splats", "0", "--stereo-density", "0"],
+    },
+    Ablation { name: "sfm-depth", options: &["--depth-prior", "sfm", "--stereo-splats", "0", "--stereo-density", "0"] },
     Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
     Ablation { name: "no-smoothness", options: &["--lambda-smooth", "0"] },
     Ablation { name: "free-harmonics", options: &["--lambda-sh", "0"] },
     Ablation { name: "no-flattening", options: &["--lambda-flatten", "0"] },
-    Ablation { name: "no-stereo-splats", options: &["--stereo-splats", "0"] },
+    Ablation { name: "no-stereo-splats", options: &["--stereo-splats", "0", "--stereo-density", "0"] },
     Ablation { name: "round-stereo-splats", options: &["--stereo-thickness", "1"] },
     Ablation { name: "wide-stereo-splats", options: &["--stereo-width", "1"] },
     Ablation { name: "faint-stereo-splats", options: &["--stereo-opacity", "0.1"] },

@@ -31,6 +31,7 @@ mod settings;
 mod skirt;
 mod sources;
 mod start;
+mod surface;
 mod view;
 mod work;
 
@@ -46,4 +47,5 @@ pub use settings::{Budget, Settings};
 pub use skirt::{SkirtPoint, skirt};
 pub use sources::{Observations, choose_sources};
 pub use start::{Start, depth_range};
+pub use surface::surface;
 pub use view::View;

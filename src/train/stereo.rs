@@ -25,6 +25,8 @@ pub struct StereoReport {
     pub share: f64,
     /// Pixels on the longer side of the photographs as they were matched, where `--stereo-share` made these smaller than `--stereo-side`.
     pub reduced_to: Option<u32>,
+    /// Surfaces of which depths are known, in photographs that would show all of them once (see [`stereo::surface`]).
+    pub surface: f64,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
     /// Names of views of which nothing is known.
@@ -75,8 +77,9 @@ pub fn take_stereo(
         false => None,
     };
     if let Some(stereo) = &matched {
+        report.surface = stereo::surface(&stereo.scene.views, &stereo.priors);
         let points = input.initial.len() as u32;
-        let more = (first_splats(points, training) - points) as usize;
+        let more = (first_splats(points, report.surface, training) - points) as usize;
         if made || (begins && more > 0) {
             let mut fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
             if settings.stereo_alone > 0 {
@@ -138,10 +141,12 @@ pub fn take_stereo(
     Ok(report)
 }
 
-/// The most splats that a training begins with: those of `points`, and those that stereo adds, with room left to grow.
-pub fn first_splats(points: u32, settings: &Settings) -> u32 {
+/// The most splats that a training begins with: those of `points`, and those that stereo adds on a [`stereo::surface`], with room left to
+/// grow.
+pub fn first_splats(points: u32, surface: f64, settings: &Settings) -> u32 {
     let allowed = settings.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(points));
-    points.saturating_add(settings.geometry.stereo_splats.min(allowed))
+    let of_surface = (f64::from(settings.geometry.stereo_density) * surface).round() as u32;
+    points.saturating_add(settings.geometry.stereo_splats.max(of_surface).min(allowed))
 }
 
 /// What the training views see, and which of them can be compared.

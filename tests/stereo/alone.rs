@@ -1,7 +1,7 @@
 //! Surfaces continued to where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt};
+use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt, surface};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -181,6 +181,28 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
     let left = points.iter().filter(|p| p.point.position[0] < -3.3);
     assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.color[0] < 16));
     assert!(skirt(&views, &priors, 0.0).is_empty());
+}
+
+#[test]
+fn views_of_one_place_show_one_photograph_of_it_however_many_they_are() {
+    let filled = |at: &[(f64, f64)], wrong: f64| {
+        let (views, mut priors) = views(at, |_| 1.0);
+        // The last three see something else there.
+        priors[at.len() - 3..].iter_mut().flat_map(|p| &mut p.depth).for_each(|d| *d *= wrong as f32);
+        surface(&views, &priors)
+    };
+    let (here, there) = ([(0.0, 0.0); 3], [(0.0, 20.0); 3]);
+    assert!((filled(&here, 1.0) - 1.0).abs() < 1e-9);
+    assert!((filled(&[here, here].concat(), 1.0) - 1.0).abs() < 1e-9);
+    assert!((filled(&[here, there].concat(), 1.0) - 2.0).abs() < 1e-9);
+    assert!((filled(&[here, here].concat(), 0.5) - 2.0).abs() < 1e-9, "what hides the rest is a surface of its own");
+    // Half a picture further: half of it is new.
+    let half = 0.5 * f64::from(HEIGHT) * ABOVE / 80.0;
+    let more = filled(&[here, [(0.0, half); 3]].concat(), 1.0);
+    assert!((more - 1.5).abs() < 0.1, "{more}");
+    assert_eq!(surface(&[], &[]), 0.0);
+    let (views, _) = views(&here, |_| 1.0);
+    assert_eq!(surface(&views, &[]), 0.0, "nothing is known");
 }
 
 #[test]

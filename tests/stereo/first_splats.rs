@@ -2,7 +2,7 @@
 
 use psrgs_vk::dataset::HostShare;
 use psrgs_vk::train::settings::DepthPrior;
-use psrgs_vk::train::{self, prepare, take_stereo};
+use psrgs_vk::train::{self, first_splats, prepare, take_stereo};
 
 use super::common;
 use super::memory::world;
@@ -43,6 +43,21 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
         let opacity = 1.0 / (1.0 + (-f64::from(asked.opacities[i])).exp());
         assert!((opacity - if on_surface { 0.75 } else { 0.1 }).abs() < 1e-6, "splat {i}: {opacity}");
     }
+}
+
+#[test]
+fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
+    let mut settings = train::Settings::default();
+    let more = |settings: &train::Settings, surface: f64| first_splats(1000, surface, settings) - 1000;
+    assert_eq!(more(&settings, 8.0), 0);
+    settings.geometry.stereo_splats = 300;
+    assert_eq!(more(&settings, 8.0), 300);
+    settings.geometry.stereo_density = 100;
+    assert_eq!([0.0, 2.0, 3.0, 4.86].map(|surface| more(&settings, surface)), [300, 300, 300, 486]);
+    settings.density.max_splats = Some(2600);
+    assert_eq!(more(&settings, 4.86), 300, "room is left to grow");
+    settings.density.max_splats = Some(10);
+    assert_eq!(more(&settings, 1e9), 0);
 }
 
 /// Pixels that the mask says are texture have no depth, and the others have it still.

@@ -147,8 +147,9 @@ impl Settings {
         let plain = self.model.sh_share >= 1.0 && sh_every <= 1 && moment_bits == 32 && !visible_adam;
         let several = "1 where there is --sh-share, --sh-every, --moment-bits 16 or --visible-adam";
         ok(texture.views_at_once() == 1 || plain, "perceptual-views", several)?;
-        let dense = geometry.stereo_splats == 0 || geometry.depth_prior == DepthPrior::Stereo;
-        ok(dense, "stereo-splats", "0 unless --depth-prior is stereo")?;
+        for (splats, key) in [(geometry.stereo_splats, "stereo-splats"), (geometry.stereo_density, "stereo-density")] {
+            ok(splats == 0 || geometry.depth_prior == DepthPrior::Stereo, key, "0 unless --depth-prior is stereo")?;
+        }
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
         ok(
             density.lidar.is_some() || !wants_cloud,

@@ -46,7 +46,7 @@ impl Settings {
         if s.geometry.depth_prior != DepthPrior::Stereo || s.model.sh_share < 1.0 {
             s.geometry.stereo_skirt = plain.geometry.stereo_skirt;
         }
-        if s.geometry.stereo_splats == 0 {
+        if !s.geometry.begins_on_surfaces() {
             s.geometry.stereo_width = plain.geometry.stereo_width;
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;

@@ -150,6 +150,10 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
     );
+    // Whoever says how many there are to be has so many.
+    if !named("stereo-splats") && settings.geometry.depth_prior == DepthPrior::Stereo {
+        unless_named!(named, settings: "stereo-density" geometry.stereo_density = 12_500);
+    }
 }
 
 /// What the paper has and `psrgs` has not. Its thresholds are those of the caption of its second figure: high where frequencies are low.

@@ -28,6 +28,10 @@ group! {
         /// Begin with so many splats more, on surfaces that stereo has found (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
+        /// At least so many of them for each photograph that these surfaces would fill, were every place on one only: flights begin with more
+        /// than what is seen from all around (0: --stereo-splats as it is)
+        #[arg(value_name = "N")]
+        pub stereo_density: u32 = 0,
         /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
         #[arg(value_name = "SHARE")]
         pub stereo_width: f64 = 1.0,
@@ -129,6 +133,11 @@ impl Geometry {
     /// The size of what is known of a photograph of this size.
     pub fn prior_size(&self, width: u32, height: u32) -> (u32, u32) {
         self.stereo().size(width, height)
+    }
+
+    /// Whether splats begin on surfaces that stereo has found.
+    pub fn begins_on_surfaces(&self) -> bool {
+        self.stereo_splats > 0 || self.stereo_density > 0
     }
 
     /// How stereo works.
