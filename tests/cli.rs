@@ -110,6 +110,23 @@ fn psrgs_is_the_method_where_none_is_named() {
     assert_eq!(chosen(&["fox", "--config", &named]).0, "3dgs");
 }
 
+#[test]
+fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
+    let chosen = |args: &[&str]| {
+        let got = settings(&[&["fox"], args].concat());
+        let number = |key: &str| got["geometry"][key].as_integer().expect("a number");
+        (number("stereo-splats"), number("stereo-density"))
+    };
+    assert_eq!(chosen(&[]), (30_000, 12_500));
+    assert_eq!(chosen(&["--stereo-splats", "60000"]), (60_000, 0));
+    assert_eq!(chosen(&["--stereo-splats", "30000"]), (30_000, 0), "named, though it is the default");
+    assert_eq!(chosen(&["--stereo-splats", "500", "--stereo-density", "100"]), (500, 100));
+    assert_eq!(chosen(&["--depth-prior", "none", "--stereo-splats", "0"]), (0, 0));
+    assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0));
+    assert_eq!(chosen(&["--method", "3dgs"]), (0, 0));
+    fails(&["train", "fox", "--method", "3dgs", "--stereo-density", "5"], 2, &["stereo-density", "--depth-prior"]);
+}
+
 /// Longer side, steps, and whether the schedule is scaled.
 fn size_and_steps(settings: &toml::Table) -> (i64, i64, bool) {
     let number = |group: &str, key: &str| settings[group][key].as_integer().expect("a number");
