@@ -3,7 +3,7 @@
 
   tools/bench/parts_table.py
 
-Files: ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
+Files: parts-320-1500-val-SCENE-PART-s0.json beside parts-320-1500-val-SCENE-psrgs-s0.json (nothing left out), and of earlier forms of psrgs ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
 ablate-160-1500-val-SCENE-psrgs-paper-PART-s0.json beside ablate-160-1500-val-SCENE-psrgs-paper-s0.json,
 wide-ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json, and
 each-look-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside each-look-compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
@@ -81,6 +81,7 @@ def beside_lean():
 
 
 if __name__ == "__main__":
+    parts("parts-320-1500-val-{}-psrgs-s0", "parts-320-1500-val-{}-{}-s0")
     parts("rim-320-1500-val-{}-both-s0", "ablate-320-1500-val-{}-psrgs-{}-s0")
     parts("ablate-160-1500-val-{}-psrgs-paper-s0", "ablate-160-1500-val-{}-psrgs-paper-{}-s0")
     parts("starts-320-1500-val-{}-60k-5e-4-s0", "wide-ablate-320-1500-val-{}-psrgs-{}-s0")
