@@ -243,6 +243,20 @@ fn a_short_schedule_changes_density_seldom_and_has_room_after_resets() {
     settings.run.scale_schedule = true;
     let many = Schedule::new(&settings, 900);
     assert_eq!(many.densify_interval, 100, "never above the reference's");
+
+    // Steps that change density do not optimise: an interval of one step would leave none that does.
+    settings.density.densify_interval = 1;
+    assert_eq!(
+        Schedule::new(&settings, 43).densify_interval,
+        43,
+        "a look at all photographs, however often is asked for"
+    );
+    assert_eq!(Schedule::new(&settings, 900).densify_interval, 100);
+    settings.density.densify_interval = 70;
+    assert_eq!(Schedule::new(&settings, 43).densify_interval, 70);
+    settings.run.scale_schedule = false;
+    settings.density.densify_interval = 1;
+    assert_eq!(Schedule::new(&settings, 43).densify_interval, 1, "as it is asked for, where nothing is scaled");
     assert_eq!(resets(&many), [500], "500 is exactly 300 steps before 800");
 }
 

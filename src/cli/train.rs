@@ -29,8 +29,8 @@ const SHORTCUTS: [&str; 3] = ["moment-bits", "sh-every", "sh-rate"];
 
 /// Train a model on posed photographs
 ///
-/// Defaults are given as the method 3dgs has them at 30,000 steps. Every other method, --preset and --scale-schedule change some: `--method M
-/// --print-settings` prints those that hold.
+/// Defaults are given as the method 3dgs has them at 30,000 steps. Every other method, --preset and --scale-schedule change some: `DATA
+/// --method M --print-settings` prints those that hold.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,7 +41,8 @@ Examples:
   psrgs-vk train --resume fox-model
   psrgs-vk train fox --iterations 7000 --print-settings > my.toml
 
-DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model. Written to the --out folder:
+DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model, transforms.json of nerfstudio or
+reconstruction.json of OpenSfM. Written to the --out folder:
 point_cloud.ply, held-out renders, depth and normals, metrics.json, report.html, settings.toml, checkpoints.")]
 pub(crate) struct Args {
     /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]

@@ -25,6 +25,8 @@ pub use rates::Rates;
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
 /// Scaled schedules: a run has at most so many intervals of growth, down to those of the full length. Growth takes half of a run.
 const MOST_INTERVALS: u32 = 15;
+/// Scaled schedules: growth is at most once per look at all photographs, or at so many of them, however often is asked for.
+const LONGEST_PASS: u32 = 100;
 /// Scaled schedules: opacities are reset at most this often, and need [`RESET_RECOVERY`] steps of growth after it.
 const SHORTEST_RESET_INTERVAL: u32 = 500;
 const RESET_RECOVERY: u32 = 300;
@@ -124,7 +126,7 @@ impl Schedule {
             // are better than many of few: what grew is judged when it has settled.
             let pass = u32::try_from(views).unwrap_or(u32::MAX);
             let interval = scaled(densify_interval).max(pass).max(run.iterations / MOST_INTERVALS);
-            densify_interval = interval.min(densify_interval);
+            densify_interval = interval.min(densify_interval.max(pass.min(LONGEST_PASS)));
             if reset_interval > 0 {
                 reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
             }

@@ -168,7 +168,8 @@ group! {
         #[arg(value_name = "E")]
         pub lr_decay: f64 = 0.6,
         /// What each photograph may differ in from the render: off (nothing) or affine (a colour map per photograph, the identity
-        /// in the mean over all; held-out photographs are compared without)
+        /// in the mean over all; held-out photographs are compared as exposed like
+        /// those before, after and near them)
         #[arg(value_name = "KIND")]
         pub exposure: Exposure = Exposure::Off,
         /// Learning rate of the exposures at step 0
