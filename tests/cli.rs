@@ -124,6 +124,12 @@ fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     assert_eq!(chosen(&["--depth-prior", "none", "--stereo-splats", "0"]), (0, 0));
     assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0));
     assert_eq!(chosen(&["--method", "3dgs"]), (0, 0));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\n");
+    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500));
+    assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0));
+    let before = write(folder.path(), "before.toml", "[geometry]\nstereo-splats = 30000\n");
+    assert_eq!(chosen(&["--config", &before]), (30_000, 0), "a file of a build that had no density");
     fails(&["train", "fox", "--method", "3dgs", "--stereo-density", "5"], 2, &["stereo-density", "--depth-prior"]);
 }
 

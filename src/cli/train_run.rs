@@ -96,6 +96,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         Some(restart) => restart.variants,
         None => chosen_variants(&gpu, settings)?,
     };
+    let splats = restart.as_ref().map_or(input.initial.len() as u32, |r| r.state.splats());
     console.say(MemoryPlan::new(&gpu, &input, settings, variants, host.pacing, splats)?);
     let done = restart.as_ref().map_or(0, |r| r.step);
     if settings.run.iterations - done.min(settings.run.iterations) >= WORTH_TIMING {
@@ -178,16 +179,19 @@ fn tell_stereo(found: &StereoReport, settings: &Settings, views: usize, console:
         0 => String::new(),
         n => format!("; {} splats more to begin with", HumanCount(n as u64)),
     };
+    let splats = match found.surface {
+        Some(surface) => format!("; their surfaces would fill {surface:.1} photographs{splats}"),
+        None => splats,
+    };
     let smaller =
         found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
     if prior == DepthPrior::Propagation {
         console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
     } else {
         console.say(format_args!(
-            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels, of surfaces that fill {:.1} photographs{splats}",
+            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels{splats}",
             found.views,
-            100.0 * found.share,
-            found.surface
+            100.0 * found.share
         ));
     }
     if let [first, rest @ ..] = found.skipped.as_slice() {

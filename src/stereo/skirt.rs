@@ -8,7 +8,7 @@ use super::extend::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 
-/// Pixels between points beside a picture, where a photograph from elsewhere is likely to look.
+/// Pixels of the views, as stereo has them, between points beside a picture, where a photograph from elsewhere is likely to look.
 const NEAR_STEP: f64 = 8.0;
 /// How far beside it that is, in pixels.
 const NEAR: f64 = 24.0;
@@ -57,8 +57,9 @@ fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtP
     let camera = &view.camera;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let farthest = share * width.max(height);
+    // How far beside the picture; negative on it.
     let beside = |u: f64, v: f64| {
-        let out = |at: f64, side: f64| (-at).max(at - side).max(0.0);
+        let out = |at: f64, side: f64| (-at).max(at - side);
         out(u, width).max(out(v, height))
     };
     let one = |[u, v]: [f64; 2], step: f64| {
@@ -77,7 +78,7 @@ fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtP
         all.filter(|&[u, v]| (from..to).contains(&beside(u, v))).filter_map(|at| one(at, step)).collect()
     };
     let near = NEAR.min(farthest);
-    (grid(NEAR_STEP, f64::MIN_POSITIVE, near), grid(FAR_STEP, near, farthest))
+    (grid(NEAR_STEP, 0.0, near), grid(FAR_STEP, near, farthest))
 }
 
 /// Places `step` apart along a side and up to `beyond` it on both ends.

@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use super::Error;
+use super::choice::chosen_variants;
 use super::cloud::{self, Gate};
 use super::input::{self, Input, Outline};
+use super::memory::MemoryPlan;
+use super::pacing::Pacing;
 use super::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
@@ -25,8 +28,8 @@ pub struct StereoReport {
     pub share: f64,
     /// Pixels on the longer side of the photographs as they were matched, where `--stereo-share` made these smaller than `--stereo-side`.
     pub reduced_to: Option<u32>,
-    /// Surfaces of which depths are known, in photographs that would show all of them once (see [`stereo::surface`]).
-    pub surface: f64,
+    /// Area of the surfaces of which depths are known, in units of a photograph (see [`stereo::surface`]), where the number of splats goes by it.
+    pub surface: Option<f64>,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
     /// Names of views of which nothing is known.
@@ -77,15 +80,24 @@ pub fn take_stereo(
         false => None,
     };
     if let Some(stereo) = &matched {
-        report.surface = stereo::surface(&stereo.scene.views, &stereo.priors);
         let points = input.initial.len() as u32;
-        let more = (first_splats(points, report.surface, training) - points) as usize;
-        if made || (begins && more > 0) {
+        let more = match begins && settings.begins_on_surfaces() {
+            true => {
+                report.surface =
+                    (settings.stereo_density > 0).then(|| stereo::surface(&stereo.scene.views, &stereo.priors));
+                let plan =
+                    MemoryPlan::new(gpu, input, training, chosen_variants(gpu, training)?, Pacing::default(), points)?;
+                let fit = plan.most_splats.0;
+                (first_splats(points, report.surface.unwrap_or(0.0), fit, training) - points) as usize
+            }
+            false => 0,
+        };
+        if made || more > 0 {
             let mut fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
             if settings.stereo_alone > 0 {
                 fused.extend(stereo::extend(&stereo.scene.views, &stereo.priors, settings.stereo_alone as usize));
             }
-            if begins && more > 0 {
+            if more > 0 {
                 report.splats = begin_on(&fused, more, settings, dataset, input)?;
             }
             if made {
@@ -142,11 +154,12 @@ pub fn take_stereo(
 }
 
 /// The most splats that a training begins with: those of `points`, and those that stereo adds on a [`stereo::surface`], with room left to
-/// grow.
-pub fn first_splats(points: u32, surface: f64, settings: &Settings) -> u32 {
-    let allowed = settings.density.max_splats.map_or(u32::MAX, |most| (most / 2).saturating_sub(points));
+/// grow under `--max-splats` and, where the surface asks for many, among the splats that `fit` into memory.
+pub fn first_splats(points: u32, surface: f64, fit: u32, settings: &Settings) -> u32 {
+    let half = |most: u32| (most / 2).saturating_sub(points);
     let of_surface = (f64::from(settings.geometry.stereo_density) * surface).round() as u32;
-    points.saturating_add(settings.geometry.stereo_splats.max(of_surface).min(allowed))
+    let wanted = settings.geometry.stereo_splats.max(of_surface.min(half(fit)));
+    points.saturating_add(wanted.min(settings.density.max_splats.map_or(u32::MAX, half)))
 }
 
 /// What the training views see, and which of them can be compared.

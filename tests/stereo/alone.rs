@@ -200,6 +200,14 @@ fn views_of_one_place_show_one_photograph_of_it_however_many_they_are() {
     let half = 0.5 * f64::from(HEIGHT) * ABOVE / 80.0;
     let more = filled(&[here, [(0.0, half); 3]].concat(), 1.0);
     assert!((more - 1.5).abs() < 0.1, "{more}");
+    // A pixel of which nothing is known may show the same; a view of which nothing is known says nothing, nor does one of another size.
+    let (these, mut priors) = self::views(&[here, here].concat(), |_| 1.0);
+    priors[3..].iter_mut().for_each(|p| p.depth[1..].fill(0.0));
+    assert!((surface(&these, &priors) - 0.5).abs() < 0.01);
+    priors[3..].iter_mut().for_each(|p| p.depth.fill(0.0));
+    assert!((surface(&these, &priors) - 1.0).abs() < 1e-9);
+    priors[3..].iter_mut().for_each(|p| p.depth = vec![1.0; 40]);
+    assert!((surface(&these, &priors) - 1.0).abs() < 1e-9);
     assert_eq!(surface(&[], &[]), 0.0);
     let (views, _) = views(&here, |_| 1.0);
     assert_eq!(surface(&views, &[]), 0.0, "nothing is known");

@@ -48,16 +48,45 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
 #[test]
 fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     let mut settings = train::Settings::default();
-    let more = |settings: &train::Settings, surface: f64| first_splats(1000, surface, settings) - 1000;
+    let more = |settings: &train::Settings, surface: f64| first_splats(1000, surface, 1 << 20, settings) - 1000;
     assert_eq!(more(&settings, 8.0), 0);
     settings.geometry.stereo_splats = 300;
     assert_eq!(more(&settings, 8.0), 300);
     settings.geometry.stereo_density = 100;
     assert_eq!([0.0, 2.0, 3.0, 4.86].map(|surface| more(&settings, surface)), [300, 300, 300, 486]);
+    assert_eq!(first_splats(1000, 4.86, 2800, &settings) - 1000, 400, "room is left to grow");
+    assert_eq!(first_splats(1000, 4.86, 10, &settings) - 1000, 300, "which --stereo-splats does not ask for");
     settings.density.max_splats = Some(2600);
     assert_eq!(more(&settings, 4.86), 300, "room is left to grow");
     settings.density.max_splats = Some(10);
     assert_eq!(more(&settings, 1e9), 0);
+}
+
+/// What stereo finds in a scene says how many splats there are, where that is asked for.
+#[test]
+fn the_number_of_splats_goes_by_the_surface_that_was_found() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dataset = world(folder.path(), 96);
+    let begun = |splats: u32, density: u32, begins: bool| {
+        let mut settings = train::Settings::default();
+        settings.geometry.depth_prior = DepthPrior::Stereo;
+        settings.geometry.stereo_side = 48;
+        (settings.geometry.stereo_splats, settings.geometry.stereo_density) = (splats, density);
+        let share = HostShare::unlimited();
+        let initial = prepare::initial(&dataset, None, 0).expect("points");
+        let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
+        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, begins).expect("matched");
+        (report.splats, report.surface)
+    };
+    assert_eq!(begun(50, 0, true), (50, None));
+    let (splats, surface) = begun(50, 1000, true);
+    let surface = surface.expect("a surface");
+    // They overlap, and stereo at this size knows the depth of a part of their pixels.
+    assert!(surface > 0.2 && surface < 4.5, "{surface} of 9 photographs at most");
+    assert_eq!(splats, (1000.0 * surface).round() as usize);
+    assert_eq!(begun(50, 1, true).0, 50, "that is the least");
+    assert_eq!(begun(50, 1000, false), (0, None), "where the model comes from elsewhere nothing is counted");
 }
 
 /// Pixels that the mask says are texture have no depth, and the others have it still.

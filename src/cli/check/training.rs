@@ -63,7 +63,8 @@ fn planned(
     let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
     let points = prepare::initial(dataset, None, settings.run.seed)?;
     // Stereo has not been run: as many splats as it is to add at least, where there are points.
-    let initial = bench::resized(&points, first_splats(points.len() as u32, 0.0, settings), settings.run.seed);
+    let initial =
+        bench::resized(&points, first_splats(points.len() as u32, 0.0, u32::MAX, settings), settings.run.seed);
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     let splats = initial.len() as u32;
     let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;

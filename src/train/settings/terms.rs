@@ -28,8 +28,8 @@ group! {
         /// Begin with so many splats more, on surfaces that stereo has found (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
-        /// At least so many of them for each photograph that these surfaces would fill, were every place on one only: flights begin with more
-        /// than what is seen from all around (0: --stereo-splats as it is)
+        /// So many of them for each photograph that these surfaces would fill, where that is more than --stereo-splats and memory allows it:
+        /// flights begin with more than what is seen from all around (0: --stereo-splats as it is)
         #[arg(value_name = "N")]
         pub stereo_density: u32 = 0,
         /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
