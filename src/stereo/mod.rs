@@ -47,5 +47,5 @@ pub use settings::{Budget, Settings};
 pub use skirt::{SkirtPoint, skirt};
 pub use sources::{Observations, choose_sources};
 pub use start::{Start, depth_range};
-pub use surface::surface;
+pub use surface::{surface, surface_of_points};
 pub use view::View;

@@ -6,9 +6,12 @@ use super::continued::middle;
 use super::extend::{others, pixel_at};
 use super::links::Link;
 use super::{Prior, View};
+use crate::scene::Camera;
 
 /// One pixel in so many, both across and down, stands for all.
 const STEP: usize = 8;
+/// Points that stand for all.
+const MOST_POINTS: usize = 4096;
 /// Depths that differ by more than this share are of different surfaces.
 const SAME_SURFACE: f64 = 0.1;
 
@@ -53,4 +56,27 @@ fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
         seen += 1.0 / (1 + others.iter().filter(sees).count()) as f64;
     }
     seen / f64::from(all.max(1))
+}
+
+/// About what [`surface`] will say, from points on the surfaces, before any depth is known: a point that n pictures have in them counts 1 / n in
+/// each, as a share of the points that are in it. What hides points is not known yet.
+pub fn surface_of_points(cameras: &[Camera], points: &[[f64; 3]]) -> f64 {
+    let taken: Vec<[f64; 3]> = points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1)).copied().collect();
+    let inside: Vec<Vec<bool>> = cameras.par_iter().map(|c| taken.iter().map(|p| has(c, *p)).collect()).collect();
+    let views: Vec<f64> = (0..taken.len()).map(|p| inside.iter().filter(|of| of[p]).count() as f64).collect();
+    let share = |of: &Vec<bool>| {
+        let counts = of.iter().zip(&views).filter(|(inside, _)| **inside).map(|(_, n)| 1.0 / n);
+        counts.clone().sum::<f64>() / (counts.count().max(1) as f64)
+    };
+    inside.iter().map(share).sum()
+}
+
+/// Whether a point is in a camera's picture.
+fn has(camera: &Camera, point: [f64; 3]) -> bool {
+    let [x, y, z] = [0, 1, 2].map(|k| {
+        let row = camera.rotation[k];
+        row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + camera.translation[k]
+    });
+    let (u, v) = (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy);
+    z > 0.0 && (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v)
 }

@@ -1,7 +1,7 @@
 //! Surfaces continued to where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt, surface};
+use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt, surface, surface_of_points};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -200,6 +200,18 @@ fn views_of_one_place_show_one_photograph_of_it_however_many_they_are() {
     let half = 0.5 * f64::from(HEIGHT) * ABOVE / 80.0;
     let more = filled(&[here, [(0.0, half); 3]].concat(), 1.0);
     assert!((more - 1.5).abs() < 0.1, "{more}");
+    // The same by points, before depths are known.
+    let ground: Vec<[f64; 3]> = (-40..40)
+        .flat_map(|y| (-40..40).map(move |x| [0.1 * f64::from(x), 0.3 * f64::from(y), 0.02 * f64::from(x)]))
+        .collect();
+    let by_points = |at: &[(f64, f64)]| {
+        let cameras: Vec<Camera> = at.iter().map(|&(x, y)| camera(x, y)).collect();
+        surface_of_points(&cameras, &ground)
+    };
+    assert!((by_points(&[here, here].concat()) - 1.0).abs() < 1e-9);
+    assert!((by_points(&[here, [(0.0, 8.0); 3]].concat()) - 2.0).abs() < 1e-9);
+    assert!((by_points(&[here, [(0.0, half); 3]].concat()) - 1.5).abs() < 0.1);
+    assert_eq!((surface_of_points(&[], &ground), surface_of_points(&[camera(0.0, 0.0)], &[])), (0.0, 0.0));
     // A pixel of which nothing is known may show the same; a view of which nothing is known says nothing, nor does one of another size.
     let (these, mut priors) = self::views(&[here, here].concat(), |_| 1.0);
     priors[3..].iter_mut().for_each(|p| p.depth[1..].fill(0.0));

@@ -2,6 +2,8 @@
 
 use psrgs_vk::bench;
 use psrgs_vk::dataset::{Dataset, Role, Supply};
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::stereo::surface_of_points;
 use psrgs_vk::train::{
     Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
     first_splats, prepare,
@@ -62,12 +64,13 @@ fn planned(
 ) -> Result<Training, psrgs_vk::train::Error> {
     let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
     let points = prepare::initial(dataset, None, settings.run.seed)?;
-    // Stereo has not been run: as many splats as it is to add at least, where there are points.
-    let initial =
-        bench::resized(&points, first_splats(points.len() as u32, 0.0, u32::MAX, settings), settings.run.seed);
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
-    let splats = initial.len() as u32;
-    let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
+    // Stereo has not been run: about as many splats as it is to add, where there are points.
+    let plan = |splats| MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats);
+    let fit = plan(points.len() as u32)?.most_splats.0;
+    let first = first_splats(points.len() as u32, surface_about(dataset, &points), fit, settings);
+    let initial = bench::resized(&points, first, settings.run.seed);
+    let plan = plan(initial.len() as u32)?;
     let host = HostPlan::new(gpu, memory, dataset, &outline, &plan, settings);
     if host.short_by > 0 {
         problems.push(host.to_string());
@@ -102,6 +105,13 @@ fn planned(
         estimate,
         text: [plan.to_string(), host.to_string()],
     })
+}
+
+/// The surface that stereo will find, by the reconstructed points.
+fn surface_about(dataset: &Dataset, points: &Gaussians) -> f64 {
+    let cameras: Vec<_> = dataset.views_of(Role::Train).filter_map(|(i, _)| dataset.scene_camera(i)).collect();
+    let means: Vec<[f64; 3]> = points.means.chunks_exact(3).map(|m| [m[0], m[1], m[2]].map(f64::from)).collect();
+    surface_of_points(&cameras, &means)
 }
 
 impl Training {
