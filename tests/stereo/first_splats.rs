@@ -1,11 +1,21 @@
 //! What a model begins with on the surfaces that stereo has found.
 
-use psrgs_vk::dataset::HostShare;
+use psrgs_vk::dataset::{Dataset, HostShare};
 use psrgs_vk::train::settings::DepthPrior;
-use psrgs_vk::train::{self, first_splats, prepare, take_stereo};
+use psrgs_vk::train::{self, Input, StereoReport, first_splats, prepare, take_stereo};
+use psrgs_vk::vk::Gpu;
 
 use super::common;
 use super::memory::world;
+
+/// What stereo finds for a training of the dataset, and what that begins with then.
+fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool) -> (StereoReport, Input) {
+    let share = HostShare::unlimited();
+    let initial = prepare::initial(dataset, None, 0).expect("points");
+    let mut input = prepare::input_within(dataset, initial, share).expect("decoded");
+    let report = take_stereo(gpu, dataset, &mut input, settings, &share, begins).expect("matched");
+    (report, input)
+}
 
 /// Splats on surfaces differ from round ones of reconstructed points by just what is asked for, and those of the points by nothing.
 #[test]
@@ -21,10 +31,7 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
         settings.geometry.stereo_width = width;
         settings.geometry.stereo_thickness = thickness;
         settings.geometry.stereo_opacity = opacity;
-        let share = HostShare::unlimited();
-        let initial = prepare::initial(&dataset, None, 0).expect("points");
-        let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
-        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        let (report, input) = found(&gpu, &dataset, &settings, true);
         assert!(report.splats > 50 && report.reduced_to.is_none(), "{report:?}");
         (report.splats, input.initial)
     };
@@ -73,10 +80,7 @@ fn the_number_of_splats_goes_by_the_surface_that_was_found() {
         settings.geometry.depth_prior = DepthPrior::Stereo;
         settings.geometry.stereo_side = 48;
         (settings.geometry.stereo_splats, settings.geometry.stereo_density) = (splats, density);
-        let share = HostShare::unlimited();
-        let initial = prepare::initial(&dataset, None, 0).expect("points");
-        let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
-        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, begins).expect("matched");
+        let (report, _) = found(&gpu, &dataset, &settings, begins);
         (report.splats, report.surface)
     };
     assert_eq!(begun(50, 0, true), (50, None));
@@ -100,10 +104,7 @@ fn texture_is_left_out_where_that_is_asked_for() {
         settings.geometry.depth_prior = DepthPrior::Stereo;
         settings.geometry.stereo_side = 160;
         settings.geometry.stereo_texture = texture;
-        let share = HostShare::unlimited();
-        let initial = prepare::initial(&dataset, None, 0).expect("points");
-        let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
-        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        let (report, input) = found(&gpu, &dataset, &settings, true);
         assert_eq!(report.reduced_to, None, "small photographs are matched as they are");
         let sizes: Vec<(u32, u32)> = input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
         let priors = input.known.priors.iter().zip(&sizes).map(|(prior, size)| {
