@@ -1,6 +1,7 @@
 //! Splats of little weight in every photograph are dropped.
 
 use psrgs_vk::raster::{PLANES, Viewer};
+use psrgs_vk::train::settings::Method;
 use psrgs_vk::train::{Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -202,4 +203,31 @@ fn without_room_to_weigh_them_splats_are_kept() {
         }
     }
     assert!(warned == 2 && last == 60, "{warned} warnings, {last} steps");
+}
+
+/// A room around cameras that look at something in its middle: its walls are of splats larger than a tenth of the cameras' extent.
+#[test]
+fn what_lies_far_beyond_the_cameras_is_not_dropped_for_its_size() {
+    let Some(gpu) = common::gpu() else { return };
+    let left = |method: Method, share: Option<f64>| {
+        let mut settings = Settings::default();
+        method.apply(&mut settings, |_| false);
+        settings.run.iterations = 60;
+        settings.run.scale_schedule = true;
+        settings.run.deterministic = true;
+        settings.run.eval_every = 0;
+        settings.density.prune_weight = 0.0;
+        // So that nothing goes but for its size.
+        settings.density.prune_unseen = false;
+        settings.density.prune_opacity = 0.0;
+        settings.density.prune_extent = share.unwrap_or(settings.density.prune_extent);
+        let mut input = plane_scene::input(5, 64, 48, 300);
+        input.extent = 1.0;
+        run(&gpu, input, &settings, Pacing::default()).state.ids.len()
+    };
+    for method in [Method::Lean, Method::Psrgs, Method::PsrgsPaper] {
+        assert!(left(method, None) >= 300, "{method}");
+    }
+    let (kept, dropped) = (left(Method::Lean, None), left(Method::Lean, Some(0.1)));
+    assert!(dropped < kept / 2, "{dropped} of {kept} are left where size counts");
 }

@@ -24,7 +24,8 @@ impl Engine {
             split_absolute: density.absgrad,
             split_scale: density.percent_dense * self.extent,
             prune_opacity: density.prune_opacity,
-            prune_scale: plan.densify.is_some_and(|d| d.prune_large).then_some(density.prune_extent * self.extent),
+            prune_scale: (density.prune_extent > 0.0 && plan.densify.is_some_and(|d| d.prune_large))
+                .then_some(density.prune_extent * self.extent),
             max_splats: density.max_splats.into_iter().chain(near).min(),
             sampled: (density.growth == Growth::Sampled).then_some(Sampled {
                 low_threshold: if plan.low { density.low_grad_threshold } else { density.grad_threshold } as f32,

@@ -175,10 +175,10 @@ impl Settings {
             (density.grad_threshold, "grad-threshold"),
             (density.percent_dense, "percent-dense"),
             (density.lidar_distance, "lidar-distance"),
-            (density.prune_extent, "prune-extent"),
         ] {
             ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
         }
+        ok(density.prune_extent >= 0.0, "prune-extent", "a positive number, or 0 to keep splats of any size")?;
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
         ok((0.0..=1.0).contains(&density.prune_young), "prune-young", "a number from 0 to 1")?;

@@ -60,7 +60,7 @@ group! {
         /// makes room for others (0: none)
         #[arg(value_name = "SHARE")]
         pub recycle_share: f64 = 0.0,
-        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset
+        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset (0: keep them)
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,
         /// Steps between opacity resets (0: none)
