@@ -60,6 +60,12 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let stereo_seconds = if found.views > 0 { before_stereo.elapsed().as_secs_f64() } else { 0.0 };
     tell_stereo(&found, &settings, input.train.len(), console);
     if before.is_none() {
+        if let Some(known) = prepare::grow_on(&input, &mut settings) {
+            console.say(format_args!(
+                "depths are known of {:.0} % of the pixels only: splats grow for longer, and from lower gradients (--grow-on)",
+                100.0 * known
+            ));
+        }
         let coarse = prepare::coarse_by_spectra(&input, &mut settings)?;
         if let Some([half, quarter]) = coarse {
             console.say(format_args!(

@@ -15,8 +15,8 @@ const MOST_POINTS: usize = 4096;
 /// Depths that differ by more than this share are of different surfaces.
 const SAME_SURFACE: f64 = 0.1;
 
-/// The area of the surfaces of which depths are known, in units of a photograph: a place that n views have in their pictures counts 1 / n in
-/// each of these. A view has it there unless it knows another depth of that pixel; views of which nothing is known are left out, as are those
+/// The area of the surfaces of which depths are known, in units of a photograph, of which pixels that are not to be matched are no part: a place
+/// that n views have in their pictures counts 1 / n in each of these. A view has it there unless it knows another depth of that pixel; views of which nothing is known are left out, as are those
 /// whose prior is not of their size.
 pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
     let known: Vec<bool> = views.iter().zip(priors).map(|(view, prior)| is_known(view, prior)).collect();
@@ -40,7 +40,8 @@ fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     let along = |side: usize| (STEP.min(side) / 2..side).step_by(STEP);
     let places = along(height).flat_map(|y| along(width).map(move |x| y * width + x));
     let (mut seen, mut all) = (0.0, 0);
-    for pixel in places {
+    let counts = |pixel: &usize| views[i].wanted.as_ref().is_none_or(|wanted| wanted.get(*pixel) == Some(&true));
+    for pixel in places.filter(counts) {
         all += 1;
         let depth = f64::from(prior.depth[pixel]);
         if depth <= 0.0 {

@@ -12,6 +12,7 @@ use crate::format::ply::{self, Content};
 use crate::format::{At, Error as FileError};
 use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
+use crate::stereo::Prior;
 
 /// How a dataset is loaded for these settings.
 pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
@@ -107,6 +108,24 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
         extent: Frame::EXTENT as f32,
         known: Known::default(),
     })
+}
+
+/// Where `--grow-on` asks for it: lets growth go on for longer and from lower gradients where depths of few pixels are known, and gives
+/// their share. From then on the settings have the numbers, and a resumed run the same.
+pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
+    let density = &mut settings.density;
+    let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum();
+    let counts = |view: &View| {
+        1.0 - f64::from(view.masked()) / (f64::from(view.camera.width) * f64::from(view.camera.height)).max(1.0)
+    };
+    let share = known / input.train.iter().map(counts).sum::<f64>().max(f64::MIN_POSITIVE);
+    if share >= density.grow_on {
+        return None;
+    }
+    density.grow_on = 0.0;
+    density.densify_until = density.grow_on_until;
+    (density.grad_threshold, density.low_grad_threshold) = (density.grow_on_threshold, density.grow_on_threshold);
+    Some(share)
 }
 
 /// Photographs whose spectra are looked at, at most.

@@ -158,7 +158,11 @@ pub fn take_stereo(
 pub fn first_splats(points: u32, surface: f64, fit: u32, settings: &Settings) -> u32 {
     let half = |most: u32| (most / 2).saturating_sub(points);
     let of_surface = (f64::from(settings.geometry.stereo_density) * surface).round() as u32;
-    let wanted = settings.geometry.stereo_splats.max(of_surface.min(half(fit)));
+    let densest = match settings.geometry.stereo_densest {
+        0 => u32::MAX,
+        densest => (f64::from(densest) * surface).round() as u32,
+    };
+    let wanted = settings.geometry.stereo_splats.min(densest).max(of_surface.min(half(fit)));
     points.saturating_add(wanted.min(settings.density.max_splats.map_or(u32::MAX, half)))
 }
 

@@ -200,6 +200,14 @@ fn views_of_one_place_show_one_photograph_of_it_however_many_they_are() {
     let half = 0.5 * f64::from(HEIGHT) * ABOVE / 80.0;
     let more = filled(&[here, [(0.0, half); 3]].concat(), 1.0);
     assert!((more - 1.5).abs() < 0.1, "{more}");
+    // Of a photograph whose lower half is masked the upper half is all there is.
+    let (mut masked, mut priors) = views(&here, |_| 1.0);
+    for (view, prior) in masked.iter_mut().zip(&mut priors) {
+        let half = view.pixels() / 2;
+        view.wanted = Some((0..view.pixels()).map(|pixel| pixel < half).collect());
+        prior.depth[half..].fill(0.0);
+    }
+    assert!((surface(&masked, &priors) - 1.0).abs() < 1e-9);
     // The same by points, before depths are known.
     let ground: Vec<[f64; 3]> = (-40..40)
         .flat_map(|y| (-40..40).map(move |x| [0.1 * f64::from(x), 0.3 * f64::from(y), 0.02 * f64::from(x)]))

@@ -61,6 +61,9 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     assert_eq!(more(&settings, 8.0), 300);
     settings.geometry.stereo_density = 100;
     assert_eq!([0.0, 2.0, 3.0, 4.86].map(|surface| more(&settings, surface)), [300, 300, 300, 486]);
+    settings.geometry.stereo_densest = 150;
+    assert_eq!([0.0, 0.5, 1.0, 2.0, 4.86].map(|surface| more(&settings, surface)), [0, 75, 150, 300, 486]);
+    settings.geometry.stereo_densest = 0;
     assert_eq!(first_splats(1000, 4.86, 2800, &settings) - 1000, 400, "room is left to grow");
     assert_eq!(first_splats(1000, 4.86, 10, &settings) - 1000, 300, "which --stereo-splats does not ask for");
     settings.density.max_splats = Some(2600);

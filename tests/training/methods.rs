@@ -1,8 +1,9 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
 
+use psrgs_vk::dataset::Pixels;
 use psrgs_vk::stereo::Prior;
 use psrgs_vk::train::settings::{DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
-use psrgs_vk::train::{Input, Pacing, Settings, View};
+use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
 
 use super::common::{gpu, plane_scene};
 use super::{run, settings, stops_and_resumes_on};
@@ -54,6 +55,41 @@ fn ground(view: &View, settings: &Settings) -> Prior {
         prior.confidence.push(if there { 1.0 } else { 0.0 });
     }
     prior
+}
+
+#[test]
+fn growth_goes_on_where_little_is_known() {
+    let mut settings = Settings::default();
+    Method::Psrgs.apply(&mut settings, |_| false);
+    let mut input = plane_scene::input(4, 64, 48, 30);
+    let after = |input: &Input| {
+        let mut settings = settings.clone();
+        (prepare::grow_on(input, &mut settings), settings.density)
+    };
+    input.known.priors = input.train.iter().map(|view| Some(ground(view, &settings))).collect();
+    let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum::<f64>() / 4.0;
+    assert!(known > 0.5, "{known}");
+    assert_eq!(after(&input), (None, settings.density.clone()));
+    input.known.priors[1..].fill(None);
+    let (share, density) = after(&input);
+    assert!(share.is_some_and(|share| share > 0.0 && share < 0.3), "{share:?}");
+    assert_eq!((density.densify_until, density.grad_threshold, density.low_grad_threshold), (15_000, 6e-4, 6e-4));
+    assert_eq!(density.grow_on, 0.0, "what a resumed run has is settled");
+    // What is masked needs no depth.
+    for view in &mut input.train[1..] {
+        let pixels = Pixels::Rgba8(vec![0; 4 * (view.camera.width * view.camera.height) as usize]);
+        *view = View::new("masked", view.camera, pixels);
+    }
+    assert_eq!(after(&input).0, None);
+    // Without any depths.
+    input.known.priors.clear();
+    assert_eq!(after(&input).0, Some(0.0));
+    // Whoever says how splats grow has it so.
+    for key in ["densify-until", "grad-threshold", "low-grad-threshold", "grow-on"] {
+        let mut settings = Settings::default();
+        Method::Psrgs.apply(&mut settings, |named| named == key);
+        assert_eq!(prepare::grow_on(&input, &mut settings), None, "{key}");
+    }
 }
 
 fn input(views: usize, (width, height): (u32, u32), splats: usize, settings: &Settings) -> Input {

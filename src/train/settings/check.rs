@@ -150,6 +150,10 @@ impl Settings {
         for (splats, key) in [(geometry.stereo_splats, "stereo-splats"), (geometry.stereo_density, "stereo-density")] {
             ok(splats == 0 || geometry.depth_prior == DepthPrior::Stereo, key, "0 unless --depth-prior is stereo")?;
         }
+        let by_surface = geometry.stereo_densest == 0 || geometry.stereo_density > 0;
+        ok(by_surface, "stereo-densest", "0 where there is no --stereo-density")?;
+        let densest = geometry.stereo_densest == 0 || geometry.stereo_densest >= geometry.stereo_density;
+        ok(densest, "stereo-densest", "at least --stereo-density, or 0")?;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
         ok(
             density.lidar.is_some() || !wants_cloud,
@@ -175,12 +179,14 @@ impl Settings {
             (density.grad_threshold, "grad-threshold"),
             (density.percent_dense, "percent-dense"),
             (density.lidar_distance, "lidar-distance"),
+            (density.grow_on_threshold, "grow-on-threshold"),
         ] {
             ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
         }
         ok(density.prune_extent >= 0.0, "prune-extent", "a positive number, or 0 to keep splats of any size")?;
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
+        ok((0.0..=1.0).contains(&density.grow_on), "grow-on", "a number from 0 to 1")?;
         ok((0.0..=1.0).contains(&density.prune_young), "prune-young", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.recycle_share), "recycle-share", "a number from 0 to 1")?;
         ok(density.max_splats != Some(0), "max-splats", "at least 1")

@@ -63,6 +63,16 @@ group! {
         /// Splats larger than this share of the scene's extent are pruned once opacities have been reset (0: keep them)
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,
+        /// Where depths of less than this share of the pixels are known before the first step, growth ends at --grow-on-until and is from
+        /// --grow-on-threshold (0: as everywhere)
+        #[arg(value_name = "SHARE")]
+        pub grow_on: f64 = 0.0,
+        /// Last step of growth there
+        #[arg(value_name = "STEP")]
+        pub grow_on_until: u32 = 15_000,
+        /// Mean gradient from which splats grow there
+        #[arg(value_name = "G")]
+        pub grow_on_threshold: f64 = 6e-4,
         /// Steps between opacity resets (0: none)
         #[arg(value_name = "N")]
         pub opacity_reset_interval: u32 = 3000,

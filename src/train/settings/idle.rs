@@ -21,6 +21,10 @@ impl Settings {
             s.density.prune_young = plain.density.prune_young;
             s.density.prune_weight_from = plain.density.prune_weight_from;
         }
+        if s.density.grow_on == 0.0 {
+            s.density.grow_on_until = plain.density.grow_on_until;
+            s.density.grow_on_threshold = plain.density.grow_on_threshold;
+        }
         if s.frequencies.low_stage == 0.0 {
             s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;
         }

@@ -152,9 +152,16 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
     );
+    // What stereo does not find has to grow. Whoever says how splats grow has it so.
+    if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(|key| named(key)) {
+        unless_named!(named, settings: "grow-on" density.grow_on = 0.5);
+    }
     // Whoever says how many there are to be has so many.
     if !named("stereo-splats") && settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings: "stereo-density" geometry.stereo_density = 12_500);
+        if !named("stereo-densest") && settings.geometry.stereo_density > 0 {
+            settings.geometry.stereo_densest = settings.geometry.stereo_density.max(20_000);
+        }
     }
 }
 

@@ -32,6 +32,9 @@ group! {
         /// flights begin with more than what is seen from all around (0: --stereo-splats as it is)
         #[arg(value_name = "N")]
         pub stereo_density: u32 = 0,
+        /// Of --stereo-splats no more than so many for each such photograph: little surface asks for few (0: all of them)
+        #[arg(value_name = "N")]
+        pub stereo_densest: u32 = 0,
         /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
         #[arg(value_name = "SHARE")]
         pub stereo_width: f64 = 1.0,
