@@ -232,6 +232,8 @@ fn methods_are_values_of_options_and_named_ones_win() {
         named.density.grad_threshold = 1e-3;
         method.apply(&mut named, |key| key == "grad-threshold");
         assert_eq!(named.density.grad_threshold, 1e-3, "{name}");
+        assert_eq!(named.density.grow_on, 0.0, "{name}: whoever says how splats grow has it so");
+        named.density.grow_on = whole.density.grow_on;
         named.density.grad_threshold = whole.density.grad_threshold;
         assert_eq!(named, whole, "{name}");
     }
