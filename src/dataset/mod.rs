@@ -183,7 +183,7 @@ impl Dataset {
             if options.photographs { Some(find_photographs(path, options, &model, &mut warnings)?) } else { None };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
-        let roles = roles(options.split, model.shots.len(), &mut warnings);
+        let roles = roles(options.split, &model.shots, &mut warnings);
         let views = model
             .shots
             .par_iter()
@@ -351,13 +351,13 @@ fn count_masks(model: &Model, folder: Option<PathBuf>, views: &[View], warnings:
 }
 
 /// The role of every view. With so few views that none would be left to train on, nothing is held out.
-fn roles(split: Split, views: usize, warnings: &mut Vec<Warning>) -> Vec<Role> {
-    let roles: Vec<Role> = (0..views).map(|i| split.role(i)).collect();
+fn roles(split: Split, shots: &[Shot], warnings: &mut Vec<Warning>) -> Vec<Role> {
+    let roles = split.roles(&shots.iter().map(|shot| shot.part).collect::<Vec<_>>());
     if roles.contains(&Role::Train) {
         return roles;
     }
-    warnings.push(Warning::NothingHeldOut { views });
-    vec![Role::Train; views]
+    warnings.push(Warning::NothingHeldOut { views: shots.len() });
+    vec![Role::Train; shots.len()]
 }
 
 /// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.

@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use super::error::Error;
 use super::lens::Lens;
+use super::split::Part;
 use super::{Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 
 /// A layout of datasets.
@@ -14,7 +15,7 @@ use super::{Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 pub enum Format {
     /// `sparse/0/` or `sparse/` with COLMAP's cameras, images and points3D, binary or text.
     Colmap,
-    /// `transforms.json`.
+    /// `transforms.json`, or `transforms_train.json` and those beside it.
     Nerfstudio,
     /// `reconstruction.json`, or `opensfm/reconstruction.json` of OpenDroneMap.
     Opensfm,
@@ -28,7 +29,7 @@ impl Format {
     pub(super) fn is_in(self, dataset: &Path) -> bool {
         match self {
             Self::Colmap => colmap::Files::find(dataset).is_some(),
-            Self::Nerfstudio => dataset.join(nerfstudio::FILE).is_file(),
+            Self::Nerfstudio => nerfstudio::is_in(dataset),
             Self::Opensfm => opensfm::file(dataset).is_some(),
         }
     }
@@ -36,7 +37,7 @@ impl Format {
     fn looked_for(self) -> &'static str {
         match self {
             Self::Colmap => "cameras and images (.bin or .txt) in sparse/0 and in sparse (COLMAP)",
-            Self::Nerfstudio => "transforms.json (nerfstudio)",
+            Self::Nerfstudio => "transforms.json (nerfstudio), transforms_train.json (NeRF)",
             Self::Opensfm => "reconstruction.json and opensfm/reconstruction.json (OpenSfM, OpenDroneMap)",
         }
     }
@@ -87,6 +88,8 @@ pub(super) struct Shot {
     pub(super) translation: [f64; 3],
     /// A mask that the file names.
     pub(super) mask: Option<PathBuf>,
+    /// What the dataset says it is for, where it does.
+    pub(super) part: Option<Part>,
 }
 
 /// Poses, lenses and points in the dataset's coordinates.

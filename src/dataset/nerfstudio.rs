@@ -1,8 +1,11 @@
 //! nerfstudio's `transforms.json`, as its documentation ("Data conventions") describes it; instant-ngp's is read too.
 //!
+//! Scenes of NeRF's own layout (Mildenhall et al. 2020) have a file for each part: `transforms_train.json`, `transforms_val.json` and
+//! `transforms_test.json`.
+//!
 //! Poses are camera to world with the camera's x right, y up and z backwards; intrinsics stand at the top or in the frames.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
@@ -10,10 +13,16 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Shot};
+use super::split::Part;
 use super::{Tracks, folder, photograph, points_ply, rotation};
 use crate::format::Error as FileError;
 
-pub(super) const FILE: &str = "transforms.json";
+const FILE: &str = "transforms.json";
+/// The folder of photographs that other formats have.
+const USUAL: &str = "images/";
+/// The first of them has to be there.
+const PARTS: [(&str, Part); 3] =
+    [("transforms_train.json", Part::Train), ("transforms_val.json", Part::Val), ("transforms_test.json", Part::Test)];
 
 /// Declares a struct with the keys of a camera, all of them optional, and others.
 macro_rules! with_camera_keys {
@@ -55,35 +64,37 @@ with_camera_keys! {
     }
 }
 
+/// Whether a folder has such files.
+pub(super) fn is_in(dataset: &Path) -> bool {
+    dataset.join(FILE).is_file() || dataset.join(PARTS[0].0).is_file()
+}
+
 pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
-    let json = Json::open(&dataset.join(FILE))?;
-    let top: Transforms = json.parse()?;
-    let names: Vec<String> = top.frames.iter().map(|frame| file_of(dataset, &frame.file_path)).collect();
+    let files: Vec<(PathBuf, Option<Part>)> = match dataset.join(FILE) {
+        file if file.is_file() => vec![(file, None)],
+        _ => PARTS.iter().map(|(file, part)| (dataset.join(file), Some(*part))).collect(),
+    };
+    let mut shots = Vec::new();
+    let mut points_file = None;
+    for (file, part) in files.iter().filter(|(file, part)| part.is_none_or(|p| p == Part::Train) || file.is_file()) {
+        let json = Json::open(file)?;
+        let top: Transforms = json.parse()?;
+        for frame in &top.frames {
+            shots.push(shot(dataset, &json, &top, frame, *part)?);
+        }
+        points_file = points_file.or(top.ply_file_path.map(|file| dataset.join(file)));
+    }
     // The usual folder is left out of the names, so that its reduced copies can stand in for it.
-    let usual = !names.is_empty() && names.iter().all(|name| name.starts_with("images/"));
-    // Sizes may be asked of the photographs below: of no other files.
-    if let Some(name) = names.iter().find(|name| !folder::stays_inside(name)) {
-        return Err(Error::NameOutside { file: json.file, name: name.clone() });
+    let usual = !shots.is_empty() && shots.iter().all(|shot| shot.name.starts_with(USUAL));
+    if usual {
+        for shot in &mut shots {
+            shot.name.drain(..USUAL.len());
+        }
     }
-    let mut shots = Vec::with_capacity(names.len());
-    for (frame, name) in top.frames.iter().zip(&names) {
-        let (model, lens) = lens(&json, dataset, &top, frame, name)?;
-        let (rotation, translation) = pose(&json, frame)?;
-        shots.push(Shot {
-            name: if usual { name["images/".len()..].to_owned() } else { name.clone() },
-            camera: frame.file_path.clone(),
-            model,
-            lens,
-            rotation,
-            translation,
-            mask: frame.mask_path.as_ref().map(|mask| dataset.join(mask)),
-        });
-    }
-    let points_file = top.ply_file_path.as_ref().map(|file| dataset.join(file));
     let points = points_file.as_deref().map(points_ply::read).transpose()?.unwrap_or_default();
     Ok(Model {
         format: Format::Nerfstudio,
-        file: json.file,
+        file: files.into_iter().next().map(|(file, _)| file).unwrap_or_default(),
         shots,
         points,
         tracks: Tracks::default(),
@@ -92,6 +103,18 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         reference: None,
         warnings: Vec::new(),
     })
+}
+
+fn shot(dataset: &Path, json: &Json, top: &Transforms, frame: &Frame, part: Option<Part>) -> Result<Shot, Error> {
+    let name = file_of(dataset, &frame.file_path);
+    // Sizes may be asked of the photographs: of no other files.
+    if !folder::stays_inside(&name) {
+        return Err(Error::NameOutside { file: json.file.clone(), name });
+    }
+    let (model, lens) = lens(json, dataset, top, frame, &name)?;
+    let (rotation, translation) = pose(json, frame)?;
+    let mask = frame.mask_path.as_ref().map(|mask| dataset.join(mask));
+    Ok(Shot { name, camera: frame.file_path.clone(), model, lens, rotation, translation, mask, part })
 }
 
 /// Paths may begin with `./`, and lack the extension.

@@ -104,6 +104,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
             rotation: rotation::of_vector(shot.rotation),
             translation: shot.translation,
             mask: None,
+            part: None,
         });
     }
     let mut points: Vec<Point> =

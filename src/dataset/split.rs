@@ -20,6 +20,14 @@ pub enum Split {
     },
 }
 
+/// What a dataset itself says a photograph is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Train,
+    Val,
+    Test,
+}
+
 /// What a view is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -44,5 +52,24 @@ impl Split {
             (Self::Val, 0) => Role::Unused,
             _ => Role::Train,
         }
+    }
+
+    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out what it keeps for that;
+    /// where it keeps nothing for it, and with the other splits, positions count those to train on.
+    pub(super) fn roles(self, parts: &[Option<Part>]) -> Vec<Role> {
+        let kept = match self {
+            Self::Test => Some(Part::Test),
+            Self::Val => Some(Part::Val),
+            Self::None | Self::Every { .. } => None,
+        };
+        let kept = kept.filter(|part| parts.contains(&Some(*part)));
+        let mut position = 0..;
+        let mut role = |part: &Option<Part>| match part {
+            Some(Part::Val | Part::Test) if kept.is_none() || *part != kept => Role::Unused,
+            Some(Part::Val | Part::Test) => Role::HeldOut,
+            Some(Part::Train) if kept.is_some() => Role::Train,
+            Some(Part::Train) | None => self.role(position.next().unwrap_or(0)),
+        };
+        parts.iter().map(&mut role).collect()
     }
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use psrgs_vk::dataset::lens::Distortion;
-use psrgs_vk::dataset::{Dataset, Error, Format, LoadOptions, Warning};
+use psrgs_vk::dataset::{Dataset, Error, Format, LoadOptions, Role, Split, Warning};
 use psrgs_vk::scene::Camera;
 use serde_json::{Value, json};
 
@@ -424,6 +424,57 @@ fn masks_that_frames_name_are_used() {
     assert_eq!((masks.matched, masks.of), (1, 3));
     assert!(dataset.views[1].photograph().expect("decodes").rgba8().chunks_exact(4).all(|p| p[3] == 0));
     assert!(dataset.views[0].photograph().expect("decodes").rgba8().chunks_exact(4).all(|p| p[3] == 255));
+}
+
+/// NeRF's layout: a file for each part, an angle in place of focal lengths, names without extensions.
+#[test]
+fn scenes_in_parts_hold_out_what_they_keep_for_it() {
+    let names: Vec<String> = (0..20).map(|i| format!("r_{i:02}.png")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let folder = Folder::ring(&names, [0.0; 3]);
+    let whole = transforms(&folder);
+    let write = |root: &Path, part: &str, frames: std::ops::Range<usize>| {
+        let named = |i: usize| {
+            let mut frame = whole["frames"][i].clone();
+            frame["file_path"] = json!(format!("./{part}/r_{i:02}"));
+            frame
+        };
+        let frames: Vec<Value> = frames.map(named).collect();
+        let file = json!({ "camera_angle_x": 0.9, "frames": frames });
+        write_json(&root.join(format!("transforms_{part}.json")), &file);
+        folder.write_photographs(&root.join(part));
+    };
+    let root = tempfile::tempdir().expect("temporary folder");
+    let roles = |split: Split| {
+        let options = LoadOptions { split, ..LoadOptions::default() };
+        let dataset = Dataset::load(root.path(), &options).expect("loads");
+        assert_eq!(dataset.format, Format::Nerfstudio);
+        let of = |role| dataset.views_of(role).map(|(_, view)| view.name.clone()).collect::<Vec<_>>();
+        assert!(dataset.views.iter().all(|view| (view.camera.fx - 12.0 / (0.45_f64).tan()).abs() < 1e-12));
+        (of(Role::Train), of(Role::HeldOut))
+    };
+    let of_part = |part: &str, numbers: &[usize]| -> Vec<String> {
+        numbers.iter().map(|i| format!("{part}/r_{i:02}.png")).collect()
+    };
+    let all: Vec<usize> = (0..10).collect();
+    write(root.path(), "train", 0..10);
+    // Alone it is split as other datasets are.
+    assert_eq!(roles(Split::Test).1, of_part("train", &[0, 8]));
+    write(root.path(), "test", 10..14);
+    assert_eq!(roles(Split::Test), (of_part("train", &all), of_part("test", &[10, 11, 12, 13])));
+    // Nothing is kept for choosing settings: it is taken from what there is to train on.
+    assert_eq!(roles(Split::Val), (of_part("train", &[1, 2, 3, 5, 6, 7, 9]), of_part("train", &[4])));
+    assert_eq!(roles(Split::None), (of_part("train", &all), Vec::new()));
+    assert_eq!(roles(Split::Every { every: 5, first: 1 }).1, of_part("train", &[1, 6]));
+    write(root.path(), "val", 14..16);
+    assert_eq!(roles(Split::Val), (of_part("train", &all), of_part("val", &[14, 15])));
+    assert_eq!(roles(Split::Test).1, of_part("test", &[10, 11, 12, 13]));
+    // A file of the whole goes before its parts.
+    write_json(&root.path().join("transforms.json"), &json!({ "camera_angle_x": 0.9, "frames": [] }));
+    complains(root.path(), &["transforms.json"]);
+    fs::remove_file(root.path().join("transforms.json")).expect("removed");
+    fs::remove_file(root.path().join("transforms_train.json")).expect("removed");
+    complains(root.path(), &["no dataset here", "transforms_train.json"]);
 }
 
 #[test]

@@ -104,6 +104,7 @@ fn shot(
         rotation: pose.rotation,
         translation: pose.translation,
         mask: None,
+        part: None,
     })
 }
 
