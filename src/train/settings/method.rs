@@ -153,7 +153,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "exposure" optimiser.exposure = Exposure::Affine,
     );
     // What stereo does not find has to grow. Whoever says how splats grow has it so.
-    if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(|key| named(key)) {
+    if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
         unless_named!(named, settings: "grow-on" density.grow_on = 0.5);
     }
     // Whoever says how many there are to be has so many.
