@@ -16,6 +16,9 @@ const NEAR: f64 = 24.0;
 const FAR_STEP: f64 = 16.0;
 /// Surfaces that vary by more than this share of their distance say nothing of what is beside them.
 const ROUGHEST: f64 = 0.1;
+/// Where depths of less than this share of the pixels are known, those that are say little of what is beside the pictures: on bare floors and
+/// before far walls, surfaces continued from a few things in the middle come to stand in the air.
+const LEAST_KNOWN: f64 = 0.5;
 /// Points that are nearer to each other than this share of the distance between neighbours are one.
 const SAME_PLACE: f64 = 0.7;
 
@@ -30,7 +33,11 @@ pub struct SkirtPoint {
 
 /// Points on the views' surfaces, continued past the edges of the pictures by up to `share` of their longer sides, where no view looks and these
 /// surfaces vary little: far apart, in the colours of the nearest edge. No photograph says what is there; but something is, and without them nothing is shown.
+/// None where depths of less than half of the pixels that are to be matched are known.
 pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
+    if known_share(views, priors) < LEAST_KNOWN {
+        return Vec::new();
+    }
     let (near, far): (Vec<_>, Vec<_>) =
         (0..views.len()).into_par_iter().map(|i| around(views, priors, i, share)).unzip();
     let mut points: Vec<SkirtPoint> = Vec::new();
@@ -45,6 +52,16 @@ pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
         }
     }
     points
+}
+
+/// Share of the pixels that are to be matched that have a depth.
+fn known_share(views: &[View], priors: &[Prior]) -> f64 {
+    let (mut known, mut wanted) = (0, 0);
+    for (view, prior) in views.iter().zip(priors) {
+        known += prior.depth.iter().filter(|d| **d > 0.0).count();
+        wanted += view.wanted.as_ref().map_or(view.pixels(), |wanted| wanted.iter().filter(|w| **w).count());
+    }
+    known as f64 / wanted.max(1) as f64
 }
 
 /// Those of a view that are near to its picture, and the others.

@@ -181,6 +181,17 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
     let left = points.iter().filter(|p| p.point.position[0] < -3.3);
     assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.color[0] < 16));
     assert!(skirt(&views, &priors, 0.0).is_empty());
+    // Of which little is known there is none, unless what is not known is masked.
+    let (mut views, mut priors) = self::views(&ROW, |_| 1.0);
+    for prior in &mut priors {
+        let left = |pixel: usize| pixel % (prior.width as usize) < prior.width as usize / 4;
+        prior.depth.iter_mut().enumerate().filter(|(pixel, _)| !left(*pixel)).for_each(|(_, d)| *d = 0.0);
+    }
+    assert!(skirt(&views, &priors, 0.25).is_empty());
+    for (view, prior) in views.iter_mut().zip(&priors) {
+        view.wanted = Some(prior.depth.iter().map(|d| *d > 0.0).collect());
+    }
+    assert!(!skirt(&views, &priors, 0.25).is_empty());
 }
 
 #[test]

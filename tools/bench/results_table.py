@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/RESULTS.md from the metrics that are kept in docs/results.
 
-  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, each-look-compare-320-1500 or published-rates-320-1500
+  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, size-drop-compare-320-1500 (without 3dgs), each-look-compare-320-1500 or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
 commit of its build; "paused" where it was halted on the way) beside some. Times are compared within a build, and with that of "beside" where a
@@ -17,7 +17,7 @@ from pathlib import Path
 
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"
 SCENES = ["fox", "caliterra", "copr", "world"]
-METHODS = ["3dgs", "3dgs-reference", "3dgs-exposures", "absgs-published", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs-no-exposures", "psrgs"]
+METHODS = ["3dgs", "3dgs-any-size", "3dgs-reference", "3dgs-exposures", "absgs-published", "absgs", "gspro", "rsgs", "lean", "lean-unpruned", "psrgs-paper-round", "psrgs-paper", "psrgs-round", "psrgs-no-exposures", "psrgs"]
 METRICS = ["psnr", "psnr_cc", "ssim", "lpips_squeeze", "gmsd", "psnr_high_frequency"]
 DIGITS = {"psnr": 2, "psnr_cc": 2, "psnr_high_frequency": 2, "psnr_offpath": 2, "normal_median_degrees": 1, "surface_distance": 2,
           "depth_within_0_5_percent": 3, "depth_within_2_percent": 3, "floaters": 3}
@@ -26,7 +26,7 @@ GEOMETRY = ["psnr_offpath", "depth_median_error", "depth_within_0_5_percent", "d
 PAIRS = [("psrgs", "3dgs"), ("psrgs", "lean"), ("lean", "3dgs"), ("psrgs", "lean-unpruned"), ("psrgs", "gspro"), ("psrgs", "absgs"),
          ("psrgs", "psrgs-paper"), ("psrgs", "rsgs"), ("psrgs-no-exposures", "3dgs"), ("psrgs-no-exposures", "lean"),
          ("psrgs", "psrgs-no-exposures"),
-         ("3dgs-exposures", "3dgs"), ("psrgs", "3dgs-exposures"), ("psrgs", "psrgs-round"), ("psrgs-paper", "psrgs-paper-round")]
+         ("3dgs-any-size", "3dgs"), ("psrgs", "3dgs-any-size"), ("3dgs-exposures", "3dgs"), ("psrgs", "3dgs-exposures"), ("psrgs", "psrgs-round"), ("psrgs-paper", "psrgs-paper-round")]
 # Two-sided 95 % quantiles of Student's distribution by degrees of freedom.
 QUANTILES = [math.nan, 12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
              2.120, 2.110, 2.101, 2.093, 2.086]
