@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Prints what methods make of scenes that nothing but the rules for them was chosen on, from the metrics kept in docs/results.
+"""Prints what methods make of scenes of others, from the metrics kept in docs/results: PSNR, SSIM, LPIPS, splats and seconds of processor time.
 
   tools/bench/others_table.py [val]
 
 Files: others-320-1500-SCENE-METHOD-s0.json (test photographs), others-320-1500-val-SCENE-METHOD-s0.json (validation photographs), each with
-its .process.json (processor time).
+its .process.json.
 """
 
 import json
@@ -13,19 +13,27 @@ import sys
 from results_table import RESULTS, seconds
 
 SCENES = ["box", "can", "cup", "lego"]
+# Forms of a method, each with what was changed since the one before it.
+FORMS = ["3dgs", "3dgs-any-size", "lean-before", "lean", "psrgs-before", "psrgs-any-size", "psrgs-any-size-no-stereo",
+         "psrgs-any-size-no-stereo-grow-on", "psrgs-any-size-grow-on", "psrgs-8k", "psrgs-8k-grow-on", "psrgs-10k", "psrgs-10k-until-half",
+         "psrgs-10k-grow-on", "psrgs-22k", "psrgs-22k-grow-on", "psrgs-until-half", "psrgs-skirt", "psrgs"]
+
+
+def cell(prefix, scene, form):
+    file = RESULTS / f"{prefix}-{scene}-{form}-s0.json"
+    if not file.exists():
+        return ""
+    run, process = json.loads(file.read_text()), json.loads(file.with_suffix(".process.json").read_text())
+    return f"{run['psnr']:.2f}, {run['ssim']:.4f}, {run['lpips_squeeze']:.4f}, {run['splats']:,}, {seconds(process):.0f} s"
 
 
 def main():
     prefix = "others-320-1500-val" if sys.argv[1:] == ["val"] else "others-320-1500"
-    print("| scene | method | PSNR | SSIM | LPIPS | GMSD | splats | CPU seconds |\n|" + "---|" * 8)
-    for scene in SCENES:
-        files = sorted(RESULTS.glob(f"{prefix}-{scene}-*-s0.json"), key=lambda f: (not f.name.startswith(f"{prefix}-{scene}-3dgs"), f.name))
-        for file in files:
-            run = json.loads(file.read_text())
-            method = file.name[len(f"{prefix}-{scene}-"):-len("-s0.json")]
-            time = seconds(json.loads(file.with_suffix(".process.json").read_text()))
-            print(f"| {scene} | {method} | {run['psnr']:.2f} | {run['ssim']:.4f} | {run['lpips_squeeze']:.4f} | {run['gmsd']:.4f} | {run['splats']:,} "
-                  f"| {time:.0f} |")
+    print("| | " + " | ".join(SCENES) + " |\n|" + "---|" * (1 + len(SCENES)))
+    for form in FORMS:
+        cells = [cell(prefix, scene, form) for scene in SCENES]
+        if any(cells):
+            print(f"| {form} | {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":
