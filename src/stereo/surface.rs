@@ -16,8 +16,8 @@ const MOST_POINTS: usize = 4096;
 const SAME_SURFACE: f64 = 0.1;
 
 /// The area of the surfaces of which depths are known, in units of a photograph, of which pixels that are not to be matched are no part: a place
-/// that n views have in their pictures counts 1 / n in each of these. A view has it there unless it knows another depth of that pixel; views of which nothing is known are left out, as are those
-/// whose prior is not of their size.
+/// that n views have in their pictures counts 1 / n in each of these. A view has it there unless it knows another depth of that pixel; views of
+/// which nothing is known are left out, as are those whose prior is not of their size.
 pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
     let known: Vec<bool> = views.iter().zip(priors).map(|(view, prior)| is_known(view, prior)).collect();
     let of = |i: usize| if known[i] { share(views, priors, &known, i) } else { 0.0 };

@@ -84,6 +84,10 @@ fn growth_goes_on_where_little_is_known() {
     // Without any depths.
     input.known.priors.clear();
     assert_eq!(after(&input).0, Some(0.0));
+    // Nor is there growth to go on where density stays as it is.
+    let mut still = settings.clone();
+    still.run.no_densify = true;
+    assert_eq!(prepare::grow_on(&input, &mut still), None);
     // Whoever says how splats grow has it so.
     for key in ["densify-until", "grad-threshold", "low-grad-threshold", "grow-on"] {
         let mut settings = Settings::default();
