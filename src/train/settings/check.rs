@@ -184,6 +184,7 @@ impl Settings {
             ok(share > 0.0 && !share.is_nan(), key, "a positive number")?;
         }
         ok(density.prune_extent >= 0.0, "prune-extent", "a positive number, or 0 to keep splats of any size")?;
+        ok(density.prune_distance >= 0.0, "prune-distance", "a positive number, or 0 to keep splats of any size")?;
         ok((0.0..1.0).contains(&density.prune_opacity), "prune-opacity", "a number from 0 to 1")?;
         ok((0.0..1.0).contains(&density.prune_weight), "prune-weight", "a number from 0 to 1")?;
         ok((0.0..=1.0).contains(&density.grow_on), "grow-on", "a number from 0 to 1")?;

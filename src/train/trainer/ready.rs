@@ -57,7 +57,7 @@ impl Trainer {
         let (Some(due), step) = (self.drops(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         self.pruned = step;
-        let weights = match self.engine.weights(degree) {
+        let mut weights = match self.engine.weights(degree) {
             Ok(weights) => weights,
             // The splats are what they were: a larger model is no reason to lose it.
             Err(error) if is_lack_of_memory(&error) => {
@@ -69,7 +69,10 @@ impl Trainer {
             Err(error) => return Err(error),
         };
         let least = match due {
-            Dropped::Below(least) => least,
+            Dropped::Below(least) => {
+                self.engine.take_weight_of_large(&mut weights)?;
+                least
+            }
             Dropped::Lightest(share) => quantile(&weights, share),
         };
         let dropped = self.engine.drop_below(least, &weights)?;
