@@ -1,6 +1,6 @@
 //! Splats of little weight in every photograph are dropped.
 
-use psrgs_vk::raster::{PLANES, SCALES, Viewer};
+use psrgs_vk::raster::{MEANS, PLANES, SCALES, Viewer};
 use psrgs_vk::train::settings::Method;
 use psrgs_vk::train::{Message, Pacing, Settings, State, Trainer};
 use psrgs_vk::vk::{Gpu, Memory};
@@ -111,13 +111,22 @@ fn what_is_too_large_for_its_distance_is_dropped_with_what_weighs_little() {
         settings.density.prune_distance = share;
         settings
     };
+    let centers: Vec<[f64; 3]> = input.train.iter().map(|view| view.camera.center()).collect();
+    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / centers.len() as f64);
+    // A tenth more than is allowed: after they were last looked at, splats have 11 steps in which to grow, of half a hundredth at most.
     let large = |state: &State| {
-        let largest = |scales: &[f32]| scales.iter().copied().fold(f32::MIN, f32::max).exp();
-        state.params[SCALES].chunks_exact(3).filter(|scales| largest(scales) > 1.5).count()
+        let splats = state.params[MEANS].chunks_exact(3).zip(state.params[SCALES].chunks_exact(3));
+        splats
+            .filter(|(mean, scales)| {
+                let distance = mean.iter().zip(center).map(|(m, c)| (f64::from(*m) - c).powi(2)).sum::<f64>().sqrt();
+                let largest = f64::from(scales.iter().copied().fold(f32::MIN, f32::max)).exp();
+                largest > 1.1 * 0.2 * distance.max(5.0)
+            })
+            .inspect(|splat| println!("{splat:?}"))
+            .count()
     };
     let kept = run(&gpu, input.clone(), &with(0.0), Pacing::default());
     assert!(large(&kept.state) > 5, "{} large ones", large(&kept.state));
-    // A fifth of the extent is 1, and the farthest are not half as far again from the cameras' mean.
     let dropped = run(&gpu, input.clone(), &with(0.2), Pacing::default());
     assert_eq!(large(&dropped.state), 0);
     assert!(dropped.state.ids.len() > 200, "{} are left", dropped.state.ids.len());
