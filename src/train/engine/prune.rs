@@ -31,8 +31,8 @@ impl Engine {
         Ok(self.gpu.read(&weights)?)
     }
 
-    /// Takes all weight off splats that are too large for where they are (`--prune-distance`). To be called when everything submitted is
-    /// done. Waits.
+    /// Gives splats that are too large for where they are (`--prune-distance`) a weight below every other. To be called when everything
+    /// submitted is done. Waits.
     pub fn take_weight_of_large(&self, weights: &mut [f32]) -> Result<(), Error> {
         let share = self.settings.density.prune_distance;
         if share == 0.0 || weights.is_empty() {
@@ -44,7 +44,7 @@ impl Engine {
         let surroundings = Surroundings::of(&self.cameras, self.extent);
         for ((weight, mean), scales) in weights.iter_mut().zip(means.chunks_exact(3)).zip(scales.chunks_exact(3)) {
             if surroundings.largest(share, mean) < largest(scales) {
-                *weight = 0.0;
+                *weight = -1.0;
             }
         }
         Ok(())

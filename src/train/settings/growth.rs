@@ -63,8 +63,8 @@ group! {
         /// Splats larger than this share of the scene's extent are pruned once opacities have been reset (0: keep them)
         #[arg(value_name = "SHARE")]
         pub prune_extent: f64 = 0.1,
-        /// When splats of little weight go (--prune-weight), those go too that are larger than this share of their distance from the cameras'
-        /// mean, or of the scene's extent within it (0: keep them)
+        /// When growth has ended, drop splats that are larger than this share of their distance from the cameras' mean, or of the scene's extent
+        /// within it: 0.2 takes away what stands in the air over a flight (not before --prune-weight-from; 0: keep them)
         #[arg(value_name = "SHARE")]
         pub prune_distance: f64 = 0.0,
         /// Where depths of less than this share of the pixels are known before the first step, growth ends at --grow-on-until and is from

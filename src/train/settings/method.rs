@@ -114,8 +114,6 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "prune-unseen" density.prune_unseen = true,
         // The extent is that of the cameras: walls and a sky far beyond them are of splats larger than any share of it.
         "prune-extent" density.prune_extent = 0.0,
-        // What is still large for its distance when growth has ended stands before the scene.
-        "prune-distance" density.prune_distance = 0.2,
         "prune-weight" density.prune_weight = 0.03,
         "recycle-share" density.recycle_share = 0.2,
         "keep-opacity" density.keep_opacity = 0.98,

@@ -57,7 +57,12 @@ impl Trainer {
         let (Some(due), step) = (self.drops(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         self.pruned = step;
-        let mut weights = match self.engine.weights(degree) {
+        let weighed = match due {
+            // Some are to go for their size alone.
+            Dropped::Below(0.0) => Ok(vec![0.0; self.engine.splats()? as usize]),
+            _ => self.engine.weights(degree),
+        };
+        let mut weights = match weighed {
             Ok(weights) => weights,
             // The splats are what they were: a larger model is no reason to lose it.
             Err(error) if is_lack_of_memory(&error) => {
@@ -70,7 +75,9 @@ impl Trainer {
         };
         let least = match due {
             Dropped::Below(least) => {
-                self.engine.take_weight_of_large(&mut weights)?;
+                if self.schedule.looks_at_sizes(step) {
+                    self.engine.take_weight_of_large(&mut weights)?;
+                }
                 least
             }
             Dropped::Lightest(share) => quantile(&weights, share),
