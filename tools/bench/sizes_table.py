@@ -13,7 +13,7 @@ from results_table import RESULTS
 
 # Rules, and what the forms of others_table.py call them.
 RULES = {"extent-0.1": "before", "any-size": "", "distance-0.1": None, "distance-0.2": None, "screen-0.3": None, "screen-0.6": None,
-         "screen-1": None, "grown-0.1": None, "grown-0.2": None}
+         "screen-1": None, "twice-0.1": None, "twice-0.2": None, "ended-0.2": None}
 COLUMNS = [("psrgs", "box"), ("psrgs", "caliterra"), ("psrgs", "world"), ("lean", "box"), ("lean", "world")]
 
 
