@@ -310,9 +310,9 @@ fn follow(
             )),
             Message::Skirted { step, added, splats } => progress
                 .detail(format_args!("step {step}: {added} splats added where no photograph looks: {splats} splats")),
-            Message::Pruned { step, dropped, splats } => {
-                progress.detail(format_args!("step {step}: {dropped} splats of little weight dropped: {splats} splats"))
-            }
+            Message::Pruned { step, dropped, splats } => progress.detail(format_args!(
+                "step {step}: {dropped} splats dropped for their weight or size: {splats} splats"
+            )),
             Message::HarmonicsSettled { step, full, splats } => progress
                 .detail(format_args!("step {step}: {full} of {splats} splats have spherical harmonics above degree 1")),
             Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),

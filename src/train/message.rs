@@ -61,7 +61,7 @@ pub enum Message {
         /// Splats after that.
         splats: u32,
     },
-    /// Splats of little weight were dropped before a step.
+    /// Splats of little weight, or too large for where they are, were dropped before a step.
     Pruned {
         /// Step.
         step: u32,

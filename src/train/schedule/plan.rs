@@ -2,7 +2,7 @@
 
 use super::{PerceptualStep, Rates};
 
-/// Splats of little weight that are dropped before a step.
+/// Splats that are dropped before a step for their weight; those too large for where they are go with them, or alone with a weight of 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dropped {
     /// Those of less weight than this.
