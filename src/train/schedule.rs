@@ -76,6 +76,7 @@ pub struct Schedule {
     propagations: Propagations,
     /// Splats below these weights are dropped before these steps.
     prune_weights: [f64; 2],
+    /// Whether those go that are too large for their distance.
     prunes_large: bool,
     prune_before: [u32; 2],
     prune_from: u32,

@@ -1,4 +1,4 @@
-//! Splats that add next to nothing to any photograph are dropped.
+//! Splats that add next to nothing to any photograph, or are too large for where they are, are dropped.
 
 use super::Engine;
 use crate::raster::{MEANS, OPACITIES, SCALES};
