@@ -1,12 +1,12 @@
 //! The rows of a method without its parts.
 
-use clap::{Args as _, Command, FromArgMatches as _};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args as _, Command, FromArgMatches as _};
 use psrgs_vk::compare::{ABLATIONS, Ablation, OWN_GRAD_THRESHOLD};
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 
 use crate::cli::exit::Failure;
-use crate::cli::train::named;
 
 /// A row: what it is called, its method, and the options that make it.
 pub(super) type Row = (String, String, Vec<String>);
@@ -48,7 +48,13 @@ fn can_be_trained(changed: &Settings) -> bool {
 fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
     let command = Settings::augment_args(Command::new("train").no_binary_name(true));
     let matches = command.try_get_matches_from(options)?;
-    Ok(Settings::from_arg_matches(&matches)?.over(whole, |key| named(&matches, key))?)
+    Ok(Settings::from_arg_matches(&matches)?.over(whole, |key| is_option(&matches, key))?)
+}
+
+/// Whether a value stands among the options. What the environment says is the same for every row, and no part of any.
+fn is_option(matches: &ArgMatches, key: &str) -> bool {
+    let id = key.replace('-', "_");
+    matches.try_contains_id(&id).is_ok() && matches.value_source(&id) == Some(ValueSource::CommandLine)
 }
 
 #[cfg(test)]
@@ -57,6 +63,15 @@ mod tests {
 
     fn names(method: &str) -> Vec<String> {
         rows(method).expect("rows").into_iter().map(|(label, ..)| label).collect()
+    }
+
+    #[test]
+    fn what_the_environment_says_makes_no_row() {
+        // Every environment has a PATH.
+        let command = || Command::new("train").no_binary_name(true).arg(clap::Arg::new("a_b").long("a-b").env("PATH"));
+        let of = |options: &[&str]| is_option(&command().get_matches_from(options), "a-b");
+        assert!(!of(&[]) && of(&["--a-b", "value"]));
+        assert!(!is_option(&command().get_matches_from([""; 0]), "not-there"));
     }
 
     #[test]
