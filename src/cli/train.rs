@@ -188,10 +188,14 @@ fn can_be_kept(settings: &Settings) -> Result<(), Failure> {
 
 /// Whether an option was given by name, on the command line or in the environment.
 pub(crate) fn named(matches: &clap::ArgMatches, key: &str) -> bool {
+    matches!(source(matches, key), Some(ValueSource::CommandLine | ValueSource::EnvVariable))
+}
+
+/// Where the value of a setting comes from.
+pub(crate) fn source(matches: &clap::ArgMatches, key: &str) -> Option<ValueSource> {
     let id = key.replace('-', "_");
     // Not every command has every option.
-    let source = if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None };
-    matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
+    if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
 }
 
 fn default_out(data: &Path, settings: &Settings) -> PathBuf {

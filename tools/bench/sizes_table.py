@@ -3,7 +3,7 @@
 
   tools/bench/sizes_table.py
 
-Files: sizes-320-1500-val-SCENE-METHOD-RULE-s0.json (validation photographs), and for `box` without a rule and with the one of 3dgs
+Files: sizes-320-1500-val-SCENE-METHOD-RULE-s0.json (validation photographs; what is kept without "val" is of test photographs), and for `box` without a rule and with the one of 3dgs
 others-320-1500-val-box-METHOD-FORM-s0.json.
 """
 

@@ -7,6 +7,7 @@ use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 
 use crate::cli::exit::Failure;
+use crate::cli::train::source;
 
 /// A row: what it is called, its method, and the options that make it.
 pub(super) type Row = (String, String, Vec<String>);
@@ -53,8 +54,7 @@ fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
 
 /// Whether a value stands among the options. What the environment says is the same for every row, and no part of any.
 fn is_option(matches: &ArgMatches, key: &str) -> bool {
-    let id = key.replace('-', "_");
-    matches.try_contains_id(&id).is_ok() && matches.value_source(&id) == Some(ValueSource::CommandLine)
+    source(matches, key) == Some(ValueSource::CommandLine)
 }
 
 #[cfg(test)]

@@ -34,10 +34,10 @@ impl Engine {
     /// Gives splats that are too large for where they are (`--prune-distance`) a weight below every other. To be called when everything
     /// submitted is done. Waits.
     pub fn take_weight_of_large(&self, weights: &mut [f32]) -> Result<(), Error> {
-        let share = self.settings.density.prune_distance;
-        if share == 0.0 || weights.is_empty() {
+        if weights.is_empty() {
             return Ok(());
         }
+        let share = self.settings.density.prune_distance;
         let planes = self.model.buffers();
         let means: Vec<f32> = self.gpu.read_at(&planes[MEANS], 0, 3 * weights.len())?;
         let scales: Vec<f32> = self.gpu.read_at(&planes[SCALES], 0, 3 * weights.len())?;
