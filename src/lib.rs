@@ -48,7 +48,7 @@
 //! let mut settings = Settings::default();
 //! settings.run.iterations = 2000;
 //! settings.run.scale_schedule = true;
-//! let dataset = Dataset::load("fox".as_ref(), &prepare::load_options(&settings.photographs))?;
+//! let dataset = Dataset::load("fox".as_ref(), &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
 //! let input = prepare::input(&dataset, &settings)?;
 //!
 //! let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None)?;

@@ -85,7 +85,9 @@ fn whole_training_of_the_fox_leaves_no_message() {
     let Some(path) = common::data("fox") else { return };
     let Some(gpu) = common::gpu_with(watch) else { return };
     let settings = settings();
-    let dataset = Dataset::load(&path, &prepare::load_options(&settings.photographs)).unwrap();
+    let dataset =
+        Dataset::load(&path, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))
+            .unwrap();
     let input = prepare::input(&dataset, &settings).unwrap();
     let mut seen = Seen::default();
     let restart = train(&gpu, &input, &settings, None, Some(20), &mut seen);

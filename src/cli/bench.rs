@@ -129,7 +129,8 @@ impl Args {
 
     /// What the steps are taken on.
     fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
-        let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
+        let dataset =
+            Dataset::load(data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
         let mut initial = prepare::initial(&dataset, self.init.as_deref(), self.seed)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);

@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         settings.density.lidar = Some(LidarCloud::Mvs);
     }
     settings.check()?;
-    let mut options = prepare::load_options(&settings.photographs);
+    let mut options = prepare::load_options(&settings.photographs, settings.model.background.evaluated());
     let (dataset, missing) = match Dataset::load(&args.data, &options) {
         Ok(dataset) => (dataset, None),
         Err(error @ (dataset::Error::MissingPhotographs { .. } | dataset::Error::NoPhotographs { .. })) => {

@@ -75,6 +75,8 @@ struct Scores<'a> {
     /// The coordinates that the model was taken to be in.
     frame: String,
     background: String,
+    /// What transparent pixels of photographs were taken to be.
+    transparent: String,
     antialias: bool,
     test_images: usize,
     /// Size of the first held-out view.
@@ -102,7 +104,7 @@ struct Scores<'a> {
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     args.json.as_deref().map(atomic::check).transpose()?;
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
-    let options = args.size.apply(prepare::load_options(&args.photographs));
+    let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
     let dataset = Dataset::load(&args.data, &options)?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
@@ -165,6 +167,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             split: args.photographs.split,
             frame: model.frame.to_string(),
             background: args.background.to_string(),
+            transparent: args.photographs.transparent.to_string(),
             antialias: model.antialias,
             test_images: images.len(),
             width: size.0,
@@ -297,6 +300,7 @@ fn report(
             setting("size", format!("{}x{}", metrics.width, metrics.height)),
             setting("split", args.photographs.split.to_string()),
             setting("background", args.background.to_string()),
+            setting("transparent pixels", args.photographs.transparent.to_string()),
             setting("coordinates", frame.to_string()),
         ],
         curves: Vec::new(),

@@ -156,7 +156,7 @@ pub(crate) fn write(
 
 /// Compares the model with the ground truth beside the dataset, if there is any.
 fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
-    let options = prepare::load_options(&run.plan.settings.photographs);
+    let options = prepare::load_options(&run.plan.settings.photographs, run.plan.settings.model.background.evaluated());
     let truth = GeometryTruth::find(run.dataset, &options)?;
     if truth.is_empty() {
         return Ok(Geometry::default());

@@ -39,7 +39,8 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     if let Some(preset) = &plan.preset {
         console.say(preset);
     }
-    let dataset = Dataset::load(data, &prepare::load_options(&settings.photographs))?;
+    let dataset =
+        Dataset::load(data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
     tell(&dataset, console);
     let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };

@@ -3,6 +3,7 @@
 //! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or by
 //! [`Role`], so that held-out photographs stay unread during training.
 
+mod behind;
 mod colmap;
 mod error;
 mod extent;
@@ -77,6 +78,9 @@ pub struct LoadOptions {
     pub format: Option<Format>,
     /// Which colour of masks leaves pixels out.
     pub mask_ignores: MaskIgnores,
+    /// The colour that photographs with transparent pixels are laid over (red, green, blue from 0 to 1, as encoded in them);
+    /// `None` leaves pixels out that are less than half opaque.
+    pub behind: Option<[f32; 3]>,
     /// What the numbers of photographs with more than 8 bits per channel mean.
     pub tone: Tone,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
@@ -93,6 +97,7 @@ impl Default for LoadOptions {
             split: Split::Test,
             format: None,
             mask_ignores: MaskIgnores::Black,
+            behind: None,
             tone: Tone::default(),
             photographs: true,
         }
@@ -122,6 +127,8 @@ pub struct View {
     pub mask: Option<PathBuf>,
     /// Which colour of the mask does.
     pub mask_ignores: MaskIgnores,
+    /// The colour that transparent pixels are laid over, where they are not left out.
+    pub behind: Option<[f32; 3]>,
     /// Width and height of the file.
     pub size_on_disk: (u32, u32),
     /// Whether the file is of the kind that can be decoded at a fraction of its size.
@@ -215,6 +222,7 @@ impl Dataset {
                     model,
                     mask,
                     mask_ignores,
+                    behind: options.behind,
                     size_on_disk,
                     jpeg,
                     samples,

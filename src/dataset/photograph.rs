@@ -10,7 +10,7 @@ use super::error::Error;
 use super::lens::{Distortion, Lens};
 use super::pixels::{Pixels, Sample};
 use super::tone::{Samples, Tone};
-use super::{View, jpeg_end, jpeg_reduced, masks, picture_size, undistort};
+use super::{View, behind, jpeg_end, jpeg_reduced, masks, picture_size, undistort};
 use crate::format::contain::contained;
 use crate::format::{self, source};
 
@@ -26,6 +26,8 @@ pub struct Photograph {
     pub pixels: Pixels,
     /// Pixels of the file that are brighter than the white level.
     pub clipped: u64,
+    /// Pixels of the file that are less than half opaque and not laid over a colour.
+    pub transparent: u64,
 }
 
 impl Photograph {
@@ -37,7 +39,8 @@ impl Photograph {
         let deep = samples(image.color()) != Samples::Bits8;
         let (image, clipped) = if deep { Tone::default().applied(image) } else { (image, 0) };
         let (width, height) = (image.width(), image.height());
-        Ok(Self { width, height, pixels: reduced(image, deep, width, height), clipped })
+        let transparent = behind::mostly_clear(&image);
+        Ok(Self { width, height, pixels: reduced(image, deep, width, height), clipped, transparent })
     }
 
     /// RGBA with 8 bits per channel, rounded where there are more.
@@ -120,7 +123,13 @@ pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Erro
         }
     };
     let deep = samples(image.color()) != Samples::Bits8;
+    let has_alpha = image.color().has_alpha();
     let (image, clipped) = if deep { view.tone.applied(image) } else { (image, 0) };
+    let image = match view.behind {
+        Some(colour) if has_alpha => behind::laid_over(image, colour),
+        _ => image,
+    };
+    let transparent = behind::mostly_clear(&image);
     let now = (image.width(), image.height());
     let pixels = if view.lens.is_none() && view.mask.is_none() && (now == (width, height) || !image.color().has_alpha())
     {
@@ -132,7 +141,7 @@ pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Erro
             true => Pixels::Rgba16(resampled(image.into_rgba16().into_raw(), now, mask.as_ref(), view)),
         }
     };
-    Ok(Photograph { width, height, pixels, clipped })
+    Ok(Photograph { width, height, pixels, clipped, transparent })
 }
 
 /// An opaque picture, or one that keeps its size, with alpha.

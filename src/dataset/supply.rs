@@ -54,6 +54,7 @@ struct Inner {
     depth: Depth,
     masked: u32,
     clipped: u64,
+    transparent: u64,
     checksum: u32,
 }
 
@@ -74,7 +75,16 @@ impl Supply {
         pixels.harden_alpha();
         let (depth, masked) = (pixels.depth(), pixels.masked());
         let checksum = crc32fast::hash(pixels.bytes());
-        Self { inner: Arc::new(Inner { place: Place::Decoded(Arc::new(pixels)), depth, masked, clipped: 0, checksum }) }
+        Self {
+            inner: Arc::new(Inner {
+                place: Place::Decoded(Arc::new(pixels)),
+                depth,
+                masked,
+                clipped: 0,
+                transparent: 0,
+                checksum,
+            }),
+        }
     }
 
     /// The pixels: at once where they are kept decoded, else decoded now.
@@ -113,6 +123,11 @@ impl Supply {
     /// Pixels of the file that are brighter than the white level.
     pub fn clipped(&self) -> u64 {
         self.inner.clipped
+    }
+
+    /// Pixels of the file that are left out because they are less than half opaque.
+    pub fn transparent(&self) -> u64 {
+        self.inner.transparent
     }
 
     /// CRC-32 of its file, or of the pixels where these were given: another one is another photograph.
@@ -200,7 +215,7 @@ struct Intake {
 impl Intake {
     fn one(&self, view: &View) -> Result<Option<Supply>, Error> {
         let file = photograph::read(&view.path)?;
-        let Photograph { mut pixels, clipped, .. } = photograph::decode_bytes(view, &file)?;
+        let Photograph { mut pixels, clipped, transparent, .. } = photograph::decode_bytes(view, &file)?;
         pixels.harden_alpha();
         let (depth, masked) = (pixels.depth(), pixels.masked());
         if masked as usize == pixels.len() {
@@ -208,7 +223,7 @@ impl Intake {
         }
         let checksum = checksum(&file, view)?;
         let place = self.place(view, file, pixels);
-        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, checksum }) }))
+        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, transparent, checksum }) }))
     }
 
     fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {

@@ -34,6 +34,13 @@ pub enum Warning {
         /// Such pixels in all of them.
         pixels: u64,
     },
+    /// Photographs have transparent pixels, which are left out.
+    TransparentLeftOut {
+        /// Photographs that have such pixels.
+        photographs: usize,
+        /// Such pixels in all of them.
+        pixels: u64,
+    },
     /// The folder has files of several formats.
     SeveralFormats {
         /// The one that was read.
@@ -90,6 +97,11 @@ impl fmt::Display for Warning {
                 f,
                 "{photographs} photographs have pixels brighter than white ({pixels} in all), which are made white; \
                  --white-level says what is"
+            ),
+            Self::TransparentLeftOut { photographs, pixels } => write!(
+                f,
+                "{photographs} photographs have transparent pixels ({pixels} in all), which are left out: nothing keeps splats from \
+                 them. If nothing is to be seen there, say --transparent background"
             ),
             Self::NothingHeldOut { views } => {
                 write!(

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::Error;
 use super::host::HostMemory;
 use super::input::{Input, Known, Outline, View};
-use super::settings::{self, Settings};
+use super::settings::{self, Settings, Transparent};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
 use crate::format::ply::{self, Content};
 use crate::format::{At, Error as FileError};
@@ -14,14 +14,16 @@ use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
 use crate::stereo::Prior;
 
-/// How a dataset is loaded for these settings.
-pub fn load_options(photographs: &settings::Photographs) -> LoadOptions {
+/// How a dataset is loaded for these settings. `background` is the colour behind the splats (red, green, blue from 0 to 1), which
+/// transparent pixels show where that is asked for.
+pub fn load_options(photographs: &settings::Photographs, background: [f32; 3]) -> LoadOptions {
     LoadOptions {
         max_side: Some(photographs.max_side),
         images_folder: photographs.images.as_ref().map(Into::into),
         split: photographs.split,
         format: photographs.format,
         mask_ignores: photographs.mask_ignores,
+        behind: (photographs.transparent == Transparent::Background).then_some(background),
         tone: Tone { white_level: photographs.white_level, transfer: photographs.transfer },
         ..LoadOptions::default()
     }
@@ -39,7 +41,7 @@ pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<Vec
     Ok(views.filter_map(view).collect())
 }
 
-/// What to tell of the views of a role: those that [`views`] has left out, and those whose white is cut.
+/// What to tell of the views of a role: those that [`views`] has left out, those whose white is cut, and those with transparent pixels.
 pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     let kept: HashSet<&str> = views.iter().map(|view| view.name.as_str()).collect();
     let gone = dataset.views_of(role).filter(|(_, view)| !kept.contains(view.name.as_str()));
@@ -47,7 +49,10 @@ pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     let clipped: Vec<u64> = views.iter().map(|view| view.photograph.clipped()).filter(|n| *n > 0).collect();
     let clipped = (!clipped.is_empty())
         .then(|| Warning::BrighterThanWhite { photographs: clipped.len(), pixels: clipped.iter().sum() });
-    masked.chain(clipped).collect()
+    let transparent: Vec<u64> = views.iter().map(|view| view.photograph.transparent()).filter(|n| *n > 0).collect();
+    let transparent = (!transparent.is_empty())
+        .then(|| Warning::TransparentLeftOut { photographs: transparent.len(), pixels: transparent.iter().sum() });
+    masked.chain(clipped).chain(transparent).collect()
 }
 
 /// What the photographs of a role may take of the host's memory where nothing is trained.

@@ -16,7 +16,7 @@ pub use growth::{Density, Frequencies};
 pub use terms::{Geometry, Texture};
 pub use values::{
     Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, LidarCloud, MaskIgnores, Method, Preset,
-    SigmaLearning, Split, Transfer, Tune,
+    SigmaLearning, Split, Transfer, Transparent, Tune,
 };
 
 use std::path::PathBuf;
@@ -80,6 +80,10 @@ group! {
         /// Which colour of the masks in DATA/masks means that a pixel is left out
         #[arg(value_name = "COLOUR")]
         pub mask_ignores: MaskIgnores = MaskIgnores::Black,
+        /// What transparent pixels of photographs are: `left-out`, where nothing is known (from half transparent on), or `background`:
+        /// photographs are laid over the colour of --background, and nothing is to be seen there
+        #[arg(value_name = "WHAT")]
+        pub transparent: Transparent = Transparent::LeftOut,
         /// Curve of photographs with more than 8 bits per channel: `srgb` takes their numbers as encoded, `linear` encodes them;
         /// `auto` takes whole numbers (PNG) as encoded and floating-point ones (OpenEXR) as linear
         #[arg(value_name = "CURVE")]

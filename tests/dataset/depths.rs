@@ -132,7 +132,7 @@ fn white_level_and_curve_are_those_that_are_named() {
 fn what_is_cut_is_told_before_training() {
     let root = copies(false);
     let options = Photographs { white_level: Some(0.5), transfer: Transfer::Srgb, ..Photographs::default() };
-    let dataset = load(root.path(), prepare::load_options(&options));
+    let dataset = load(root.path(), prepare::load_options(&options, [0.0; 3]));
     let views = prepare::views(&dataset, Role::Train, &mut psrgs_vk::dataset::HostShare::unlimited()).expect("decoded");
     let said: Vec<String> = prepare::left_out(&dataset, Role::Train, &views).iter().map(ToString::to_string).collect();
     assert!(said.len() == 1 && said[0].contains("3 photographs have pixels brighter than white"), "{said:?}");

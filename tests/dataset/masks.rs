@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use image::{GrayImage, Luma, Rgba, RgbaImage};
-use psrgs_vk::dataset::{Dataset, Error, LoadOptions, MaskIgnores, Warning};
+use psrgs_vk::dataset::{Dataset, Error, HostShare, LoadOptions, MaskIgnores, Role, Warning};
+use psrgs_vk::train::prepare;
 
 use crate::NAMES;
 use crate::colmap_folder::{CameraRow, Folder};
@@ -129,4 +130,54 @@ fn transparent_pixels_are_left_out_and_keep_their_colours() {
             _ => {}
         }
     }
+}
+
+#[test]
+fn transparent_pixels_show_what_is_behind_where_that_is_asked_for() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    let clear = |x: u32| if x < 8 { 0 } else { 255 };
+    RgbaImage::from_fn(24, 16, |x, _| Rgba([40, 90, 200, clear(x)]))
+        .save(root.path().join("images/b.png"))
+        .expect("photograph");
+    let said = |behind| {
+        let options = LoadOptions { behind, ..LoadOptions::default() };
+        let dataset = Dataset::load(root.path(), &options).expect("loads");
+        let views = prepare::views(&dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
+        let told: Vec<String> =
+            prepare::left_out(&dataset, Role::Train, &views).iter().map(ToString::to_string).collect();
+        (told.join("\n"), views.iter().map(|view| view.masked()).sum::<u32>())
+    };
+    let (told, masked) = said(None);
+    assert!(
+        told.contains("1 photographs have transparent pixels (128 in all)") && told.contains("--transparent"),
+        "{told}"
+    );
+    assert_eq!(masked, 128);
+    assert_eq!(said(Some([1.0; 3])), (String::new(), 0));
+
+    // At their own size, and where the picture is reduced: no colour of clear pixels is left at their edge.
+    for (max_side, edge) in [(24, 8), (12, 4)] {
+        let options = LoadOptions { behind: Some([1.0, 1.0, 0.0]), max_side: Some(max_side), ..LoadOptions::default() };
+        let photograph = Dataset::load(root.path(), &options).expect("loads").views[1].photograph().expect("decodes");
+        for (k, p) in photograph.rgba8().chunks_exact(4).enumerate() {
+            match (k as u32 % max_side).cmp(&edge) {
+                std::cmp::Ordering::Less if k as u32 % max_side + 2 < edge => assert_eq!(p, [255, 255, 0, 255]),
+                std::cmp::Ordering::Greater if k as u32 % max_side > edge + 1 => assert_eq!(p, [40, 90, 200, 255]),
+                _ => assert_eq!(p[3], 255),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_mask_leaves_out_of_a_photograph_that_is_laid_over_a_colour() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    RgbaImage::from_pixel(24, 16, Rgba([40, 90, 200, 0])).save(root.path().join("images/b.png")).expect("photograph");
+    std::fs::create_dir(root.path().join("masks")).expect("folder");
+    GrayImage::from_fn(24, 16, |x, _| Luma([if x < 8 { 255 } else { 0 }]))
+        .save(root.path().join("masks/b.png.png"))
+        .expect("mask");
+    let options = LoadOptions { behind: Some([0.0; 3]), ..LoadOptions::default() };
+    let dataset = Dataset::load(root.path(), &options).expect("loads");
+    assert_eq!(counting(&dataset, 1), (0..8).collect::<Vec<_>>());
 }

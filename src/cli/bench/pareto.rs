@@ -49,7 +49,8 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
         }
     };
     settings.check()?;
-    let dataset = Dataset::load(&data, &prepare::load_options(&settings.photographs))?;
+    let dataset =
+        Dataset::load(&data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
     let mut tables = Vec::new();
     let mut model = match &args.init {
         Some(file) => Some(prepare::initial(&dataset, Some(file), 0)?),

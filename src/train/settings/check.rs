@@ -1,6 +1,6 @@
 //! What settings ask for together, and whether it makes sense.
 
-use super::{DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning};
+use super::{Background, DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning, Transparent};
 use crate::raster::Approximation;
 use crate::saliency::LearnSettings;
 
@@ -32,6 +32,13 @@ impl Settings {
         ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
         let white = self.photographs.white_level;
         ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;
+        let one_colour =
+            self.photographs.transparent == Transparent::LeftOut || self.model.background != Background::Random;
+        ok(
+            one_colour,
+            "transparent",
+            "left-out with --background random: `background` needs one colour, black or white",
+        )?;
         ok(self.model.sh_degree <= 3, "sh-degree", "0, 1, 2 or 3")?;
         ok(self.model.sh_interval >= 1, "sh-interval", "at least 1")?;
         ok((0.0..=1.0).contains(&self.model.sh_share), "sh-share", "a number from 0 to 1")?;

@@ -101,7 +101,7 @@ fn parse_error(error: &toml::de::Error, text: &str, path: &Path) -> SettingsErro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::settings::{Background, ByteSize, Exposure, Split};
+    use crate::train::settings::{Background, ByteSize, Exposure, Split, Transparent};
 
     fn unusual() -> Settings {
         let mut s = Settings { data: Some("some where/fox".into()), ..Settings::default() };
@@ -110,6 +110,7 @@ mod tests {
         s.run.init = Some("start.ply".into());
         s.photographs.split = Split::Val;
         s.photographs.images = Some("images_4".into());
+        s.photographs.transparent = Transparent::Background;
         s.model.background = Background::Random;
         s.optimiser.lr_means = 1.0 / 3.0;
         s.optimiser.exposure = Exposure::Affine;

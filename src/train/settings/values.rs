@@ -294,6 +294,38 @@ as_word!(Method);
 
 as_word!(Preset);
 
+/// What transparent pixels of photographs are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Transparent {
+    /// Pixels of which nothing is known: they have no part in losses and metrics.
+    #[default]
+    LeftOut,
+    /// Places where the background is seen.
+    Background,
+}
+
+impl fmt::Display for Transparent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::LeftOut => "left-out",
+            Self::Background => "background",
+        })
+    }
+}
+
+impl FromStr for Transparent {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "left-out" => Ok(Self::LeftOut),
+            "background" => Ok(Self::Background),
+            _ => Err(format!("no way `{word}` to take transparent pixels: it is left-out or background")),
+        }
+    }
+}
+
+as_word!(Transparent);
+
 impl fmt::Display for Transfer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
