@@ -154,7 +154,15 @@ fn presets_are_written_out_and_named_options_win_over_them() {
     let kind = psrgs_vk::vk::device_kind(None).ok();
     let quick = kind == Some(psrgs_vk::vk::DeviceKind::Cpu);
     assert_eq!(chosen(&[]), if quick { (640, 2000, true) } else { (1600, 30_000, false) });
-    assert_eq!(chosen(&["--iterations", "7000"]), (if quick { 640 } else { 1600 }, 7000, false));
+    let side = if quick { 640 } else { 1600 };
+    assert_eq!(chosen(&["--method", "3dgs", "--iterations", "7000"]), (side, 7000, false), "the middle of the publication's");
+    // A scaled schedule ends: growth, pruning and the skirt have their steps.
+    for method in ["lean", "psrgs", "psrgs-paper"] {
+        assert_eq!(chosen(&["--method", method, "--iterations", "7000"]), (side, 7000, true), "{method}");
+        assert_eq!(chosen(&["--method", method, "--iterations", "30000"]), (side, 30_000, false), "{method}");
+    }
+    assert_eq!(chosen(&["--iterations", "7000", "--scale-schedule=false"]), (side, 7000, false));
+    assert_eq!(chosen(&["--preset", "full", "--iterations", "7000"]), (65_536, 7000, true));
 }
 
 #[test]

@@ -43,7 +43,7 @@ use console::{Console, Level};
 const EXAMPLES: &str = "\
 Examples:
   psrgs-vk train fox --out fox-model          train on fox/images with the cameras of fox/sparse/0
-  psrgs-vk train fox --out quick --max-side 640 --iterations 2000 --scale-schedule
+  psrgs-vk train fox --out quick --max-side 640 --iterations 2000
   psrgs-vk train --resume fox-model           go on after an interruption
   psrgs-vk eval fox-model/point_cloud.ply fox score a model on the held-out photographs
   psrgs-vk demo --out demo-out                a made-up aerial scene, trained, with a report to look at

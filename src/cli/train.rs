@@ -36,7 +36,7 @@ const SHORTCUTS: [&str; 3] = ["moment-bits", "sh-every", "sh-rate"];
 Examples:
   psrgs-vk train fox --out fox-model
   psrgs-vk train fox --out quick --preset quick
-  psrgs-vk train fox --out small --max-side 640 --iterations 2000 --scale-schedule
+  psrgs-vk train fox --out small --max-side 640 --iterations 2000
   psrgs-vk train fox --out again --config fox-model/settings.toml --seed 1
   psrgs-vk train --resume fox-model
   psrgs-vk train fox --iterations 7000 --print-settings > my.toml
@@ -218,7 +218,7 @@ fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<
     }
     if before.run.scale_schedule && before.run.iterations != resumed.run.iterations {
         return Err(Failure::Usage(
-            "--iterations cannot change on --resume with --scale-schedule: the steps already done were scaled to it"
+            "--iterations cannot change on --resume where the schedule was scaled to it: begin such a run with --scale-schedule=false"
                 .into(),
         )
         .into());

@@ -48,7 +48,8 @@ group! {
         pub tune: Tune = Tune::Auto,
     }
     flags {
-        /// Fit the 30,000-step schedule of the method to --iterations
+        /// Fit the 30,000-step schedule to --iterations: always with fewer steps of lean, psrgs and psrgs-paper, and with --preset quick,
+        /// unless it is =false
         pub scale_schedule,
         /// Same bits from the same command on the same device, driver and binary
         pub deterministic,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DepthPrior, Exposure, Gate, Growth, Settings, SigmaLearning};
+use super::{DepthPrior, Exposure, Gate, Growth, Run, Settings, SigmaLearning};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,6 +106,11 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 }
 
 fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    // In the middle of the published schedule nothing has been pruned yet, and no surface is continued. The published methods have the
+    // published steps all the same: a model of 7,000 is known to be one in the middle.
+    if !named("scale-schedule") && settings.run.iterations < Run::default().iterations {
+        settings.run.scale_schedule = true;
+    }
     unless_named!(named, settings:
         "growth" density.growth = Growth::Sampled,
         "absgrad" density.absgrad = true,
