@@ -71,7 +71,7 @@ fn shortcuts_keep_to_600_bytes_per_splat() {
 
 fn density(engine: &mut Engine, step: u32) -> Vec<u32> {
     let schedule = Schedule::new(&Settings::default(), 2);
-    let plan = StepPlan { densify: Some(DensityChange { prune_large: false }), ..schedule.step(step) };
+    let plan = StepPlan { densify: Some(DensityChange { prune_large: false, sees_all: true }), ..schedule.step(step) };
     let ticket = engine.submit(Event { step, kind: Kind::Density }, &plan, 0).expect("a density change");
     engine.outcome(ticket).expect("its end").counters
 }

@@ -1,7 +1,7 @@
 //! The schedule of the reference method, its quirks, its short form, and the order of views.
 
 use psrgs_vk::train::schedule::{Adam, Dropped, Schedule};
-use psrgs_vk::train::settings::{Background, Settings};
+use psrgs_vk::train::settings::{Background, Method, Settings};
 
 fn schedule(change: impl FnOnce(&mut Settings)) -> Schedule {
     let mut settings = Settings::default();
@@ -371,4 +371,25 @@ fn a_limited_set_is_recycled_while_it_grows() {
     };
     assert_eq!(young(0.25), [Some(Dropped::Below(0.01)), Some(Dropped::Below(0.04))]);
     assert_eq!(young(0.0), [None, Some(Dropped::Below(0.04))], "what is young stays");
+}
+
+/// At most 100 steps lie between changes: of more photographs some were not looked at, and what only they show is not unseen.
+#[test]
+fn nothing_is_unseen_before_all_photographs_were_looked_at() {
+    let seen = |views: usize, scaled: bool| {
+        let mut settings = Settings::of_method(Method::Psrgs);
+        settings.run.scale_schedule = scaled;
+        let schedule = Schedule::new(&settings, views);
+        let changes: Vec<bool> =
+            (1..=30_000).filter_map(|t| schedule.step(t).densify).map(|change| change.sees_all).collect();
+        assert!(changes.len() > 80, "{views}");
+        // The first change follows more steps than lie between the others.
+        (changes[0], changes[1..].iter().all(|all| *all), changes[1..].iter().any(|all| *all))
+    };
+    for scaled in [false, true] {
+        assert_eq!(seen(100, scaled), (true, true, true));
+        assert_eq!(seen(101, scaled), (true, false, false));
+        assert_eq!(seen(500, scaled), (true, false, false));
+        assert_eq!(seen(5000, scaled), (false, false, false));
+    }
 }

@@ -22,10 +22,17 @@ enum Form {
         /// The same for steps with gradients of depth and normals, where there are such.
         with_aux: Option<[Pipeline; 4]>,
         /// For steps that leave out the view-dependent coefficients, where some do.
-        without_rest: Option<Pipeline>,
+        without_rest: Option<WithoutRest>,
     },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients(Summed),
+}
+
+/// Steps that leave out the view-dependent coefficients.
+struct WithoutRest {
+    plain: Pipeline,
+    /// With gradients of depth and normals, where there are such.
+    with_aux: Option<Pipeline>,
 }
 
 /// Gradients of the model in memory, and the pass that steps by them.
@@ -79,7 +86,13 @@ impl Optimiser {
             Form::Fused {
                 of_degree: all(false)?,
                 with_aux: aux.then(|| all(true)).transpose()?,
-                without_rest: (shortcuts.sh_every > 1).then(|| of(0, false, false)).transpose()?,
+                without_rest: match shortcuts.sh_every > 1 {
+                    true => Some(WithoutRest {
+                        plain: of(0, false, false)?,
+                        with_aux: aux.then(|| of(0, true, false)).transpose()?,
+                    }),
+                    false => None,
+                },
             }
         } else if packs || shortcuts.visible_adam || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
@@ -210,8 +223,9 @@ impl Optimiser {
                     model,
                     moments: &self.moments,
                     pipeline: match (plan.sh_rest, without_rest, with_aux) {
+                        (None, Some(WithoutRest { with_aux: Some(pipeline), .. }), _) if aux => pipeline,
+                        (None, Some(WithoutRest { plain, .. }), _) => plain,
                         (_, _, Some(with_aux)) if aux => &with_aux[degree.min(3) as usize],
-                        (None, Some(pipeline), _) => pipeline,
                         _ => &of_degree[degree.min(3) as usize],
                     },
                     settings: &self.settings,

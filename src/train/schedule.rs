@@ -257,7 +257,10 @@ impl Schedule {
             sh_degree: self.sh_degree_at(t),
             background: self.background_at(t),
             accumulate: self.densify && t < self.densify_until,
-            densify: densify.then_some(DensityChange { prune_large: t > self.prune_large_after }),
+            densify: densify.then(|| DensityChange {
+                prune_large: t > self.prune_large_after,
+                sees_all: self.steps_since_change(t) as usize >= self.views,
+            }),
             reset_opacity,
             adam: match (densify || t >= self.iterations, reset_opacity) {
                 (true, _) => Adam::None,
@@ -362,6 +365,12 @@ impl Schedule {
     fn densifies_at(&self, t: u32) -> bool {
         let grows = self.densify && t > self.densify_from && t < self.densify_until.min(self.iterations);
         grows && t.is_multiple_of(self.densify_interval)
+    }
+
+    /// Steps up to `t` since the density change before it.
+    fn steps_since_change(&self, t: u32) -> u32 {
+        let before = t.saturating_sub(self.densify_interval);
+        if self.densifies_at(before) { t - before } else { t }
     }
 
     fn resets_at(&self, t: u32) -> bool {

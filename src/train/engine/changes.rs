@@ -34,7 +34,7 @@ impl Engine {
                 rate: density.sample_rate as f32,
                 mask_share: density.sample_mask_share as f32,
                 error_share: density.sample_error_share as f32,
-                prune_unseen: density.prune_unseen,
+                prune_unseen: density.prune_unseen && plan.densify.is_some_and(|d| d.sees_all),
                 along_gradient: density.split_along_gradient,
             }),
             keep_opacity: density.keep_opacity as f32,

@@ -9,7 +9,7 @@ use crate::train::exposures::Turn;
 use crate::train::losses::Weights;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::statistics::Seen;
-use crate::vk::Recorder;
+use crate::vk::{Buffer, Recorder};
 
 impl Engine {
     pub(super) fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
@@ -46,9 +46,12 @@ impl Engine {
         };
         let of_image = self.losses.grad_image();
         let texture = &self.settings.texture;
+        let (pixels, known) = (camera.width * camera.height, plan.step);
+        let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
+        let image = &self.target.image;
         if let Some(sigma) = learned.filter(|sigma| sigma.wants_low()) {
             let _ = renderer.record_forward_of(recorder, &self.model, &shot, &self.target, false, Some(&self.ids))?;
-            sigma.record(recorder, (plan.step, &camera, true), &self.target.image)?;
+            sigma.record(recorder, (plan.step, &camera, true), self.exposed(recorder, image, turn)?)?;
         }
         let maps = self.gradient_maps.as_ref().zip(plan.gradients);
         let alone = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);
@@ -58,13 +61,7 @@ impl Engine {
             constrained.record(recorder, renderer, model, at, (maps, &compared, weight), of_image)?;
         }
         let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, geometry.is_some())?;
-        let (pixels, known) = (camera.width * camera.height, plan.step);
-        let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
-        let image = &self.target.image;
-        let shown = match &self.exposures {
-            Some(exposures) => exposures.record_apply(recorder, image, turn)?,
-            None => image,
-        };
+        let shown = self.exposed(recorder, image, turn)?;
         let weights = saliency.filter(|_| weighted).map(|saliency| Weights { saliency, of });
         if let Some(sigma) = learned {
             sigma.record(recorder, (plan.step, &camera, false), shown)?;
@@ -102,5 +99,12 @@ impl Engine {
         }
         self.optimiser.record(recorder, renderer, &self.model, &shot, plan, (of_aux.is_some(), beside))?;
         Ok(())
+    }
+    /// Records the render as the photograph would show it, where exposures are learned; else it is that already.
+    fn exposed<'a>(&'a self, recorder: &mut Recorder, image: &'a Buffer, turn: Turn) -> Result<&'a Buffer, Error> {
+        match &self.exposures {
+            Some(exposures) => Ok(exposures.record_apply(recorder, image, turn)?),
+            None => Ok(image),
+        }
     }
 }

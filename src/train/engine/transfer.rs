@@ -171,7 +171,11 @@ impl Engine {
             return Ok(None);
         }
         let camera = *self.cameras.get(view).ok_or(Error::NoViews)?;
-        let picture = self.picture(&camera, sh_degree, background, false)?;
+        let mut picture = self.picture(&camera, sh_degree, background, false)?;
+        // Compared with the photograph, as in training.
+        if let Some(exposure) = self.exposures()?.as_ref().and_then(|exposures| exposures.get(view)) {
+            picture = picture.exposed(exposure);
+        }
         self.sigma.as_ref().map_or(Ok(None), |sigma| sigma.curve(view, &picture.rgbt))
     }
 

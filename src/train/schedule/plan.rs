@@ -27,6 +27,8 @@ pub enum Adam {
 pub struct DensityChange {
     /// Whether splats that are large in the scene are pruned too.
     pub prune_large: bool,
+    /// Whether the photographs looked at since the last change are as many as there are: what none of them shows, no photograph does.
+    pub sees_all: bool,
 }
 
 /// Everything that one step does. The order is: look at the photograph, accumulate statistics, change density, reset

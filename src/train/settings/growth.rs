@@ -87,7 +87,8 @@ group! {
     flags {
         /// Judge splits by sums of absolute gradients of pixels, which do not cancel; with sampled growth all of it
         pub absgrad,
-        /// Prune splats that have blended into no pixel since the last density change, where growth is sampled
+        /// Prune splats that have blended into no pixel since the last density change, where growth is sampled and the steps since then are
+        /// as many as there are photographs
         pub prune_unseen,
         /// Where growth is sampled, split splats along that of their axes along which the loss changes most, by the optimiser's mean
         /// gradient of their centres, in place of the longest
