@@ -155,7 +155,11 @@ fn presets_are_written_out_and_named_options_win_over_them() {
     let quick = kind == Some(psrgs_vk::vk::DeviceKind::Cpu);
     assert_eq!(chosen(&[]), if quick { (640, 2000, true) } else { (1600, 30_000, false) });
     let side = if quick { 640 } else { 1600 };
-    assert_eq!(chosen(&["--method", "3dgs", "--iterations", "7000"]), (side, 7000, false), "the middle of the publication's");
+    assert_eq!(
+        chosen(&["--method", "3dgs", "--iterations", "7000"]),
+        (side, 7000, false),
+        "the middle of the publication's"
+    );
     // A scaled schedule ends: growth, pruning and the skirt have their steps.
     for method in ["lean", "psrgs", "psrgs-paper"] {
         assert_eq!(chosen(&["--method", method, "--iterations", "7000"]), (side, 7000, true), "{method}");
@@ -237,7 +241,7 @@ fn wrong_settings_are_named_with_file_and_line() {
 fn usage_errors_have_their_code_and_say_what_to_do() {
     fails(&["train"], 2, &["train DATA --out DIR"]);
     fails(&["train", "fox", "--itertions", "5"], 2, &["--iterations"]);
-    fails(&["train", "fox", "--resume", "run"], 2, &["--resume"]);
+    fails(&["train", "fox", "--resume", "run", "--out", "other"], 2, &["--resume"]);
     fails(&["train", "fox", "--method", "gsplat"], 2, &["no method `gsplat`", "3dgs"]);
     fails(&["train", "fox", "--method", "nerf"], 2, &["3dgs"]);
     fails(&[], 2, &["Usage"]);
@@ -257,6 +261,9 @@ fn a_resumed_run_keeps_what_its_steps_depend_on() {
     assert_eq!(got["run"]["checkpoint-every"].as_integer(), Some(50));
     assert_eq!(got["run"]["seed"].as_integer(), Some(7));
     fails(&["train", "--resume", run, "--seed", "8"], 2, &["settings of the run"]);
+    let moved = settings(&["/elsewhere/fox", "--resume", run]);
+    assert_eq!(moved["data"].as_str(), Some("/elsewhere/fox"));
+    fails(&["train", "--resume", run], 3, &["/fox", "train DATA --resume"]);
     write(folder.path(), "settings.toml", "data = \"/fox\"\n[run]\nscale-schedule = true\niterations = 1500\n");
     fails(&["train", "--resume", run, "--iterations", "3000"], 2, &["--scale-schedule"]);
     write(folder.path(), "settings.toml", "data = \"/fox\"\n[texture]\nlambda-perceptual = 0.1\n");

@@ -162,11 +162,23 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
     for case in 0..60 {
         let splat = splats::spread(&mut random, &camera, spread);
         let Ok(here) = project(&splat, &view, None) else { continue };
+        let ([.., z0], e) = psrgs_vk::twin::project::geometry(&splat, &view);
+        // The reference holds the clamped x and y of the Jacobian fixed, not their ratios to the depth: a ratio that is clamped falls with
+        // the depth. The limits do here, of a splat that has moved.
+        let seen = |moved: &Splat<f64>| {
+            let mut view = view.clone();
+            let ([.., z], _) = psrgs_vk::twin::project::geometry(moved, &view);
+            for k in (0..2).filter(|k| projection.reference_clamp && e.clamped[*k]) {
+                view.limits[2 * k..2 * k + 2].iter_mut().for_each(|limit| *limit *= z0 / z);
+            }
+            view
+        };
         let calm = (0..PARAMETERS).all(|k| {
             [-4e-4, 4e-4].iter().all(|h| {
                 let mut values = splat.to_array();
                 values[k] += h;
-                state(&Splat::from_array(&values), &view) == state(&splat, &view)
+                let moved = Splat::from_array(&values);
+                state(&moved, &seen(&moved)) == state(&splat, &view)
             })
         });
         if !calm {
@@ -176,7 +188,9 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
         clamped += usize::from(state(&splat, &view).1 != [false; 2]);
         let slopes: Vec<Vec<f64>> = (0..PARAMETERS)
             .map(|k| {
-                difference(&splat, k, 1e-4, &mut |moved| project(moved, &view, None).map_or(vec![], |p| outputs(&p)))
+                difference(&splat, k, 1e-4, &mut |moved| {
+                    project(moved, &seen(moved), None).map_or(vec![], |p| outputs(&p))
+                })
             })
             .collect();
         for (column, value) in outputs(&here).into_iter().enumerate() {
@@ -260,7 +274,14 @@ fn projection_twin_beyond_the_field_of_view_clamp() {
 }
 
 #[test]
-fn reference_clamp_doubles_the_depth_term_only_where_clamped() {
+fn projection_twin_beyond_the_clamp_of_the_reference() {
+    let projection = Projection { antialias: true, reference_clamp: true, ..Projection::default() };
+    let clamped = projection_against_differences(projection, 2.2, 78);
+    assert!(clamped > 10, "only {clamped} splats were clamped");
+}
+
+#[test]
+fn reference_clamp_changes_the_means_gradient_only_where_clamped() {
     let camera = camera(64, 48);
     let honest = View::<f64>::exact(&camera, &Projection::default());
     let quirk = View::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });

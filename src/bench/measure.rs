@@ -332,7 +332,10 @@ impl<'a> Run<'a> {
     fn density_peak(&mut self) -> Result<u64, Error> {
         self.gpu.restart_peak();
         loop {
-            let plan = StepPlan { densify: Some(DensityChange { prune_large: false, sees_all: true }), ..self.plan(self.next) };
+            let plan = StepPlan {
+                densify: Some(DensityChange { prune_large: false, sees_all: true }),
+                ..self.plan(self.next)
+            };
             let event = Event { step: self.next, kind: Kind::Density };
             let ticket = self.engine.submit(event, &plan, 0)?;
             let outcome = self.engine.outcome(ticket)?;

@@ -21,9 +21,9 @@ use super::lpips::Lpips;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
 use super::pictures::Pictures;
-use super::run_folder::REPORT;
+use super::run_folder::{REPORT, SETTINGS};
 use super::score_size::SizeArgs;
-use super::{device, outputs, progress};
+use super::{device, outputs, progress, trained_as};
 
 /// Score a model on the held-out photographs of a dataset
 #[derive(clap::Args)]
@@ -103,6 +103,13 @@ struct Scores<'a> {
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     args.json.as_deref().map(atomic::check).transpose()?;
+    if let Some(folder) = args.out.as_deref().filter(|folder| folder.join(SETTINGS).is_file()) {
+        return Err(Failure::Usage(format!(
+            "--out {}: that is the folder of a training, whose report and renders would be replaced; choose another folder",
+            folder.display()
+        ))
+        .into());
+    }
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
     let dataset = Dataset::load(&args.data, &options)?;
@@ -114,6 +121,10 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     tell(args, &dataset, &views, console);
+    let by_side = options.sizing.is_none();
+    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, by_side) {
+        console.warn(line);
+    }
     let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.device, &args.drawing, &dataset.frame, &args.background)?;

@@ -31,6 +31,7 @@ mod stages;
 mod stereo;
 mod train;
 mod train_run;
+mod trained_as;
 mod weights;
 
 use std::process::ExitCode;

@@ -31,6 +31,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) started: Instant,
     /// Seconds of training, earlier stretches of a resumed run included.
     pub(crate) training_seconds: f64,
+    /// Seconds of training in earlier stretches of a resumed run.
+    pub(crate) earlier_seconds: f64,
     /// Seconds of multi-view stereo.
     pub(crate) stereo_seconds: f64,
 }
@@ -43,7 +45,7 @@ pub(crate) fn write(
     console: &Console,
 ) -> anyhow::Result<()> {
     let settings = &run.plan.settings;
-    let seconds = run.started.elapsed().as_secs_f64().max(run.training_seconds);
+    let seconds = run.earlier_seconds + run.started.elapsed().as_secs_f64();
     let mut model = trainer.model()?;
     let constrained = trainer.constrained_below()?.map(|bound| {
         model = model.in_order_of_birth();

@@ -104,6 +104,12 @@ impl RunFolder {
         error.context(Remedy(remedy))
     }
 
+    /// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
+    pub(crate) fn with_way_back(&self, error: anyhow::Error) -> anyhow::Error {
+        let remedy = format!("if the dataset has moved: psrgs-vk train DATA --resume {}", self.path.display());
+        error.context(Remedy(remedy))
+    }
+
     /// Writes `settings.toml`.
     pub(crate) fn write_settings(&self, settings: &Settings) -> anyhow::Result<()> {
         let text = settings.to_toml()?;

@@ -48,8 +48,8 @@ pub(crate) struct Args {
     /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]
     #[arg(long, value_name = "DIR", help_heading = "Run")]
     pub(crate) out: Option<PathBuf>,
-    /// Go on with an interrupted run from its last checkpoint, in the same folder
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "config", "data", "overwrite"], help_heading = "Run")]
+    /// Go on with an interrupted run from its last checkpoint, in the same folder; DATA says where its dataset is now
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "config", "overwrite"], help_heading = "Run")]
     pub(crate) resume: Option<PathBuf>,
     /// Read settings from a file; options given by name win over it
     #[arg(long, value_name = "FILE", help_heading = "Run")]
@@ -207,7 +207,8 @@ fn default_out(data: &Path, settings: &Settings) -> PathBuf {
 fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<()> {
     // What a training learns from is no longer a matter of scores alone.
     let learned_from = |key: &str| key == "perceptual-weights" && before.texture.lambda_perceptual > 0.0;
-    let free = |key: &str| FREE_ON_RESUME.contains(&key) && !learned_from(key);
+    // That the dataset is the same wherever it is now, the checkpoint knows.
+    let free = |key: &str| key == "data" || FREE_ON_RESUME.contains(&key) && !learned_from(key);
     let kept = resumed.over(before, free)?;
     if kept != *resumed {
         return Err(Failure::Usage(format!(

@@ -39,8 +39,11 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     if let Some(preset) = &plan.preset {
         console.say(preset);
     }
-    let dataset =
-        Dataset::load(data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
+    let options = prepare::load_options(&settings.photographs, settings.model.background.evaluated());
+    let dataset = Dataset::load(data, &options).map_err(|error| match plan.resume {
+        true => folder.with_way_back(error.into()),
+        false => error.into(),
+    })?;
     tell(&dataset, console);
     let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };
@@ -55,8 +58,17 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     console.say(host);
     let mut input = prepare::input_within(&dataset, initial, host.share)?;
     input.known.perceptual = lpips.weights();
+    if settings.texture.lambda_perceptual > 0.0 && input.known.perceptual.is_none() {
+        console.warn(
+            "the perceptual loss compares by oriented filters, for want of a network's weights: --perceptual-weights names them \
+             (`psrgs-vk weights` says where to get them), --lambda-perceptual 0 leaves it out",
+        );
+    }
     let begins = settings.run.init.is_none() && before.is_none();
     let before_stereo = Instant::now();
+    if settings.geometry.depth_prior == DepthPrior::Stereo {
+        console.say(format_args!("looking for depths in {} photographs", input.train.len()));
+    }
     let found = take_stereo(&gpu, &dataset, &mut input, &settings, &host.share, begins)?;
     let stereo_seconds = if found.views > 0 { before_stereo.elapsed().as_secs_f64() } else { 0.0 };
     tell_stereo(&found, &settings, input.train.len(), console);
@@ -90,6 +102,11 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         settings.run.seed,
         HumanCount(before.as_ref().map_or(input.initial.len(), |b| b.restart.state.ids.len()) as u64),
     ));
+    if before.is_none() && !input.sees_any() {
+        console.warn(
+            "no camera sees a splat to begin with: the points, or the model of --init, must be in the coordinates of the dataset's cameras",
+        );
+    }
     if let Some(most) =
         settings.density.max_splats.filter(|most| before.is_none() && input.initial.len() > *most as usize)
     {
@@ -106,10 +123,13 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let splats = restart.as_ref().map_or(input.initial.len() as u32, |r| r.state.splats());
     console.say(MemoryPlan::new(&gpu, &input, settings, variants, host.pacing, splats)?);
     let done = restart.as_ref().map_or(0, |r| r.step);
-    if settings.run.iterations - done.min(settings.run.iterations) >= WORTH_TIMING {
-        estimate(&gpu, &input, settings, variants, done, console);
+    // Timed with the splats to begin with: of a model that has grown it says nothing.
+    if restart.is_none() && settings.run.iterations >= WORTH_TIMING {
+        estimate(&gpu, &input, settings, variants, console);
     }
+    let earlier_seconds = restart.as_ref().map_or(0.0, |r| r.seconds);
     let mut trainer = Trainer::new(&gpu, input, settings, host.pacing, restart)?;
+    interrupt.work_begins();
     folder.begin(settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut to_the_end = || {
@@ -117,17 +137,25 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         if let Some(streaming) = trainer.streaming() {
             console.detail(format_args!("photographs: {streaming}"));
         }
-        let finished =
-            Finished { plan, folder: &folder, dataset: &dataset, gpu: &gpu, started, training_seconds, stereo_seconds };
+        let finished = Finished {
+            plan,
+            folder: &folder,
+            dataset: &dataset,
+            gpu: &gpu,
+            started,
+            training_seconds,
+            earlier_seconds,
+            stereo_seconds,
+        };
         outputs::write(&finished, &mut trainer, &mut lpips, console)
     };
     to_the_end().map_err(|error| folder.with_way_on(error))
 }
 
 /// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.
-fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, done: u32, console: &Console) {
+fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, console: &Console) {
     if let Ok(Some(estimate)) = Estimate::measure(gpu, input, settings, variants) {
-        let seconds = estimate.seconds(settings.run.iterations.saturating_sub(done));
+        let seconds = estimate.seconds(settings.run.iterations);
         console.say(format_args!("time: about {}: {estimate}", duration(seconds)));
     }
 }

@@ -68,6 +68,18 @@ impl LpipsWeights {
         [self.trunk.file(), self.linear.file()]
     }
 
+    /// CRC-32 of the numbers that the distance uses: the same for the same network in files of other formats.
+    pub fn checksum(&self) -> u32 {
+        let of_trunk = names().filter(|name| name.starts_with("features."));
+        let of_trunk = of_trunk.flat_map(|name| ["weight", "bias"].map(|part| (&self.trunk, format!("{name}.{part}"))));
+        let of_linear = (0..TAPS.len()).map(|layer| (&self.linear, format!("lin{layer}.model.1.weight")));
+        let mut all = crc32fast::Hasher::new();
+        for (tensors, name) in of_trunk.chain(of_linear) {
+            all.update(bytemuck::cast_slice(tensors.values(&name)));
+        }
+        all.finalize()
+    }
+
     fn filters(&self, name: &str, outputs: usize, inputs: usize, size: usize) -> Result<Filters, Error> {
         let taps = self.trunk.get(&format!("{name}.weight"), &[outputs, inputs, size, size], NETWORK)?.to_vec();
         let biases = self.trunk.get(&format!("{name}.bias"), &[outputs], NETWORK)?.to_vec();

@@ -42,6 +42,11 @@ impl Tensors {
         self.tensors.keys().map(String::as_str)
     }
 
+    /// The values of an array; none where it is not there.
+    pub fn values(&self, name: &str) -> &[f32] {
+        self.tensors.get(name).map_or(&[], |tensor| &tensor.values)
+    }
+
     /// The values of an array that `network` must have, of this shape and finite.
     pub fn get(&self, name: &str, shape: &[usize], network: &'static str) -> Result<&[f32], Error> {
         let (file, field) = (|| self.file.clone(), || name.to_owned());

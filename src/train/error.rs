@@ -145,6 +145,17 @@ pub enum Error {
         /// The first difference.
         what: String,
     },
+    /// The perceptual loss of a resumed training would be another one.
+    #[error(
+        "the perceptual loss went by {before} so far, and would go by {now}: give the same weights (--perceptual-weights, PSRGS_WEIGHTS, or \
+         the folder of `psrgs-vk weights`), or train anew with another --out"
+    )]
+    OtherPerceptual {
+        /// What it went by.
+        before: String,
+        /// What it would go by.
+        now: String,
+    },
     /// A section of a checkpoint has the wrong size.
     #[error("checkpoint, section '{section}': {found} values where {expected} are expected")]
     Checkpoint {

@@ -62,6 +62,13 @@ pub struct Known {
 }
 
 impl Input {
+    /// Whether any splat to begin with lies before one of the cameras to train on, in its picture or not farther from it than the picture is
+    /// wide and high.
+    pub fn sees_any(&self) -> bool {
+        let means = &self.initial.means;
+        means.chunks_exact(3).any(|mean| self.train.iter().any(|view| is_before(&view.camera, mean)))
+    }
+
     /// What memory depends on.
     pub fn outline(&self) -> Outline {
         Outline {
@@ -93,4 +100,15 @@ impl Outline {
     pub fn largest(&self) -> u64 {
         self.train.iter().chain(&self.held_out).map(|view| Self::bytes(std::slice::from_ref(view))).max().unwrap_or(0)
     }
+}
+
+fn is_before(camera: &Camera, mean: &[f32]) -> bool {
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|i| {
+        let row = camera.rotation[i];
+        camera.translation[i] + (0..3).map(|k| row[k] * f64::from(mean[k])).sum::<f64>()
+    });
+    let inside = |at: f64, size: u32| (-f64::from(size)..2.0 * f64::from(size)).contains(&at);
+    z > 0.0
+        && inside(camera.fx * x / z + camera.cx, camera.width)
+        && inside(camera.fy * y / z + camera.cy, camera.height)
 }

@@ -1,5 +1,7 @@
 //! Which photographs a training looks at, kept with it: a resumed one is to look at the same.
 
+use std::fmt;
+
 use super::Error;
 use super::input::View;
 use crate::scene::Camera;
@@ -15,14 +17,36 @@ pub struct TrainedOn {
     /// Empty in what earlier versions kept.
     #[serde(default)]
     checksums: Vec<u32>,
+    /// What the perceptual loss goes by. Absent where there is no such loss, and in what earlier versions kept.
+    #[serde(default)]
+    perceptual: Option<PerceptualBy>,
+}
+
+/// What a perceptual loss goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(super) enum PerceptualBy {
+    /// Oriented filters.
+    Filters,
+    /// A network whose weights have this checksum.
+    Network(u32),
+}
+
+impl fmt::Display for PerceptualBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Filters => f.write_str("filters, for want of weights"),
+            Self::Network(checksum) => write!(f, "a network whose weights have the checksum {checksum:08x}"),
+        }
+    }
 }
 
 impl TrainedOn {
-    pub(super) fn of(views: &[View]) -> Self {
+    pub(super) fn of(views: &[View], perceptual: Option<PerceptualBy>) -> Self {
         Self {
             names: views.iter().map(|view| view.name.clone()).collect(),
             cameras: views.iter().map(|view| numbers(&view.camera)).collect(),
             checksums: views.iter().map(|view| view.photograph.checksum()).collect(),
+            perceptual,
         }
     }
 
@@ -50,7 +74,12 @@ impl TrainedOn {
                 return other(format!("the file of '{name}' or its mask has changed"));
             }
         }
-        Ok(())
+        match self.perceptual.zip(now.perceptual) {
+            Some((before, now)) if before != now => {
+                Err(Error::OtherPerceptual { before: before.to_string(), now: now.to_string() })
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -78,9 +107,9 @@ mod tests {
 
     #[test]
     fn others_are_told_from_the_same() {
-        let run = TrainedOn::of(&[view("a", 0.0), view("b", 1.0)]);
+        let run = TrainedOn::of(&[view("a", 0.0), view("b", 1.0)], None);
         let complaint =
-            |views: &[View]| run.check(&TrainedOn::of(views)).err().map(|e| e.to_string()).unwrap_or_default();
+            |views: &[View]| run.check(&TrainedOn::of(views, None)).err().map(|e| e.to_string()).unwrap_or_default();
         assert_eq!(complaint(&[view("a", 0.0), view("b", 1.0 + 1e-9)]), "");
         for (views, words) in [
             (vec![view("a", 0.0)], "1 photographs to train on, and the run had 2"),
@@ -97,6 +126,31 @@ mod tests {
         let views = [view("a", 0.0), retouched];
         assert!(complaint(&views).contains("the file of 'b' or its mask has changed"), "{}", complaint(&views));
         let earlier = TrainedOn { checksums: Vec::new(), ..run };
-        assert!(earlier.check(&TrainedOn::of(&views)).is_ok(), "a checkpoint without checksums");
+        assert!(earlier.check(&TrainedOn::of(&views, None)).is_ok(), "a checkpoint without checksums");
+    }
+
+    #[test]
+    fn a_perceptual_loss_goes_on_by_what_it_went_by() {
+        let views = [view("a", 0.0)];
+        let by = |perceptual| TrainedOn::of(&views, perceptual);
+        let kept = |of: &TrainedOn| -> TrainedOn {
+            serde_json::from_str(&serde_json::to_string(of).expect("text")).expect("the same")
+        };
+        let (filters, network) = (by(Some(PerceptualBy::Filters)), by(Some(PerceptualBy::Network(7))));
+        for (before, now, fits) in [
+            (&filters, &filters, true),
+            (&network, &network, true),
+            (&filters, &network, false),
+            (&network, &filters, false),
+            (&network, &by(Some(PerceptualBy::Network(8))), false),
+            // What an earlier version kept.
+            (&by(None), &network, true),
+        ] {
+            let checked = kept(before).check(&kept(now));
+            assert_eq!(checked.is_ok(), fits, "{before:?}, {now:?}");
+            if let Err(error) = checked {
+                assert!(error.to_string().contains("--perceptual-weights"), "{error}");
+            }
+        }
     }
 }

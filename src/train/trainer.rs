@@ -23,7 +23,7 @@ use super::pacing::Pacing;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::state::State;
-use super::trained_on::TrainedOn;
+use super::trained_on::{PerceptualBy, TrainedOn};
 use super::{Error, evaluate};
 use crate::eval::{ExposureMatrix, Exposures};
 use crate::format::checkpoint;
@@ -99,7 +99,11 @@ impl Trainer {
         if input.train.is_empty() {
             return Err(Error::NoViews);
         }
-        let trained_on = TrainedOn::of(&input.train);
+        let perceptual = (settings.texture.lambda_perceptual > 0.0).then(|| match &input.known.perceptual {
+            Some(weights) => PerceptualBy::Network(weights.checksum()),
+            None => PerceptualBy::Filters,
+        });
+        let trained_on = TrainedOn::of(&input.train, perceptual);
         if let Some(before) = restart.as_ref().and_then(|r| r.trained_on.as_ref()) {
             before.check(&trained_on)?;
         }

@@ -33,6 +33,20 @@ pub(super) unsafe fn full_barrier(device: &Device, commands: vk::CommandBuffer) 
     unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
 }
 
+/// As [`full_barrier`], and the host sees what was written: after a loss no semaphore makes it visible.
+///
+/// # Safety
+/// `commands` is being recorded.
+unsafe fn crumb_barrier(device: &Device, commands: vk::CommandBuffer) {
+    let mut all = everything();
+    all.dst_stage_mask |= vk::PipelineStageFlags2::HOST;
+    all.dst_access_mask |= vk::AccessFlags2::HOST_READ;
+    let all = [all];
+    let info = vk::DependencyInfo::default().memory_barriers(&all);
+    // SAFETY: the caller's promise; synchronization2 is enabled.
+    unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
+}
+
 /// Vulkan buffers by number.
 type Handles = HashMap<u64, vk::Buffer>;
 
@@ -117,7 +131,7 @@ unsafe fn body(
             if let Some((crumbs, first)) = marks.crumbs {
                 full_barrier(device, commands);
                 raw.cmd_fill_buffer(commands, crumbs.inner.raw, 0, 4, first.wrapping_add(i as u32));
-                full_barrier(device, commands);
+                crumb_barrier(device, commands);
             }
             barrier(device, commands, &handles, &plan.commands[i]);
             begin_label(device, commands, command.name());

@@ -89,20 +89,8 @@ impl Features {
             (self.synchronization2, vec![&mut v13.synchronization2]),
             (self.maintenance4, vec![&mut v13.maintenance4]),
             (self.subgroup_size_control, vec![&mut v13.subgroup_size_control, &mut v13.compute_full_subgroups]),
-            (
-                self.buffer_float_atomic_add,
-                vec![
-                    &mut atomic_float.shader_buffer_float32_atomics,
-                    &mut atomic_float.shader_buffer_float32_atomic_add,
-                ],
-            ),
-            (
-                self.shared_float_atomic_add,
-                vec![
-                    &mut atomic_float.shader_shared_float32_atomics,
-                    &mut atomic_float.shader_shared_float32_atomic_add,
-                ],
-            ),
+            (self.buffer_float_atomic_add, vec![&mut atomic_float.shader_buffer_float32_atomic_add]),
+            (self.shared_float_atomic_add, vec![&mut atomic_float.shader_shared_float32_atomic_add]),
         ] {
             if wanted {
                 fields.into_iter().for_each(|field| *field = vk::TRUE);

@@ -77,7 +77,12 @@ pub struct Running {
 
 impl Running {
     pub fn new(args: &[&str]) -> Self {
-        let mut child = command(args).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
+        Self::of(&mut command(args))
+    }
+
+    /// The same of a command that starts it in another way.
+    pub fn of(command: &mut Command) -> Self {
+        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
         let lines = BufReader::new(child.stderr.take().expect("a pipe"));
         Self { child, lines, said: String::new() }
     }

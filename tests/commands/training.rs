@@ -140,6 +140,40 @@ fn an_interrupted_run_saves_and_says_how_to_go_on_and_ends_the_same() {
     }
 }
 
+/// Before the first step there is nothing to save: nobody waits for depths or tuning to be through.
+#[cfg(unix)]
+#[test]
+fn an_interruption_before_the_first_step_ends_it_at_once() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let (code, said) = stopped(&shared.train(&out), "to train on", "-INT");
+    assert_eq!(code, Some(130), "{said}");
+    assert!(said.contains("nothing to save") && !said.contains("step 1/"), "{said}");
+    assert!(works(&["train", "--resume", text(&out)]).contains("starting from the beginning"));
+    same_model(shared, &out, "interrupted before it began");
+}
+
+/// `nohup` has a process ignore that its terminal is gone.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hang_up_that_is_ignored_stays_ignored() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (ignored, ends) in [("trap '' HUP; ", Some(0)), ("", Some(130))] {
+        let out = folder.path().join(format!("run{}", ignored.len()));
+        let args = shared.train(&out);
+        let line = format!("{ignored}exec \"$0\" \"$@\"");
+        let mut running = Running::of(
+            std::process::Command::new("sh").args(["-c", &line, env!("CARGO_BIN_EXE_psrgs-vk")]).args(&args),
+        );
+        running.until("step 1/");
+        running.signal("-HUP");
+        let (code, said) = running.end();
+        assert_eq!(code, ends, "{ignored}{said}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_killed_run_goes_on_from_its_last_checkpoint_and_ends_the_same() {

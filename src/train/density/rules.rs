@@ -48,8 +48,9 @@ pub struct Sampled {
     pub along_gradient: bool,
 }
 
-/// Logit of an opacity, in the precision in which opacities are stored.
+/// Logit of an opacity, in the precision in which opacities are stored; finite for 0 and 1 too, of which it makes their nearest numbers.
 pub fn logit(opacity: f64) -> f32 {
+    let opacity = opacity.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
     (opacity / (1.0 - opacity)).ln() as f32
 }
 

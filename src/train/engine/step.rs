@@ -51,7 +51,8 @@ impl Engine {
         let image = &self.target.image;
         if let Some(sigma) = learned.filter(|sigma| sigma.wants_low()) {
             let _ = renderer.record_forward_of(recorder, &self.model, &shot, &self.target, false, Some(&self.ids))?;
-            sigma.record(recorder, (plan.step, &camera, true), self.exposed(recorder, image, turn)?)?;
+            let low = self.exposed(recorder, image, turn)?;
+            sigma.record(recorder, (plan.step, &camera, true), low)?;
         }
         let maps = self.gradient_maps.as_ref().zip(plan.gradients);
         let alone = self.constrained.as_ref().zip(maps).filter(|_| texture.lambda_constrained > 0.0);

@@ -1,0 +1,73 @@
+//! Whether a model of this program is scored on what it was held out from: its settings lie beside it.
+
+use std::path::Path;
+
+use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::Photographs;
+
+use super::run_folder::SETTINGS;
+
+/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each. `same_size` unless the
+/// size is given by another rule than `--max-side`. A model without readable settings beside it is of another program: nothing is known.
+pub(crate) fn differences(model: &Path, scored: &Photographs, background: [f32; 3], same_size: bool) -> Vec<String> {
+    let Ok(trained) = Settings::read(&model.with_file_name(SETTINGS)) else { return Vec::new() };
+    let photographs = &trained.photographs;
+    let mut out = Vec::new();
+    if photographs.split != scored.split {
+        out.push(format!(
+            "the model was trained with --split {}, and is scored with --split {}: it has seen photographs that are scored here",
+            photographs.split, scored.split
+        ));
+    }
+    if same_size && photographs.max_side != scored.max_side {
+        out.push(format!(
+            "the model was trained with --max-side {}, and is scored with --max-side {}",
+            photographs.max_side, scored.max_side
+        ));
+    }
+    if photographs.transparent != scored.transparent {
+        out.push(format!(
+            "the model was trained with --transparent {}, and is scored with --transparent {}",
+            photographs.transparent, scored.transparent
+        ));
+    }
+    if trained.model.background.evaluated() != background {
+        out.push(format!(
+            "the model was trained with --background {}, and is scored with another",
+            trained.model.background
+        ));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use psrgs_vk::train::settings::{Background, Split, Transparent};
+
+    use super::*;
+
+    #[test]
+    fn what_differs_from_the_training_is_told() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let model = folder.path().join("point_cloud.ply");
+        let mut trained = Settings::default();
+        let scored = Photographs::default();
+        let told = |size| differences(&model, &scored, [0.0; 3], size).join("\n");
+        assert_eq!(told(true), "", "no settings beside it");
+        let write = |settings: &Settings| {
+            std::fs::write(folder.path().join(SETTINGS), settings.to_toml().expect("text")).expect("written");
+        };
+        write(&trained);
+        assert_eq!(told(true), "");
+        trained.photographs.split = Split::Val;
+        trained.photographs.max_side = 64;
+        trained.photographs.transparent = Transparent::Background;
+        trained.model.background = Background::White;
+        write(&trained);
+        let said = told(true);
+        for words in ["--split val", "--max-side 64", "--transparent background", "--background white"] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        assert!(!told(false).contains("--max-side"));
+    }
+}
