@@ -1,7 +1,7 @@
 //! Gaussian splatting on raw Vulkan compute: read posed photographs, train a 3D Gaussian model, render and score it.
 //!
-//! The layers, each knowing only those below it: [`train`] and [`eval`] compose [`raster`], which composes [`pass`],
-//! which describes compute shaders that [`vk`] runs. [`scene`], [`dataset`], [`mod@format`] and [`saliency`] know no Vulkan.
+//! [`train`] composes [`raster`], which composes [`pass`], which describes compute shaders that [`vk`] runs. Vulkan handles stay inside
+//! [`vk`]; [`scene`], [`dataset`], [`mod@format`] and [`saliency`] call none of it. [`twin`] computes on the CPU what the passes do.
 //! Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
 //!
 //! # A picture of a model

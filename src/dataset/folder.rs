@@ -82,5 +82,5 @@ pub(super) fn count_photographs(folder: &Path) -> usize {
 
 fn is_photograph(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    ["jpg", "jpeg", "png", "exr"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+    ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp"].iter().any(|known| extension.eq_ignore_ascii_case(known))
 }

@@ -124,7 +124,7 @@ fn file_of(dataset: &Path, path: &str) -> String {
         path = rest;
     }
     if !dataset.join(path).is_file() {
-        for extension in ["png", "jpg", "jpeg"] {
+        for extension in ["png", "jpg", "jpeg", "webp"] {
             let longer = format!("{path}.{extension}");
             if dataset.join(&longer).is_file() {
                 return longer;
