@@ -23,7 +23,7 @@ use super::model_frame::{FrameArgs, ModelFrame};
 use super::pictures::Pictures;
 use super::run_folder::REPORT;
 use super::score_size::SizeArgs;
-use super::{device, outputs, progress};
+use super::{device, out_folder, outputs, progress};
 
 /// Score a model on the held-out photographs of a dataset
 #[derive(clap::Args)]
@@ -106,6 +106,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
     let dataset = Dataset::load(&args.data, &options)?;
+    args.out.as_deref().map(|out| out_folder::check(out, &dataset)).transpose()?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }

@@ -5,7 +5,7 @@ use std::fs;
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
-use crate::run::{command, copy_of, fails, shared, text, works};
+use crate::run::{command, content, copy_of, fails, shared, text, works};
 
 #[test]
 fn wrong_folders_are_told_with_the_right_one() {
@@ -81,6 +81,30 @@ fn other_mistakes_are_told_with_what_to_do() {
     image::GrayImage::new(64, 48).save(misnamed.path().join("masks/mask1.png")).expect("written");
     let said = works(&["train", text(misnamed.path()), "--out", text(&out), "--iterations", "2", "--max-side", "64"]);
     assert!(said.contains("masks: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)"), "{said}");
+}
+
+/// Renders are named after photographs: into their folder they would replace them.
+#[test]
+fn results_do_not_replace_what_they_are_made_from() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    fs::create_dir(data.path().join("masks")).expect("a folder");
+    let before = content(data.path());
+    let model = shared.model();
+    let (model, data_text) = (text(&model), text(data.path()));
+    for folder in ["", "images", "sparse/../images", "masks"] {
+        let out = data.path().join(folder);
+        let out = text(&out);
+        for args in [
+            &["render", model, "--cameras", data_text, "--out", out][..],
+            &["eval", model, data_text, "--out", out],
+            &["saliency", data_text, "--out", out],
+            &["stereo", data_text, "--out", out],
+        ] {
+            fails(args, 2, &["--out", "the dataset", "another folder"]);
+        }
+    }
+    assert!(content(data.path()) == before, "a refused command has changed a file");
 }
 
 /// The folder of the dataset has been replaced by another with photographs of the same names.
