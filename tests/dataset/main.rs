@@ -306,6 +306,45 @@ fn a_model_directly_in_sparse_is_found_and_binary_comes_first() {
 }
 
 #[test]
+fn of_several_models_the_one_with_the_most_images_is_read() {
+    let whole = Folder::ring(&NAMES, [0.0; 3]);
+    let mut part = whole.clone();
+    part.images.truncate(2);
+    for text in [false, true] {
+        let files = |folder: &Folder| if text { folder.text() } else { folder.binary() };
+        let root = whole.dataset(text);
+        let sparse = root.path().join("sparse");
+        // Alone it is read whatever its number is.
+        fs::rename(sparse.join("0"), sparse.join("10")).expect("moved");
+        let alone = load(root.path()).expect("loads");
+        assert_eq!((alone.views.len(), alone.warnings.as_slice()), (3, &[][..]));
+        // The largest is not the first, and not the first by letters either.
+        part.write(root.path(), &files(&part));
+        fs::rename(sparse.join("0"), sparse.join("9")).expect("moved");
+        part.write(root.path(), &files(&part));
+        fs::create_dir_all(sparse.join("11")).expect("a folder without a model");
+        let several = load(root.path()).expect("loads");
+        let others = vec![("sparse/0".to_owned(), 2), ("sparse/9".to_owned(), 2)];
+        let warning = Warning::OtherModels { used: "sparse/10".to_owned(), images: 3, others };
+        assert_eq!((several.views.len(), several.warnings.as_slice()), (3, &[warning][..]));
+        let said = several.warnings[0].to_string();
+        for words in ["3 parts", "sparse/10 (3 images), is used", "sparse/0 (2 images), sparse/9 (2 images) are not"] {
+            assert!(said.contains(words), "{said}");
+        }
+        // Of equal ones the first.
+        whole.write(root.path(), &files(&whole));
+        let equal = load(root.path()).expect("loads");
+        assert!(matches!(&equal.warnings[0], Warning::OtherModels { used, .. } if used == "sparse/0"));
+        if !text {
+            // One that cannot be counted might have been the largest.
+            fs::write(sparse.join("9/images.bin"), [1, 0, 0]).expect("written");
+            let error = load(root.path()).expect_err("cut").to_string();
+            assert!(error.contains("9/images.bin: number of images at byte 0"), "{error}");
+        }
+    }
+}
+
+#[test]
 fn unposed_photographs_are_counted() {
     let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
     write_photograph(&root.path().join("images/more/d.JPG.png"), 24, 16, 0);
