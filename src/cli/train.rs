@@ -136,7 +136,7 @@ impl Args {
             }
             (None, None) => {
                 let mut settings = asked;
-                preset = presets::apply(&mut settings, given);
+                preset = presets::apply(&mut settings, given)?;
                 settings.run.method.apply(&mut settings, given);
                 settings
             }
