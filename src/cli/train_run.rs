@@ -32,7 +32,6 @@ const FEW_NEAR: f64 = 0.1;
 
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
-    let folder = RunFolder::open(plan)?;
     let interrupt = Interrupt::listen()?;
     let settings = &plan.settings;
     let data = settings.data.as_deref().context("no dataset")?;
@@ -41,6 +40,8 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     let dataset =
         Dataset::load(data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
+    // Not before: a wrong name of the dataset leaves no folder behind.
+    let folder = RunFolder::open(plan)?;
     tell(&dataset, console);
     let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };
