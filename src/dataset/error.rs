@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::hint;
+use super::model::Format;
 use crate::format;
 
 /// A dataset could not be loaded.
@@ -166,8 +167,15 @@ pub enum Error {
 }
 
 impl Error {
-    pub(super) fn no_model(folder: &Path, looked_for: String) -> Self {
-        Self::NoModel { folder: folder.to_owned(), looked_for, instead: hint::instead_of_dataset(folder) }
+    /// Nothing was found, of the format that was asked for or of any.
+    pub(super) fn no_model(folder: &Path, looked_for: String, asked: Option<Format>) -> Self {
+        match hint::unreadable(folder) {
+            Some(error) => error.into(),
+            None => {
+                let instead = hint::instead_of_dataset(folder, asked);
+                Self::NoModel { folder: folder.to_owned(), looked_for, instead }
+            }
+        }
     }
 
     pub(crate) fn undecodable(file: &Path, field: &'static str, at: u64, problem: impl std::fmt::Display) -> Self {

@@ -119,10 +119,10 @@ impl Model {
             Some(format) if found.contains(&format) => format,
             Some(format) => {
                 let looked_for = format.looked_for().to_owned();
-                return Err(Error::no_model(dataset, looked_for));
+                return Err(Error::no_model(dataset, looked_for, asked));
             }
             None => {
-                let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "));
+                let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "), None);
                 *found.first().ok_or_else(none)?
             }
         };

@@ -1,6 +1,7 @@
 //! What someone does who is new to it: each mistake has its exit code, and a message with the place and what to do.
 
 use std::fs;
+use std::path::Path;
 
 use psrgs_vk::world::{WorldParams, generate};
 
@@ -32,6 +33,37 @@ fn wrong_folders_are_told_with_the_right_one() {
         fails(&["stereo", text(&folder), "--out", text(&out)], 3, &words[..1]);
     }
     assert!(!out.exists(), "a dataset that cannot be loaded leaves nothing behind");
+}
+
+#[test]
+fn hints_lead_to_the_dataset_and_are_of_the_format_asked_for() {
+    let Some(shared) = shared() else { return };
+    let data = shared.data();
+    let (real, above) = (data.canonicalize().expect("a folder"), data.parent().expect("a folder"));
+    // From inside of the dataset: it is below `..`, and above `images`.
+    for (folder, words) in [("..", "there is one in"), ("images", "the dataset is the folder above it")] {
+        let output = command(&["train", folder, "--out", "none"]).current_dir(&data).output().expect("a process");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains(words) && said.contains(text(&real)), "{folder}: {said}");
+    }
+    assert!(!data.join("none").exists());
+    let out = above.join("none");
+    let train = |folder: &Path| {
+        let args = ["train", text(folder), "--format", "opensfm", "--out", text(&out)];
+        let output = command(&args).output().expect("a process");
+        assert_eq!(output.status.code(), Some(3));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let said = train(&data);
+    assert!(
+        said.contains("reconstruction.json") && said.contains("there is a colmap dataset: leave --format"),
+        "{said}"
+    );
+    for folder in [above.to_owned(), data.join("images"), data.join("sparse/0")] {
+        let said = train(&folder);
+        assert!(!said.contains("there is one in") && !said.contains("above it"), "{said}");
+    }
 }
 
 #[test]

@@ -196,6 +196,30 @@ fn missing_photographs_are_named() {
     assert!(matches!(load(root.path()), Err(Error::NoPhotographs { .. })));
 }
 
+/// They are there as far as anyone knows.
+#[cfg(unix)]
+#[test]
+fn folders_that_may_not_be_looked_into_are_not_taken_for_empty() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    for folder in ["images", "sparse", "sparse/0", ""] {
+        let closed = root.path().join(folder);
+        let set = |mode: u32| fs::set_permissions(&closed, fs::Permissions::from_mode(mode)).expect("permissions");
+        // May be listed or not, and in neither case entered.
+        for mode in [0o600, 0] {
+            set(mode);
+            let (found, anyone) = (load(root.path()), fs::metadata(closed.join(".")).is_ok());
+            set(0o755);
+            if anyone {
+                return println!("skipped: this user may look into every folder");
+            }
+            let error = found.expect_err("closed").to_string();
+            assert!(error.contains("Permission denied") && error.contains(folder), "{folder} {mode:o}: {error}");
+        }
+    }
+    load(root.path()).expect("open again");
+}
+
 #[test]
 fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     let folder = Folder::ring(&NAMES, [0.0; 3]);

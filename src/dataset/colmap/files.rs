@@ -60,8 +60,9 @@ impl Files {
 pub(super) fn choose(dataset: &Path) -> Result<(Files, Option<Warning>), Error> {
     let mut models = Files::all(dataset);
     if models.len() < 2 {
-        let only = models.pop().ok_or_else(|| Error::no_model(dataset, Format::Colmap.looked_for().to_owned()))?;
-        return Ok((only, None));
+        let format = Format::Colmap;
+        let none = || Error::no_model(dataset, format.looked_for().to_owned(), Some(format));
+        return Ok((models.pop().ok_or_else(none)?, None));
     }
     let counts = models.iter().map(Files::count).collect::<Result<Vec<u64>, FileError>>()?;
     let most = counts.iter().copied().max().unwrap_or(0);
