@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::colmap::SUPPORTED;
 use super::hint;
 use super::model::Format;
 use crate::format;
@@ -24,8 +25,8 @@ pub enum Error {
     },
     /// A camera model that is not known.
     #[error(
-        "{}: camera {camera} has the model {model}, which is not supported. \
-         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display()
+        "{}: camera {camera} has the model {model}, which is not supported ({} are). \
+         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display(), SUPPORTED
     )]
     UnsupportedCamera {
         /// The cameras file.

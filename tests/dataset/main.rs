@@ -15,7 +15,7 @@ use std::fs;
 use std::path::Path;
 
 use colmap_folder::{CameraRow, Folder, SIMPLE_PINHOLE, THIN_PRISM_FISHEYE, write_photograph};
-use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
+use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Photograph, Role, Split, Warning};
 
 const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
 
@@ -175,6 +175,7 @@ fn cameras_of_other_models_are_refused_with_the_remedy() {
         assert!(matches!(error, Error::UnsupportedCamera { camera: 5, model: "THIN_PRISM_FISHEYE", .. }));
         let message = error.to_string();
         assert!(message.contains("cameras.") && message.contains("image_undistorter"), "{message}");
+        assert!(message.contains("not supported (SIMPLE_PINHOLE,") && !message.contains("FOV"), "{message}");
     }
 }
 
@@ -231,6 +232,22 @@ fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     fs::write(&file, b"not a picture at all").expect("written");
     let error = load(root.path()).expect_err("foreign").to_string();
     assert!(error.contains("b.png: header at byte"), "{error}");
+    let webp = b"RIFF\x24\0\0\0WEBPVP8 ";
+    for (bytes, words) in [
+        (&b""[..], "the file is empty"),
+        (webp, "WebP; JPEG, PNG and OpenEXR are read"),
+        (b"GIF89a\x01\0\x01\0\0\0\0;", "GIF; JPEG, PNG and OpenEXR are read"),
+        (b"II*\0\x08\0\0\0\0\0\0\0\0\0\0\0", "TIFF; JPEG, PNG and OpenEXR are read"),
+        (b"not a picture at all", "no known format; JPEG, PNG and OpenEXR are read"),
+    ] {
+        fs::write(&file, bytes).expect("written");
+        for error in
+            [load(root.path()).map(|_| ()).expect_err(words), Photograph::read(&file).map(|_| ()).expect_err(words)]
+        {
+            let error = error.to_string();
+            assert!(error.contains("b.png: ") && error.contains(words), "{error}");
+        }
+    }
 }
 
 #[test]

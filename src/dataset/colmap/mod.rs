@@ -19,6 +19,7 @@ use crate::format::source::{Line, Lines, Source};
 use crate::format::{At, Error as FileError};
 
 use cameras::Intrinsics;
+pub(super) use cameras::SUPPORTED;
 use files::Files;
 use images::Pose;
 pub use points::Point;
