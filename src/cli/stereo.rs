@@ -121,7 +121,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     };
     let dataset = Dataset::load(&args.data, &options)?;
     out_folder::check(&args.out, &dataset)?;
-    dataset.warnings.iter().for_each(|warning| console.warn(warning));
+    dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
     let share = host_share(&gpu, &dataset, &settings, args, console);
     let mut scene = Scene::of(&dataset, &settings, &share, View::photograph)?;

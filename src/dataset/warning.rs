@@ -91,6 +91,13 @@ pub enum Warning {
     },
 }
 
+impl Warning {
+    /// Whether it is of use to who trains alone: scores and depths of photographs are what they are without.
+    pub fn is_of_training(&self) -> bool {
+        matches!(self, Self::NoPoints { .. })
+    }
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -179,6 +179,13 @@ fn without_points_training_starts_from_random_ones_and_says_so() {
         said.contains("(CPU)"),
         "{said}"
     );
+    // Who trains nothing is not told how a training would begin.
+    let (model, depths) = (shared.model(), data.path().join("depths"));
+    for args in [&["eval", text(&model), text(data.path())][..], &["stereo", text(data.path()), "--out", text(&depths)]]
+    {
+        let said = works(args);
+        assert!(!said.contains("--init") && !said.contains("random points"), "{args:?}: {said}");
+    }
 }
 
 #[test]
