@@ -74,7 +74,7 @@ fn other_mistakes_are_told_with_what_to_do() {
     let taken = folder.path().join("taken");
     fs::write(&taken, "").expect("written");
     let (data, run_text) = (text(&data), text(&run));
-    let out = folder.path().join("out");
+    let (out, picture) = (folder.path().join("out"), folder.path().join("picture.svg"));
     for (args, code, words) in [
         (&["train", data, "--iteration", "2"][..], 2, &["--iteration", "--iterations"][..]),
         (&["trian", data], 2, &["train"]),
@@ -90,7 +90,8 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["eval", run_text, data], 3, &["a folder", "point_cloud.ply"]),
         (&["eval", "none.ply", data, "--json", text(&out.join("scores.json"))], 8, &["scores.json", "beside it"]),
         (&["eval", "none.ply", data, "--json", run_text], 8, &[run_text, "cannot write"]),
-        (&["bench", "--plot", text(&taken), text(&out.join("none.json"))], 3, &["none.json", "bench --json"]),
+        (&["bench", "--plot", text(&taken), text(&out.join("none.json"))], 2, &["taken", ".svg"]),
+        (&["bench", "--plot", text(&picture), text(&out.join("none.json"))], 3, &["none.json", "bench --json"]),
     ] {
         fails(args, code, words);
     }
