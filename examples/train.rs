@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     settings.run.iterations = args.next().map_or(Ok(2000), |steps| steps.parse())?;
     settings.run.scale_schedule = true;
     settings.check()?;
-    let gpu = Gpu::open(&OpenOptions::from_env())?;
+    let gpu = Gpu::open(&OpenOptions::from_env()?)?;
     let outcome = train(&gpu, data.as_ref(), model.as_ref(), &settings)?;
     println!("{model}: {} splats after {} steps", outcome.splats, outcome.steps);
     Ok(())

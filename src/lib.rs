@@ -65,6 +65,7 @@
 //! ```
 
 pub mod bench;
+mod byte_size;
 pub mod compare;
 pub mod dataset;
 pub mod eval;

@@ -315,6 +315,19 @@ fn devices_are_described_and_a_wrong_one_has_its_code() {
 }
 
 #[test]
+fn variables_that_cannot_be_read_are_named() {
+    for args in [&["info"][..], &["train", "fox", "--print-settings"], &["check", "fox"]] {
+        for (variable, value) in [("PSRGS_MAX_DEVICE_MEMORY", "6GX"), ("PSRGS_SUBGROUP", "7")] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
+            let output = command.args(args).env(variable, value).output().expect("the command starts");
+            let said = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+            assert!(said.contains(&format!("{variable}={value}")), "{args:?}: {said}");
+        }
+    }
+}
+
+#[test]
 fn without_a_driver_the_message_says_what_to_install() {
     let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"))
         .arg("info")

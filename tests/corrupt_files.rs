@@ -158,6 +158,8 @@ fn colmap_text_names_the_line_and_the_field() {
         ("cameras.txt", "24 16", "24 0", "size of camera 1 at line 4: is 24x0"),
         ("cameras.txt", "20.5", "-20.5", "focal length of camera 1 at line 4: is -20.5"),
         ("cameras.txt", "8.75", "inf", "parameter 3 of camera 1 at line 4: is inf"),
+        ("cameras.txt", " 8.75", "", "parameters of camera 1 at line 4: 3 where PINHOLE has 4"),
+        ("cameras.txt", "PINHOLE", "EUCLID", "'EUCLID' is unknown; supported are SIMPLE_PINHOLE, PINHOLE,"),
         ("cameras.txt", "8.75", "8.75 1", "parameters of camera 1 at line 4: 1 more than PINHOLE has"),
         ("images.txt", "0 1 0 0 -2", "0 0 0 0 -2", "rotation of image 'a.png' at line 3: the quaternion is zero"),
         ("images.txt", "0 1 0 0 -2", "0 1 0 zero -2", "qz of image 0 at line 3: 'zero' is not a number"),

@@ -125,6 +125,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         TransparentLeftOut { photographs: 2, pixels: 70 },
         SeveralFormats { used: Format::Colmap, others: vec![Format::Nerfstudio] },
         OtherParts { used: 9, parts: 2, shots: 3 },
+        OtherModels { used: "sparse/1".into(), images: 9, others: vec![("sparse/0".into(), 3)] },
         NoMaskMatches { folder: "masks".into() },
         NothingHeldOut { views: 1 },
         NoPoints { file: None },
@@ -140,7 +141,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         match &warning {
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
             OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } => {}
-            PhotographsWithoutPose { .. } | CameraFarAway { .. } | TransparentLeftOut { .. } => {}
+            PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();
         assert!(quotes.iter().any(|quote| is_quoted(&message, quote)), "the guide has no row for: {message}");

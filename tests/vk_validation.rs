@@ -9,7 +9,8 @@ use psrgs_vk::vk::{Buffer, Error, Gpu, Groups, Memory, OpenOptions, Recorder, Va
 
 /// With the validation layer; `None`, with a printed reason, where there is no driver or no layer.
 fn watched(check_hazards: bool) -> Option<Gpu> {
-    let options = OpenOptions { validation: Validation::CoreAndSync, check_hazards, ..OpenOptions::from_env() };
+    let options =
+        OpenOptions { validation: Validation::CoreAndSync, check_hazards, ..OpenOptions::from_env().unwrap() };
     match Gpu::open(&options) {
         Ok(gpu) => Some(gpu),
         Err(Error::NoVulkan(why)) => {
@@ -26,7 +27,7 @@ fn gpu_assisted_layer_reports_an_address_past_a_buffer() {
         validation: Validation::GpuAssisted,
         addresses: Some(true),
         canaries: false,
-        ..OpenOptions::from_env()
+        ..OpenOptions::from_env().unwrap()
     };
     let gpu = match Gpu::open(&options) {
         Ok(gpu) => gpu,

@@ -148,7 +148,7 @@ impl Args {
 
     /// The device, without what only tests need: guards and checks would be timed too.
     fn open(&self, console: &Console) -> anyhow::Result<Gpu> {
-        let mut options = device::options(&self.device, self.validate);
+        let mut options = device::options(&self.device, self.validate)?;
         options.canaries = self.validate;
         options.check_hazards = self.validate;
         device::open_with(&options, console)

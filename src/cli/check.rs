@@ -91,7 +91,7 @@ struct CameraGroup {
 
 pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
     let mut settings = args.settings();
-    let preset = presets::apply(&mut settings, |key| named(matches, key));
+    let preset = presets::apply(&mut settings, |key| named(matches, key))?;
     args.method.apply(&mut settings, |key| named(matches, key));
     if args.method == Method::Rsgs {
         // Whichever cloud it is, the training takes about the same.

@@ -8,8 +8,8 @@ use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 use super::console::Console;
 
 /// What the options and the environment ask for; options win.
-pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> OpenOptions {
-    let mut options = OpenOptions::from_env();
+pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> anyhow::Result<OpenOptions> {
+    let mut options = OpenOptions::from_env()?;
     if choice.device.is_some() {
         options.device.clone_from(&choice.device);
     }
@@ -19,12 +19,12 @@ pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> OpenOptions {
     if validate {
         options.validation = Validation::CoreAndSync;
     }
-    options
+    Ok(options)
 }
 
 /// Opens the device and says which it is.
 pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> anyhow::Result<Gpu> {
-    open_with(&options(choice, validate), console)
+    open_with(&options(choice, validate)?, console)
 }
 
 /// The same with options of the caller's.
@@ -43,5 +43,5 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
 
 /// Where compiled pipelines and chosen forms are kept between runs.
 pub(crate) fn cache_folder() -> Option<PathBuf> {
-    OpenOptions::from_env().pipeline_cache
+    OpenOptions::from_env().ok()?.pipeline_cache
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::dataset::{Dataset, Role, Warning};
 use psrgs_vk::eval::{
     self, ExposureScores, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry,
     mean, mean_if_all,
@@ -23,7 +23,7 @@ use super::model_frame::{FrameArgs, ModelFrame};
 use super::pictures::Pictures;
 use super::run_folder::{REPORT, SETTINGS};
 use super::score_size::SizeArgs;
-use super::{device, outputs, progress, trained_as};
+use super::{device, out_folder, outputs, progress, trained_as};
 
 /// Score a model on the held-out photographs of a dataset
 #[derive(clap::Args)]
@@ -111,8 +111,16 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         .into());
     }
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
+    if model.splats() == 0 {
+        return Err(Failure::Input(format!(
+            "{}: the model has no splats: there is nothing to score",
+            args.model.display()
+        ))
+        .into());
+    }
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
     let dataset = Dataset::load(&args.data, &options)?;
+    args.out.as_deref().map(|out| out_folder::check(out, &dataset)).transpose()?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
@@ -254,9 +262,14 @@ fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
     for line in dataset.deep_photographs() {
         console.say(format_args!("{line}; scores are those of 8 bits"));
     }
-    for warning in &dataset.warnings {
+    for warning in warnings(dataset) {
         console.warn(warning);
     }
+}
+
+/// What should be known of the dataset where nothing is trained.
+fn warnings(dataset: &Dataset) -> impl Iterator<Item = &Warning> {
+    dataset.warnings.iter().filter(|warning| !warning.is_of_training())
 }
 
 fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
@@ -316,7 +329,7 @@ fn report(
         ],
         curves: Vec::new(),
         files: Vec::new(),
-        notes: dataset.warnings.iter().map(ToString::to_string).collect(),
+        notes: warnings(dataset).map(ToString::to_string).collect(),
         views,
         metrics,
     };

@@ -178,6 +178,7 @@ fn of_device(error: &vk::Error) -> u8 {
         }
         vk::Error::Vulkan { result: vk::ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => MEMORY,
         vk::Error::DeviceLost { .. } => LOST,
+        vk::Error::Variable { .. } => USAGE,
         vk::Error::File { .. } => OUTPUT,
         _ => FAILURE,
     }
@@ -300,6 +301,7 @@ mod tests {
         assert_eq!(codes(vast), [MEMORY; 3]);
         assert_eq!(codes(lost), [LOST; 3]);
         assert_eq!(codes(|| vk::Error::Hazard(device())), [FAILURE; 3]);
+        assert_eq!(codes(|| vk::Error::Variable { name: "N", value: device(), want: "w" }), [USAGE; 3]);
 
         let file = std::path::PathBuf::from("f");
         let io = || std::io::Error::other("no");

@@ -19,8 +19,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    let options = device::options(&args.device, false)?;
     let found = devices()?;
-    let opened = Gpu::open(&device::options(&args.device, false));
+    let opened = Gpu::open(&options);
     let caps = opened.as_ref().ok().map(Gpu::caps);
     let text = if args.json { json(&found, caps)? } else { text(&found, caps) };
     console::print(&text)?;

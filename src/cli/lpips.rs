@@ -19,13 +19,26 @@ pub(crate) struct Lpips {
 impl Lpips {
     /// Reads and checks the weights that the options or the user's folder have. Says in a line why there are none.
     pub(crate) fn find(scoring: &Scoring, console: &Console) -> anyhow::Result<Self> {
-        let path = scoring.perceptual_weights.clone().or_else(|| folder().filter(|f| f.is_dir()));
-        let Some(path) = path else {
-            console
-                .say("lpips_squeeze is not measured: there are no weights (`psrgs-vk weights` says where to get them)");
-            return Ok(Self { weights: None, metric: None });
+        let none = Self { weights: None, metric: None };
+        let weights = match (&scoring.perceptual_weights, folder().filter(|f| f.is_dir())) {
+            (Some(named), _) => LpipsWeights::find(named)?,
+            (None, Some(usual)) => match LpipsWeights::find(&usual) {
+                Ok(weights) => weights,
+                // Nobody has asked for these: half a download is no reason not to train.
+                Err(problem) => {
+                    console.warn(format_args!(
+                        "lpips_squeeze is not measured: {problem}; `psrgs-vk weights --fetch` puts there what is missing or damaged"
+                    ));
+                    return Ok(none);
+                }
+            },
+            (None, None) => {
+                console.say(
+                    "lpips_squeeze is not measured: there are no weights (`psrgs-vk weights` says where to get them)",
+                );
+                return Ok(none);
+            }
         };
-        let weights = LpipsWeights::find(&path)?;
         let [trunk, linear] = weights.files().map(|f| f.display().to_string());
         console.detail(format_args!("weights of lpips_squeeze: {trunk}, {linear}"));
         Ok(Self { weights: Some(Arc::new(weights)), metric: None })

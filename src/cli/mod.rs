@@ -18,6 +18,7 @@ mod interrupt;
 mod lpips;
 mod model_file;
 mod model_frame;
+mod out_folder;
 mod outputs;
 mod passes;
 mod pictures;

@@ -12,7 +12,7 @@ use super::exit::Failure;
 use super::model_file::{ModelFile, Set};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
-use super::{device, progress};
+use super::{device, out_folder, progress};
 
 /// Render a model from the cameras of a dataset
 #[derive(clap::Args)]
@@ -78,6 +78,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?.of_set(args.set, &args.model)?;
     let options = LoadOptions { max_side: Some(args.max_side), photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
+    out_folder::check(&args.out, &dataset)?;
     let wanted: Vec<(&str, Camera)> = dataset
         .views
         .iter()

@@ -41,16 +41,21 @@ impl RunFolder {
     /// gone on with too.
     pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
         let path = plan.out.clone();
+        if !plan.resume && !plan.overwrite {
+            not_of_others(&path)?;
+        }
         let checkpoints = path.join(CHECKPOINTS);
-        let elsewhere =
-            |e: &io::Error| Failure::Output(format!("{}: {e}; choose another --out", checkpoints.display()));
+        // Who goes on with a run has not chosen the folder.
+        let remedy = if plan.resume { "" } else { "; choose another --out" };
+        let elsewhere = |e: &io::Error| Failure::Output(format!("{}: {e}{remedy}", checkpoints.display()));
         fs::create_dir_all(&checkpoints).map_err(|e| elsewhere(&e))?;
         let lock_file = path.join(LOCK);
         let lock = File::create(&lock_file).map_err(|e| unwritable(&lock_file, &e))?;
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let text = format!("{}: another run is writing here; choose another --out", path.display());
+                let remedy = if plan.resume { "wait for its end, or stop it" } else { "choose another --out" };
+                let text = format!("{}: another run is writing here; {remedy}", path.display());
                 return Err(Failure::Usage(text).into());
             }
             Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
@@ -104,12 +109,6 @@ impl RunFolder {
         error.context(Remedy(remedy))
     }
 
-    /// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
-    pub(crate) fn with_way_back(&self, error: anyhow::Error) -> anyhow::Error {
-        let remedy = format!("if the dataset has moved: psrgs-vk train DATA --resume {}", self.path.display());
-        error.context(Remedy(remedy))
-    }
-
     /// Writes `settings.toml`.
     pub(crate) fn write_settings(&self, settings: &Settings) -> anyhow::Result<()> {
         let text = settings.to_toml()?;
@@ -128,12 +127,38 @@ impl RunFolder {
     }
 }
 
+/// Refuses a folder, before anything is made in it, that has files named as results and no settings: they are not of a run that could be
+/// gone on with, and would be replaced.
+fn not_of_others(folder: &Path) -> Result<(), Failure> {
+    if folder.join(SETTINGS).exists() {
+        return Ok(());
+    }
+    // What cannot be listed is told when the folder is made.
+    let found = results(folder).unwrap_or_default();
+    let Some(first) = found.first() else { return Ok(()) };
+    Err(Failure::Usage(format!(
+        "{}: holds {}, which would be replaced, and no {SETTINGS} of a run that could be gone on with; choose another --out, or replace \
+         it with --overwrite",
+        folder.display(),
+        first.strip_prefix(folder).unwrap_or(first).display()
+    )))
+}
+
+/// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
+pub(crate) fn with_way_back(run: &Path, error: anyhow::Error) -> anyhow::Error {
+    error.context(Remedy(format!("if the dataset has moved: psrgs-vk train DATA --resume {}", run.display())))
+}
+
 /// What an earlier run has left that would be lost or mistaken for the new run's.
 fn results(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut found: Vec<PathBuf> =
         [MODEL, METRICS, REPORT].iter().map(|name| folder.join(name)).filter(|file| file.exists()).collect();
     let checkpoints = folder.join(CHECKPOINTS);
-    for entry in fs::read_dir(&checkpoints).map_err(|e| unwritable(&checkpoints, &e))? {
+    let entries = match fs::read_dir(&checkpoints) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(found),
+        entries => entries.map_err(|e| unwritable(&checkpoints, &e))?,
+    };
+    for entry in entries {
         let file = entry.map_err(|e| unwritable(&checkpoints, &e))?.path();
         if file.extension().is_some_and(|e| e == "ckpt") {
             found.push(file);
@@ -192,6 +217,30 @@ mod tests {
         assert!(model.exists() && checkpoint.exists(), "nothing is lost before it begins");
         run.begin(&Settings::default()).unwrap();
         assert!(!model.exists() && !checkpoint.exists() && own.exists() && run.file(SETTINGS).exists());
+    }
+
+    /// A report of something else, say, or what a run has left whose settings are gone.
+    #[test]
+    fn what_is_of_no_run_is_not_called_one_and_left_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let report = folder.path().join(REPORT);
+        fs::write(&report, "x").unwrap();
+        let (code, text) = refused(&plan(folder.path()));
+        assert!(code == 2 && text.contains("holds report.html") && text.contains("another --out"), "{code} {text}");
+        assert!(!text.contains("--resume") && !text.contains("earlier run"), "{text}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was made");
+        drop(RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap());
+        assert!(report.exists(), "nothing is lost before it begins");
+    }
+
+    #[test]
+    fn who_goes_on_is_not_sent_elsewhere() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = RunFolder::open(&plan(folder.path())).unwrap();
+        let (code, text) = refused(&Plan { resume: true, ..plan(folder.path()) });
+        assert!(code == 2 && text.contains("another run") && text.contains("wait for its end"), "{code} {text}");
+        assert!(!text.contains("--out"), "{text}");
+        drop(first);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `psrgs-vk saliency`: which parts of photographs are texture, as pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use psrgs_vk::dataset::{self, Dataset, LoadOptions, Photograph, View};
 use psrgs_vk::format::image_out;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::console::Console;
 use super::pictures::Pictures;
-use super::progress;
+use super::{out_folder, progress};
 
 /// This share of a map's pixels is not brighter than white in its PNG.
 const SHOWN: f64 = 0.995;
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let settings = Settings { side: args.side, share: args.share, ..Settings::default() };
     settings.check()?;
     Settings::check_sigma(args.sigma)?;
-    let sources = sources(&args.input, console)?;
+    let sources = sources(args, console)?;
     let names: Vec<String> = sources.iter().map(Source::name).collect();
     let pictures = Pictures::new(&args.out, names.iter().map(String::as_str), 1.0)?;
     let bar = progress::counter(console, sources.len(), "photographs");
@@ -109,12 +109,13 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn sources(input: &Path, console: &Console) -> Result<Vec<Source>, dataset::Error> {
-    if !input.is_dir() {
-        return Ok(vec![Source::File(input.to_owned())]);
+fn sources(args: &Args, console: &Console) -> anyhow::Result<Vec<Source>> {
+    if !args.input.is_dir() {
+        return Ok(vec![Source::File(args.input.clone())]);
     }
     // Of the whole photograph: the map is reduced, not what it is made of.
-    let dataset = Dataset::load(input, &LoadOptions { max_side: None, ..LoadOptions::default() })?;
+    let dataset = Dataset::load(&args.input, &LoadOptions { max_side: None, ..LoadOptions::default() })?;
+    out_folder::check(&args.out, &dataset)?;
     // Of points and poses, which have no part in this.
     dataset.warnings.iter().for_each(|warning| console.detail(warning));
     Ok(dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect())

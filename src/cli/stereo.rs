@@ -17,7 +17,7 @@ use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
 use super::exit::Failure;
-use super::{device, progress};
+use super::{device, out_folder, progress};
 
 /// Points that this many views observe are what depths are compared with.
 const TRUSTED_TRACK: usize = 3;
@@ -112,14 +112,6 @@ impl Args {
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     let settings = args.settings();
     settings.check()?;
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same(&args.data, &args.out) {
-        return Err(Failure::Usage(format!(
-            "--out {}: that is the dataset, whose depth/ and normal/ are what depths are compared with; choose another folder",
-            args.out.display()
-        ))
-        .into());
-    }
     let options = LoadOptions {
         max_side: Some(args.max_side),
         split: args.split,
@@ -128,7 +120,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         ..LoadOptions::default()
     };
     let dataset = Dataset::load(&args.data, &options)?;
-    dataset.warnings.iter().for_each(|warning| console.warn(warning));
+    out_folder::check(&args.out, &dataset)?;
+    dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
     let share = host_share(&gpu, &dataset, &settings, args, console);
     let mut scene = Scene::of(&dataset, &settings, &share, View::photograph)?;

@@ -41,8 +41,8 @@ Examples:
   psrgs-vk train --resume fox-model
   psrgs-vk train fox --iterations 7000 --print-settings > my.toml
 
-DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model, transforms.json of nerfstudio or
-reconstruction.json of OpenSfM. Written to the --out folder:
+DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model (of several in sparse/ the one with the most
+images is taken), transforms.json of nerfstudio or reconstruction.json of OpenSfM. Written to the --out folder:
 point_cloud.ply, held-out renders, depth and normals, metrics.json, report.html, settings.toml, checkpoints.")]
 pub(crate) struct Args {
     /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]
@@ -136,7 +136,7 @@ impl Args {
             }
             (None, None) => {
                 let mut settings = asked;
-                preset = presets::apply(&mut settings, given);
+                preset = presets::apply(&mut settings, given)?;
                 settings.run.method.apply(&mut settings, given);
                 settings
             }

@@ -21,7 +21,7 @@ use super::interrupt::Interrupt;
 use super::lpips::Lpips;
 use super::outputs::{self, Finished};
 use super::progress::{Progress, duration};
-use super::run_folder::RunFolder;
+use super::run_folder::{self, RunFolder};
 use super::train::Plan;
 
 /// Steps of a training from which on a few more are taken before it to tell its time.
@@ -32,7 +32,6 @@ const FEW_NEAR: f64 = 0.1;
 
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
-    let folder = RunFolder::open(plan)?;
     let interrupt = Interrupt::listen()?;
     let settings = &plan.settings;
     let data = settings.data.as_deref().context("no dataset")?;
@@ -41,9 +40,11 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     let options = prepare::load_options(&settings.photographs, settings.model.background.evaluated());
     let dataset = Dataset::load(data, &options).map_err(|error| match plan.resume {
-        true => folder.with_way_back(error.into()),
+        true => run_folder::with_way_back(&plan.out, error.into()),
         false => error.into(),
     })?;
+    // Not before: a wrong name of the dataset leaves no folder behind.
+    let folder = RunFolder::open(plan)?;
     tell(&dataset, console);
     let mut lpips = Lpips::find(&settings.scoring, console)?;
     let before = if plan.resume { resumed(&folder, console)? } else { None };

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::colmap::SUPPORTED;
 use super::hint;
+use super::model::Format;
 use crate::format;
 
 /// A dataset could not be loaded.
@@ -23,8 +25,8 @@ pub enum Error {
     },
     /// A camera model that is not known.
     #[error(
-        "{}: camera {camera} has the model {model}, which is not supported. \
-         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display()
+        "{}: camera {camera} has the model {model}, which is not supported ({} are). \
+         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display(), SUPPORTED
     )]
     UnsupportedCamera {
         /// The cameras file.
@@ -166,8 +168,15 @@ pub enum Error {
 }
 
 impl Error {
-    pub(super) fn no_model(folder: &Path, looked_for: String) -> Self {
-        Self::NoModel { folder: folder.to_owned(), looked_for, instead: hint::instead_of_dataset(folder) }
+    /// Nothing was found, of the format that was asked for or of any.
+    pub(super) fn no_model(folder: &Path, looked_for: String, asked: Option<Format>) -> Self {
+        match hint::unreadable(folder) {
+            Some(error) => error.into(),
+            None => {
+                let instead = hint::instead_of_dataset(folder, asked);
+                Self::NoModel { folder: folder.to_owned(), looked_for, instead }
+            }
+        }
     }
 
     pub(crate) fn undecodable(file: &Path, field: &'static str, at: u64, problem: impl std::fmt::Display) -> Self {

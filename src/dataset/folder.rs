@@ -1,6 +1,7 @@
 //! The folder of photographs, among `images`, `images_2`, `images_4` and so on.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 use super::error::Error;
@@ -29,6 +30,7 @@ pub(super) fn choose(
     if let Some(folder) = asked {
         let path = dataset.join(folder);
         if !path.is_dir() {
+            allowed(&path)?;
             return Err(Error::NoPhotographs {
                 folder: dataset.to_owned(),
                 looked_for: folder.to_string_lossy().into_owned(),
@@ -53,6 +55,14 @@ pub(super) fn choose(
     match large_enough.or(found.first()) {
         Some((reduction, path)) => Ok(ImagesFolder { path: path.clone(), reduction: *reduction, automatic: true }),
         None => Err(Error::NoPhotographs { folder: dataset.to_owned(), looked_for: "images and images_N".to_owned() }),
+    }
+}
+
+/// Refuses what may not be looked at: nobody knows that it is missing.
+pub(super) fn allowed(path: &Path) -> Result<(), format::Error> {
+    match fs::metadata(path) {
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => Err(format::Error::io(path, "open")(error)),
+        _ => Ok(()),
     }
 }
 

@@ -1,27 +1,57 @@
 //! What to say to someone who names a folder that is no dataset.
 
-use std::path::Path;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Component, Path};
 
 use super::model::Format;
+use crate::format;
 
 /// Entries of a folder that are looked at.
 const LOOKED_AT: usize = 1000;
 
-/// What is there instead, and what to do about it.
-pub(super) fn instead_of_dataset(folder: &Path) -> String {
-    let is_dataset = |path: &Path| Format::ALL.into_iter().any(|format| format.is_in(path));
+/// The error of the first folder that may not be looked into, of those that files of a dataset would be in: what is there is not known.
+pub(super) fn unreadable(folder: &Path) -> Option<format::Error> {
+    let sparse = folder.join("sparse");
+    let models = fs::read_dir(&sparse).into_iter().flatten().take(LOOKED_AT).flatten().map(|entry| entry.path());
+    let mut places = [folder.to_owned(), sparse.clone(), folder.join("opensfm")].into_iter().chain(models);
+    places.find_map(|place| match look_into(&place) {
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => Some(format::Error::io(&place, "list")(error)),
+        _ => None,
+    })
+}
+
+/// Tries to list a folder, and to look at what is in it.
+fn look_into(folder: &Path) -> io::Result<()> {
+    if fs::metadata(folder)?.is_dir() {
+        fs::read_dir(folder).map(drop)?;
+        fs::metadata(folder.join("."))?;
+    }
+    Ok(())
+}
+
+/// What is there instead of a dataset (of the format that was asked for, if any was), and what to do about it.
+pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String {
+    let is_dataset = |path: &Path| match asked {
+        Some(format) => format.is_in(path),
+        None => Format::ALL.into_iter().any(|format| format.is_in(path)),
+    };
     if !folder.exists() {
         return "there is no such folder".to_owned();
     }
     if !folder.is_dir() {
         return "it is a file, and a dataset is a folder".to_owned();
     }
-    // Of `sparse/0` it is two above.
-    let mut above = folder.ancestors().skip(1).take(2).zip(["the folder above it", "two folders above it"]);
-    if let Some((above, place)) = above.find(|(above, _)| is_dataset(above)) {
+    if let Some(other) = Format::ALL.into_iter().find(|format| format.is_in(folder)) {
+        return format!("there is a {other} dataset: leave --format out, or give --format {other}");
+    }
+    // A link is told by its name and by where it leads; `..` by the latter alone.
+    let real = folder.canonicalize().unwrap_or_default();
+    if let Some((above, place)) = above(folder).into_iter().chain(above(&real)).find(|(path, _)| is_dataset(path)) {
         return format!("the dataset is {place}, {}", above.display());
     }
-    let children = std::fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten();
+    let named = if folder.components().any(|part| part == Component::ParentDir) { real.as_path() } else { folder };
+    let children = fs::read_dir(named).into_iter().flatten().take(LOOKED_AT).flatten();
     let mut inside: Vec<_> = children.map(|entry| entry.path()).filter(|path| is_dataset(path)).collect();
     inside.sort();
     if let Some(child) = inside.first() {
@@ -35,10 +65,24 @@ pub(super) fn instead_of_dataset(folder: &Path) -> String {
     "docs/GUIDE.md, section 2, says how to make one from photographs".to_owned()
 }
 
+/// The two folders above one as its name tells them, and what to call them: of `sparse/0` the dataset is the second.
+fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
+    let (mut found, mut at) = (Vec::new(), folder);
+    for place in ["the folder above it", "two folders above it"] {
+        match at.parent() {
+            // What stands before `..` is inside of it.
+            Some(parent) if at.file_name().is_some() && !parent.as_os_str().is_empty() => at = parent,
+            _ => break,
+        }
+        found.push((at, place));
+    }
+    found
+}
+
 fn has_photographs(folder: &Path) -> bool {
     let is_photograph = |path: &Path| {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        ["jpg", "jpeg", "png", "exr"].contains(&extension.as_str())
+        ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp"].contains(&extension.as_str())
     };
-    std::fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
+    fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
 }

@@ -327,6 +327,7 @@ fn find_photographs(
     };
     let missing: Vec<&&str> = names.iter().filter(|name| !images.path.join(name).is_file()).collect();
     if let Some(first) = missing.first() {
+        folder::allowed(&images.path.join(first))?;
         return Err(Error::MissingPhotographs {
             folder: images.path,
             count: missing.len(),

@@ -13,7 +13,8 @@ use super::{Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// `sparse/0/` or `sparse/` with COLMAP's cameras, images and points3D, binary or text.
+    /// `sparse/0/` (of `sparse/1/` and so on too the one with the most images) or `sparse/` with COLMAP's cameras, images and points3D,
+    /// binary or text.
     Colmap,
     /// `transforms.json`, or `transforms_train.json` and those beside it.
     Nerfstudio,
@@ -28,15 +29,15 @@ impl Format {
     /// Whether a folder has this layout.
     pub(super) fn is_in(self, dataset: &Path) -> bool {
         match self {
-            Self::Colmap => colmap::Files::find(dataset).is_some(),
+            Self::Colmap => colmap::is_in(dataset),
             Self::Nerfstudio => nerfstudio::is_in(dataset),
             Self::Opensfm => opensfm::file(dataset).is_some(),
         }
     }
 
-    fn looked_for(self) -> &'static str {
+    pub(super) fn looked_for(self) -> &'static str {
         match self {
-            Self::Colmap => "cameras and images (.bin or .txt) in sparse/0 and in sparse (COLMAP)",
+            Self::Colmap => "cameras and images (.bin or .txt) in sparse/0, sparse/1 ... and in sparse (COLMAP)",
             Self::Nerfstudio => "transforms.json (nerfstudio), transforms_train.json (NeRF)",
             Self::Opensfm => "reconstruction.json and opensfm/reconstruction.json (OpenSfM, OpenDroneMap)",
         }
@@ -118,10 +119,10 @@ impl Model {
             Some(format) if found.contains(&format) => format,
             Some(format) => {
                 let looked_for = format.looked_for().to_owned();
-                return Err(Error::no_model(dataset, looked_for));
+                return Err(Error::no_model(dataset, looked_for, asked));
             }
             None => {
-                let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "));
+                let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "), None);
                 *found.first().ok_or_else(none)?
             }
         };

@@ -18,6 +18,8 @@ use super::{Tracks, folder, photograph, points_ply, rotation};
 use crate::format::Error as FileError;
 
 const FILE: &str = "transforms.json";
+/// The camera model that instant-ngp's `is_fisheye` stands for.
+const FISHEYE: &str = "OPENCV_FISHEYE";
 /// The folder of photographs that other formats have.
 const USUAL: &str = "images/";
 /// The first of them has to be there.
@@ -31,7 +33,7 @@ macro_rules! with_camera_keys {
         #[derive(Deserialize)]
         struct $name {
             $($(#[$fmeta])* $field: $type,)*
-            camera_model: Option<String>,
+            camera_model: Option<String>, is_fisheye: Option<bool>,
             camera_angle_x: Option<f64>, camera_angle_y: Option<f64>,
             fl_x: Option<f64>, fl_y: Option<f64>, cx: Option<f64>, cy: Option<f64>, w: Option<f64>, h: Option<f64>,
             k1: Option<f64>, k2: Option<f64>, k3: Option<f64>, k4: Option<f64>, p1: Option<f64>, p2: Option<f64>,
@@ -139,7 +141,18 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
     let wrong = |key: &str, problem: String| {
         json.error(&frame.file_path, format_args!("{key} of frame '{}'", frame.file_path), problem)
     };
-    let model = frame.camera_model.as_ref().or(top.camera_model.as_ref()).map_or("OPENCV", String::as_str);
+    let named = frame.camera_model.as_deref().or(top.camera_model.as_deref());
+    // instant-ngp names no models, and says this of its cameras.
+    let model = match (named, frame.is_fisheye.or(top.is_fisheye)) {
+        (Some(model), Some(fisheye)) if fisheye != (model == FISHEYE) => {
+            let problem =
+                format!("is {fisheye}, which contradicts the camera_model {model}: remove the one that is wrong");
+            return Err(wrong("is_fisheye", problem).into());
+        }
+        (Some(model), _) => model,
+        (None, Some(true)) => FISHEYE,
+        (None, _) => "OPENCV",
+    };
     let mut size = [0; 2];
     for (axis, key) in ["w", "h"].into_iter().enumerate() {
         size[axis] = match of(key) {
@@ -170,7 +183,7 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
             let tangential = ["p1", "p2"].map(|key| of(key).unwrap_or(0.0));
             Distortion::Brown { numerator: k, denominator: [0.0; 3], tangential }
         }
-        "OPENCV_FISHEYE" => Distortion::Fisheye { k },
+        FISHEYE => Distortion::Fisheye { k },
         other => {
             let problem = format!("is {other}; known are PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and OPENCV_FISHEYE");
             return Err(wrong("camera_model", problem).into());

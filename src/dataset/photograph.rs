@@ -63,6 +63,9 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
     let mut reader = BufReader::new(opened);
     let bits = picture_size::stored_bits(reader.fill_buf().map_err(format::Error::io(file, "read"))?);
     let guessed = ImageReader::new(&mut reader).with_guessed_format().map_err(format::Error::io(file, "read"))?;
+    if let Some(problem) = unreadable(bytes, guessed.format()) {
+        return Err(Error::undecodable(file, "header", 0, problem));
+    }
     let jpeg = guessed.format() == Some(ImageFormat::Jpeg);
     let said = |decoder: &dyn ImageDecoder| (decoder.dimensions(), samples(decoder.color_type()));
     let found = contained(|| guessed.into_decoder().map(|decoder| said(&decoder)).map_err(|e| e.to_string())).flatten();
@@ -74,6 +77,19 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
         },
         Err(problem) => Err(Error::undecodable(file, "header", at, problem)),
     }
+}
+
+/// Why nothing can be read of so many bytes of a format, as their beginning tells it.
+fn unreadable(bytes: u64, format: Option<ImageFormat>) -> Option<String> {
+    let name = match format {
+        _ if bytes == 0 => return Some("the file is empty".to_owned()),
+        Some(ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::OpenExr) => return None,
+        None => return Some("is of no known format; JPEG, PNG and OpenEXR are read".to_owned()),
+        Some(ImageFormat::Gif) => "GIF".to_owned(),
+        Some(ImageFormat::Tiff) => "TIFF".to_owned(),
+        Some(other) => format!("{other:?}"),
+    };
+    Some(format!("is of the format {name}; JPEG, PNG and OpenEXR are read: convert it"))
 }
 
 fn samples(color: image::ColorType) -> Samples {
@@ -205,6 +221,9 @@ fn check_whole(file: &Path, bytes: &[u8]) -> Result<(), Error> {
 fn picture(file: &Path, bytes: &[u8]) -> Result<DynamicImage, Error> {
     let mut cursor = Cursor::new(bytes);
     let reader = ImageReader::new(&mut cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
+    if let Some(problem) = unreadable(bytes.len() as u64, reader.format()) {
+        return Err(Error::undecodable(file, "pixels", 0, problem));
+    }
     let decode = || {
         let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
         let (size, bits) = (decoder.dimensions(), picture_size::stored_bits(bytes));

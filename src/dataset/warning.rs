@@ -5,6 +5,9 @@ use std::path::PathBuf;
 
 use super::Format;
 
+/// Other models are named up to this many.
+const NAMED: usize = 5;
+
 /// A peculiarity of a dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
@@ -57,6 +60,15 @@ pub enum Warning {
         /// Photographs in them.
         shots: usize,
     },
+    /// There are several models of COLMAP, parts of a reconstruction without a common frame, of which the one with the most images is used.
+    OtherModels {
+        /// The folder of the one that is used, inside the dataset.
+        used: String,
+        /// Its images.
+        images: u64,
+        /// Folders and images of the others.
+        others: Vec<(String, u64)>,
+    },
     /// There is a folder of masks, and none belongs to a photograph.
     NoMaskMatches {
         /// The folder.
@@ -77,6 +89,13 @@ pub enum Warning {
         /// How many.
         photographs: usize,
     },
+}
+
+impl Warning {
+    /// Whether it is of use to who trains alone: scores and depths of photographs are what they are without.
+    pub fn is_of_training(&self) -> bool {
+        matches!(self, Self::NoPoints { .. })
+    }
 }
 
 impl fmt::Display for Warning {
@@ -119,6 +138,18 @@ impl fmt::Display for Warning {
                  used; {shots} photographs are not",
                 parts + 1
             ),
+            Self::OtherModels { used, images, others } => {
+                let named: Vec<String> =
+                    others.iter().take(NAMED).map(|(folder, images)| format!("{folder} ({images} images)")).collect();
+                let more = if others.len() > NAMED { ", ..." } else { "" };
+                write!(
+                    f,
+                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({images} images), is used; {}{more} \
+                     are not. Parts that share photographs can be joined by colmap model_merger",
+                    others.len() + 1,
+                    named.join(", ")
+                )
+            }
             Self::NoMaskMatches { folder } => {
                 write!(f, "{}: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)", folder.display())
             }

@@ -150,6 +150,16 @@ pub enum Error {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// An environment variable that cannot be read.
+    #[error("{name}={value}: it is to be {want}")]
+    Variable {
+        /// Its name.
+        name: &'static str,
+        /// What it holds.
+        value: String,
+        /// What it may hold.
+        want: &'static str,
+    },
     /// A file of the device layer (the pipeline cache) could not be read or written.
     #[error("{path}: {source}")]
     File {

@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use super::error::{Error, Result};
+use crate::byte_size;
+
 /// Whether the Khronos validation layer watches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
@@ -87,12 +90,17 @@ impl OpenOptions {
     /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
     /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
     /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
-    /// `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`. Values that do not parse are ignored. The pipeline cache is on, in the user's cache folder.
-    pub fn from_env() -> Self {
-        let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    /// `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; bytes may be written as `6GiB` or `800M`. One that cannot be read is
+    /// [`Error::Variable`]. The pipeline cache is on, in the user's cache folder.
+    pub fn from_env() -> Result<Self> {
+        Self::from_variables(|name| std::env::var(name).ok())
+    }
+
+    fn from_variables(variable: impl Fn(&str) -> Option<String>) -> Result<Self> {
+        let get = |name: &str| variable(name).filter(|value| !value.is_empty());
         let flag = |name: &str, default: bool| get(name).map_or(default, |value| value != "0");
         let base = OpenOptions::default();
-        OpenOptions {
+        Ok(OpenOptions {
             device: get("PSRGS_DEVICE"),
             validation: match get("PSRGS_VALIDATION").as_deref() {
                 None | Some("0") => Validation::Off,
@@ -101,23 +109,52 @@ impl OpenOptions {
             },
             canaries: flag("PSRGS_CANARIES", base.canaries),
             breadcrumbs: flag("PSRGS_BREADCRUMBS", false),
-            float_atomics: get("PSRGS_FLOAT_ATOMICS").and_then(|value| match value.as_str() {
-                "native" => Some(FloatAtomics::Native),
-                "cas" => Some(FloatAtomics::CompareAndSwap),
-                _ => None,
-            }),
-            emulate_subgroup: get("PSRGS_SUBGROUP")
-                .and_then(|value| value.parse().ok())
-                .filter(|width| [8, 16, 32, 64].contains(width)),
-            max_device_memory: get("PSRGS_MAX_DEVICE_MEMORY").and_then(|value| value.parse().ok()),
-            storage_range: get("PSRGS_STORAGE_RANGE").and_then(|value| value.parse().ok()),
-            addresses: get("PSRGS_ADDRESSES").and_then(|value| always_or_never(&value)),
-            texels: get("PSRGS_TEXELS").and_then(|value| always_or_never(&value)),
-            max_storage_buffers: get("PSRGS_STORAGE_BUFFERS").and_then(|value| value.parse().ok()),
-            max_shared_bytes: get("PSRGS_SHARED_BYTES").and_then(|value| value.parse().ok()),
+            float_atomics: read(get, "PSRGS_FLOAT_ATOMICS", "native or cas", float_atomics)?,
+            emulate_subgroup: read(get, "PSRGS_SUBGROUP", "hardware, 8, 16, 32 or 64", subgroup)?.flatten(),
+            max_device_memory: read(get, "PSRGS_MAX_DEVICE_MEMORY", SIZE, byte_size::parse)?,
+            storage_range: read(get, "PSRGS_STORAGE_RANGE", SIZE, byte_size::parse)?,
+            addresses: read(get, "PSRGS_ADDRESSES", "always or never", always_or_never)?,
+            texels: read(get, "PSRGS_TEXELS", "always or never", always_or_never)?,
+            max_storage_buffers: read(get, "PSRGS_STORAGE_BUFFERS", "a number", |value| value.parse().ok())?,
+            max_shared_bytes: read(get, "PSRGS_SHARED_BYTES", SIZE, |value| {
+                u32::try_from(byte_size::parse(value)?).ok()
+            })?,
             pipeline_cache: get("PSRGS_CACHE").map(PathBuf::from).or_else(cache_folder),
             ..base
-        }
+        })
+    }
+}
+
+/// What variables hold that are sizes.
+const SIZE: &str = "a size in bytes: 6GiB, 800M or plain digits";
+
+/// Reads a variable, where it is set.
+fn read<T>(
+    get: impl Fn(&str) -> Option<String>,
+    name: &'static str,
+    want: &'static str,
+    parse: impl Fn(&str) -> Option<T>,
+) -> Result<Option<T>> {
+    let Some(value) = get(name) else { return Ok(None) };
+    match parse(&value) {
+        None => Err(Error::Variable { name, value, want }),
+        known => Ok(known),
+    }
+}
+
+fn float_atomics(value: &str) -> Option<FloatAtomics> {
+    match value {
+        "native" => Some(FloatAtomics::Native),
+        "cas" => Some(FloatAtomics::CompareAndSwap),
+        _ => None,
+    }
+}
+
+/// The width to emulate: none where the hardware's is asked for.
+fn subgroup(value: &str) -> Option<Option<u32>> {
+    match value {
+        "hardware" => Some(None),
+        _ => value.parse().ok().filter(|width| [8, 16, 32, 64].contains(width)).map(Some),
     }
 }
 
@@ -134,4 +171,46 @@ fn cache_folder() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")));
     base.map(|base| base.join("psrgs-vk"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(name: &str, value: &str) -> Result<OpenOptions> {
+        OpenOptions::from_variables(|asked| (asked == name).then(|| value.to_owned()))
+    }
+
+    #[test]
+    fn variables_are_written_as_options_are() {
+        for (value, bytes) in [("6GiB", 6 << 30), ("800M", 800 << 20), ("123", 123)] {
+            assert_eq!(with("PSRGS_MAX_DEVICE_MEMORY", value).unwrap().max_device_memory, Some(bytes), "{value}");
+            assert_eq!(with("PSRGS_STORAGE_RANGE", value).unwrap().storage_range, Some(bytes), "{value}");
+        }
+        assert_eq!(with("PSRGS_SHARED_BYTES", "16K").unwrap().max_shared_bytes, Some(16 << 10));
+        assert_eq!(with("PSRGS_STORAGE_BUFFERS", "8").unwrap().max_storage_buffers, Some(8));
+        assert_eq!(with("PSRGS_SUBGROUP", "hardware").unwrap().emulate_subgroup, None);
+        assert_eq!(with("PSRGS_SUBGROUP", "16").unwrap().emulate_subgroup, Some(16));
+        assert_eq!(with("PSRGS_FLOAT_ATOMICS", "cas").unwrap().float_atomics, Some(FloatAtomics::CompareAndSwap));
+        assert_eq!(with("PSRGS_TEXELS", "never").unwrap().texels, Some(false));
+        assert_eq!(with("PSRGS_ADDRESSES", "").unwrap().addresses, None);
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_named() {
+        for (name, value) in [
+            ("PSRGS_MAX_DEVICE_MEMORY", "6GX"),
+            ("PSRGS_MAX_DEVICE_MEMORY", "-1"),
+            ("PSRGS_STORAGE_RANGE", "much"),
+            ("PSRGS_SHARED_BYTES", "6GiB"),
+            ("PSRGS_STORAGE_BUFFERS", "8.5"),
+            ("PSRGS_SUBGROUP", "7"),
+            ("PSRGS_FLOAT_ATOMICS", "yes"),
+            ("PSRGS_ADDRESSES", "1"),
+            ("PSRGS_TEXELS", "1"),
+        ] {
+            let error = with(name, value).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{name}={value}: it is to be ")), "{error}");
+        }
+    }
 }

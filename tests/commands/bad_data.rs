@@ -5,7 +5,7 @@ use std::path::Path;
 
 use psrgs_vk::world::{WorldParams, generate};
 
-use crate::run::{copy_of, fails, psrgs, shared, stderr, text, works};
+use crate::run::{command, copy_of, fails, psrgs, shared, stderr, text, works};
 
 /// Trains for a moment.
 fn train<'a>(data: &'a Path, out: &'a Path) -> [&'a str; 7] {
@@ -137,6 +137,9 @@ fn too_little_device_memory_has_its_code() {
     let output = psrgs(&args);
     assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
     assert!(stderr(&output).contains("out of device memory") && stderr(&output).contains("--max-side"));
+    // The variable is written as the option is.
+    let limited = command(&train(&data, &out)).env("PSRGS_MAX_DEVICE_MEMORY", "100KiB").output().expect("a process");
+    assert_eq!(limited.status.code(), Some(5), "{}", stderr(&limited));
 }
 
 #[test]
@@ -176,6 +179,13 @@ fn without_points_training_starts_from_random_ones_and_says_so() {
         said.contains("(CPU)"),
         "{said}"
     );
+    // Who trains nothing is not told how a training would begin.
+    let (model, depths) = (shared.model(), data.path().join("depths"));
+    for args in [&["eval", text(&model), text(data.path())][..], &["stereo", text(data.path()), "--out", text(&depths)]]
+    {
+        let said = works(args);
+        assert!(!said.contains("--init") && !said.contains("random points"), "{args:?}: {said}");
+    }
 }
 
 #[test]

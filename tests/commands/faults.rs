@@ -118,7 +118,7 @@ fn a_second_run_in_the_same_folder_touches_nothing() {
     let words = [text(&out), "another run is writing here", "another --out"];
     fails(&strs(&args), 2, &words);
     fails(&strs(&with(args.clone(), &["--overwrite"])), 2, &words);
-    fails(&["train", "--resume", text(&out)], 2, &words);
+    fails(&["train", "--resume", text(&out)], 2, &[text(&out), "another run is writing here", "wait for its end"]);
     assert!(content(&out) == before, "the second run has changed a file");
     running.signal("-CONT");
     let (code, said) = running.end();

@@ -1,11 +1,12 @@
 //! What someone does who is new to it: each mistake has its exit code, and a message with the place and what to do.
 
 use std::fs;
+use std::path::Path;
 
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
-use crate::run::{command, copy_of, fails, shared, text, works};
+use crate::run::{command, content, copy_of, fails, shared, text, works};
 
 #[test]
 fn wrong_folders_are_told_with_the_right_one() {
@@ -31,7 +32,38 @@ fn wrong_folders_are_told_with_the_right_one() {
         fails(&["train", text(&folder), "--out", text(&out), "--iterations", "2"], 3, words);
         fails(&["stereo", text(&folder), "--out", text(&out)], 3, &words[..1]);
     }
-    assert!(!out.join("point_cloud.ply").exists());
+    assert!(!out.exists(), "a dataset that cannot be loaded leaves nothing behind");
+}
+
+#[test]
+fn hints_lead_to_the_dataset_and_are_of_the_format_asked_for() {
+    let Some(shared) = shared() else { return };
+    let data = shared.data();
+    let (real, above) = (data.canonicalize().expect("a folder"), data.parent().expect("a folder"));
+    // From inside of the dataset: it is below `..`, and above `images`.
+    for (folder, words) in [("..", "there is one in"), ("images", "the dataset is the folder above it")] {
+        let output = command(&["train", folder, "--out", "none"]).current_dir(&data).output().expect("a process");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains(words) && said.contains(text(&real)), "{folder}: {said}");
+    }
+    assert!(!data.join("none").exists());
+    let out = above.join("none");
+    let train = |folder: &Path| {
+        let args = ["train", text(folder), "--format", "opensfm", "--out", text(&out)];
+        let output = command(&args).output().expect("a process");
+        assert_eq!(output.status.code(), Some(3));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let said = train(&data);
+    assert!(
+        said.contains("reconstruction.json") && said.contains("there is a colmap dataset: leave --format"),
+        "{said}"
+    );
+    for folder in [above.to_owned(), data.join("images"), data.join("sparse/0")] {
+        let said = train(&folder);
+        assert!(!said.contains("there is one in") && !said.contains("above it"), "{said}");
+    }
 }
 
 #[test]
@@ -42,7 +74,7 @@ fn other_mistakes_are_told_with_what_to_do() {
     let taken = folder.path().join("taken");
     fs::write(&taken, "").expect("written");
     let (data, run_text) = (text(&data), text(&run));
-    let out = folder.path().join("out");
+    let (out, picture) = (folder.path().join("out"), folder.path().join("picture.svg"));
     for (args, code, words) in [
         (&["train", data, "--iteration", "2"][..], 2, &["--iteration", "--iterations"][..]),
         (&["trian", data], 2, &["train"]),
@@ -58,7 +90,8 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["eval", run_text, data], 3, &["a folder", "point_cloud.ply"]),
         (&["eval", "none.ply", data, "--json", text(&out.join("scores.json"))], 8, &["scores.json", "beside it"]),
         (&["eval", "none.ply", data, "--json", run_text], 8, &[run_text, "cannot write"]),
-        (&["bench", "--plot", text(&taken), text(&out.join("none.json"))], 3, &["none.json", "bench --json"]),
+        (&["bench", "--plot", text(&taken), text(&out.join("none.json"))], 2, &["taken", ".svg"]),
+        (&["bench", "--plot", text(&picture), text(&out.join("none.json"))], 3, &["none.json", "bench --json"]),
     ] {
         fails(args, code, words);
     }
@@ -81,6 +114,30 @@ fn other_mistakes_are_told_with_what_to_do() {
     image::GrayImage::new(64, 48).save(misnamed.path().join("masks/mask1.png")).expect("written");
     let said = works(&["train", text(misnamed.path()), "--out", text(&out), "--iterations", "2", "--max-side", "64"]);
     assert!(said.contains("masks: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)"), "{said}");
+}
+
+/// Renders are named after photographs: into their folder they would replace them.
+#[test]
+fn results_do_not_replace_what_they_are_made_from() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    fs::create_dir(data.path().join("masks")).expect("a folder");
+    let before = content(data.path());
+    let model = shared.model();
+    let (model, data_text) = (text(&model), text(data.path()));
+    for folder in ["", "images", "sparse/../images", "masks"] {
+        let out = data.path().join(folder);
+        let out = text(&out);
+        for args in [
+            &["render", model, "--cameras", data_text, "--out", out][..],
+            &["eval", model, data_text, "--out", out],
+            &["saliency", data_text, "--out", out],
+            &["stereo", data_text, "--out", out],
+        ] {
+            fails(args, 2, &["--out", "the dataset", "another folder"]);
+        }
+    }
+    assert!(content(data.path()) == before, "a refused command has changed a file");
 }
 
 /// The folder of the dataset has been replaced by another with photographs of the same names.

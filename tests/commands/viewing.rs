@@ -169,22 +169,28 @@ fn views_are_those_asked_for_and_photographs_are_not_needed() {
 }
 
 #[test]
-fn a_model_from_elsewhere_and_an_empty_one_get_a_warning() {
+fn a_model_from_elsewhere_is_warned_of_and_an_empty_one_is_not_scored() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let read = ply::read(&shared.model()).expect("a model");
     let mut far = read.clone();
     far.gaussians.means.chunks_exact_mut(3).for_each(|p| p[0] += 1e6);
     let empty = ply::Model { gaussians: Gaussians::zeros(0), ..read };
+    let data = shared.data();
     for (name, model) in [("far.ply", far), ("empty.ply", empty)] {
         let file = folder.path().join(name);
         ply::write(&file, &model).expect("written");
         let out = folder.path().join("pictures");
-        let said = works(&["render", text(&file), "--cameras", text(&shared.data()), "--out", text(&out), "-q"]);
+        let said = works(&["render", text(&file), "--cameras", text(&data), "--out", text(&out), "-q"]);
         assert!(said.contains("warning: no camera of") && said.contains(name), "{said}");
         assert!(rgb(&out.join("view_0003.png")).iter().all(|v| *v == 0));
-        let said = works(&["eval", text(&file), text(&shared.data()), "-q"]);
-        assert!(said.contains("warning: no camera of"), "{said}");
+        let eval = ["eval", text(&file), text(&data), "-q"];
+        if name == "empty.ply" {
+            fails(&eval, 3, &["empty.ply", "no splats"]);
+        } else {
+            let said = works(&eval);
+            assert!(said.contains("warning: no camera of"), "{said}");
+        }
     }
 }
 

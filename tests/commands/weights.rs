@@ -8,7 +8,7 @@ use std::net::TcpListener;
 use psrgs_vk::perceptual::PUBLIC_FILES;
 
 use crate::common;
-use crate::run::{fails, psrgs, stderr, text};
+use crate::run::{command, fails, psrgs, shared, stderr, text};
 
 /// Serves files by name as long as the process lives; gives its address.
 fn serve(files: HashMap<String, Vec<u8>>) -> String {
@@ -52,6 +52,36 @@ fn what_is_not_the_published_file_is_not_kept() {
         3,
         &[trunk.name, "cannot be fetched"],
     );
+}
+
+/// A folder that nobody named: half a download in it is told, and nothing fails. One that is named has to be whole.
+#[test]
+fn weights_that_are_not_whole_stop_only_who_named_them() {
+    let Some(shared) = shared() else { return };
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let usual = home.path().join("psrgs-vk/weights");
+    fs::create_dir_all(&usual).expect("a folder");
+    let (model, data, out) = (shared.model(), shared.data(), home.path().join("run"));
+    let eval = ["eval", text(&model), text(&data), "-q"];
+    let train = ["train", text(&data), "--out", text(&out), "--iterations", "2", "-q", "--overwrite"];
+    for damaged in [false, true] {
+        if damaged {
+            for file in &PUBLIC_FILES {
+                fs::write(usual.join(file.name), "half of it").expect("written");
+            }
+        }
+        for args in [&eval[..], &train] {
+            let output = command(args).env("XDG_DATA_HOME", home.path()).output().expect("the command starts");
+            let said = stderr(&output);
+            assert!(output.status.success(), "{args:?}: {said}");
+            for word in ["warning: lpips_squeeze is not measured", text(&usual), "psrgs-vk weights --fetch"] {
+                assert!(said.contains(word), "{args:?} does not say `{word}`: {said}");
+            }
+        }
+        fails(&[&eval[..], &["--perceptual-weights", text(&usual)]].concat(), 3, &[text(&usual)]);
+        let output = command(&eval).env("PSRGS_WEIGHTS", &usual).output().expect("the command starts");
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    }
 }
 
 /// The linear layers are among the shared weights; the trunk that torchvision publishes is not, and fails.

@@ -17,7 +17,7 @@ pub fn gpu() -> Option<Gpu> {
 
 /// As [`gpu`], with the options changed.
 pub fn gpu_with(change: impl FnOnce(&mut OpenOptions)) -> Option<Gpu> {
-    let mut options = OpenOptions::from_env();
+    let mut options = OpenOptions::from_env().expect("the environment");
     change(&mut options);
     match Gpu::open(&options) {
         Ok(gpu) => Some(gpu),

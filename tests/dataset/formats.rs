@@ -269,6 +269,39 @@ fn frames_may_have_lenses_of_their_own() {
     assert_eq!(dataset.warnings, [Warning::NoPoints { file: None }]);
 }
 
+/// `is_fisheye` stands in the place of a camera model, at the top or in a frame.
+#[test]
+fn fisheyes_of_instant_ngp_are_fisheyes() {
+    let folder = turned_ring([0.0; 3]);
+    let root = nerfstudio(&folder, true);
+    let file = root.path().join("transforms.json");
+    let mut value = transforms(&folder);
+    value.as_object_mut().expect("an object").remove("camera_model");
+    for (key, k) in [("k1", 0.02), ("k2", -0.01), ("k3", 0.003), ("k4", -0.0004)] {
+        value[key] = json!(k);
+    }
+    value["is_fisheye"] = json!(true);
+    value["frames"][1]["is_fisheye"] = json!(false);
+    write_json(&file, &value);
+    let dataset = load(root.path()).expect("loads");
+    let fisheye = Distortion::Fisheye { k: [0.02, -0.01, 0.003, -0.0004] };
+    assert_eq!(dataset.views[0].lens.expect("a lens").distortion, fisheye);
+    assert_eq!((dataset.views[0].model.as_str(), dataset.views[1].model.as_str()), ("OPENCV_FISHEYE", "OPENCV"));
+    let plain = dataset.views[1].lens.expect("a lens").distortion;
+    assert!(matches!(plain, Distortion::Brown { numerator: [0.02, ..], .. }), "{plain:?}");
+    // Said twice, and alike.
+    value["frames"][1] = transforms(&folder)["frames"][1].clone();
+    value["camera_model"] = json!("OPENCV_FISHEYE");
+    write_json(&file, &value);
+    assert_eq!(load(root.path()).expect("loads").views[1].lens.expect("a lens").distortion, fisheye);
+    for (model, flag) in [("OPENCV", true), ("PINHOLE", true), ("OPENCV_FISHEYE", false)] {
+        value["camera_model"] = json!(model);
+        value["is_fisheye"] = json!(flag);
+        write_json(&file, &value);
+        complains(root.path(), &["transforms.json", "is_fisheye of frame './images/a.png'", model, "remove the one"]);
+    }
+}
+
 #[test]
 fn opensfm_cameras_are_normalised_by_the_longer_side() {
     let folder = turned_ring([0.0; 3]);

@@ -15,7 +15,7 @@ use std::fs;
 use std::path::Path;
 
 use colmap_folder::{CameraRow, Folder, SIMPLE_PINHOLE, THIN_PRISM_FISHEYE, write_photograph};
-use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Role, Split, Warning};
+use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Photograph, Role, Split, Warning};
 
 const NAMES: [&str; 3] = ["a.png", "b.png", "c.png"];
 
@@ -175,6 +175,7 @@ fn cameras_of_other_models_are_refused_with_the_remedy() {
         assert!(matches!(error, Error::UnsupportedCamera { camera: 5, model: "THIN_PRISM_FISHEYE", .. }));
         let message = error.to_string();
         assert!(message.contains("cameras.") && message.contains("image_undistorter"), "{message}");
+        assert!(message.contains("not supported (SIMPLE_PINHOLE,") && !message.contains("FOV"), "{message}");
     }
 }
 
@@ -196,6 +197,30 @@ fn missing_photographs_are_named() {
     assert!(matches!(load(root.path()), Err(Error::NoPhotographs { .. })));
 }
 
+/// They are there as far as anyone knows.
+#[cfg(unix)]
+#[test]
+fn folders_that_may_not_be_looked_into_are_not_taken_for_empty() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    for folder in ["images", "sparse", "sparse/0", ""] {
+        let closed = root.path().join(folder);
+        let set = |mode: u32| fs::set_permissions(&closed, fs::Permissions::from_mode(mode)).expect("permissions");
+        // May be listed or not, and in neither case entered.
+        for mode in [0o600, 0] {
+            set(mode);
+            let (found, anyone) = (load(root.path()), fs::metadata(closed.join(".")).is_ok());
+            set(0o755);
+            if anyone {
+                return println!("skipped: this user may look into every folder");
+            }
+            let error = found.expect_err("closed").to_string();
+            assert!(error.contains("Permission denied") && error.contains(folder), "{folder} {mode:o}: {error}");
+        }
+    }
+    load(root.path()).expect("open again");
+}
+
 #[test]
 fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     let folder = Folder::ring(&NAMES, [0.0; 3]);
@@ -207,6 +232,22 @@ fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     fs::write(&file, b"not a picture at all").expect("written");
     let error = load(root.path()).expect_err("foreign").to_string();
     assert!(error.contains("b.png: header at byte"), "{error}");
+    let webp = b"RIFF\x24\0\0\0WEBPVP8 ";
+    for (bytes, words) in [
+        (&b""[..], "the file is empty"),
+        (webp, "WebP; JPEG, PNG and OpenEXR are read"),
+        (b"GIF89a\x01\0\x01\0\0\0\0;", "GIF; JPEG, PNG and OpenEXR are read"),
+        (b"II*\0\x08\0\0\0\0\0\0\0\0\0\0\0", "TIFF; JPEG, PNG and OpenEXR are read"),
+        (b"not a picture at all", "no known format; JPEG, PNG and OpenEXR are read"),
+    ] {
+        fs::write(&file, bytes).expect("written");
+        for error in
+            [load(root.path()).map(|_| ()).expect_err(words), Photograph::read(&file).map(|_| ()).expect_err(words)]
+        {
+            let error = error.to_string();
+            assert!(error.contains("b.png: ") && error.contains(words), "{error}");
+        }
+    }
 }
 
 #[test]
@@ -303,6 +344,45 @@ fn a_model_directly_in_sparse_is_found_and_binary_comes_first() {
         fs::rename(&path, sparse.join(path.file_name().expect("name"))).expect("moved");
     }
     assert_eq!(load(root.path()).expect("loads").points.len(), 5);
+}
+
+#[test]
+fn of_several_models_the_one_with_the_most_images_is_read() {
+    let whole = Folder::ring(&NAMES, [0.0; 3]);
+    let mut part = whole.clone();
+    part.images.truncate(2);
+    for text in [false, true] {
+        let files = |folder: &Folder| if text { folder.text() } else { folder.binary() };
+        let root = whole.dataset(text);
+        let sparse = root.path().join("sparse");
+        // Alone it is read whatever its number is.
+        fs::rename(sparse.join("0"), sparse.join("10")).expect("moved");
+        let alone = load(root.path()).expect("loads");
+        assert_eq!((alone.views.len(), alone.warnings.as_slice()), (3, &[][..]));
+        // The largest is not the first, and not the first by letters either.
+        part.write(root.path(), &files(&part));
+        fs::rename(sparse.join("0"), sparse.join("9")).expect("moved");
+        part.write(root.path(), &files(&part));
+        fs::create_dir_all(sparse.join("11")).expect("a folder without a model");
+        let several = load(root.path()).expect("loads");
+        let others = vec![("sparse/0".to_owned(), 2), ("sparse/9".to_owned(), 2)];
+        let warning = Warning::OtherModels { used: "sparse/10".to_owned(), images: 3, others };
+        assert_eq!((several.views.len(), several.warnings.as_slice()), (3, &[warning][..]));
+        let said = several.warnings[0].to_string();
+        for words in ["3 parts", "sparse/10 (3 images), is used", "sparse/0 (2 images), sparse/9 (2 images) are not"] {
+            assert!(said.contains(words), "{said}");
+        }
+        // Of equal ones the first.
+        whole.write(root.path(), &files(&whole));
+        let equal = load(root.path()).expect("loads");
+        assert!(matches!(&equal.warnings[0], Warning::OtherModels { used, .. } if used == "sparse/0"));
+        if !text {
+            // One that cannot be counted might have been the largest.
+            fs::write(sparse.join("9/images.bin"), [1, 0, 0]).expect("written");
+            let error = load(root.path()).expect_err("cut").to_string();
+            assert!(error.contains("9/images.bin: number of images at byte 0"), "{error}");
+        }
+    }
 }
 
 #[test]

@@ -114,6 +114,11 @@ fn known_distances(offset: [f64; 3], square: &Mesh) {
     assert!((off.floaters.unwrap() - floating / total).abs() < 1e-6, "{off:?}");
     // Opaque ones by distance: 0 (mass 0.018), 0.1 (0.008), 0.3 (0.036), 0.49 (0.021), 7 (0.019): half is reached at 0.3.
     assert!((off.distance.unwrap() - 0.3).abs() < 1e-5, "{off:?}");
+    // Where nothing floats, that is no negative number.
+    let near = off_surface(&model, &frame, 5000.0, &Closest::new(square));
+    assert!(near.floaters.is_some_and(|share| share == 0.0 && share.is_sign_positive()), "{near:?}");
+    let geometry = Geometry { floaters: near.floaters, ..Geometry::default() };
+    assert_eq!(geometry.rows(), [("floaters", "0.00 %".to_owned())]);
     let nothing = off_surface(&model, &frame, 50.0, &Closest::new(&Mesh::default()));
     assert_eq!((nothing.distance, nothing.floaters), (None, None));
     let empty = off_surface(&Gaussians::zeros(0), &frame, 50.0, &Closest::new(square));

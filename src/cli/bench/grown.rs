@@ -35,6 +35,14 @@ fn read(file: &Path) -> anyhow::Result<Read> {
 }
 
 pub(super) fn run(picture: &Path, results: &[PathBuf]) -> anyhow::Result<()> {
+    // Who forgets it would lose the first result.
+    if !picture.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+        return Err(Failure::Usage(format!(
+            "--plot {}: the first name is that of the picture, which ends in .svg; results follow it",
+            picture.display()
+        ))
+        .into());
+    }
     let mut read = results.iter().map(|file| read(file)).collect::<anyhow::Result<Vec<Read>>>()?;
     let spread = |of: fn(&Read) -> f64| {
         let (low, high) = read.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(l, h), x| (l.min(x), h.max(x)));

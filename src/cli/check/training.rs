@@ -41,7 +41,7 @@ pub(super) fn plan(
 ) -> anyhow::Result<Option<Training>> {
     let gpu = match device::open(&settings.device, false, console) {
         Ok(gpu) => gpu,
-        Err(error) if error.downcast_ref::<vk::Error>().is_some() => {
+        Err(error) if error.downcast_ref::<vk::Error>().is_some_and(|e| !matches!(e, vk::Error::Variable { .. })) => {
             console.warn(format_args!("neither memory nor time can be told: {error}"));
             return Ok(None);
         }

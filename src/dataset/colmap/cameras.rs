@@ -22,7 +22,17 @@ const MODELS: &[(&str, usize)] = &[
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
+
+/// Those that [`Intrinsics::lens`] makes lenses of, to be told.
+pub(crate) const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, \
+                                    SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and OPENCV_FISHEYE";
 
 /// A camera of the model, of any kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +78,11 @@ pub(crate) fn read_binary(file: &Path) -> Result<BTreeMap<u32, Intrinsics>, File
         let at = source.at();
         let number = source.i32(format_args!("model of camera {id}"))?;
         let &(model, count) = usize::try_from(number).ok().and_then(|n| MODELS.get(n)).ok_or_else(|| {
-            source.error(at, format_args!("model of camera {id}"), format_args!("{number} is unknown"))
+            source.error(
+                at,
+                format_args!("model of camera {id}"),
+                format_args!("{number} is unknown; supported are {SUPPORTED}"),
+            )
         })?;
         let at = source.at();
         let size =
@@ -95,12 +109,19 @@ pub(crate) fn read_text(file: &Path) -> Result<BTreeMap<u32, Intrinsics>, FileEr
             let id = line.value(format_args!("number of camera {number}"))?;
             number += 1;
             let word = line.word(format_args!("model of camera {id}"))?;
-            let &(model, count) = MODELS
-                .iter()
-                .find(|(name, _)| *name == word)
-                .ok_or_else(|| line.error(format_args!("model of camera {id}"), format_args!("'{word}' is unknown")))?;
+            let &(model, count) = MODELS.iter().find(|(name, _)| *name == word).ok_or_else(|| {
+                line.error(
+                    format_args!("model of camera {id}"),
+                    format_args!("'{word}' is unknown; supported are {SUPPORTED}"),
+                )
+            })?;
             let size =
                 [line.value(format_args!("width of camera {id}"))?, line.value(format_args!("height of camera {id}"))?];
+            let given = line.left();
+            if given < count {
+                let problem = format!("{given} where {model} has {count}");
+                return Err(line.error(format_args!("parameters of camera {id}"), problem));
+            }
             let mut params = Vec::with_capacity(count);
             for k in 0..count {
                 params.push(line.f64(format_args!("parameter {k} of camera {id}"))?);
@@ -134,7 +155,15 @@ fn checked(
             format_args!("is {}x{}", size[0], size[1]),
         ));
     };
-    let one = ["SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"];
+    let one = [
+        "SIMPLE_PINHOLE",
+        "SIMPLE_RADIAL",
+        "RADIAL",
+        "SIMPLE_RADIAL_FISHEYE",
+        "RADIAL_FISHEYE",
+        "SIMPLE_DIVISION",
+        "SIMPLE_FISHEYE",
+    ];
     let focal_lengths = if one.contains(&model) { 1 } else { 2 };
     if let Some(f) = params.iter().take(focal_lengths).find(|f| **f <= 0.0) {
         return Err(wrong(file, at[1], format_args!("focal length of camera {id}"), format_args!("is {f}")));

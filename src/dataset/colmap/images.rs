@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{binary_records, text_records, wrong};
-use crate::format::source::Line;
+use crate::format::source::{Line, Lines, Source};
 use crate::format::{At, Error as FileError};
 
 /// One photograph's pose.
@@ -21,10 +21,33 @@ pub(crate) struct Pose {
     pub(crate) at: At,
 }
 
+/// Bytes of an image in `images.bin`, at least: without a name, and without keypoints.
+const SMALLEST: u64 = 4 + 7 * 8 + 4 + 1 + 8;
+
+/// How many images `images.bin` has: its first number.
+pub(super) fn count_binary(file: &Path) -> Result<u64, FileError> {
+    Ok(Source::open(file)?.count(SMALLEST, "number of images")? as u64)
+}
+
+/// How many images `images.txt` has: each is two lines, the second of which may be empty.
+pub(super) fn count_text(file: &Path) -> Result<u64, FileError> {
+    let mut lines = Lines::open(file)?;
+    let mut count = 0;
+    while let Some(line) = lines.next()? {
+        let text = line.text.trim_start();
+        if text.is_empty() || text.starts_with('#') {
+            continue;
+        }
+        count += 1;
+        lines.next()?;
+    }
+    Ok(count)
+}
+
 /// Reads `images.bin`: per image i32 number, f64 quaternion (w first) and translation, i32 camera, name ended by zero, u64
 /// number of keypoints and 24 bytes for each.
 pub(crate) fn read_binary(file: &Path) -> Result<Vec<Pose>, FileError> {
-    binary_records(file, "images", 4 + 7 * 8 + 4 + 1 + 8, |source, i| {
+    binary_records(file, "images", SMALLEST, |source, i| {
         let start = source.at();
         let number = source.u32(format_args!("number of image {i}"))?;
         let mut values = [0.0; 7];

@@ -4,11 +4,12 @@
 //! points with their colours and the images that observe them; the 2D keypoints are checked for being there and passed over.
 
 mod cameras;
+mod files;
 mod images;
 mod points;
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::Tracks;
 use super::error::Error;
@@ -18,41 +19,19 @@ use crate::format::source::{Line, Lines, Source};
 use crate::format::{At, Error as FileError};
 
 use cameras::Intrinsics;
+pub(super) use cameras::SUPPORTED;
+use files::Files;
 use images::Pose;
 pub use points::Point;
 
-/// The files of a model.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Files {
-    pub(crate) cameras: PathBuf,
-    pub(crate) images: PathBuf,
-    /// Absent when the model has no points file.
-    pub(crate) points: Option<PathBuf>,
-    binary: bool,
+/// Whether a folder has a model.
+pub(super) fn is_in(dataset: &Path) -> bool {
+    !Files::all(dataset).is_empty()
 }
 
-impl Files {
-    /// Finds the model of a dataset: `sparse/0`, else `sparse`; binary, else text, as COLMAP itself prefers.
-    pub(crate) fn find(dataset: &Path) -> Option<Self> {
-        let folders = [dataset.join("sparse").join("0"), dataset.join("sparse")];
-        for folder in &folders {
-            for (extension, binary) in [("bin", true), ("txt", false)] {
-                let part = |name: &str| folder.join(format!("{name}.{extension}"));
-                let (cameras, images, points) = (part("cameras"), part("images"), part("points3D"));
-                if cameras.is_file() && images.is_file() {
-                    let points = points.is_file().then_some(points);
-                    return Some(Self { cameras, images, points, binary });
-                }
-            }
-        }
-        None
-    }
-}
-
-/// Reads the model of a dataset. Points are in ascending order of their ids, which is the same for both kinds of files.
+/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for both kinds of files.
 pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
-    let files = Files::find(dataset)
-        .ok_or_else(|| Error::no_model(dataset, "cameras and images in sparse/0 and in sparse".to_owned()))?;
+    let (files, warning) = files::choose(dataset)?;
     let (cameras, poses, points) = if files.binary {
         let points = files.points.as_deref().map(points::read_binary).transpose()?;
         (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)
@@ -78,7 +57,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         points_file: files.points,
         images: None,
         reference: None,
-        warnings: Vec::new(),
+        warnings: warning.into_iter().collect(),
     })
 }
 

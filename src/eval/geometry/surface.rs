@@ -42,7 +42,8 @@ pub fn off_surface(model: &Gaussians, frame: &Frame, extent: f64, surface: &Clos
     let splats: Vec<(f64, f64, f64)> =
         (0..model.len()).into_par_iter().map(splat).filter(|(m, d, _)| m.is_finite() && d.is_finite()).collect();
     let total: f64 = splats.iter().map(|(mass, ..)| mass).sum();
-    let far: f64 = splats.iter().filter(|(_, d, _)| *d > FAR * extent).map(|(mass, ..)| mass).sum();
+    // The sum of no floats is -0, which would be told as such.
+    let far: f64 = splats.iter().filter(|(_, d, _)| *d > FAR * extent).map(|(mass, ..)| mass).sum::<f64>().abs();
     let mut opaque: Vec<(f64, f64)> = splats.iter().filter(|s| s.2 > OPAQUE).map(|s| (s.1, s.0)).collect();
     OffSurface { distance: weighted_median(&mut opaque), floaters: (total > 0.0).then(|| far / total) }
 }

@@ -9,6 +9,8 @@ pub use super::preset::Preset;
 pub use crate::dataset::{Format, MaskIgnores, Split, Transfer};
 pub use crate::saliency::Gate;
 
+use crate::byte_size::{self, UNITS};
+
 /// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
 macro_rules! as_word {
     ($name:ident) => {
@@ -395,8 +397,6 @@ as_word!(Background);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ByteSize(pub u64);
 
-const UNITS: [(&str, u32); 4] = [("T", 40), ("G", 30), ("M", 20), ("K", 10)];
-
 impl fmt::Display for ByteSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let whole = UNITS.iter().find(|(_, shift)| self.0 != 0 && self.0.trailing_zeros() >= *shift);
@@ -411,16 +411,7 @@ impl FromStr for ByteSize {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
         let wrong = || format!("`{word}` is no size in bytes: write 6GiB, 800M or plain digits");
-        let end = word.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(word.len());
-        let (digits, unit) = word.split_at(end);
-        let unit = unit.trim().to_ascii_uppercase();
-        let unit = unit.strip_suffix("IB").or_else(|| unit.strip_suffix('B')).unwrap_or(&unit);
-        let shift = match unit {
-            "" => 0,
-            _ => UNITS.iter().find(|(name, _)| *name == unit).ok_or_else(wrong)?.1,
-        };
-        let bytes = digits.parse::<f64>().map_err(|_| wrong())? * (1_u64 << shift) as f64;
-        if bytes >= 1.0 && bytes < u64::MAX as f64 { Ok(Self(bytes as u64)) } else { Err(wrong()) }
+        byte_size::parse(word).map(Self).ok_or_else(wrong)
     }
 }
 

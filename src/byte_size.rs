@@ -1,0 +1,18 @@
+//! Numbers of bytes as people write them: `6GiB`, `800M` or plain digits. K, M, G and T are powers of 1024.
+
+/// The units, and by how many bits each is more than a byte.
+pub(crate) const UNITS: [(&str, u32); 4] = [("T", 40), ("G", 30), ("M", 20), ("K", 10)];
+
+/// What a word says; `None` where it says no number, or one that is below 1 or not to be counted.
+pub(crate) fn parse(word: &str) -> Option<u64> {
+    let end = word.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(word.len());
+    let (digits, unit) = word.split_at(end);
+    let unit = unit.trim().to_ascii_uppercase();
+    let unit = unit.strip_suffix("IB").or_else(|| unit.strip_suffix('B')).unwrap_or(&unit);
+    let shift = match unit {
+        "" => 0,
+        _ => UNITS.iter().find(|(name, _)| *name == unit)?.1,
+    };
+    let bytes = digits.parse::<f64>().ok()? * (1_u64 << shift) as f64;
+    (1.0..u64::MAX as f64).contains(&bytes).then_some(bytes as u64)
+}
