@@ -166,6 +166,7 @@ fn presets_are_written_out_and_named_options_win_over_them() {
         assert_eq!(chosen(&["--method", method, "--iterations", "30000"]), (side, 30_000, false), "{method}");
     }
     assert_eq!(chosen(&["--iterations", "7000", "--scale-schedule=false"]), (side, 7000, false));
+    assert_eq!(chosen(&["--iterations", "7000", "--densify-until", "3000"]), (side, 7000, false), "that is step 3,000");
     assert_eq!(chosen(&["--preset", "full", "--iterations", "7000"]), (65_536, 7000, true));
 }
 

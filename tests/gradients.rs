@@ -178,7 +178,9 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
                 let mut values = splat.to_array();
                 values[k] += h;
                 let moved = Splat::from_array(&values);
-                state(&moved, &seen(&moved)) == state(&splat, &view)
+                // Nor may the normal come to look at the camera from its other side.
+                let faces = |p: Projected<f64>| (0..3).map(|i| p.normal[i] * here.normal[i]).sum::<f64>() > 0.0;
+                state(&moved, &seen(&moved)) == state(&splat, &view) && project(&moved, &view, None).is_ok_and(faces)
             })
         });
         if !calm {

@@ -219,7 +219,8 @@ fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<
     }
     if before.run.scale_schedule && before.run.iterations != resumed.run.iterations {
         return Err(Failure::Usage(
-            "--iterations cannot change on --resume where the schedule was scaled to it: begin such a run with --scale-schedule=false"
+            "--iterations cannot change on --resume where the schedule was scaled to it: train anew from its model with --init, or begin \
+             such a run with --scale-schedule=false"
                 .into(),
         )
         .into());

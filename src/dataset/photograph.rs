@@ -79,17 +79,20 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
     }
 }
 
+/// The formats that are read, in words.
+const READ: &str = "JPEG, PNG, TIFF, WebP and OpenEXR";
+
 /// Why nothing can be read of so many bytes of a format, as their beginning tells it.
 fn unreadable(bytes: u64, format: Option<ImageFormat>) -> Option<String> {
     let name = match format {
         _ if bytes == 0 => return Some("the file is empty".to_owned()),
-        Some(ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::OpenExr) => return None,
-        None => return Some("is of no known format; JPEG, PNG and OpenEXR are read".to_owned()),
-        Some(ImageFormat::Gif) => "GIF".to_owned(),
-        Some(ImageFormat::Tiff) => "TIFF".to_owned(),
-        Some(other) => format!("{other:?}"),
+        Some(ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP | ImageFormat::OpenExr) => {
+            return None;
+        }
+        None => return Some(format!("is of no known format; {READ} are read")),
+        Some(other) => format!("{other:?}").to_uppercase(),
     };
-    Some(format!("is of the format {name}; JPEG, PNG and OpenEXR are read: convert it"))
+    Some(format!("is of the format {name}; {READ} are read: convert it"))
 }
 
 fn samples(color: image::ColorType) -> Samples {

@@ -48,8 +48,8 @@ group! {
         pub tune: Tune = Tune::Auto,
     }
     flags {
-        /// Fit the 30,000-step schedule to --iterations: always with fewer steps of lean, psrgs and psrgs-paper, and with --preset quick,
-        /// unless it is =false
+        /// Fit the 30,000-step schedule to --iterations: always with --preset quick, and with fewer steps of lean, psrgs and psrgs-paper
+        /// where no step of the schedule is named (--densify-until, say), unless it is =false
         pub scale_schedule,
         /// Same bits from the same command on the same device, driver and binary
         pub deterministic,

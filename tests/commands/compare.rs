@@ -112,10 +112,14 @@ fn a_comparison_that_is_stopped_leaves_no_training_behind() {
         "1000000",
         "--max-side",
         "64",
+        "--",
+        "--checkpoint-every",
+        "20",
     ];
     let child = command(&args).stderr(Stdio::piped()).spawn().expect("it starts");
     let run = out.join("runs/scene-3dgs-s0");
-    while !run.join("settings.toml").is_file() {
+    let saved = || fs::read_dir(run.join("checkpoints")).is_ok_and(|mut files| files.next().is_some());
+    while !saved() {
         std::thread::sleep(Duration::from_millis(20));
     }
     kill_process(Pid::from_raw(child.id() as i32).expect("a process"), Signal::TERM).expect("told to stop");
@@ -123,7 +127,7 @@ fn a_comparison_that_is_stopped_leaves_no_training_behind() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{said}");
     assert!(said.contains("stopped; the same command goes on from here"), "{said}");
-    assert!(fs::read_dir(run.join("checkpoints")).is_ok_and(|mut files| files.next().is_some()), "nothing was saved");
+    assert!(saved(), "nothing is kept");
     // The run is no longer held by anybody.
     fails(&["train", "--resume", text(&run), "--iterations", "1"], 2, &["--iterations"]);
 }

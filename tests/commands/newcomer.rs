@@ -156,7 +156,7 @@ fn a_run_does_not_go_on_with_another_dataset() {
     };
     scene(1, 9);
     let begin = ["train", text(&data), "--out", text(&out), "--iterations", "4", "--checkpoint-every", "2"];
-    works(&begin);
+    works(&[&begin[..], &["--scale-schedule=false"]].concat());
     let go_on = ["train", "--resume", text(&out), "--iterations", "6"];
     scene(2, 9);
     fails(&go_on, 3, &["not the one that the run was trained on", "camera of 'view_0001.jpg'", "another --out"]);
@@ -185,6 +185,7 @@ fn a_stage_that_is_over_does_not_begin_again() {
         "0.5",
         "--max-side",
         "64",
+        "--scale-schedule=false",
     ]);
     let go_on = |iterations| ["train", "--resume", text(&out), "--iterations", iterations];
     fails(&go_on("42"), 2, &["--iterations 42", "step 20", "coarse photographs", "--init"]);

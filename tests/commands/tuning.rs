@@ -26,6 +26,7 @@ fn forms_chosen_by_timing_are_told_and_kept_with_the_run() {
         "2",
         "--tune",
         "again",
+        "--scale-schedule=false",
     ]);
     assert!(said.contains("forms of the passes: ") && said.contains("timed: "), "{said}");
     assert!(said.contains("device memory: ") && said.contains("B per splat"), "{said}");

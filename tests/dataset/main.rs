@@ -232,13 +232,11 @@ fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
     fs::write(&file, b"not a picture at all").expect("written");
     let error = load(root.path()).expect_err("foreign").to_string();
     assert!(error.contains("b.png: header at byte"), "{error}");
-    let webp = b"RIFF\x24\0\0\0WEBPVP8 ";
     for (bytes, words) in [
         (&b""[..], "the file is empty"),
-        (webp, "WebP; JPEG, PNG and OpenEXR are read"),
-        (b"GIF89a\x01\0\x01\0\0\0\0;", "GIF; JPEG, PNG and OpenEXR are read"),
-        (b"II*\0\x08\0\0\0\0\0\0\0\0\0\0\0", "TIFF; JPEG, PNG and OpenEXR are read"),
-        (b"not a picture at all", "no known format; JPEG, PNG and OpenEXR are read"),
+        (b"GIF89a\x01\0\x01\0\0\0\0;", "GIF; JPEG, PNG, TIFF, WebP and OpenEXR are read"),
+        (b"BM\x1e\0\0\0\0\0\0\0\x1a\0\0\0", "BMP; JPEG, PNG"),
+        (b"not a picture at all", "no known format; JPEG, PNG"),
     ] {
         fs::write(&file, bytes).expect("written");
         for error in
@@ -248,6 +246,25 @@ fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
             assert!(error.contains("b.png: ") && error.contains(words), "{error}");
         }
     }
+}
+
+/// Surveys are often kept as TIFF, pictures of the web as WebP.
+#[test]
+fn tiff_and_webp_photographs_are_those_they_were_made_of() {
+    let names = ["a.png", "b.tif", "c.webp"];
+    let root = Folder::ring(&names, [0.0; 3]).dataset(false);
+    let picture = image::RgbImage::from_fn(24, 16, |x, y| image::Rgb([10 * x as u8, 15 * y as u8, (x * y) as u8]));
+    for name in names {
+        picture.save(root.path().join("images").join(name)).expect("photograph");
+    }
+    let dataset = load(root.path()).expect("loads");
+    let [a, b, c] = [0, 1, 2].map(|k| dataset.views[k].photograph().expect("decodes"));
+    assert_eq!(a.rgba8()[4 * 25..4 * 25 + 4], [10, 15, 1, 255]);
+    assert!(a == b && a == c);
+    let deep = image::ImageBuffer::from_fn(24, 16, |x, _| image::Rgb([2000 * x as u16, 7, 65535]));
+    image::DynamicImage::ImageRgb16(deep).save(root.path().join("images/b.tif")).expect("photograph");
+    let deep = load(root.path()).expect("loads").views[1].photograph().expect("decodes");
+    assert!(matches!(&deep.pixels, psrgs_vk::dataset::Pixels::Rgba16(v) if v[4..8] == [2000, 7, 65535, 65535]));
 }
 
 #[test]

@@ -66,6 +66,18 @@ impl Method {
     }
 }
 
+/// Options that say at which step something happens, as they stand in a schedule of 30,000.
+const STEPS_OF_THE_SCHEDULE: [&str; 8] = [
+    "densify-from",
+    "densify-until",
+    "grow-on-until",
+    "opacity-reset-interval",
+    "sh-interval",
+    "lr-means-steps",
+    "propagate-from",
+    "propagate-until",
+];
+
 /// Puts values in place of those that are not named.
 macro_rules! unless_named {
     ($named:ident, $settings:ident: $($key:literal $group:ident . $field:ident = $value:expr),+ $(,)?) => {
@@ -107,8 +119,10 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     // In the middle of the published schedule nothing has been pruned yet, and no surface is continued. The published methods have the
-    // published steps all the same: a model of 7,000 is known to be one in the middle.
-    if !named("scale-schedule") && settings.run.iterations < Run::default().iterations {
+    // published steps all the same: a model of 7,000 is known to be one in the middle. Whoever names a step of the schedule has it there.
+    if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
+        && settings.run.iterations < Run::default().iterations
+    {
         settings.run.scale_schedule = true;
     }
     unless_named!(named, settings:
