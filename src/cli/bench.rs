@@ -33,8 +33,8 @@ Examples:
   psrgs-vk bench fox --max-side 160 --split val --pareto fronts
   psrgs-vk bench --plot growth.svg bench-10k.json bench-100k.json bench-1m.json
 
-The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn.
-Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look at these views
+The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn. \
+Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look at these views \
 to the last.")]
 pub(crate) struct Args {
     /// Dataset

@@ -23,10 +23,10 @@ Examples:
   psrgs-vk check fox --preset standard --host-memory 4GiB
   psrgs-vk check fox --max-side 640 --json
 
-Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the share of its
-points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options;
-for the time a few steps are taken on two of the photographs, and
-the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are listed, and training
+Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the share of its \
+points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options; \
+for the time a few steps are taken on two of the photographs, and \
+the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are listed, and training \
 would begin all the same; 3: it could not begin.")]
 pub(crate) struct Args {
     /// Dataset

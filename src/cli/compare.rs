@@ -26,7 +26,7 @@ Examples:
   psrgs-vk compare fox --ablate psrgs --split val --out ablation
   psrgs-vk compare fox --percent 25,50,70,100 --out by-splats -- --lr-opacities 0.05
 
-A comparison that was stopped goes on where it was with the same command: finished runs are kept. The names of the datasets' folders
+A comparison that was stopped goes on where it was with the same command: finished runs are kept. The names of the datasets' folders \
 name the runs, so that they must differ.";
 
 /// Train several methods on several scenes and compare what they come to

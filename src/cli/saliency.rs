@@ -22,7 +22,7 @@ Examples:
   psrgs-vk saliency fox --out maps --gate gradient
   psrgs-vk saliency fox --out maps --sigma 8 --split
 
-For each photograph: NAME.map.exr (in units of its mean) and NAME.map.png (white at its 99.5 % quantile), NAME.mask.exr and
+For each photograph: NAME.map.exr (in units of its mean) and NAME.map.png (white at its 99.5 % quantile), NAME.mask.exr and \
 NAME.mask.png (from 0 to 1), all at the size they are worked out at.")]
 pub(crate) struct Args {
     /// A photograph, or a dataset (whose photographs are undistorted, and masks left out)

@@ -32,8 +32,8 @@ Examples:
   psrgs-vk stereo fox --out fox-stereo --max-side 640 --iterations 6
   psrgs-vk train fox --out fox-model --init fox-stereo/fused.ply
 
-For each photograph that is trained on: depth/NAME.exr (along the camera's axis, in the dataset's units, 0 where unknown),
-normal/NAME.exr (camera frame, towards the camera) and confidence/NAME.exr (from 0 to 1); and fused.ply, a point cloud. Compared
+For each photograph that is trained on: depth/NAME.exr (along the camera's axis, in the dataset's units, 0 where unknown), \
+normal/NAME.exr (camera frame, towards the camera) and confidence/NAME.exr (from 0 to 1); and fused.ply, a point cloud. Compared \
 with the depth of DATA/depth where that is there, else with the reconstructed points.")]
 pub(crate) struct Args {
     /// Dataset

@@ -41,9 +41,10 @@ Examples:
   psrgs-vk train --resume fox-model
   psrgs-vk train fox --iterations 7000 --print-settings > my.toml
 
-DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model (of several in sparse/ the one with the most
-images is taken), transforms.json of nerfstudio or reconstruction.json of OpenSfM. Written to the --out folder:
-point_cloud.ply, held-out renders, depth and normals, metrics.json, report.html, settings.toml, checkpoints.")]
+DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model (of several in sparse/ the one with the most \
+images is taken), transforms.json of nerfstudio or instant-ngp, NeRF's transforms_train.json, or reconstruction.json of OpenSfM. \
+Written to the --out folder: point_cloud.ply, frame.json, held-out renders, depth and normals, metrics.json, report.html, \
+settings.toml, checkpoints; exposures.json and sigma.json where these are learned.")]
 pub(crate) struct Args {
     /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]
     #[arg(long, value_name = "DIR", help_heading = "Run")]

@@ -58,6 +58,14 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let host = host_plan(&gpu, &dataset, &settings, splats)?;
     console.say(host);
     let mut input = prepare::input_within(&dataset, initial, host.share)?;
+    if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
+        return Err(Failure::Input(format!(
+            "{}: every photograph to train on is masked all over, by its mask or by its transparency (--mask-ignores says which colour of \
+             a mask leaves out, --transparent what transparent pixels are)",
+            data.display()
+        ))
+        .into());
+    }
     input.known.perceptual = lpips.weights();
     if settings.texture.lambda_perceptual > 0.0 && input.known.perceptual.is_none() {
         console.warn(

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use crate::raster::{GradientSum, TileShape};
 
-    /// A method that begins with coarse photographs used to be timed on these, a sixteenth of the pixels.
+    /// A method may begin with photographs of a sixteenth of the pixels: what fits these best need not fit the others.
     #[test]
     fn coarse_photographs_are_not_what_is_timed() {
         let settings = Settings::of_method(crate::train::settings::Method::Psrgs);

@@ -209,7 +209,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     // Steps of the preset, timed; and the words for it.
     let estimate = &training["estimate"];
     assert_eq!(estimate["steps"], found["iterations"]);
-    assert!(estimate["seconds_per_step"].as_f64().is_some_and(|s| s > 0.0 && s < 60.0), "{estimate}");
+    assert!(estimate["seconds_per_step"].as_f64().is_some_and(|s| s > 0.0 && s.is_finite()), "{estimate}");
     let output = psrgs(&["check", text(data.path()), "--preset", "standard", "--iterations", "70", "-q"]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     for row in ["preset        standard, 70 steps", "device memory ", "host memory   of the ", "time          about "] {
