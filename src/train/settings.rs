@@ -86,7 +86,7 @@ group! {
         #[arg(value_name = "WHAT")]
         pub transparent: Transparent = Transparent::LeftOut,
         /// Curve of photographs with more than 8 bits per channel: `srgb` takes their numbers as encoded, `linear` encodes them;
-        /// `auto` takes whole numbers (PNG) as encoded and floating-point ones (OpenEXR) as linear
+        /// `auto` takes whole numbers (PNG, TIFF) as encoded and floating-point ones (OpenEXR, TIFF) as linear
         #[arg(value_name = "CURVE")]
         pub transfer: Transfer = Transfer::Auto,
     }
@@ -98,8 +98,8 @@ group! {
         /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
         #[arg(value_name = "FOLDER")]
         pub images: String,
-        /// The number that is white in photographs with more than 8 bits per channel; larger ones are cut [default: 65535 in PNG,
-        /// 1 in OpenEXR]
+        /// The number that is white in photographs with more than 8 bits per channel; larger ones are cut [default: 65535 of
+        /// whole numbers, 1 of floating-point ones]
         #[arg(value_name = "V")]
         pub white_level: f64,
     }
