@@ -42,10 +42,10 @@ impl Interrupt {
     fn hear(&self, answer: &str) {
         if !self.0.working.load(Ordering::Acquire) {
             eprintln!("\nstopped before the first step: there is nothing to save");
-            std::process::exit(ENDED);
+            signals::end(ENDED);
         }
         if self.0.asked.swap(true, Ordering::Relaxed) {
-            std::process::exit(ENDED);
+            signals::end(ENDED);
         }
         eprintln!("\n{answer}");
     }
@@ -79,6 +79,11 @@ mod signals {
             .map(|_| ())
     }
 
+    /// Ends the process without what libraries do at a proper end: a driver that another thread is just loading does not survive that.
+    pub(super) fn end(code: i32) -> ! {
+        signal_hook::low_level::exit(code)
+    }
+
     /// Whether this process was not started with hang-ups ignored, where that can be told.
     fn hears_of_hangups() -> bool {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -95,5 +100,10 @@ mod signals {
     /// Calls `act` for every Ctrl-C.
     pub(super) fn on_each(act: impl Fn() + Send + 'static) -> io::Result<()> {
         ctrlc::set_handler(act).map_err(io::Error::other)
+    }
+
+    /// Ends the process.
+    pub(super) fn end(code: i32) -> ! {
+        std::process::exit(code)
     }
 }
