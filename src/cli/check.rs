@@ -5,14 +5,14 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, Reference, Role};
+use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role};
 use psrgs_vk::train::settings::{DeviceChoice, LidarCloud, Method, Photographs, Preset};
 use psrgs_vk::train::{Settings, prepare};
 
 use super::console::{self, Console};
 use super::exit::Failure;
-use super::presets;
 use super::train::{METHOD, named};
+use super::{presets, train_run};
 use training::Training;
 
 /// Look at a dataset: what was found, what training takes, and what is wrong
@@ -109,6 +109,10 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         Err(error) => return Err(error.into()),
     };
     let mut found = found(&dataset, &settings);
+    let missing = match missing {
+        Some(error) => Some(error.into()),
+        None => unusable(&dataset, &settings),
+    };
     if let Some(error) = &missing {
         found.problems.insert(0, error.to_string());
     } else {
@@ -120,10 +124,25 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { told(&found) };
     console::print(&text)?;
     match (missing, found.problems.len()) {
-        (Some(error), _) => Err(error.into()),
+        (Some(error), _) => Err(error),
         (None, 0) => Ok(()),
         (None, 1) => Err(Failure::Check(format!("{}: 1 problem", args.data.display())).into()),
         (None, n) => Err(Failure::Check(format!("{}: {n} problems", args.data.display())).into()),
+    }
+}
+
+/// What keeps a training from beginning with these photographs: the first that cannot be decoded, or that all are masked. None is kept.
+fn unusable(dataset: &Dataset, settings: &Settings) -> Option<anyhow::Error> {
+    let decoded = |role| {
+        let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.device) };
+        dataset.take_in(role, &mut share)
+    };
+    match (decoded(Role::Train), decoded(Role::HeldOut)) {
+        (Err(error), _) | (_, Err(error)) => Some(error.into()),
+        (Ok(train), _) if !train.is_empty() && train.iter().all(Option::is_none) => {
+            Some(train_run::all_masked(&dataset.path).into())
+        }
+        _ => None,
     }
 }
 

@@ -1,5 +1,6 @@
 //! A training from the open run folder to the last file, with what is told on the way.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -59,12 +60,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     console.say(host);
     let mut input = prepare::input_within(&dataset, initial, host.share)?;
     if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
-        return Err(Failure::Input(format!(
-            "{}: every photograph to train on is masked all over, by its mask or by its transparency (--mask-ignores says which colour of \
-             a mask leaves out, --transparent what transparent pixels are)",
-            data.display()
-        ))
-        .into());
+        return Err(all_masked(data).into());
     }
     input.known.perceptual = lpips.weights();
     if settings.texture.lambda_perceptual > 0.0 && input.known.perceptual.is_none() {
@@ -159,6 +155,15 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         outputs::write(&finished, &mut trainer, &mut lpips, console)
     };
     to_the_end().map_err(|error| folder.with_way_on(error))
+}
+
+/// That a dataset has no pixel to train on.
+pub(crate) fn all_masked(data: &Path) -> Failure {
+    Failure::Input(format!(
+        "{}: every photograph to train on is masked all over, by its mask or by its transparency (--mask-ignores says which colour of a mask \
+         leaves out, --transparent what transparent pixels are)",
+        data.display()
+    ))
 }
 
 /// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.

@@ -253,3 +253,24 @@ fn a_dataset_is_checked_before_it_is_trained() {
     fs::remove_file(data.path().join("images/view_0003.jpg")).expect("removed");
     fails(&["check", text(data.path())], 3, &["1 of 9 photographs are missing", "view_0003.jpg"]);
 }
+
+/// What `train` refuses to begin with, `check` has told before.
+#[test]
+fn photographs_that_nothing_can_be_trained_on_are_told_by_check() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let photograph = data.path().join("images/view_0005.jpg");
+    let whole = fs::read(&photograph).expect("read");
+    fs::write(&photograph, &whole[..whole.len() / 2]).expect("written");
+    fails(&["check", text(data.path())], 3, &["view_0005.jpg", "the file ends before the picture does"]);
+    fs::write(&photograph, whole).expect("written");
+    let masks = data.path().join("masks");
+    fs::create_dir_all(&masks).expect("a folder");
+    for k in 0..9 {
+        image::GrayImage::new(64, 48).save(masks.join(format!("view_{k:04}.jpg.png"))).expect("a mask");
+    }
+    let out = data.path().join("run");
+    for args in [&["check", text(data.path())][..], &train(data.path(), &out)] {
+        fails(args, 3, &["every photograph to train on is masked all over", "--mask-ignores"]);
+    }
+}
