@@ -90,7 +90,8 @@ pub(super) fn count_photographs(folder: &Path) -> usize {
         .sum()
 }
 
-fn is_photograph(path: &Path) -> bool {
+/// Whether a file is a photograph by its extension.
+pub(super) fn is_photograph(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp"].iter().any(|known| extension.eq_ignore_ascii_case(known))
 }

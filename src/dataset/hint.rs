@@ -4,6 +4,7 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path};
 
+use super::folder::is_photograph;
 use super::model::Format;
 use crate::format;
 
@@ -80,9 +81,5 @@ fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
 }
 
 fn has_photographs(folder: &Path) -> bool {
-    let is_photograph = |path: &Path| {
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp"].contains(&extension.as_str())
-    };
     fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
 }
