@@ -1,9 +1,11 @@
-//! Density control on the device: rules, and the recording of a whole density change or opacity reset.
+//! Density control on the device: rules, statistics, and the recording of a whole density change or opacity reset.
 
 mod order;
 mod rules;
+mod statistics;
 
 pub use rules::{DensityRules, Sampled, logit};
+pub(super) use statistics::{Seen, Statistics};
 
 use order::{ByBirth, Ordering};
 

@@ -5,10 +5,16 @@ mod changes;
 mod growth;
 mod harmonics;
 mod propagate;
+mod propagation;
 mod prune;
+mod state;
 mod step;
 mod streaming;
 mod transfer;
+
+pub use state::State;
+
+use propagation::Propagation;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -16,24 +22,17 @@ use std::time::Instant;
 
 use super::Error;
 use super::cloud::Gate;
-use super::coarse::Coarse;
-use super::density::DensityControl;
-use super::event::{Event, Kind};
-use super::exposures::Exposures;
+use super::density::{DensityControl, Statistics};
 use super::input::Input;
-use super::losses::Losses;
+use super::learning::exposures::Exposures;
+use super::learning::optimiser::Optimiser;
+use super::learning::sigma::{SigmaTraining, SigmaUpdate};
 use super::memory::Needs;
-use super::optimiser::Optimiser;
 use super::pacing::Pacing;
-use super::photographs::{Photographs, Residency};
-use super::propagation::Propagation;
-use super::saliencies::Saliencies;
-use super::schedule::StepPlan;
+use super::photographs::{Coarse, Photographs, Residency, Saliencies};
+use super::schedule::{Event, Kind, StepPlan};
 use super::settings::{DepthPrior, Exposure, Settings, SigmaLearning};
-use super::sigma::{SigmaTraining, SigmaUpdate};
-use super::state::State;
-use super::statistics::Statistics;
-use super::terms::{Constrained, Geometry, Perceptual};
+use super::terms::{Constrained, Geometry, Losses, Perceptual};
 use crate::dataset::Depth;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};

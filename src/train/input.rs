@@ -1,4 +1,9 @@
-//! What a training is given: views with their photographs, and a first model.
+//! What a training is given: views with their photographs, and a first model; and whether a resumed one is given the same.
+
+mod trained_on;
+
+pub(super) use trained_on::PerceptualBy;
+pub use trained_on::TrainedOn;
 
 use std::sync::Arc;
 

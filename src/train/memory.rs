@@ -1,5 +1,11 @@
-//! Device memory of a training: what splats, pairs and pixels cost, and how much of each fits. Nothing here knows the buffers:
-//! the engine is built on a handle that only counts.
+//! Memory of a training, on the device and of the host. On the device: what splats, pairs and pixels cost, and how much of each fits.
+//! Nothing here knows the buffers: the engine is built on a handle that only counts.
+
+mod cost;
+mod host;
+
+pub use cost::MemoryCost;
+pub use host::{HostMemory, HostPlan, shares_memory};
 
 use std::fmt;
 

@@ -1,12 +1,22 @@
-//! The photographs of a training on the device: all of them, or those of the next steps.
+//! The photographs of a training on the device, all of them or those of the next steps: how they come there, and what is made of them.
+
+mod coarse;
+mod feed;
+mod places;
+mod saliencies;
+
+pub(super) use coarse::Coarse;
+pub(super) use feed::Feed;
+pub use feed::FeedCounts;
+pub(super) use saliencies::Saliencies;
+
+use places::Places;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::Error;
-use super::feed::{Feed, FeedCounts};
 use super::input::View;
 use super::pacing::Pacing;
-use super::places::Places;
 use crate::dataset::Depth;
 use crate::eval::PhotographWait;
 use crate::pass::loss;

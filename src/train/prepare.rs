@@ -1,11 +1,17 @@
-//! From a dataset and settings to the input of a training.
+//! From a dataset and settings to the input of a training, with what stereo or a cloud says of its views.
+
+mod stereo;
+mod stereo_cost;
+
+pub use stereo::{CloudReport, StereoReport, first_splats, take_stereo};
+pub use stereo_cost::stereo_settings;
 
 use std::collections::HashSet;
 use std::path::Path;
 
 use super::Error;
-use super::host::HostMemory;
 use super::input::{Input, Known, Outline, View};
+use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
 use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
 use crate::format::ply::{self, Content};

@@ -6,6 +6,7 @@
 //! splatting (Kerbl et al. 2023).
 
 mod draws;
+mod event;
 mod perceptual;
 mod plan;
 mod propagations;
@@ -17,6 +18,7 @@ use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
 
 pub(super) use draws::{Stream, draw};
+pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
 pub use plan::{Adam, DensityChange, Dropped, StepPlan};
 pub use rates::Rates;

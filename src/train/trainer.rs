@@ -1,32 +1,36 @@
 //! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
-//! when a buffer turned out too small.
+//! when a buffer turned out too small. What a run says and keeps of itself is here, too: messages, curves, scores and checkpoints.
 
+mod checkpoint;
+mod embedded;
+mod evaluate;
+mod history;
 mod look;
+mod message;
 mod ready;
 mod recovery;
 mod streaming;
+
+pub use checkpoint::Checkpointed;
+pub use evaluate::score;
+pub use history::History;
+pub use message::Message;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::checkpoint::Checkpointed;
-use super::choice::chosen_variants;
-use super::cost::MemoryCost;
-use super::engine::Engine;
-use super::event::{Event, Kind};
-use super::feed::Feed;
-use super::history::History;
-use super::input::{Input, View};
-use super::message::Message;
+use super::Error;
+use super::engine::{Engine, State};
+use super::input::{Input, PerceptualBy, TrainedOn, View};
+use super::memory::MemoryCost;
 use super::pacing::Pacing;
-use super::schedule::Schedule;
+use super::photographs::Feed;
+use super::schedule::{Event, Kind, Schedule};
 use super::settings::Settings;
-use super::state::State;
-use super::trained_on::{PerceptualBy, TrainedOn};
-use super::{Error, evaluate};
+use super::tune::chosen_variants;
 use crate::eval::{ExposureMatrix, Exposures};
-use crate::format::checkpoint;
+use crate::format;
 use crate::raster::{Picture, Variants};
 use crate::saliency;
 use crate::scene::{Camera, Gaussians};
@@ -51,18 +55,18 @@ pub struct Restart {
 
 /// A running training.
 pub struct Trainer {
-    pub(super) engine: Engine,
-    pub(super) schedule: Schedule,
-    pub(super) settings: Settings,
+    engine: Engine,
+    schedule: Schedule,
+    settings: Settings,
     held_out: Vec<View>,
     /// The photographs to train on.
     trained_on: TrainedOn,
     /// Their photographs.
     truth: Feed,
     pacing: Pacing,
-    pub(super) next: Event,
-    pub(super) in_flight: VecDeque<(Event, Ticket)>,
-    pub(super) messages: VecDeque<Message>,
+    next: Event,
+    in_flight: VecDeque<(Event, Ticket)>,
+    messages: VecDeque<Message>,
     /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
     /// Depths have been propagated up to this step.
@@ -83,7 +87,7 @@ pub struct Trainer {
     told_full: bool,
     started: Instant,
     seconds_before: f64,
-    pub(super) finished: bool,
+    finished: bool,
 }
 
 impl Trainer {
@@ -162,7 +166,7 @@ impl Trainer {
     }
 
     /// One turn: attend to a stop, or submit what fits, then look at the oldest event.
-    pub(super) fn advance(&mut self) -> Result<(), Error> {
+    fn advance(&mut self) -> Result<(), Error> {
         let (stop, evaluate, last) = self.due();
         while self.has_room() && self.next <= last {
             self.submit_next(SubmitOrder::default())?;
@@ -190,7 +194,7 @@ impl Trainer {
     }
 
     /// The step at which the host must have everything done, whether it is to be scored, and the last event before that.
-    pub(super) fn due(&self) -> (u32, bool, Event) {
+    fn due(&self) -> (u32, bool, Event) {
         let stop = self.next_stop();
         // A step is scored before its density change and opacity reset, as in the reference: a model whose opacities have just
         // been lowered says nothing.
@@ -199,12 +203,12 @@ impl Trainer {
     }
 
     /// Another event may be submitted before the oldest is looked at.
-    pub(super) fn has_room(&self) -> bool {
+    fn has_room(&self) -> bool {
         self.in_flight.len() < self.pacing.events_in_flight()
     }
 
     /// Submits the next event.
-    pub(super) fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
+    fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
         self.make_ready()?;
         let plan = self.schedule.step(self.next.step);
         self.look_ahead();
@@ -276,7 +280,7 @@ impl Trainer {
         let step = restart.step;
         let folder = self.checkpoints.clone().unwrap_or_default();
         let content = Checkpointed::new(restart, &self.settings)?.to_checkpoint()?;
-        Ok((step, checkpoint::save(&folder, step.into(), &content)?))
+        Ok((step, format::checkpoint::save(&folder, step.into(), &content)?))
     }
 
     /// Finishes what was submitted, so that the model is at a whole step; returns that step.

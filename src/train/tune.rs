@@ -1,21 +1,24 @@
-//! Which form of the passes is the fastest on this device for this scene, by timing at the start of a training.
+//! Which form of the passes a training runs with: of those that settings and device allow the one that is the fastest for this scene,
+//! by timing at the start; and how long the training will take.
 //!
 //! The steps that are timed are those of an engine of their own, which is dropped before the training's is made: they leave
 //! nothing behind but the choice. A choice by timing is not reproducible; deterministic training never makes one.
 
 mod cache;
+mod choice;
+mod estimate;
 
 pub use cache::SizeClass;
+pub use choice::chosen_variants;
+pub use estimate::Estimate;
 
 use std::fmt;
 use std::path::Path;
 
-use super::choice::chosen_variants;
 use super::engine::Engine;
-use super::event::Event;
 use super::input::{Input, Known};
 use super::pacing::Pacing;
-use super::schedule::{Adam, Schedule, StepPlan};
+use super::schedule::{Adam, Event, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
 use super::{Error, memory};
 use crate::pass::counters;
@@ -162,12 +165,7 @@ fn thinned(input: &Input) -> Input {
 }
 
 /// Seconds of a forward and backward, as the mean over two views, each looked at twice.
-pub(super) fn seconds_per_step(
-    gpu: &Gpu,
-    input: &Input,
-    settings: &Settings,
-    variants: Variants,
-) -> Result<f64, Error> {
+fn seconds_per_step(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants) -> Result<f64, Error> {
     let input = thinned(input);
     let seconds = of_form(gpu, &input, settings, variants, f64::INFINITY, 1)?;
     Ok(seconds / input.train.len().max(1) as f64)

@@ -3,7 +3,7 @@
 use super::Engine;
 use crate::losses;
 use crate::train::Error;
-use crate::train::exposures::Turn;
+use crate::train::learning::exposures::Turn;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::vk::Recorder;
 

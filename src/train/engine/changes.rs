@@ -5,8 +5,7 @@ use crate::raster::{MEANS, Planes};
 use crate::scene::SplatOrder;
 use crate::train::Error;
 use crate::train::density::{self, DensityRules, Sampled, Scratch};
-use crate::train::event::Event;
-use crate::train::schedule::StepPlan;
+use crate::train::schedule::{Event, StepPlan};
 use crate::train::settings::Growth;
 use crate::vk::Recorder;
 

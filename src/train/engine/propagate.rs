@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use super::Engine;
+use super::{Engine, Propagation};
 use crate::pass::counters;
 use crate::raster::{PLANES, Planes, most_splats, planes_of};
 use crate::scene::Gaussians;
 use crate::train::Error;
 use crate::train::input::Input;
-use crate::train::propagation::Propagation;
 
 /// What a propagation has brought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,11 +4,11 @@ use super::Engine;
 use crate::losses::{self, GradientMapWeights};
 use crate::raster::ImageGradients;
 use crate::train::Error;
-use crate::train::coarse::Coarse;
-use crate::train::exposures::Turn;
-use crate::train::losses::Weights;
+use crate::train::density::Seen;
+use crate::train::learning::exposures::Turn;
+use crate::train::photographs::Coarse;
 use crate::train::schedule::{Adam, StepPlan};
-use crate::train::statistics::Seen;
+use crate::train::terms::Weights;
 use crate::vk::{Buffer, Recorder};
 
 impl Engine {

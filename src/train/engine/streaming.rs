@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::eval::PhotographWait;
-use crate::train::feed::FeedCounts;
+use crate::train::photographs::FeedCounts;
 
 impl Engine {
     /// How many views [`Self::look_ahead`] has a use for: 0 when all photographs are on the device or decoded.

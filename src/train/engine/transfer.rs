@@ -1,6 +1,6 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
-use super::Engine;
+use super::{Engine, State};
 use crate::eval::ExposureMatrix;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
@@ -8,13 +8,12 @@ use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
 use crate::saliency::Curve;
 use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
-use crate::train::coarse::Coarse;
-use crate::train::cost::MemoryCost;
-use crate::train::exposures::{self, Exposures};
-use crate::train::saliencies::Saliencies;
-use crate::train::sigma::SigmaTraining;
+use crate::train::Error;
+use crate::train::learning::exposures::{self, Exposures};
+use crate::train::learning::sigma::SigmaTraining;
+use crate::train::memory::MemoryCost;
+use crate::train::photographs::{Coarse, Saliencies};
 use crate::train::terms::{Constrained, Geometry, Perceptual};
-use crate::train::{Error, State};
 
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {

@@ -1,13 +1,13 @@
 //! What a trainer makes of an event that is done: messages, and what is learned from it.
 
-use super::Trainer;
+use super::{Message, Trainer};
 use crate::pass::counters;
+use crate::train::Error;
 use crate::train::engine::Outcome;
-use crate::train::event::{Event, Kind};
-use crate::train::{Error, Message};
+use crate::train::schedule::{Event, Kind};
 
 impl Trainer {
-    pub(in crate::train) fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
+    pub(super) fn look(&mut self, event: Event, outcome: Outcome) -> Result<(), Error> {
         if outcome.counters[counters::STATUS] != 0 {
             return self.recover();
         }

@@ -1,11 +1,10 @@
 //! What the host does before some events, with nothing else on its way.
 
-use super::Trainer;
+use super::{Message, Trainer};
+use crate::train::Error;
 use crate::train::engine::Brought;
-use crate::train::event::Kind;
 use crate::train::memory::is_lack_of_memory;
-use crate::train::schedule::Dropped;
-use crate::train::{Error, Message};
+use crate::train::schedule::{Dropped, Kind};
 
 /// Share of a limit from which on it counts as reached: density changes prune as they grow.
 const NEARLY: f64 = 0.95;

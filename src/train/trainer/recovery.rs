@@ -1,8 +1,8 @@
 //! What a trainer does when something did not fit.
 
-use super::Trainer;
-use crate::train::event::{Event, Kind};
-use crate::train::{Error, Message};
+use super::{Message, Trainer};
+use crate::train::Error;
+use crate::train::schedule::{Event, Kind};
 
 impl Trainer {
     /// Drains, grows what was too small, clears the status and goes back to the first event that was lost.

@@ -2,10 +2,9 @@
 
 use super::Trainer;
 use crate::eval::{PhotographWait, Streaming};
-use crate::train::event::Kind;
-use crate::train::feed::FeedCounts;
 use crate::train::pacing::Pacing;
-use crate::train::schedule::Schedule;
+use crate::train::photographs::FeedCounts;
+use crate::train::schedule::{Kind, Schedule};
 
 /// The views that are looked at first after a step: as many as are decoded ahead.
 pub(super) fn first_views(schedule: &Schedule, step: u32, pacing: Pacing) -> Vec<usize> {

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use super::Error;
-use super::input::View;
+use super::View;
 use crate::scene::Camera;
+use crate::train::Error;
 
 /// Numbers of a camera may differ by so much: they are worked out anew, perhaps on another machine.
 const TOLERANCE: f64 = 1e-6;
@@ -12,7 +12,7 @@ const TOLERANCE: f64 = 1e-6;
 /// Names, cameras (in scene coordinates) and checksums of the photographs to train on.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TrainedOn {
-    pub(super) names: Vec<String>,
+    pub(in crate::train) names: Vec<String>,
     cameras: Vec<Vec<f64>>,
     /// Empty in what earlier versions kept.
     #[serde(default)]
@@ -24,7 +24,7 @@ pub struct TrainedOn {
 
 /// What a perceptual loss goes by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) enum PerceptualBy {
+pub(in crate::train) enum PerceptualBy {
     /// Oriented filters.
     Filters,
     /// A network whose weights have this checksum.
@@ -41,7 +41,7 @@ impl fmt::Display for PerceptualBy {
 }
 
 impl TrainedOn {
-    pub(super) fn of(views: &[View], perceptual: Option<PerceptualBy>) -> Self {
+    pub(in crate::train) fn of(views: &[View], perceptual: Option<PerceptualBy>) -> Self {
         Self {
             names: views.iter().map(|view| view.name.clone()).collect(),
             cameras: views.iter().map(|view| numbers(&view.camera)).collect(),
@@ -51,7 +51,7 @@ impl TrainedOn {
     }
 
     /// Whether a training that looked at these may go on with others.
-    pub(super) fn check(&self, now: &Self) -> Result<(), Error> {
+    pub(in crate::train) fn check(&self, now: &Self) -> Result<(), Error> {
         let other = |what: String| Err(Error::OtherPhotographs { what });
         if self.names.len() != now.names.len() {
             return other(format!(

@@ -1,16 +1,16 @@
 //! What density control wants to know of every splat, gathered step by step.
 
-use super::Error;
-use super::photographs::Shown;
-use super::settings::{Growth, Settings};
 use crate::dataset::Depth;
 use crate::pass::{densify_scores, densify_stats};
 use crate::raster::{Renderer, grown};
 use crate::scene::Camera;
+use crate::train::Error;
+use crate::train::photographs::Shown;
+use crate::train::settings::{Growth, Settings};
 use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 
 /// Gradient norms of every splat, and where growth is sampled its scores.
-pub(super) struct Statistics {
+pub(in crate::train) struct Statistics {
     stats: Buffer,
     accumulate: Pipeline,
     scores: Option<Scores>,
@@ -25,17 +25,17 @@ struct Scores {
 
 /// What a step has shown.
 #[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    pub(super) camera: &'a Camera,
-    pub(super) image: &'a Buffer,
-    pub(super) photograph: &'a Shown<'a>,
+pub(in crate::train) struct Seen<'a> {
+    pub(in crate::train) camera: &'a Camera,
+    pub(in crate::train) image: &'a Buffer,
+    pub(in crate::train) photograph: &'a Shown<'a>,
     /// A value per pixel, where there are masks.
-    pub(super) saliency: Option<&'a Buffer>,
+    pub(in crate::train) saliency: Option<&'a Buffer>,
 }
 
 impl Statistics {
     /// For `splats` splats, contents undefined; `deep` if some photographs have 16 bits per channel.
-    pub(super) fn new(gpu: &Gpu, splats: u32, deep: bool, settings: &Settings) -> Result<Self, vk::Error> {
+    pub(in crate::train) fn new(gpu: &Gpu, splats: u32, deep: bool, settings: &Settings) -> Result<Self, vk::Error> {
         let n = u64::from(splats);
         let pipeline = |depth: Depth| gpu.pipeline(&densify_scores::PASS.kernel, &[("PHOTOGRAPH_BITS", depth.bits())]);
         let scores = || -> Result<Scores, vk::Error> {
@@ -54,23 +54,28 @@ impl Statistics {
     }
 
     /// A vec4 per splat; see [`densify_stats`].
-    pub(super) fn stats(&self) -> &Buffer {
+    pub(in crate::train) fn stats(&self) -> &Buffer {
         &self.stats
     }
 
     /// A vec2 per splat, where growth is sampled; see [`densify_scores`].
-    pub(super) fn scores(&self) -> Option<&Buffer> {
+    pub(in crate::train) fn scores(&self) -> Option<&Buffer> {
         self.scores.as_ref().map(|scores| &scores.rows)
     }
 
     /// Records setting everything to zero.
-    pub(super) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+    pub(in crate::train) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         recorder.fill(&self.stats, 0)?;
         self.scores().map_or(Ok(()), |rows| recorder.fill(rows, 0))
     }
 
     /// Records adding what a step has shown, after its blend backward.
-    pub(super) fn record(&self, recorder: &mut Recorder, renderer: &Renderer, seen: Seen<'_>) -> Result<(), vk::Error> {
+    pub(in crate::train) fn record(
+        &self,
+        recorder: &mut Recorder,
+        renderer: &Renderer,
+        seen: Seen<'_>,
+    ) -> Result<(), vk::Error> {
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };
         let Camera { width, height, .. } = *seen.camera;
         let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * height as f32 };
@@ -92,7 +97,7 @@ impl Statistics {
     }
 
     /// Room for more, with the same contents. Waits.
-    pub(super) fn grow(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
+    pub(in crate::train) fn grow(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
         self.stats = grown(gpu, &self.stats, 16 * u64::from(splats))?;
         if let Some(scores) = &mut self.scores {
             scores.rows = grown(gpu, &scores.rows, 8 * u64::from(splats))?;
@@ -101,7 +106,7 @@ impl Statistics {
     }
 
     /// Statistics and scores of the first `splats` splats; no scores where there are none. Waits.
-    pub(super) fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 2], vk::Error> {
+    pub(in crate::train) fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 2], vk::Error> {
         let rows = |buffer: Option<&Buffer>, width: usize| match buffer {
             Some(buffer) if splats > 0 => gpu.read_at(buffer, 0, width * splats as usize),
             _ => Ok(Vec::new()),
@@ -110,7 +115,7 @@ impl Statistics {
     }
 
     /// Writes what an earlier run had.
-    pub(super) fn restore(&self, gpu: &Gpu, stats: &[f32], scores: &[f32]) -> Result<(), Error> {
+    pub(in crate::train) fn restore(&self, gpu: &Gpu, stats: &[f32], scores: &[f32]) -> Result<(), Error> {
         let expected = if self.scores.is_some() { stats.len() / 2 } else { 0 };
         if scores.len() != expected {
             return Err(Error::Checkpoint { section: "scores".to_owned(), found: scores.len(), expected });
@@ -125,7 +130,7 @@ impl Statistics {
     }
 
     /// Bytes of its buffers.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(in crate::train) fn bytes(&self) -> u64 {
         self.stats.size() + self.scores().map_or(0, Buffer::size)
     }
 }

@@ -1,14 +1,14 @@
 //! Held-out views, rendered and compared.
 
-use super::Error;
-use super::engine::Engine;
-use super::feed::Feed;
-use super::input::View;
 use crate::dataset::Pixels;
 use crate::eval::{
     Exposures, ImageScore, Quality, gmsd, psnr, psnr_cc, psnr_cc_where, psnr_high_frequency, psnr_where, ssim,
     ssim_where,
 };
+use crate::train::Error;
+use crate::train::engine::Engine;
+use crate::train::input::View;
+use crate::train::photographs::Feed;
 
 /// Renders every view, exposed as is expected of its photograph, and compares it with that, both rounded to 8 bits.
 pub(super) fn quality(

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::Error;
-use super::schedule::{Adam, StepPlan};
-use super::settings::{DepthPrior, Settings};
 use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
 use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
+use crate::train::Error;
+use crate::train::schedule::{Adam, StepPlan};
+use crate::train::settings::{DepthPrior, Settings};
 use crate::vk::{self, Gpu, Pipeline, Recorder};
 
 /// What rates are multiplied by at most where only the splats on the image step: for photographs of a sixteenth of the scene. One that shows
@@ -42,7 +42,7 @@ struct Summed {
 }
 
 /// Moments and the passes that use them.
-pub(super) struct Optimiser {
+pub(in crate::train) struct Optimiser {
     /// First and second moments, or the words that hold both.
     moments: Vec<Planes>,
     form: Form,
@@ -59,7 +59,7 @@ pub(super) struct Optimiser {
 impl Optimiser {
     /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means; `pixels` of a
     /// photograph are what its loss is a mean over.
-    pub(super) fn new(
+    pub(in crate::train) fn new(
         gpu: &Gpu,
         capacity: u32,
         (extent, pixels): (f64, f64),
@@ -109,22 +109,22 @@ impl Optimiser {
     }
 
     /// First moments, or both.
-    pub(super) fn first(&self) -> &Planes {
+    pub(in crate::train) fn first(&self) -> &Planes {
         &self.moments[0]
     }
 
     /// Second moments, where they have planes of their own.
-    pub(super) fn second(&self) -> Option<&Planes> {
+    pub(in crate::train) fn second(&self) -> Option<&Planes> {
         self.moments.get(1)
     }
 
     /// Records setting every moment to zero.
-    pub(super) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+    pub(in crate::train) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         self.moments.iter().try_for_each(|planes| planes.clear(recorder))
     }
 
     /// Writes moments of an earlier run, which must be as many as these.
-    pub(super) fn restore(&self, gpu: &Gpu, moments: &[[Vec<f32>; 8]]) -> Result<(), Error> {
+    pub(in crate::train) fn restore(&self, gpu: &Gpu, moments: &[[Vec<f32>; 8]]) -> Result<(), Error> {
         if moments.len() != self.moments.len() {
             let (found, expected) = (moments.len(), self.moments.len());
             return Err(Error::Checkpoint { section: "planes of moments".to_owned(), found, expected });
@@ -138,12 +138,12 @@ impl Optimiser {
     }
 
     /// The first `splats` rows of the moments. Blocks.
-    pub(super) fn read(&self, gpu: &Gpu, splats: u32) -> Result<Vec<[Vec<f32>; 8]>, vk::Error> {
+    pub(in crate::train) fn read(&self, gpu: &Gpu, splats: u32) -> Result<Vec<[Vec<f32>; 8]>, vk::Error> {
         self.moments.iter().map(|planes| planes.read(gpu, splats)).collect()
     }
 
     /// Bytes of its buffers.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(in crate::train) fn bytes(&self) -> u64 {
         let gradients = self.summed().map_or(0, |summed| summed.gradients.bytes());
         self.moments.iter().map(Planes::bytes).sum::<u64>() + gradients
     }
@@ -163,7 +163,7 @@ impl Optimiser {
     }
 
     /// Room for more, with the same moments; gradients are lost. Waits.
-    pub(super) fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
+    pub(in crate::train) fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
         // Never two of the gradients at a time.
         if let Some(summed) = self.summed_mut() {
             summed.gradients = Planes::new(gpu, "g_", 1)?;
@@ -177,7 +177,7 @@ impl Optimiser {
 
     /// Records the gradients of `model` for one of the views before the last of a step that has several, after the blend backward of its
     /// shot. Does nothing where there is no room for such steps.
-    pub(super) fn record_beside(
+    pub(in crate::train) fn record_beside(
         &self,
         recorder: &mut Recorder,
         renderer: &Renderer,
@@ -192,7 +192,7 @@ impl Optimiser {
 
     /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels, `beside` if
     /// other views have had their part.
-    pub(super) fn record(
+    pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         renderer: &Renderer,

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use super::Error;
-use super::choice::chosen_variants;
-use super::cloud::{self, Gate};
-use super::input::{self, Input, Outline};
-use super::memory::MemoryPlan;
-use super::pacing::Pacing;
-use super::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, SkirtPoint, View, fuse};
+use crate::train::Error;
+use crate::train::cloud::{self, Gate};
+use crate::train::input::{self, Input, Outline};
+use crate::train::memory::MemoryPlan;
+use crate::train::pacing::Pacing;
+use crate::train::settings::{DepthPrior, Geometry, LidarCloud, Settings};
+use crate::train::tune::chosen_variants;
 use crate::vk::Gpu;
 
 /// Standard deviation of a splat of a skirt, as a share of the distance to its neighbours: so that they cover what is between them.

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::sigma::SigmaUpdate;
 use crate::eval::Quality;
+use crate::train::learning::sigma::SigmaUpdate;
 
 /// A message of the training stream.
 #[derive(Clone, Debug)]

@@ -4,12 +4,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Error;
-use super::input::View;
-use super::settings::{Frequencies, SigmaLearning};
 use crate::dataset::Pixels;
 use crate::saliency::{Curve, LearnSettings, Plane, Renders, Settings, SigmaLearner, Spectrum, Target, spaced};
 use crate::scene::Camera;
+use crate::train::Error;
+use crate::train::input::View;
+use crate::train::settings::{Frequencies, SigmaLearning};
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder, Ticket};
 
 /// Steps from an update to the mask that it makes: more than ever in flight.
@@ -47,7 +47,7 @@ struct Image {
 }
 
 /// The network, the photographs, and the masks that it has made of them.
-pub(super) struct SigmaTraining {
+pub(in crate::train) struct SigmaTraining {
     learner: SigmaLearner,
     how: SigmaLearning,
     every: u32,
@@ -61,7 +61,7 @@ pub(super) struct SigmaTraining {
 
 impl SigmaTraining {
     /// For these views and masks of them (`lumas`, at the size of the masks), with at most `in_flight` steps on the device.
-    pub(super) fn new(
+    pub(in crate::train) fn new(
         gpu: &Gpu,
         views: &[View],
         lumas: Vec<Plane>,
@@ -97,7 +97,7 @@ impl SigmaTraining {
     }
 
     /// Whether both sets are rendered where something is learned.
-    pub(super) fn wants_low(&self) -> bool {
+    pub(in crate::train) fn wants_low(&self) -> bool {
         self.how == SigmaLearning::Composite
     }
 
@@ -106,7 +106,7 @@ impl SigmaTraining {
     }
 
     /// Records keeping the render of a step for the update; `low`: of the constrained set.
-    pub(super) fn record(
+    pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         (step, camera, low): (u32, &Camera, bool),
@@ -117,13 +117,13 @@ impl SigmaTraining {
     }
 
     /// The mask of a view in a step, where it is not the one that it began with.
-    pub(super) fn mask(&self, view: usize, step: u32) -> Option<&[u8]> {
+    pub(in crate::train) fn mask(&self, view: usize, step: u32) -> Option<&[u8]> {
         let masks = self.masks.get(view)?;
         masks.iter().rev().find(|mask| mask.from <= step).map(|mask| mask.bytes.as_slice())
     }
 
     /// One update from a step that is done. Nothing where there is nothing to tell.
-    pub(super) fn learn(
+    pub(in crate::train) fn learn(
         &mut self,
         gpu: &Gpu,
         (step, view): (u32, usize),
@@ -155,7 +155,7 @@ impl SigmaTraining {
     }
 
     /// The loss over sigma of a view that is rendered like this (a vec4 per pixel); `None` where there is nothing to tell.
-    pub(super) fn curve(&self, view: usize, render: &[f32]) -> Result<Option<Curve>, Error> {
+    pub(in crate::train) fn curve(&self, view: usize, render: &[f32]) -> Result<Option<Curve>, Error> {
         let (Some(image), Some(size)) = (self.images.get(view), self.sizes.get(view)) else { return Ok(None) };
         let spectrum = Spectrum::new(&image.luma, &self.settings)?;
         let learned = self.learner.settings();
@@ -175,13 +175,13 @@ impl SigmaTraining {
     }
 
     /// What a restart needs.
-    pub(super) fn state(&self) -> Result<String, Error> {
+    pub(in crate::train) fn state(&self) -> Result<String, Error> {
         let masks = self.masks.iter().map(|of| of.iter().map(|m| (m.from, m.sigma, m.level)).collect()).collect();
         Ok(serde_json::to_string(&Kept { learner: self.learner.clone(), masks })?)
     }
 
     /// Goes on from a state of the same training.
-    pub(super) fn restore(&mut self, text: &str) -> Result<(), Error> {
+    pub(in crate::train) fn restore(&mut self, text: &str) -> Result<(), Error> {
         let kept: Kept = serde_json::from_str(text)?;
         if kept.masks.len() != self.images.len() {
             let (found, expected) = (kept.masks.len(), self.images.len());
@@ -259,7 +259,7 @@ fn plane(rgba: &[f32], (width, height): (u32, u32), value: impl Fn(&[f32]) -> f3
 }
 
 /// A mask as the device has it: a byte per value, in whole words.
-pub(super) fn bytes(mask: &Plane) -> Vec<u8> {
+pub(in crate::train) fn bytes(mask: &Plane) -> Vec<u8> {
     let mut bytes: Vec<u8> = mask.values().iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     bytes

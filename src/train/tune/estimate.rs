@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use super::Error;
-use super::input::Input;
-use super::settings::Settings;
-use super::tune;
+use super::seconds_per_step;
 use crate::raster::Variants;
+use crate::train::Error;
+use crate::train::input::Input;
+use crate::train::settings::Settings;
 use crate::vk::Gpu;
 
 /// What a training takes at the speed of its first splats.
@@ -29,7 +29,7 @@ impl Estimate {
         if gpu.caps().limits.timestamp_ns <= 0.0 || input.train.is_empty() {
             return Ok(None);
         }
-        let seconds_per_step = tune::seconds_per_step(gpu, input, settings, variants)?;
+        let seconds_per_step = seconds_per_step(gpu, input, settings, variants)?;
         Ok(Some(Self {
             steps: settings.run.iterations,
             splats: input.initial.len(),

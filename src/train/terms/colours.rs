@@ -1,12 +1,12 @@
 //! The image loss on the device.
 
-use super::photographs::Shown;
 use crate::dataset::Depth;
 use crate::pass::loss::{self, Layout, Push, SumPush};
+use crate::train::photographs::Shown;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
 
 /// L1 + SSIM between a render and a photograph, value and gradient.
-pub(super) struct Losses {
+pub(in crate::train) struct Losses {
     lambda: f32,
     lanes: u32,
     /// For photographs with 8 bits per channel, and with 16 where there are any.
@@ -22,11 +22,11 @@ pub(super) struct Losses {
 
 /// Weights of pixels in the gradient.
 #[derive(Clone, Copy)]
-pub(super) struct Weights<'a> {
+pub(in crate::train) struct Weights<'a> {
     /// A value per pixel, from 0 to 1.
-    pub(super) saliency: &'a Buffer,
+    pub(in crate::train) saliency: &'a Buffer,
     /// Weight of saliency 0, and of 1.
-    pub(super) of: [f32; 2],
+    pub(in crate::train) of: [f32; 2],
 }
 
 /// The passes for one depth of photographs.
@@ -39,7 +39,7 @@ struct Passes {
 impl Losses {
     /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may have weights;
     /// `lambda` is the weight of 1 - SSIM, L1 has the rest.
-    pub(super) fn new(
+    pub(in crate::train) fn new(
         gpu: &Gpu,
         sizes: &[(u32, u32)],
         deep: bool,
@@ -88,7 +88,7 @@ impl Losses {
     }
 
     /// Records the loss of `image` against `photograph`, both of the given size.
-    pub(super) fn record(
+    pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         image: &Buffer,
@@ -124,18 +124,18 @@ impl Losses {
     }
 
     /// Bytes of its buffers.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(in crate::train) fn bytes(&self) -> u64 {
         let rest = [&self.ssim_parts, &self.l1_parts, &self.grad_image, &self.result];
         self.planes.iter().chain(rest).map(Buffer::size).sum()
     }
 
     /// dL/d(image), the layout of the image; the fourth component is zero.
-    pub(super) fn grad_image(&self) -> &Buffer {
+    pub(in crate::train) fn grad_image(&self) -> &Buffer {
         &self.grad_image
     }
 
     /// Total, L1 and SSIM of the last recorded view.
-    pub(super) fn result(&self) -> &Buffer {
+    pub(in crate::train) fn result(&self) -> &Buffer {
         &self.result
     }
 }

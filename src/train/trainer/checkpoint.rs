@@ -1,13 +1,12 @@
 //! A training as a checkpoint and back.
 
-use super::Error;
-use super::history::History;
-use super::settings::Settings;
-use super::state::State;
-use super::trainer::Restart;
+use super::{History, Restart};
 use crate::format::checkpoint::Checkpoint;
 use crate::pass::counters;
 use crate::raster::{PLANES, Variants};
+use crate::train::Error;
+use crate::train::engine::State;
+use crate::train::settings::Settings;
 
 /// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
 const MOMENTS: [&str; 2] = ["m_", "v_"];

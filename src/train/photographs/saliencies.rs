@@ -2,19 +2,19 @@
 
 use rayon::prelude::*;
 
-use super::Error;
-use super::input::View;
-use super::schedule::{Stream, draw};
-use super::settings::Frequencies;
-use super::sigma::bytes;
 use crate::losses::Mask;
 use crate::pass::saliency_plane as pass;
 use crate::saliency::{Cache, Plane, Settings};
 use crate::scene::Camera;
+use crate::train::Error;
+use crate::train::input::View;
+use crate::train::learning::sigma::bytes;
+use crate::train::schedule::{Stream, draw};
+use crate::train::settings::Frequencies;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// A mask of reduced size for each view, 8 bits a value, and the values of the pixels of the view of a step.
-pub(super) struct Saliencies {
+pub(in crate::train) struct Saliencies {
     masks: Vec<Held>,
     plane: Buffer,
     spread: Pipeline,
@@ -32,7 +32,7 @@ struct Held {
 
 impl Saliencies {
     /// For photographs of these cameras; contents undefined.
-    pub(super) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
+    pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
         let side = Settings::default().side;
         let held = |camera: &Camera| -> Result<Held, vk::Error> {
             let size = Plane::reduced_size(camera.width, camera.height, side);
@@ -49,7 +49,7 @@ impl Saliencies {
     }
 
     /// Makes the masks of the photographs and uploads them. Decodes each photograph once, as many at a time as `threads`.
-    pub(super) fn fill(
+    pub(in crate::train) fn fill(
         &mut self,
         gpu: &Gpu,
         views: &[View],
@@ -83,18 +83,23 @@ impl Saliencies {
     }
 
     /// The mask of a view.
-    pub(super) fn mask(&self, view: usize) -> Option<Mask<'_>> {
+    pub(in crate::train) fn mask(&self, view: usize) -> Option<Mask<'_>> {
         self.masks.get(view).map(|held| Mask { buffer: &held.buffer, size: held.size })
     }
 
     /// A place in a view, more often where its mask is high; `turn` counts how often the view has been looked at.
-    pub(super) fn place(&self, view: usize, turn: u32) -> [f32; 2] {
+    pub(in crate::train) fn place(&self, view: usize, turn: u32) -> [f32; 2] {
         let rich = self.rich.get(view).filter(|rich| !rich.is_empty());
         rich.map_or([0.5; 2], |rich| rich[turn as usize % rich.len()])
     }
 
     /// Records the saliency of the pixels of a view at the size of `camera`, and gives it: a float per pixel from 0 to 1.
-    pub(super) fn record(&self, recorder: &mut Recorder, view: usize, camera: &Camera) -> Result<&Buffer, Error> {
+    pub(in crate::train) fn record(
+        &self,
+        recorder: &mut Recorder,
+        view: usize,
+        camera: &Camera,
+    ) -> Result<&Buffer, Error> {
         let Mask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
         let push = pass::Push { width: camera.width, height: camera.height, mask_width, mask_height };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
@@ -103,7 +108,7 @@ impl Saliencies {
     }
 
     /// Bytes per pixel of its buffers, and other bytes.
-    pub(super) fn bytes(&self) -> [u64; 2] {
+    pub(in crate::train) fn bytes(&self) -> [u64; 2] {
         [self.plane.size(), self.masks.iter().map(|held| held.buffer.size()).sum()]
     }
 }

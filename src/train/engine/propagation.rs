@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use super::Error;
-use super::density::logit;
-use super::settings::Geometry;
 use crate::raster::Picture;
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{self, Matcher, Prior, Scene, Start, View, lifted_pixel};
+use crate::train::Error;
+use crate::train::density::logit;
+use crate::train::settings::Geometry;
 use crate::vk::Gpu;
 
 /// Views that a view is compared with.

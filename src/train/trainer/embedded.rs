@@ -1,11 +1,10 @@
 //! Training inside a host program: step by step, between points of the host's timelines, with the model in sight.
 
-use super::Error;
-use super::event::Kind;
-use super::message::Message;
-use super::trainer::Trainer;
+use super::{Message, Trainer};
 use crate::raster::{LiveModel, Shot};
 use crate::scene::Camera;
+use crate::train::Error;
+use crate::train::schedule::Kind;
 use crate::vk::{SubmitOrder, Ticket};
 
 impl Trainer {
@@ -16,7 +15,7 @@ impl Trainer {
     /// out that a buffer was too small, the step has changed nothing by then and is repeated in a later call;
     /// [`Message::Step`] says which steps were really done.
     ///
-    /// The host is held up only by what earlier calls have submitted: when as many events as [`super::Pacing`] allows are on
+    /// The host is held up only by what earlier calls have submitted: when as many events as [`crate::train::Pacing`] allows are on
     /// their way, when buffers grow, where an evaluation or a checkpoint is due, and where the host has a part in training (a cloud
     /// that growth keeps to, depths that are propagated). So everything that a step waits for must
     /// come without further calls.

@@ -1,8 +1,8 @@
 //! The forms of the passes that a training runs with.
 
-use super::Error;
-use super::settings::Settings;
 use crate::raster::{Backward, GradientSum, TileShape, Variants};
+use crate::train::Error;
+use crate::train::settings::Settings;
 use crate::vk::{FloatAtomics, Gpu};
 
 /// The forms that the settings ask for, and what suits the device where they ask for nothing.

@@ -1,28 +1,28 @@
 //! The photographs' exposures on the device: between the blend and the loss, and their own optimiser.
 
-use super::Error;
 use crate::eval::ExposureMatrix;
 use crate::pass::adam;
 use crate::pass::exposure::{self, NUMBERS, ROW};
+use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// One photograph's turn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turn {
+pub(in crate::train) struct Turn {
     /// The photograph.
-    pub(super) view: usize,
+    pub(in crate::train) view: usize,
     /// Its pixels.
-    pub(super) pixels: u32,
+    pub(in crate::train) pixels: u32,
     /// How many photographs have been looked at, this one included.
-    pub(super) known: u32,
+    pub(in crate::train) known: u32,
     /// How often it has been looked at, this time included.
-    pub(super) seen: u32,
+    pub(in crate::train) seen: u32,
     /// Learning rate.
-    pub(super) rate: f64,
+    pub(in crate::train) rate: f64,
 }
 
 /// Matrices and moments of every photograph, and the passes that use them; see [`exposure`].
-pub(super) struct Exposures {
+pub(in crate::train) struct Exposures {
     views: u32,
     rows: Buffer,
     parts: Buffer,
@@ -35,7 +35,7 @@ pub(super) struct Exposures {
 
 impl Exposures {
     /// For so many photographs of at most `pixels` pixels; contents undefined.
-    pub(super) fn new(gpu: &Gpu, views: usize, pixels: u32) -> Result<Self, vk::Error> {
+    pub(in crate::train) fn new(gpu: &Gpu, views: usize, pixels: u32) -> Result<Self, vk::Error> {
         let buffer = |name, bytes| gpu.buffer(name, bytes, Memory::Device);
         Ok(Self {
             views: views as u32,
@@ -50,7 +50,7 @@ impl Exposures {
     }
 
     /// Records setting every matrix to the identity, and the moments to zero.
-    pub(super) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
+    pub(in crate::train) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         recorder.fill(&self.rows, 0)
     }
 
@@ -63,7 +63,7 @@ impl Exposures {
     }
 
     /// Records the render as the photograph shows it: what the loss compares.
-    pub(super) fn record_apply(
+    pub(in crate::train) fn record_apply(
         &self,
         recorder: &mut Recorder,
         image: &Buffer,
@@ -76,7 +76,7 @@ impl Exposures {
 
     /// Records, after the loss, the gradient of the render in place of that of what the loss has seen, and a step of the
     /// photograph's matrix by as many workgroups as `once` says: one, or none when the event is lost.
-    pub(super) fn record_backward(
+    pub(in crate::train) fn record_backward(
         &self,
         recorder: &mut Recorder,
         image: &Buffer,
@@ -94,17 +94,17 @@ impl Exposures {
     }
 
     /// Bytes per pixel and other bytes of its buffers.
-    pub(super) fn bytes(&self) -> [u64; 2] {
+    pub(in crate::train) fn bytes(&self) -> [u64; 2] {
         [self.exposed.size() + self.parts.size(), self.rows.size()]
     }
 
     /// Everything that a restart needs. Waits.
-    pub(super) fn state(&self, gpu: &Gpu) -> Result<Vec<f32>, vk::Error> {
+    pub(in crate::train) fn state(&self, gpu: &Gpu) -> Result<Vec<f32>, vk::Error> {
         gpu.read_at(&self.rows, 0, exposure::floats(self.views as usize))
     }
 
     /// Writes what an earlier run had.
-    pub(super) fn restore(&self, gpu: &Gpu, state: &[f32]) -> Result<(), Error> {
+    pub(in crate::train) fn restore(&self, gpu: &Gpu, state: &[f32]) -> Result<(), Error> {
         let expected = exposure::floats(self.views as usize);
         if state.len() != expected {
             return Err(Error::Checkpoint { section: "exposures".to_owned(), found: state.len(), expected });
@@ -114,7 +114,7 @@ impl Exposures {
 }
 
 /// The photographs' matrices from what [`Exposures::state`] gives.
-pub(super) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
+pub(in crate::train) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
     let views = (state.len() / ROW).saturating_sub(1);
     let matrix = |v: usize| {
         std::array::from_fn(|row| {

@@ -1,9 +1,9 @@
 //! Where stereo saves its time: settings that fit a training, and pixels that it leaves out.
 
-use super::Error;
-use super::settings::Settings;
 use crate::saliency::{self, Cache, Plane};
 use crate::stereo::{self, Budget, Scene};
+use crate::train::Error;
+use crate::train::settings::Settings;
 
 /// What a step of `3dgs` takes, in samples of stereo: so many for each pixel of its photograph, and as many again as for [`STEP_PIXELS`] for
 /// what does not depend on pixels. On lavapipe the 3.2 10^9 samples of caliterra's 65 photographs took 8.2 % of 1,500 such steps at

@@ -1,6 +1,6 @@
 //! The atoms of training: what is done, undone and replayed as a whole.
 
-use super::schedule::Schedule;
+use super::Schedule;
 
 /// What an event does to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,14 +1,14 @@
 //! Steps at a fraction of the photographs' size.
 
-use super::Error;
-use super::photographs::Shown;
+use super::Shown;
 use crate::dataset::Depth;
 use crate::pass::photograph_reduce as pass;
 use crate::scene::Camera;
+use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// Room for a reduced photograph, and the pass that makes it.
-pub(super) struct Coarse {
+pub(in crate::train) struct Coarse {
     reduced: Buffer,
     eight: Pipeline,
     sixteen: Option<Pipeline>,
@@ -16,7 +16,7 @@ pub(super) struct Coarse {
 
 impl Coarse {
     /// For photographs of at most `pixels` pixels, `deep` if some have 16 bits per channel.
-    pub(super) fn new(gpu: &Gpu, pixels: u32, deep: bool) -> Result<Self, vk::Error> {
+    pub(in crate::train) fn new(gpu: &Gpu, pixels: u32, deep: bool) -> Result<Self, vk::Error> {
         let pipeline = |depth: Depth| gpu.pipeline(&pass::PASS.kernel, &[("PHOTOGRAPH_BITS", depth.bits())]);
         let depth = if deep { Depth::Sixteen } else { Depth::Eight };
         Ok(Self {
@@ -31,7 +31,7 @@ impl Coarse {
     }
 
     /// The camera of a photograph reduced by `factor`: what does not fill a pixel is left out.
-    pub(super) fn camera(camera: &Camera, factor: u32) -> Camera {
+    pub(in crate::train) fn camera(camera: &Camera, factor: u32) -> Camera {
         let by = f64::from(factor.max(1));
         Camera {
             fx: camera.fx / by,
@@ -45,7 +45,7 @@ impl Coarse {
     }
 
     /// Records the photograph reduced by `factor`, at least 2.
-    pub(super) fn record<'a>(
+    pub(in crate::train) fn record<'a>(
         &'a self,
         recorder: &mut Recorder,
         camera: &Camera,
@@ -67,7 +67,7 @@ impl Coarse {
     }
 
     /// Bytes of its buffer.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(in crate::train) fn bytes(&self) -> u64 {
         self.reduced.size()
     }
 }

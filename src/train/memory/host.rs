@@ -2,14 +2,14 @@
 
 use std::fmt;
 
-use super::input::Outline;
-use super::memory::{MemoryPlan, readable};
-use super::pacing::Pacing;
-use super::photographs::{LANDINGS, Residency};
-use super::settings::{DepthPrior, LidarCloud, Settings};
+use super::{MemoryPlan, readable};
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
 use crate::stereo::Room;
+use crate::train::input::Outline;
+use crate::train::pacing::Pacing;
+use crate::train::photographs::{LANDINGS, Residency};
+use crate::train::settings::{DepthPrior, LidarCloud, Settings};
 use crate::vk::{DeviceKind, Gpu};
 
 /// Where nothing can be found out.

@@ -9,7 +9,7 @@ use std::time::Instant;
 use crate::dataset::{self, Pixels, Supply};
 
 /// Hands out photographs by number. What [`Feed::look_ahead`] names is decoded before it is asked for, as far as it fits.
-pub(super) struct Feed {
+pub(in crate::train) struct Feed {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
     ahead: usize,
@@ -66,7 +66,7 @@ impl std::ops::Add for FeedCounts {
 
 impl Feed {
     /// Keeps `ahead` photographs decoded, by up to `threads` threads: none where all are decoded anyway.
-    pub(super) fn new(supplies: Vec<Supply>, ahead: usize, threads: usize) -> Self {
+    pub(in crate::train) fn new(supplies: Vec<Supply>, ahead: usize, threads: usize) -> Self {
         let ahead = ahead.max(1);
         let idle = supplies.iter().all(Supply::is_decoded);
         let shared = Arc::new(Shared {
@@ -84,12 +84,12 @@ impl Feed {
     }
 
     /// How many are decoded ahead at most; 0 where there is nothing to decode.
-    pub(super) fn ahead(&self) -> usize {
+    pub(in crate::train) fn ahead(&self) -> usize {
         if self.threads.is_empty() { 0 } else { self.ahead }
     }
 
     /// The photographs that are needed next, in this order. What is decoded and not among the first of them is dropped.
-    pub(super) fn look_ahead(&self, views: &[usize]) {
+    pub(in crate::train) fn look_ahead(&self, views: &[usize]) {
         if self.threads.is_empty() {
             return;
         }
@@ -97,7 +97,7 @@ impl Feed {
     }
 
     /// A photograph: at once where it is decoded, else as soon as it is.
-    pub(super) fn get(&self, view: usize) -> Result<Arc<Pixels>, dataset::Error> {
+    pub(in crate::train) fn get(&self, view: usize) -> Result<Arc<Pixels>, dataset::Error> {
         self.get_timed(view).map(|(pixels, _)| pixels)
     }
 
