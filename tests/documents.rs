@@ -197,3 +197,13 @@ fn options_that_the_documents_name_exist() {
         assert!(readme.contains(&format!("| `{command}")), "README.md has no row for {command}");
     }
 }
+
+#[test]
+fn options_are_those_of_the_program() {
+    let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).arg("options").output().unwrap();
+    assert!(output.status.success());
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let kept = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/OPTIONS.md")).unwrap();
+    let differs = printed.lines().zip(kept.lines()).find(|(printed, kept)| printed != kept);
+    assert!(printed == kept, "write it anew with `psrgs-vk options > docs/OPTIONS.md`; first difference: {differs:?}");
+}

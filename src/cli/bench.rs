@@ -122,6 +122,7 @@ impl Args {
         settings.run.deterministic = self.deterministic;
         settings.run.no_densify = true;
         settings.run.seed = self.seed;
+        settings.run.init = self.init.clone();
         settings.model.sh_degree = self.sh_degree;
         settings.shortcuts = if self.fast { Shortcuts::FAST } else { self.shortcuts.clone() };
         settings
@@ -131,7 +132,7 @@ impl Args {
     fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
         let dataset =
             Dataset::load(data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
-        let mut initial = prepare::initial(&dataset, self.init.as_deref(), self.seed)?;
+        let mut initial = prepare::initial(&dataset, settings)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
         }

@@ -18,6 +18,7 @@ mod interrupt;
 mod lpips;
 mod model_file;
 mod model_frame;
+mod options;
 mod out_folder;
 mod outputs;
 mod passes;
@@ -79,6 +80,7 @@ enum Command {
     Stereo(stereo::Args),
     Info(info::Args),
     Passes(passes::Args),
+    Options(options::Args),
     Weights(weights::Args),
     Completions(completions::Args),
 }
@@ -139,6 +141,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Stereo(args) => stereo::run(args, console, started),
         Command::Info(args) => info::run(args, console),
         Command::Passes(args) => passes::run(args),
+        Command::Options(options::Args {}) => options::run(program()),
         Command::Weights(args) => weights::run(args, console),
         Command::Completions(args) => completions::run(args, &mut program()),
     }

@@ -54,7 +54,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     }
     let gpu = device::open(&settings.device, false, console)?;
     let mut settings = settings.clone();
-    let initial = prepare::initial(&dataset, settings.run.init.as_deref(), settings.run.seed)?;
+    let initial = prepare::initial(&dataset, &settings)?;
     let splats = before.as_ref().map_or(initial.len() as u32, |b| b.restart.state.splats());
     let host = host_plan(&gpu, &dataset, &settings, splats)?;
     console.say(host);
@@ -116,8 +116,16 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
         settings.density.max_splats.filter(|most| before.is_none() && input.initial.len() > *most as usize)
     {
         console.warn(format_args!(
-            "--max-splats {most}: it begins with {} splats, which stay; none are added",
+            "--max-splats {most}: the model of --init has {} splats, which stay; none are added",
             HumanCount(input.initial.len() as u64)
+        ));
+    }
+    let points = input.initial.len().saturating_sub(found.splats);
+    if begins && points < dataset.points.len() {
+        console.say(format_args!(
+            "of {} points {} are taken, evenly, for the sake of --max-splats",
+            HumanCount(dataset.points.len() as u64),
+            HumanCount(points as u64)
         ));
     }
     let restart = before.map(|b| b.restart);

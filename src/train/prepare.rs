@@ -3,7 +3,7 @@
 mod stereo;
 mod stereo_cost;
 
-pub use stereo::{CloudReport, StereoReport, first_splats, take_stereo};
+pub use stereo::{CloudReport, StereoReport, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;
 
 use std::collections::HashSet;
@@ -77,25 +77,29 @@ pub fn outline(dataset: &Dataset) -> Outline {
 }
 
 /// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none from random ones.
-pub fn initial(dataset: &Dataset, init_file: Option<&Path>, seed: u64) -> Result<Gaussians, Error> {
-    match init_file {
+/// Of points no more than `--max-splats`; a model stays whole.
+pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Error> {
+    let points: Vec<_> = match settings.run.init.as_deref() {
         Some(file) => match ply::read_content(file)? {
-            Content::Model(model) if model.gaussians.is_empty() => Err(empty(file, "splats")),
-            Content::Cloud(cloud) if cloud.positions.is_empty() => Err(empty(file, "points")),
-            Content::Model(model) => Ok(model.in_scene(&dataset.frame)),
-            Content::Cloud(cloud) => {
-                let points: Vec<_> = cloud.positions.into_iter().zip(cloud.colors).collect();
-                Ok(init::from_points(&points, &dataset.frame)?)
-            }
+            Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),
+            Content::Cloud(cloud) if cloud.positions.is_empty() => return Err(empty(file, "points")),
+            Content::Model(model) => return Ok(model.in_scene(&dataset.frame)),
+            Content::Cloud(cloud) => cloud.positions.into_iter().zip(cloud.colors).collect(),
         },
-        None => {
-            let points: Vec<_> = match dataset.points.as_slice() {
-                [] => dataset.random_points(seed),
-                points => points.iter().map(|p| (p.position, p.color)).collect(),
-            };
-            Ok(init::from_points(&points, &dataset.frame)?)
-        }
-    }
+        None => match dataset.points.as_slice() {
+            [] => dataset.random_points(settings.run.seed),
+            points => points.iter().map(|p| (p.position, p.color)).collect(),
+        },
+    };
+    let most = settings.density.max_splats.map_or(usize::MAX, |most| most as usize);
+    let kept: Vec<_> = spread(&points, most).into_iter().copied().collect();
+    Ok(init::from_points(&kept, &dataset.frame)?)
+}
+
+/// So many of them, or all where they are fewer, evenly from first to last.
+fn spread<T>(of: &[T], count: usize) -> Vec<&T> {
+    let count = count.min(of.len());
+    (0..count).map(|i| &of[(i as u128 * of.len() as u128 / count as u128) as usize]).collect()
 }
 
 fn empty(file: &Path, what: &str) -> Error {
@@ -106,7 +110,7 @@ fn empty(file: &Path, what: &str) -> Error {
 /// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation
 /// only.
 pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
-    let initial = initial(dataset, settings.run.init.as_deref(), settings.run.seed)?;
+    let initial = initial(dataset, settings)?;
     input_within(dataset, initial, HostShare::unlimited())
 }
 
@@ -164,4 +168,19 @@ pub fn coarse_by_spectra(input: &Input, settings: &mut Settings) -> Result<Optio
     frequencies.coarse_steps *= half;
     frequencies.coarse_quarter = quarter / half;
     Ok(Some([half, quarter]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spread;
+
+    #[test]
+    fn as_many_as_asked_for_are_spread_evenly() {
+        let all: Vec<u32> = (0..10).collect();
+        let some = |count| spread(&all, count).into_iter().copied().collect::<Vec<_>>();
+        assert_eq!(some(4), [0, 2, 5, 7]);
+        assert_eq!(some(7), [0, 1, 2, 4, 5, 7, 8]);
+        assert_eq!((some(10), some(11), some(0)), (all.clone(), all.clone(), vec![]));
+        assert_eq!(spread::<u32>(&[], 5), Vec::<&u32>::new());
+    }
 }

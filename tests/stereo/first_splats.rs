@@ -1,8 +1,8 @@
 //! What a model begins with on the surfaces that stereo has found.
 
 use psrgs_vk::dataset::{Dataset, HostShare};
-use psrgs_vk::train::settings::DepthPrior;
-use psrgs_vk::train::{self, Input, StereoReport, first_splats, prepare, take_stereo};
+use psrgs_vk::train::settings::{Density, DepthPrior};
+use psrgs_vk::train::{self, Input, StereoReport, prepare, splats_on_surfaces, take_stereo};
 use psrgs_vk::vk::Gpu;
 
 use super::common;
@@ -11,7 +11,7 @@ use super::memory::world;
 /// What stereo finds for a training of the dataset, and what that begins with then.
 fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool) -> (StereoReport, Input) {
     let share = HostShare::unlimited();
-    let initial = prepare::initial(dataset, None, 0).expect("points");
+    let initial = prepare::initial(dataset, settings).expect("points");
     let mut input = prepare::input_within(dataset, initial, share).expect("decoded");
     let report = take_stereo(gpu, dataset, &mut input, settings, &share, begins).expect("matched");
     (report, input)
@@ -55,7 +55,7 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
 #[test]
 fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     let mut settings = train::Settings::default();
-    let more = |settings: &train::Settings, surface: f64| first_splats(1000, surface, 1 << 20, settings) - 1000;
+    let more = |settings: &train::Settings, surface: f64| splats_on_surfaces(1000, surface, 1 << 20, settings);
     assert_eq!(more(&settings, 8.0), 0);
     settings.geometry.stereo_splats = 300;
     assert_eq!(more(&settings, 8.0), 300);
@@ -64,12 +64,42 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     settings.geometry.stereo_densest = 150;
     assert_eq!([0.0, 0.5, 1.0, 2.0, 4.86].map(|surface| more(&settings, surface)), [0, 75, 150, 300, 486]);
     settings.geometry.stereo_densest = 0;
-    assert_eq!(first_splats(1000, 4.86, 2800, &settings) - 1000, 400, "room is left to grow");
-    assert_eq!(first_splats(1000, 4.86, 10, &settings) - 1000, 300, "which --stereo-splats does not ask for");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 2800, &settings), 400, "room is left to grow");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 10, &settings), 300, "which --stereo-splats does not ask for");
     settings.density.max_splats = Some(2600);
     assert_eq!(more(&settings, 4.86), 300, "room is left to grow");
     settings.density.max_splats = Some(10);
     assert_eq!(more(&settings, 1e9), 0);
+    settings.density.recycle_share = 0.2;
+    let under = |most: u32| {
+        more(
+            &train::Settings {
+                density: Density { max_splats: Some(most), ..settings.density.clone() },
+                ..settings.clone()
+            },
+            4.86,
+        )
+    };
+    assert_eq!([2600, 1486].map(under), [486, 486], "what grows has the room of the lightest");
+    assert_eq!([900, 800, 10, 1].map(under), [450, 400, 5, 0], "points leave half");
+}
+
+/// A limit is one for what a training begins with too: points and surfaces, and points alone.
+#[test]
+fn no_more_splats_begin_than_are_allowed() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dataset = world(folder.path(), 96);
+    let mut settings = train::Settings::default();
+    settings.geometry.depth_prior = DepthPrior::Stereo;
+    settings.geometry.stereo_side = 48;
+    let points = dataset.points.len();
+    settings.density.max_splats = Some(points as u32 / 2);
+    let (report, input) = found(&gpu, &dataset, &settings, true);
+    assert_eq!((report.splats, input.initial.len()), (0, points / 2));
+    (settings.geometry.stereo_splats, settings.density.recycle_share) = (points as u32, 0.2);
+    let (report, input) = found(&gpu, &dataset, &settings, true);
+    assert_eq!((report.splats, input.initial.len()), (points / 4, points / 2));
 }
 
 /// What stereo finds in a scene says how many splats there are, where that is asked for.

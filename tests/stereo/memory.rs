@@ -98,7 +98,7 @@ fn depths_to_train_with_are_the_same_wherever_photographs_are_kept() {
     settings.geometry.stereo_side = 48;
     let depths = |keep: u64, threads: usize| {
         let share = HostShare { keep, decoding: 1, threads };
-        let initial = prepare::initial(&dataset, None, 0).expect("points");
+        let initial = prepare::initial(&dataset, &settings).expect("points");
         let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
         let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
         (report, input.known.priors)

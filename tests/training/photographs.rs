@@ -97,7 +97,7 @@ impl OnDisk {
     }
 
     fn input(&self, keep: u64) -> Input {
-        let initial = prepare::initial(&self.dataset, None, 0).expect("points");
+        let initial = prepare::initial(&self.dataset, &self.settings).expect("points");
         let share = HostShare { keep, decoding: 1 << 20, threads: 2 };
         prepare::input_within(&self.dataset, initial, share).expect("decoded")
     }

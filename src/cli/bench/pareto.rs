@@ -7,7 +7,7 @@ use psrgs_vk::bench::pareto::{self, Reference, Table};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::{Camera, Gaussians};
-use psrgs_vk::train::settings::Method;
+use psrgs_vk::train::settings::{Method, Run};
 use psrgs_vk::train::{Settings, prepare};
 use psrgs_vk::vk::Gpu;
 use psrgs_vk::world::{WorldParams, generate};
@@ -53,7 +53,10 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
         Dataset::load(&data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
     let mut tables = Vec::new();
     let mut model = match &args.init {
-        Some(file) => Some(prepare::initial(&dataset, Some(file), 0)?),
+        Some(file) => {
+            let run = Run { init: Some(file.clone()), ..settings.run.clone() };
+            Some(prepare::initial(&dataset, &Settings { run, ..settings.clone() })?)
+        }
         None => None,
     };
     if args.train_steps > 0 {

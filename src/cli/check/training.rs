@@ -5,8 +5,8 @@ use psrgs_vk::dataset::{Dataset, Role, Supply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::stereo::surface_of_points;
 use psrgs_vk::train::{
-    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
-    first_splats, prepare,
+    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, prepare,
+    splats_on_surfaces,
 };
 use psrgs_vk::vk::{self, Gpu};
 
@@ -63,12 +63,14 @@ fn planned(
     problems: &mut Vec<String>,
 ) -> Result<Training, psrgs_vk::train::Error> {
     let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
-    let points = prepare::initial(dataset, None, settings.run.seed)?;
+    let points = prepare::initial(dataset, settings)?;
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     // Stereo has not been run: about as many splats as it is to add, where there are points.
     let plan = |splats| MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats);
     let fit = plan(points.len() as u32)?.most_splats.0;
-    let first = first_splats(points.len() as u32, surface_about(dataset, &points), fit, settings);
+    let known = points.len() as u32;
+    let more = splats_on_surfaces(known, surface_about(dataset, &points), fit, settings);
+    let first = known.saturating_add(more).min(settings.density.max_splats.unwrap_or(u32::MAX));
     let initial = bench::resized(&points, first, settings.run.seed);
     let plan = plan(initial.len() as u32)?;
     let host = HostPlan::new(gpu, memory, dataset, &outline, &plan, settings);

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, Frame, Gaussians, init};
@@ -11,7 +12,7 @@ use crate::train::cloud::{self, Gate};
 use crate::train::input::{self, Input, Outline};
 use crate::train::memory::MemoryPlan;
 use crate::train::pacing::Pacing;
-use crate::train::settings::{DepthPrior, Geometry, LidarCloud, Settings};
+use crate::train::settings::{DepthPrior, LidarCloud, Settings};
 use crate::train::tune::chosen_variants;
 use crate::vk::Gpu;
 
@@ -88,7 +89,7 @@ pub fn take_stereo(
                 let plan =
                     MemoryPlan::new(gpu, input, training, chosen_variants(gpu, training)?, Pacing::default(), points)?;
                 let fit = plan.most_splats.0;
-                (first_splats(points, report.surface.unwrap_or(0.0), fit, training) - points) as usize
+                splats_on_surfaces(points, report.surface.unwrap_or(0.0), fit, training) as usize
             }
             false => 0,
         };
@@ -98,7 +99,7 @@ pub fn take_stereo(
                 fused.extend(stereo::extend(&stereo.scene.views, &stereo.priors, settings.stereo_alone as usize));
             }
             if more > 0 {
-                report.splats = begin_on(&fused, more, settings, dataset, input)?;
+                report.splats = begin_on(&fused, more, training, dataset, input)?;
             }
             if made {
                 cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -153,17 +154,26 @@ pub fn take_stereo(
     Ok(report)
 }
 
-/// The most splats that a training begins with: those of `points`, and those that stereo adds on a [`stereo::surface`], with room left to
-/// grow under `--max-splats` and, where the surface asks for many, among the splats that `fit` into memory.
-pub fn first_splats(points: u32, surface: f64, fit: u32, settings: &Settings) -> u32 {
-    let half = |most: u32| (most / 2).saturating_sub(points);
+/// Under `--max-splats`, the share of it that reconstructed points leave to splats on surfaces, if they have to.
+const SURFACES_UNDER_A_LIMIT: f64 = 0.5;
+
+/// The most splats that stereo adds on a [`stereo::surface`] to `points` before the first step. Where the surface asks for many, room is
+/// left to grow among the splats that `fit` into memory.
+///
+/// `--max-splats` leaves no such room where the lightest splats give theirs to growth (`--recycle-share`): those that begin where the
+/// surface is are worth more than what would grow in their place. Points go first where both are too many.
+pub fn splats_on_surfaces(points: u32, surface: f64, fit: u32, settings: &Settings) -> u32 {
     let of_surface = (f64::from(settings.geometry.stereo_density) * surface).round() as u32;
     let densest = match settings.geometry.stereo_densest {
         0 => u32::MAX,
         densest => (f64::from(densest) * surface).round() as u32,
     };
-    let wanted = settings.geometry.stereo_splats.min(densest).max(of_surface.min(half(fit)));
-    points.saturating_add(wanted.min(settings.density.max_splats.map_or(u32::MAX, half)))
+    let wanted = settings.geometry.stereo_splats.min(densest).max(of_surface.min((fit / 2).saturating_sub(points)));
+    let room = settings.density.max_splats.map_or(u32::MAX, |most| match settings.density.recycle_share > 0.0 {
+        true => most.saturating_sub(points).max((SURFACES_UNDER_A_LIMIT * f64::from(most)) as u32),
+        false => (most / 2).saturating_sub(points),
+    });
+    wanted.min(room)
 }
 
 /// What the training views see, and which of them can be compared.
@@ -206,11 +216,11 @@ impl Stereo {
 }
 
 /// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as wide, flat and opaque as is
-/// asked for; gives how many.
+/// asked for; gives how many. With them there are no more than `--max-splats`.
 fn begin_on(
     fused: &[FusedPoint],
     more: usize,
-    settings: &Geometry,
+    settings: &Settings,
     dataset: &Dataset,
     input: &mut Input,
 ) -> Result<usize, Error> {
@@ -218,13 +228,16 @@ fn begin_on(
     if chosen.is_empty() {
         return Ok(0);
     }
-    let reconstructed = dataset.points.iter().map(|p| (p.position, p.color));
+    let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
+    let kept = spread(&dataset.points, room);
+    let reconstructed = kept.iter().map(|p| (p.position, p.color));
     let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
-    init::lay_flat(&mut input.initial, dataset.points.len(), &normals, settings.stereo_thickness);
-    init::widen(&mut input.initial, dataset.points.len(), settings.stereo_width);
-    init::make_opaque(&mut input.initial, dataset.points.len(), settings.stereo_opacity);
+    let geometry = &settings.geometry;
+    init::lay_flat(&mut input.initial, kept.len(), &normals, geometry.stereo_thickness);
+    init::widen(&mut input.initial, kept.len(), geometry.stereo_width);
+    init::make_opaque(&mut input.initial, kept.len(), geometry.stereo_opacity);
     Ok(chosen.len())
 }
 
@@ -242,12 +255,6 @@ fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussian
     init::lay_flat(&mut out, 0, &normals, thickness);
     init::make_opaque(&mut out, 0, SKIRT_OPACITY);
     Ok(Some(out))
-}
-
-/// So many of them, or all where they are fewer, evenly from first to last.
-fn spread<T>(of: &[T], count: usize) -> Vec<&T> {
-    let count = count.min(of.len());
-    (0..count).map(|i| &of[(i as u128 * of.len() as u128 / count as u128) as usize]).collect()
 }
 
 /// Depths at the points that three views and more see; nothing between them.
@@ -268,19 +275,4 @@ fn sparse(views: &[View], seen: &Observations) -> Vec<Prior> {
         Prior { width, height, depth, normals: vec![[0.0; 3]; pixels], confidence }
     };
     views.iter().zip(observed).map(one).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::spread;
-
-    #[test]
-    fn as_many_as_asked_for_are_spread_evenly() {
-        let all: Vec<u32> = (0..10).collect();
-        let some = |count| spread(&all, count).into_iter().copied().collect::<Vec<_>>();
-        assert_eq!(some(4), [0, 2, 5, 7]);
-        assert_eq!(some(7), [0, 1, 2, 4, 5, 7, 8]);
-        assert_eq!((some(10), some(11), some(0)), (all.clone(), all.clone(), vec![]));
-        assert_eq!(spread::<u32>(&[], 5), Vec::<&u32>::new());
-    }
 }

@@ -28,6 +28,36 @@ macro_rules! as_word {
     };
 }
 
+/// Gives a type that is one of some words its `Display` and its `FromStr`.
+macro_rules! words {
+    ($name:ident, $what:literal: $($variant:ident = $word:literal),+) => {
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self {
+                    $(Self::$variant => $word,)+
+                })
+            }
+        }
+        impl FromStr for $name {
+            type Err = String;
+            fn from_str(word: &str) -> Result<Self, String> {
+                match word {
+                    $($word => Ok(Self::$variant),)+
+                    _ => Err(format!("no {} `{word}`: it is {}", $what, either(&[$($word),+]))),
+                }
+            }
+        }
+    };
+}
+
+/// `a`, `a or b`, `a, b or c`.
+fn either(words: &[&str]) -> String {
+    match words {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => words.concat(),
+    }
+}
+
 /// How the splats are chosen that a density change grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Growth {
@@ -38,26 +68,7 @@ pub enum Growth {
     Sampled,
 }
 
-impl fmt::Display for Growth {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Threshold => "threshold",
-            Self::Sampled => "sampled",
-        })
-    }
-}
-
-impl FromStr for Growth {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "threshold" => Ok(Self::Threshold),
-            "sampled" => Ok(Self::Sampled),
-            _ => Err(format!("no growth `{word}`: it is threshold or sampled")),
-        }
-    }
-}
-
+words!(Growth, "growth": Threshold = "threshold", Sampled = "sampled");
 as_word!(Growth);
 
 /// How the width of the saliency filter is learned.
@@ -72,28 +83,7 @@ pub enum SigmaLearning {
     Composite,
 }
 
-impl fmt::Display for SigmaLearning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Off => "off",
-            Self::Errors => "errors",
-            Self::Composite => "composite",
-        })
-    }
-}
-
-impl FromStr for SigmaLearning {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "off" => Ok(Self::Off),
-            "errors" => Ok(Self::Errors),
-            "composite" => Ok(Self::Composite),
-            _ => Err(format!("no way to learn sigma `{word}`: it is off, errors or composite")),
-        }
-    }
-}
-
+words!(SigmaLearning, "way to learn sigma": Off = "off", Errors = "errors", Composite = "composite");
 as_word!(SigmaLearning);
 
 /// Where depths and normals to train with come from.
@@ -112,32 +102,7 @@ pub enum DepthPrior {
     Propagation,
 }
 
-impl fmt::Display for DepthPrior {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::None => "none",
-            Self::Sfm => "sfm",
-            Self::Stereo => "stereo",
-            Self::Lidar => "lidar",
-            Self::Propagation => "propagation",
-        })
-    }
-}
-
-impl FromStr for DepthPrior {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "none" => Ok(Self::None),
-            "sfm" => Ok(Self::Sfm),
-            "stereo" => Ok(Self::Stereo),
-            "lidar" => Ok(Self::Lidar),
-            "propagation" => Ok(Self::Propagation),
-            _ => Err(format!("no depth prior `{word}`: it is none, sfm, stereo, lidar or propagation")),
-        }
-    }
-}
-
+words!(DepthPrior, "depth prior": None = "none", Sfm = "sfm", Stereo = "stereo", Lidar = "lidar", Propagation = "propagation");
 as_word!(DepthPrior);
 
 /// The cloud of points that growth keeps to.
@@ -216,28 +181,7 @@ pub enum Tune {
     Again,
 }
 
-impl fmt::Display for Tune {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Off => "off",
-            Self::Again => "again",
-        })
-    }
-}
-
-impl FromStr for Tune {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "auto" => Ok(Self::Auto),
-            "off" => Ok(Self::Off),
-            "again" => Ok(Self::Again),
-            _ => Err(format!("no way of tuning `{word}`: it is auto, off or again")),
-        }
-    }
-}
-
+words!(Tune, "way of tuning": Auto = "auto", Off = "off", Again = "again");
 as_word!(Tune);
 
 /// What stands between the render and a photograph in training.
@@ -250,50 +194,11 @@ pub enum Exposure {
     Affine,
 }
 
-impl fmt::Display for Exposure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Off => "off",
-            Self::Affine => "affine",
-        })
-    }
-}
-
-impl FromStr for Exposure {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "off" => Ok(Self::Off),
-            "affine" => Ok(Self::Affine),
-            _ => Err(format!("no exposure `{word}`: it is off or affine")),
-        }
-    }
-}
-
+words!(Exposure, "exposure": Off = "off", Affine = "affine");
 as_word!(Exposure);
 
-impl fmt::Display for MaskIgnores {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Black => "black",
-            Self::White => "white",
-        })
-    }
-}
-
-impl FromStr for MaskIgnores {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "black" => Ok(Self::Black),
-            "white" => Ok(Self::White),
-            _ => Err(format!("no colour `{word}` of masks: it is black or white")),
-        }
-    }
-}
-
+words!(MaskIgnores, "colour of masks": Black = "black", White = "white");
 as_word!(Method);
-
 as_word!(Preset);
 
 /// What transparent pixels of photographs are.
@@ -306,49 +211,10 @@ pub enum Transparent {
     Background,
 }
 
-impl fmt::Display for Transparent {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::LeftOut => "left-out",
-            Self::Background => "background",
-        })
-    }
-}
-
-impl FromStr for Transparent {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "left-out" => Ok(Self::LeftOut),
-            "background" => Ok(Self::Background),
-            _ => Err(format!("no way `{word}` to take transparent pixels: it is left-out or background")),
-        }
-    }
-}
-
+words!(Transparent, "way to take transparent pixels": LeftOut = "left-out", Background = "background");
 as_word!(Transparent);
 
-impl fmt::Display for Transfer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Srgb => "srgb",
-            Self::Linear => "linear",
-        })
-    }
-}
-
-impl FromStr for Transfer {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "auto" => Ok(Self::Auto),
-            "srgb" => Ok(Self::Srgb),
-            "linear" => Ok(Self::Linear),
-            _ => Err(format!("no transfer curve `{word}`: it is auto, srgb or linear")),
-        }
-    }
-}
+words!(Transfer, "transfer curve": Auto = "auto", Srgb = "srgb", Linear = "linear");
 
 /// What is behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -369,28 +235,7 @@ impl Background {
     }
 }
 
-impl fmt::Display for Background {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Black => "black",
-            Self::White => "white",
-            Self::Random => "random",
-        })
-    }
-}
-
-impl FromStr for Background {
-    type Err = String;
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "black" => Ok(Self::Black),
-            "white" => Ok(Self::White),
-            "random" => Ok(Self::Random),
-            _ => Err(format!("no background `{word}`: it is black, white or random")),
-        }
-    }
-}
-
+words!(Background, "background": Black = "black", White = "white", Random = "random");
 as_word!(Background);
 
 /// A number of bytes, written as `800M`, `6GiB` or plain digits. K, M, G and T are powers of 1024.

@@ -1,0 +1,156 @@
+//! `psrgs-vk options`: every option of every command as one document, and what the methods set.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clap::{Arg, Command};
+use psrgs_vk::train::Settings;
+use psrgs_vk::train::settings::Method;
+
+use super::console;
+
+/// Print every option of every command as one document (Markdown), and what each method sets
+#[derive(clap::Args)]
+pub(crate) struct Args {}
+
+/// Heading of options that stand under none.
+const PLAIN: &str = "Options";
+
+const OPENING: &str = "\
+# Options
+
+Every option of every command, as `psrgs-vk options` prints them; `psrgs-vk COMMAND --help` has the same with examples. Options without a
+default are off or unset. `-q` says only what went wrong and `-v` says more, in every command.
+
+The options of `train`, but for those of its files, are keys of `settings.toml` too, without the dashes in front (`--config`).
+";
+
+const METHODS: &str = "
+## What the methods set
+
+Options that methods of `train` set otherwise than their defaults, in a schedule of 30,000 steps. An option that is named wins over its
+method. With fewer steps `lean`, `psrgs` and `psrgs-paper` scale their schedule too.
+";
+
+/// Prints the document of a program's options.
+pub(crate) fn run(mut program: Command) -> anyhow::Result<()> {
+    program.build();
+    let mut text = OPENING.to_owned();
+    let mut commands: Vec<&Command> = program.get_subcommands().collect();
+    commands.sort_by_key(|command| command.get_display_order());
+    for command in commands {
+        text += &section(command);
+    }
+    text += &methods()?;
+    console::print(&text)
+}
+
+fn section(command: &Command) -> String {
+    let about = command.get_long_about().or(command.get_about()).map(ToString::to_string).unwrap_or_default();
+    let mut text = format!("\n## `{}`\n\n{}\n", command.get_name(), about.trim());
+    for (heading, args) in groups(command) {
+        if heading != PLAIN {
+            text += &format!("\n### {heading}\n");
+        }
+        text += "\n| option | default | |\n|---|---|---|\n";
+        for arg in args {
+            text += &row(arg);
+        }
+    }
+    text
+}
+
+/// The arguments of a command under their headings.
+fn groups(command: &Command) -> Vec<(&str, Vec<&Arg>)> {
+    let mut groups: Vec<(&str, Vec<&Arg>)> = Vec::new();
+    let shown = command.get_arguments().filter(|arg| !arg.is_hide_set() && !arg.is_global_set());
+    for arg in shown.filter(|arg| arg.get_id() != "help") {
+        let heading = arg.get_help_heading().unwrap_or(PLAIN);
+        match groups.iter_mut().find(|(known, _)| *known == heading) {
+            Some((_, args)) => args.push(arg),
+            None => groups.push((heading, vec![arg])),
+        }
+    }
+    // As in help: what stands under no heading first, and in it what has no name.
+    groups.sort_by_key(|(heading, _)| *heading != PLAIN);
+    for (_, args) in &mut groups {
+        args.sort_by_key(|arg| !arg.is_positional());
+    }
+    groups
+}
+
+fn row(arg: &Arg) -> String {
+    let values = arg.get_value_names().unwrap_or_default();
+    let takes = arg.get_action().takes_values() && !arg.is_hide_possible_values_set();
+    let value = match (takes, values.is_empty()) {
+        (false, _) => String::new(),
+        (true, false) => values.join(" "),
+        (true, true) => arg.get_id().as_str().to_uppercase(),
+    };
+    let name = match arg.get_long() {
+        Some(long) => format!("--{long} {value}"),
+        None => value,
+    };
+    let defaults: Vec<String> = match arg.is_hide_default_value_set() || !arg.get_action().takes_values() {
+        true => Vec::new(),
+        false => arg.get_default_values().iter().map(|value| value.to_string_lossy().into_owned()).collect(),
+    };
+    let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
+    format!("| `{}` | {} | {} |\n", name.trim().replace('|', "\\|"), cell(&defaults.join(" ")), cell(&paragraph(&help)))
+}
+
+/// Lines of help as one paragraph.
+fn paragraph(help: &str) -> String {
+    help.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|").replace('<', "&lt;")
+}
+
+/// A table of what the methods set.
+fn methods() -> anyhow::Result<String> {
+    let defaults = values(&Settings::default())?;
+    let names = Method::ALL.map(|(_, name)| name);
+    let mut set = Vec::new();
+    for (method, _) in Method::ALL {
+        let mut settings = Settings::default();
+        method.apply(&mut settings, |_| false);
+        set.push(values(&settings)?);
+    }
+    let mut text =
+        format!("{METHODS}\n| option | default | `{}` |\n|---|---|{}\n", names.join("` | `"), "---|".repeat(7));
+    let keys: BTreeSet<&String> = set.iter().flat_map(BTreeMap::keys).collect();
+    for key in keys.into_iter().filter(|key| *key != "method") {
+        let default = defaults.get(key);
+        let cells: Vec<&str> = set
+            .iter()
+            .map(|of| of.get(key).filter(|value| Some(*value) != default).map_or("", String::as_str))
+            .collect();
+        if cells.iter().any(|cell| !cell.is_empty()) {
+            text += &format!("| `--{key}` | {} | {} |\n", default.map_or("", String::as_str), cells.join(" | "));
+        }
+    }
+    Ok(text)
+}
+
+/// The values of settings by their keys.
+fn values(settings: &Settings) -> anyhow::Result<BTreeMap<String, String>> {
+    let mut values = BTreeMap::new();
+    for (key, value) in toml::Table::try_from(settings)? {
+        match value {
+            toml::Value::Table(group) => values.extend(group.into_iter().map(|(key, value)| (key, plain(&value)))),
+            value => drop(values.insert(key, plain(&value))),
+        }
+    }
+    Ok(values)
+}
+
+/// A value as it is given on the command line.
+fn plain(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(word) => word.clone(),
+        toml::Value::Boolean(true) => "on".to_owned(),
+        toml::Value::Boolean(false) => "off".to_owned(),
+        value => value.to_string(),
+    }
+}
