@@ -204,7 +204,7 @@ fn pairs_that_have_no_room_for_slots_are_summed_by_atomics_unless_that_is_forbid
     let most = most_pairs(&gpu, slots);
     assert_eq!((u64::from(most), u64::from(most_splats(&gpu))), (RANGE / 48, RANGE / 48));
     let mut quick = settings(false);
-    quick.device.gradient_sum = Some(GradientSum::Slots);
+    quick.stepping.gradient_sum = Some(GradientSum::Slots);
     quick.density.max_splats = Some(1000);
     let (state, told, variants) = train(&gpu, &quick, Pacing::default()).unwrap();
     assert_ne!(variants.gradients, GradientSum::Slots, "more than {most} pairs went into slots");

@@ -15,8 +15,8 @@ use std::process::Command;
 
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
-    Curve, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel, ViewPanel, render_report,
-    write_report,
+    Curve, CurveForm, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel, ViewPanel,
+    render_report, write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -103,10 +103,10 @@ fn example(views: usize, side: u32) -> ReportData {
                 name: "Loss".into(),
                 unit: "L1 and SSIM, 0.8 : 0.2".into(),
                 points: loss.collect(),
-                scattered: false,
+                form: CurveForm::Line,
             },
-            Curve { name: "Held-out PSNR".into(), unit: "dB".into(), points: psnr.collect(), scattered: false },
-            Curve { name: "Splats".into(), unit: String::new(), points: splats.collect(), scattered: false },
+            Curve { name: "Held-out PSNR".into(), unit: "dB".into(), points: psnr.collect(), form: CurveForm::Line },
+            Curve { name: "Splats".into(), unit: String::new(), points: splats.collect(), form: CurveForm::Steps },
         ],
         metrics: metrics(scores),
         views: panels,

@@ -119,9 +119,9 @@ fn every_form(gpu: &Gpu) {
     for variants in Variants::possible(gpu) {
         let mut settings = short();
         settings.optimiser.exposure = Exposure::Affine;
-        settings.device.tile_shape = Some(variants.tile);
-        settings.device.gradient_sum = Some(variants.gradients);
-        settings.device.backward = Some(variants.backward);
+        settings.blending.tile_shape = Some(variants.tile);
+        settings.stepping.gradient_sum = Some(variants.gradients);
+        settings.stepping.backward = Some(variants.backward);
         let mut seen = Seen::default();
         let end = train(gpu, &input, &settings, None, None, &mut seen);
         assert_eq!((end.variants, end.step), (variants, 6));

@@ -24,10 +24,10 @@ fn settings(variants: Variants) -> Settings {
     // So few steps say something only when they are large.
     s.optimiser.lr_sh_base = 0.02;
     s.optimiser.lr_opacities = 0.1;
-    s.device.tile_shape = Some(variants.tile);
-    s.device.gradient_sum = Some(variants.gradients);
-    s.device.backward = Some(variants.backward);
-    s.device.culling = Some(variants.culling);
+    s.blending.tile_shape = Some(variants.tile);
+    s.stepping.gradient_sum = Some(variants.gradients);
+    s.stepping.backward = Some(variants.backward);
+    s.blending.culling = Some(variants.culling);
     s
 }
 
@@ -193,12 +193,12 @@ fn a_deterministic_training_per_splat_repeats_itself() {
     let Some(gpu) = common::gpu() else { return };
     let mut settings = settings(Variants::choose(&gpu, true));
     settings.run.deterministic = true;
-    settings.device.backward = Some(Backward::PerSplat);
-    settings.device.tile_shape = Some(TileShape::Column);
+    settings.stepping.backward = Some(Backward::PerSplat);
+    settings.blending.tile_shape = Some(TileShape::Column);
     let start =
         |settings: &Settings| Trainer::new(&gpu, plane_scene::input(3, 48, 40, 150), settings, Pacing::default(), None);
     assert!(matches!(start(&settings).err(), Some(train::Error::PerSplatInColumns)));
-    settings.device.tile_shape = None;
+    settings.blending.tile_shape = None;
     let trained = || {
         let mut trainer = start(&settings).unwrap();
         while trainer.next_message().unwrap().is_some() {}

@@ -12,7 +12,7 @@ use psrgs_vk::bench::{self, Options};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::scene::Frame;
-use psrgs_vk::train::settings::{DeviceChoice, Photographs, Shortcuts};
+use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Shortcuts, SteppingForms};
 use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
@@ -98,6 +98,12 @@ pub(crate) struct Args {
     pub(crate) shortcuts: Shortcuts,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) host: HostChoice,
+    #[command(flatten)]
+    pub(crate) blending: BlendingForms,
+    #[command(flatten)]
+    pub(crate) stepping: SteppingForms,
 }
 
 /// What the JSON holds: how it was made, and the results.
@@ -119,6 +125,9 @@ impl Args {
     fn settings(&self) -> Settings {
         let mut settings =
             Settings { photographs: self.photographs.clone(), device: self.device.clone(), ..Settings::default() };
+        settings.host = self.host.clone();
+        settings.blending = self.blending.clone();
+        settings.stepping = self.stepping.clone();
         settings.run.deterministic = self.deterministic;
         settings.run.no_densify = true;
         settings.run.seed = self.seed;
@@ -136,7 +145,7 @@ impl Args {
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
         }
-        let mut share = prepare::host_share(&dataset, Role::Train, &self.device);
+        let mut share = prepare::host_share(&dataset, Role::Train, &self.host);
         let train = prepare::views(&dataset, Role::Train, &mut share)?;
         Ok(Input {
             train,

@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role};
-use psrgs_vk::train::settings::{DeviceChoice, LidarCloud, Method, Photographs, Preset};
+use psrgs_vk::train::settings::{
+    BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
+};
 use psrgs_vk::train::{Settings, prepare};
 
 use super::console::{self, Console};
@@ -47,6 +49,12 @@ pub(crate) struct Args {
     pub(crate) photographs: Photographs,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) host: HostChoice,
+    #[command(flatten)]
+    pub(crate) blending: BlendingForms,
+    #[command(flatten)]
+    pub(crate) stepping: SteppingForms,
 }
 
 /// What `--json` prints.
@@ -134,7 +142,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
 /// What keeps a training from beginning with these photographs: the first that cannot be decoded, or that all are masked. None is kept.
 fn unusable(dataset: &Dataset, settings: &Settings) -> Option<anyhow::Error> {
     let decoded = |role| {
-        let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.device) };
+        let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.host) };
         dataset.take_in(role, &mut share)
     };
     match (decoded(Role::Train), decoded(Role::HeldOut)) {
@@ -150,6 +158,9 @@ impl Args {
     fn settings(&self) -> Settings {
         let (photographs, device) = (self.photographs.clone(), self.device.clone());
         let mut settings = Settings { photographs, device, ..Settings::default() };
+        settings.host = self.host.clone();
+        settings.blending = self.blending.clone();
+        settings.stepping = self.stepping.clone();
         settings.run.preset = self.preset;
         settings.run.iterations = self.iterations.unwrap_or(settings.run.iterations);
         settings

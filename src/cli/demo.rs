@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use indicatif::HumanCount;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{DeviceChoice, Method};
+use psrgs_vk::train::settings::{DeviceChoice, HostChoice, Method};
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Training steps
     #[arg(long, value_name = "N", default_value_t = 2000)]
     iterations: u32,
-    /// Stop growing at this many splats
+    /// Have at most this many splats
     #[arg(long, value_name = "N", default_value_t = 40_000)]
     max_splats: u32,
     /// Only make the scene
@@ -52,6 +52,8 @@ pub(crate) struct Args {
     no_train: bool,
     #[command(flatten)]
     device: DeviceChoice,
+    #[command(flatten)]
+    host: HostChoice,
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
@@ -121,6 +123,7 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     // More would show on pictures of this size as time, hardly as quality.
     settings.density.max_splats = Some(args.max_splats);
     settings.device = args.device.clone();
+    settings.host = args.host.clone();
     args.method.apply(&mut settings, |key| key == "max-splats");
     settings.check()?;
     Ok(settings)

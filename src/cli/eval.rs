@@ -9,7 +9,7 @@ use psrgs_vk::eval::{
     mean, mean_if_all,
 };
 use psrgs_vk::format::atomic;
-use psrgs_vk::train::settings::{DeviceChoice, Photographs, Scoring, Split};
+use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare, score};
 
 use super::colour::Colour;
@@ -64,6 +64,10 @@ pub(crate) struct Args {
     pub(crate) drawing: DrawingArgs,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) host: HostChoice,
+    #[command(flatten)]
+    pub(crate) blending: BlendingForms,
 }
 
 /// What `--json` writes.
@@ -125,7 +129,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         return Err(nothing_held_out(args, &dataset));
     }
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
-    let mut share = prepare::host_share(&dataset, Role::HeldOut, &args.device);
+    let mut share = prepare::host_share(&dataset, Role::HeldOut, &args.host);
     let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
     prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     tell(args, &dataset, &views, console);
@@ -135,7 +139,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     }
     let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.device, &args.drawing, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
     let pictures = match &args.out {
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,

@@ -6,7 +6,7 @@ use psrgs_vk::format::{FrameFile, ply};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
-use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::train::settings::BlendingForms;
 use psrgs_vk::vk::{self, Gpu};
 
 use super::colour::Colour;
@@ -103,13 +103,13 @@ impl ModelFile {
     pub(crate) fn upload(
         &self,
         gpu: &Gpu,
-        choice: &DeviceChoice,
+        forms: &BlendingForms,
         drawing: &DrawingArgs,
         frame: &Frame,
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
-        let forms = Variants::choose(gpu, false).with(choice.tile_shape, None, None, choice.culling);
-        let viewer = Viewer::with_variants(gpu, Variants { approximation: drawing.approximation(), ..forms });
+        let variants = Variants::choose(gpu, false).with(forms.tile_shape, None, None, forms.culling);
+        let viewer = Viewer::with_variants(gpu, Variants { approximation: drawing.approximation(), ..variants });
         let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };

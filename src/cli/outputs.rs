@@ -4,7 +4,7 @@ use std::fs;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, Curve, Geometry, GeometryTruth, Metrics, ReportData, geometry};
+use psrgs_vk::eval::{self, Curve, CurveForm, Geometry, GeometryTruth, Metrics, ReportData, geometry};
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{History, Trainer, prepare};
@@ -190,7 +190,7 @@ fn curves(history: &History) -> Vec<Curve> {
         name: name.into(),
         unit: unit.into(),
         points,
-        scattered: false,
+        form: CurveForm::Line,
     };
     let mut splats: Vec<(f64, f64)> = history.splats.iter().map(|s| (f64::from(s.0), f64::from(s.1))).collect();
     // The number holds from the last change to the end.
@@ -200,12 +200,12 @@ fn curves(history: &History) -> Vec<Curve> {
     let mut curves = vec![
         curve("Loss", "", loss.collect()),
         curve("Held-out PSNR", "dB", history.quality.iter().map(|q| (f64::from(q.0), q.1)).collect()),
-        curve("Splats", "", splats),
+        Curve { form: CurveForm::Steps, ..curve("Splats", "", splats) },
     ];
     if !history.sigmas.is_empty() {
         let sigmas = history.sigmas.iter().map(|(step, _, sigma, _)| (f64::from(*step), *sigma));
         // Each is of the photograph of its step.
-        curves.push(Curve { scattered: true, ..curve("Sigma", "bins of 256", sigmas.collect()) });
+        curves.push(Curve { form: CurveForm::Dots, ..curve("Sigma", "bins of 256", sigmas.collect()) });
     }
     curves
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::scene::Camera;
+use psrgs_vk::train::settings::{BlendingForms, DeviceChoice};
 
 use super::colour::Colour;
 use super::console::Console;
@@ -53,7 +54,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) drawing: DrawingArgs,
     #[command(flatten)]
-    pub(crate) device: psrgs_vk::train::settings::DeviceChoice,
+    pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) blending: BlendingForms,
 }
 
 /// Cameras of a dataset.
@@ -92,7 +95,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     let pictures = Pictures::new(&args.out, wanted.iter().map(|(name, _)| *name), dataset.frame.scale)?;
     let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.device, &args.drawing, &dataset.frame, &args.background)?;
+    let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
     let bar = progress::counter(console, wanted.len(), "pictures");
     for (i, (_, camera)) in wanted.iter().enumerate() {
         pictures.write(i, &drawn.picture(camera, args.depth)?)?;

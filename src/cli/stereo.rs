@@ -11,7 +11,7 @@ use psrgs_vk::eval::peak_host_bytes;
 use psrgs_vk::format::image_out::{read_depth, read_normals, write_depth, write_luminance, write_normals};
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
-use psrgs_vk::train::settings::DeviceChoice;
+use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
 use psrgs_vk::vk::Gpu;
 
@@ -88,6 +88,8 @@ pub(crate) struct Args {
     pub(crate) images: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) host: HostChoice,
 }
 
 impl Args {
@@ -178,7 +180,7 @@ fn host_share(gpu: &Gpu, dataset: &Dataset, settings: &Settings, args: &Args, co
     let views = || dataset.views_of(Role::Train).map(|(_, view)| view);
     let room = Room::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
     let matching = room.host + if shares_memory(gpu) { room.device } else { 0 };
-    let memory = HostMemory::new(args.device.host_memory.map(|bytes| bytes.0)).after(matching);
+    let memory = HostMemory::new(args.host.host_memory.map(|bytes| bytes.0)).after(matching);
     let share = memory.share(views().map(View::decoding_bytes).max().unwrap_or(0));
     let short = memory.short_by(&share);
     let told = format!(

@@ -184,7 +184,7 @@ fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, c
 
 /// How the training shares the host's memory.
 pub(crate) fn host_plan(gpu: &Gpu, dataset: &Dataset, settings: &Settings, splats: u32) -> anyhow::Result<HostPlan> {
-    let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
+    let memory = HostMemory::new(settings.host.host_memory.map(|bytes| bytes.0));
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
     Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan, settings))
@@ -204,10 +204,10 @@ fn choose_forms(gpu: &Gpu, input: &Input, settings: &mut Settings, console: &Con
         console.say(&tuned)
     }
     if settings.run.deterministic || !by_capability {
-        settings.device.tile_shape = Some(tuned.variants.tile);
-        settings.device.gradient_sum = Some(tuned.variants.gradients);
-        settings.device.backward = Some(tuned.variants.backward);
-        settings.device.culling = Some(tuned.variants.culling);
+        settings.blending.tile_shape = Some(tuned.variants.tile);
+        settings.stepping.gradient_sum = Some(tuned.variants.gradients);
+        settings.stepping.backward = Some(tuned.variants.backward);
+        settings.blending.culling = Some(tuned.variants.culling);
     }
     Ok(())
 }

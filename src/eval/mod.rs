@@ -20,7 +20,8 @@ pub use metrics::{
 };
 pub use quality::Quality;
 pub use report::{
-    Curve, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report, write_report,
+    Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report,
+    write_report,
 };
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
 pub use texture::psnr_high_frequency;

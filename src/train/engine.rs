@@ -70,7 +70,7 @@ pub struct Outcome {
 /// Density control for as many splats, which keeps them in the order of the settings.
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
     let control = DensityControl::new(gpu, splats, DENSITY_ENTRY)?;
-    Ok(match needs.settings.device.splat_order.unwrap_or_default() {
+    Ok(match needs.settings.stepping.splat_order.unwrap_or_default() {
         SplatOrder::Morton => control.in_morton_order(gpu, needs.extent, Shape::of(gpu.caps()))?,
         SplatOrder::Birth => control,
     })

@@ -62,9 +62,9 @@ pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
 }
 
 /// What the photographs of a role may take of the host's memory where nothing is trained.
-pub fn host_share(dataset: &Dataset, role: Role, device: &settings::DeviceChoice) -> HostShare {
+pub fn host_share(dataset: &Dataset, role: Role, host: &settings::HostChoice) -> HostShare {
     let decoding = dataset.views_of(role).map(|(_, view)| view.decoding_bytes()).max();
-    HostMemory::new(device.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
+    HostMemory::new(host.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
 }
 
 /// Sizes and depths of the photographs, before any is decoded.

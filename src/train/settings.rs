@@ -245,22 +245,49 @@ group! {
         /// device reports, or PSRGS_MAX_DEVICE_MEMORY]
         #[arg(value_name = "BYTES")]
         pub max_device_memory: ByteSize,
+    }
+}
+
+group! {
+    /// What it may take of the machine.
+    pub struct HostChoice("Host") {
+    }
+    flags {}
+    optional {
         /// Memory of this machine that may be used, such as 2GiB: photographs beyond it are kept compressed or read again [default:
         /// half of what is free]
         #[arg(value_name = "BYTES")]
         pub host_memory: ByteSize,
+    }
+}
+
+group! {
+    /// Forms of the passes that draw: they change the speed, and not the picture.
+    pub struct BlendingForms("Forms of the GPU passes") {
+    }
+    flags {}
+    optional {
         /// How the blending passes share a tile among threads [default: what suits the device]
         #[arg(value_name = "SHAPE", value_enum)]
         pub tile_shape: crate::raster::TileShape,
+        /// In blending, leave out splats in the blocks of a pixel tile where they do not show [default: blocks]; the picture is the same
+        #[arg(value_name = "WHERE", value_enum)]
+        pub culling: crate::raster::Culling,
+    }
+}
+
+group! {
+    /// Forms of the passes of a training step beyond those: they change the speed.
+    pub struct SteppingForms("Forms of the GPU passes") {
+    }
+    flags {}
+    optional {
         /// Where the blend backward leaves its gradients [default: what suits the device]; slots are bit-reproducible
         #[arg(value_name = "SUM", value_enum)]
         pub gradient_sum: crate::raster::GradientSum,
         /// What the threads of the blend backward own [default: pixels]; per-splat brings pixel tiles
         #[arg(value_name = "FORM", value_enum)]
         pub backward: crate::raster::Backward,
-        /// In blending, leave out splats in the blocks of a pixel tile where they do not show [default: blocks]; the picture is the same
-        #[arg(value_name = "WHERE", value_enum)]
-        pub culling: crate::raster::Culling,
         /// Order of the splats in memory, which changes the speed and not the result [default: morton]
         #[arg(value_name = "ORDER", value_enum)]
         pub splat_order: crate::scene::SplatOrder,
@@ -308,6 +335,15 @@ pub struct Settings {
     /// The device.
     #[command(flatten)]
     pub device: DeviceChoice,
+    /// The machine beside it.
+    #[command(flatten)]
+    pub host: HostChoice,
+    /// How it draws.
+    #[command(flatten)]
+    pub blending: BlendingForms,
+    /// How it steps.
+    #[command(flatten)]
+    pub stepping: SteppingForms,
 }
 
 impl Shortcuts {

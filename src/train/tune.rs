@@ -97,10 +97,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     let times = measure(gpu, input, settings, &candidates)?;
     let variants = faster(default, &times);
     // With forms named on the command line it is no choice among all.
-    let device = &settings.device;
-    let free = device.tile_shape.is_none()
-        && device.gradient_sum.is_none()
-        && device.backward.is_none()
+    let (blending, stepping) = (&settings.blending, &settings.stepping);
+    let free = blending.tile_shape.is_none()
+        && stepping.gradient_sum.is_none()
+        && stepping.backward.is_none()
         && default.approximation == Approximation::NONE;
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
@@ -115,9 +115,9 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
     let mut all = vec![default];
     for possible in Variants::possible(gpu) {
         let mut asked = settings.clone();
-        asked.device.tile_shape = asked.device.tile_shape.or(Some(possible.tile));
-        asked.device.gradient_sum = asked.device.gradient_sum.or(Some(possible.gradients));
-        asked.device.backward = asked.device.backward.or(Some(possible.backward));
+        asked.blending.tile_shape = asked.blending.tile_shape.or(Some(possible.tile));
+        asked.stepping.gradient_sum = asked.stepping.gradient_sum.or(Some(possible.gradients));
+        asked.stepping.backward = asked.stepping.backward.or(Some(possible.backward));
         let possible = Variants { approximation: default.approximation, ..possible };
         if chosen_variants(gpu, &asked).ok() == Some(possible) && !all.contains(&possible) {
             all.push(possible);

@@ -27,7 +27,7 @@ fn schedule(order: SplatOrder) -> Settings {
     s.model.sh_interval = 1;
     s.density.densify_interval = 12;
     s.density.opacity_reset_interval = 20;
-    s.device.splat_order = Some(order);
+    s.stepping.splat_order = Some(order);
     s
 }
 

@@ -169,7 +169,7 @@ fn order_in_memory_changes_no_bit() {
             let mut s = settings(60);
             s.density.grad_threshold = 5e-5;
             s.density.max_splats = max_splats;
-            s.device.splat_order = Some(order);
+            s.stepping.splat_order = Some(order);
             run(&gpu, input.clone(), &s, Pacing::default())
         };
         let (birth, morton) = (ordered(SplatOrder::Birth), ordered(SplatOrder::Morton));

@@ -49,7 +49,7 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
         knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),
         knob("sums by compare-and-swap", "--gradient-sum compare-and-swap", |s| {
-            s.device.gradient_sum = Some(GradientSum::CompareAndSwap);
+            s.stepping.gradient_sum = Some(GradientSum::CompareAndSwap);
         }),
         knob("growth by the published threshold", "--growth threshold", |s| s.density.growth = Growth::Threshold),
     ];
@@ -57,12 +57,12 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
     let atomic = Variants { gradients: GradientSum::Atomic, ..chosen };
     if chosen != atomic && Variants::possible(gpu).contains(&atomic) {
         all.push(knob("sums by float atomics", "--gradient-sum atomic", |s| {
-            s.device.gradient_sum = Some(GradientSum::Atomic);
+            s.stepping.gradient_sum = Some(GradientSum::Atomic);
         }));
     }
     // On processors many times slower, to the same pictures: the tables of pictures and gradients have them there.
     if gpu.caps().kind != DeviceKind::Cpu {
-        all.push(knob("tiles of 8x8", "--tile-shape column", |s| s.device.tile_shape = Some(TileShape::Column)));
+        all.push(knob("tiles of 8x8", "--tile-shape column", |s| s.blending.tile_shape = Some(TileShape::Column)));
     }
     all
 }

@@ -81,6 +81,9 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
 fn settings(args: &Args) -> Settings {
     let mut settings = Settings { photographs: args.photographs.clone(), ..Settings::of_method(Method::Lean) };
     settings.device = args.device.clone();
+    settings.host = args.host.clone();
+    settings.blending = args.blending.clone();
+    settings.stepping = args.stepping.clone();
     settings.run.iterations = args.train_steps.max(1);
     settings.run.scale_schedule = true;
     settings.run.seed = args.seed;

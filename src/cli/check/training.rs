@@ -62,7 +62,7 @@ fn planned(
     settings: &Settings,
     problems: &mut Vec<String>,
 ) -> Result<Training, psrgs_vk::train::Error> {
-    let memory = HostMemory::new(settings.device.host_memory.map(|bytes| bytes.0));
+    let memory = HostMemory::new(settings.host.host_memory.map(|bytes| bytes.0));
     let points = prepare::initial(dataset, settings)?;
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     // Stereo has not been run: about as many splats as it is to add, where there are points.

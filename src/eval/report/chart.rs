@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::Curve;
 use super::text::{grouped, rounded, tick};
+use super::{Curve, CurveForm};
 use crate::format::markup::escape;
 
 const WIDTH: f64 = 420.0;
@@ -15,7 +15,7 @@ const BOTTOM: f64 = 34.0;
 /// Points drawn at most; longer curves are drawn by the mean of their parts, with the range as a band.
 const PARTS: usize = 240;
 
-/// Dots drawn at most: of longer curves every so many-th value.
+/// Dots and steps drawn at most: of longer curves every so many-th value.
 const DOTS: usize = 1000;
 
 /// Values over a stretch of steps.
@@ -38,7 +38,7 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
     let (Some(first), Some(last)) = (points.first(), points.last()) else {
         return format!("<figure class=\"chart\">{heading}<p class=\"empty\">no values</p></figure>");
     };
-    let parts = if curve.scattered { some(&points) } else { parts(&points) };
+    let parts = if curve.form == CurveForm::Line { parts(&points) } else { some(&points) };
     let low = parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min);
     let high = parts.iter().map(|p| p.high).fold(f64::NEG_INFINITY, f64::max);
     // A range that starts near zero is drawn from zero.
@@ -89,11 +89,12 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         let outline: Vec<String> = upper.chain(lower).collect();
         let _ = write!(svg, "<polygon class=\"band\" points=\"{}\"/>", outline.join(" "));
     }
-    if !curve.scattered {
-        let line: Vec<String> = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.mean))).collect();
+    let corners = corners(&parts, curve.form);
+    if !corners.is_empty() {
+        let line: Vec<String> = corners.iter().map(|(x, y)| format!("{:.1},{:.1}", sx(*x), sy(*y))).collect();
         let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
     }
-    if curve.scattered || parts.len() <= 24 {
+    if curve.form == CurveForm::Dots || curve.form == CurveForm::Line && parts.len() <= 24 {
         for p in &parts {
             let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"/>", sx(p.step), sy(p.mean));
         }
@@ -122,6 +123,18 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         escape(&summary),
         data.join(";")
     )
+}
+
+/// The points that a line joins.
+fn corners(parts: &[Part], form: CurveForm) -> Vec<(f64, f64)> {
+    let mut corners: Vec<(f64, f64)> = Vec::new();
+    for part in parts.iter().filter(|_| form != CurveForm::Dots) {
+        if let (CurveForm::Steps, Some(&(_, before))) = (form, corners.last()) {
+            corners.push((part.step, before));
+        }
+        corners.push((part.step, part.mean));
+    }
+    corners
 }
 
 fn parts(points: &[(f64, f64)]) -> Vec<Part> {
@@ -189,8 +202,18 @@ mod tests {
         let long = figure(&curve((0..5000).map(|k| (f64::from(k), f64::from(k % 7))).collect()), 2, 5000.0);
         assert!(long.contains("class=\"band\"") && long.len() < 40_000);
         let of_photographs = (0..60).map(|k| (f64::from(k), f64::from(k % 7))).collect();
-        let dots = figure(&Curve { scattered: true, ..curve(of_photographs) }, 0, 60.0);
+        let dots = figure(&Curve { form: CurveForm::Dots, ..curve(of_photographs) }, 0, 60.0);
         assert_eq!(dots.matches("class=\"dot\"").count(), 60);
         assert!(!dots.contains("polyline"), "a line would tell of a change from one photograph to the next");
+    }
+
+    #[test]
+    fn a_number_that_holds_goes_in_steps() {
+        let part = |step: f64, mean: f64| Part { step, mean, low: mean, high: mean };
+        let parts = [part(0.0, 5.0), part(10.0, 7.0), part(20.0, 2.0)];
+        let steps = [(0.0, 5.0), (10.0, 5.0), (10.0, 7.0), (20.0, 7.0), (20.0, 2.0)];
+        assert_eq!(corners(&parts, CurveForm::Steps), steps);
+        assert_eq!(corners(&parts, CurveForm::Line), [(0.0, 5.0), (10.0, 7.0), (20.0, 2.0)]);
+        assert_eq!(corners(&parts, CurveForm::Dots), []);
     }
 }

@@ -33,8 +33,20 @@ pub struct Curve {
     pub unit: String,
     /// Step and value, by ascending step.
     pub points: Vec<(f64, f64)>,
-    /// Whether neighbouring values are of different things, a photograph each, say: dots, which no line joins.
-    pub scattered: bool,
+    /// How it is drawn.
+    pub form: CurveForm,
+}
+
+/// How the values of a curve go together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurveForm {
+    /// One value goes over into the next: a line.
+    #[default]
+    Line,
+    /// A value holds until the next: a line in steps.
+    Steps,
+    /// Neighbouring values are of different things, a photograph each, say: dots, which no line joins.
+    Dots,
 }
 
 /// Depth (z in the camera frame, dataset units), row-major; 0 or not finite where there is no surface.

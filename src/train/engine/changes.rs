@@ -82,6 +82,6 @@ impl Engine {
     }
 
     pub(super) fn splat_order(&self) -> SplatOrder {
-        self.settings.device.splat_order.unwrap_or_default()
+        self.settings.stepping.splat_order.unwrap_or_default()
     }
 }

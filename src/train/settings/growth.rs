@@ -98,7 +98,7 @@ group! {
         /// The threshold for splits where it is not that for clones
         #[arg(value_name = "G")]
         pub split_grad_threshold: f64,
-        /// Stop growing at this many splats
+        /// Have at most this many splats, those to begin with included; only a model of --init stays whole
         #[arg(value_name = "N")]
         pub max_splats: u32,
         /// Splats grow only near this cloud: a laser scan in the dataset's coordinates (PLY, LAS or LAZ), or mvs for the surfaces that

@@ -8,12 +8,12 @@ use crate::vk::{FloatAtomics, Gpu};
 /// The forms that the settings ask for, and what suits the device where they ask for nothing.
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
-    let device = &settings.device;
+    let (blending, stepping) = (&settings.blending, &settings.stepping);
     let variants = Variants::choose(gpu, run.deterministic).with(
-        device.tile_shape,
-        device.gradient_sum,
-        device.backward,
-        device.culling,
+        blending.tile_shape,
+        stepping.gradient_sum,
+        stepping.backward,
+        blending.culling,
     );
     let variants = Variants { approximation: settings.shortcuts.approximation(), ..variants };
     if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
