@@ -88,6 +88,30 @@ fn terms_of_the_plan_are_those_of_the_known_rows() {
     assert!(plan.per_pixel >= 36.0 && plan.per_pixel < 160.0, "{} B per pixel", plan.per_pixel);
 }
 
+/// Under `--max-splats` no room is planned and made for more: not at the start, and not when growth comes to it.
+#[test]
+fn no_room_is_made_for_more_splats_than_are_allowed() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 64, 48, 400);
+    let mut settings = settings(30);
+    settings.density.max_splats = Some(1000);
+    assert_eq!(plan(&gpu, &input, &settings, Pacing::default()).capacities.0, 1000);
+    settings.density.max_splats = Some(100);
+    assert_eq!(plan(&gpu, &input, &settings, Pacing::default()).capacities.0, 400, "those to begin with");
+    settings.density.max_splats = Some(700);
+    let start = Pacing { splat_capacity: 650, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, input, &settings, start, None).expect("a training");
+    let (mut made, mut most) = (Vec::new(), 0);
+    while let Some(message) = trainer.next_message().expect("training goes on") {
+        match message {
+            Message::Grown { what: "splats", capacity, .. } => made.push(capacity),
+            Message::Density { splats, .. } => most = most.max(splats),
+            _ => (),
+        }
+    }
+    assert_eq!((made, most), (vec![700], 700));
+}
+
 /// A device with so many bytes less than what the plan of a default training on it says, and the limit.
 fn limited(bytes: u64) -> Option<Gpu> {
     common::gpu_with(|options| options.max_device_memory = Some(bytes))

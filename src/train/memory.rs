@@ -144,7 +144,8 @@ impl Needs {
 
     /// Capacities for splats and pairs at the start.
     pub(super) fn at_start(&self, variants: Variants, initial: u32, pacing: Pacing) -> Result<(u32, u32), Error> {
-        let most = self.most_splats(variants).unwrap_or(u32::MAX).min(most_splats(&self.gpu)).max(initial);
+        let asked = self.settings.density.max_splats.unwrap_or(u32::MAX);
+        let most = self.most_splats(variants).unwrap_or(u32::MAX).min(most_splats(&self.gpu)).min(asked).max(initial);
         let splats = match pacing.splat_capacity {
             0 => initial.saturating_add(initial / 2).max(1 << 14).min(most),
             given => given.max(initial),

@@ -33,7 +33,7 @@ impl Engine {
             let limit = most_splats(&self.gpu);
             let wanted = words[counters::WANT_SPLATS];
             let planned = larger(wanted, size.splats, limit, "splats", "--max-splats")?;
-            let planned = planned.min(self.most_splats.unwrap_or(u32::MAX));
+            let planned = planned.min(self.limit().unwrap_or(u32::MAX));
             match self.needs.splats(variants, size.pairs, wanted, planned) {
                 Some(splats) => {
                     size.splats = splats;
@@ -52,7 +52,7 @@ impl Engine {
     pub(super) fn room_for(&mut self, wanted: u32, words: &[u32]) -> Result<u32, Error> {
         if wanted > self.size.splats {
             let planned = larger(wanted, self.size.splats, most_splats(&self.gpu), "splats", "--max-splats")?;
-            let planned = planned.min(self.most_splats.unwrap_or(u32::MAX));
+            let planned = planned.min(self.limit().unwrap_or(u32::MAX));
             let variants = self.renderer.variants();
             match self.needs.splats(variants, self.size.pairs, wanted, planned) {
                 Some(splats) => self.resize(variants, Size { splats, ..self.size }, words)?,
