@@ -3,7 +3,7 @@
 
   tools/bench/parts_table.py
 
-Files: parts-320-1500-val-SCENE-PART-s0.json beside parts-320-1500-val-SCENE-psrgs-s0.json (nothing left out), and of earlier forms of psrgs ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
+Files: parts-320-1500-val-SCENE-PART-sSEED.json beside parts-320-1500-val-SCENE-psrgs-sSEED.json (nothing left out), and of earlier forms of psrgs ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
 ablate-160-1500-val-SCENE-psrgs-paper-PART-s0.json beside ablate-160-1500-val-SCENE-psrgs-paper-s0.json,
 wide-ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json, and
 each-look-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside each-look-compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
@@ -52,6 +52,27 @@ def parts(whole, changed):
     print()
 
 
+def interval(values, digits):
+    """Mean and 95 % interval of paired differences; a star where it has no zero in it."""
+    n, mean = len(values), sum(values) / len(values)
+    half = quantile(n - 1) * math.sqrt(sum((v - mean) ** 2 for v in values) / (n - 1) / n)
+    return f"{mean:+.{digits}f} [{mean - half:+.{digits}f}, {mean + half:+.{digits}f}]{' *' if abs(mean) > half else ''}"
+
+
+def with_seeds(whole, changed):
+    """Parts that have been left out in three seeds of every scene."""
+    print("| with, minus without | PSNR, dB | SSIM | LPIPS | PSNR by scene | pairs |\n|" + "---|" * 6)
+    for part in PARTS:
+        pairs = {scene: [(run(whole.format(scene, seed)), run(changed.format(scene, part, seed))) for seed in range(3)] for scene in SCENES}
+        if not all(a and b for of in pairs.values() for a, b in of):
+            continue
+        every = [pair for of in pairs.values() for pair in of]
+        cells = [interval([a[m] - b[m] for a, b in every], DIGITS.get(m, 4)) for m in ("psnr", "ssim", "lpips_squeeze")]
+        scenes = ", ".join(f"{scene} {sum(a['psnr'] - b['psnr'] for a, b in of) / 3:+.2f}" for scene, of in pairs.items())
+        print(f"| {part} | {' | '.join(cells)} | {scenes} | {len(every)} |")
+    print()
+
+
 def beside_lean():
     print("| lean with | scene | seed | PSNR, psrgs | PSNR, lean | SSIM, psrgs | SSIM, lean | LPIPS, psrgs | LPIPS, lean | GMSD, psrgs | GMSD, lean "
           "| splats of psrgs | CPU time of psrgs |\n|" + "---|" * 13)
@@ -70,18 +91,13 @@ def beside_lean():
                     differences.setdefault((title, metric), []).append(psrgs[metric] - lean[metric])
     print("\n| psrgs - lean | PSNR, dB | psnr_cc, dB | SSIM | LPIPS | GMSD | PSNR where texture is, dB | pairs |\n|" + "---|" * 8)
     for title in ("as many splats", "as much time"):
-        cells = []
-        for metric in METRICS:
-            values = differences[title, metric]
-            n, mean = len(values), sum(values) / len(values)
-            half = quantile(n - 1) * math.sqrt(sum((v - mean) ** 2 for v in values) / (n - 1) / n)
-            digits = DIGITS.get(metric, 4)
-            cells.append(f"{mean:+.{digits}f} [{mean - half:+.{digits}f}, {mean + half:+.{digits}f}]{' *' if abs(mean) > half else ''}")
-        print(f"| {title} | {' | '.join(cells)} | {n} |")
+        cells = [interval(differences[title, metric], DIGITS.get(metric, 4)) for metric in METRICS]
+        print(f"| {title} | {' | '.join(cells)} | {len(differences[title, METRICS[0]])} |")
 
 
 if __name__ == "__main__":
     parts("parts-320-1500-val-{}-psrgs-s0", "parts-320-1500-val-{}-{}-s0")
+    with_seeds("parts-320-1500-val-{}-psrgs-s{}", "parts-320-1500-val-{}-{}-s{}")
     parts("rim-320-1500-val-{}-both-s0", "ablate-320-1500-val-{}-psrgs-{}-s0")
     parts("ablate-160-1500-val-{}-psrgs-paper-s0", "ablate-160-1500-val-{}-psrgs-paper-{}-s0")
     parts("starts-320-1500-val-{}-60k-5e-4-s0", "wide-ablate-320-1500-val-{}-psrgs-{}-s0")
