@@ -1,4 +1,4 @@
-//! Numbers of bytes as people write them: `6GiB`, `800M` or plain digits. K, M, G and T are powers of 1024.
+//! Numbers of bytes as people write them (`6GiB`, `800M` or plain digits) and read them. K, M, G and T are powers of 1024.
 
 /// The units, and by how many bits each is more than a byte.
 pub(crate) const UNITS: [(&str, u32); 4] = [("T", 40), ("G", 30), ("M", 20), ("K", 10)];
@@ -15,4 +15,10 @@ pub(crate) fn parse(word: &str) -> Option<u64> {
     };
     let bytes = digits.parse::<f64>().ok()? * (1_u64 << shift) as f64;
     (1.0..u64::MAX as f64).contains(&bytes).then_some(bytes as u64)
+}
+
+/// Bytes as people read them.
+pub(crate) fn readable(bytes: u64) -> String {
+    let mib = bytes as f64 / f64::from(1 << 20);
+    if mib >= 1024.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.1} MiB") }
 }

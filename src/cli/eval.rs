@@ -1,29 +1,31 @@
 //! `psrgs-vk eval`: scores of a model on held-out photographs.
 
-use std::path::{Path, PathBuf};
+mod results;
+mod tables;
+
+use std::path::PathBuf;
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role, Warning};
-use psrgs_vk::eval::{
-    self, ExposureScores, Geometry, GeometryTruth, ImageScore, Metrics, ReportData, ReportError, ViewPanel, geometry,
-    mean, mean_if_all,
-};
+use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
+use psrgs_vk::eval::{Geometry, GeometryTruth, geometry};
 use psrgs_vk::format::atomic;
 use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Scoring, Split};
-use psrgs_vk::train::{View, prepare, score};
+use psrgs_vk::train::{View, prepare};
 
 use super::colour::Colour;
 use super::console::{self, Console};
 use super::drawing::DrawingArgs;
 use super::exit::Failure;
-use super::exposed::{self, Exposed, ExposureArgs};
+use super::exposed::{self, ExposureArgs};
+use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
-use super::model_file::ModelFile;
-use super::model_frame::{FrameArgs, ModelFrame};
+use super::model_file::{Drawn, ModelFile};
+use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
 use super::run_folder::{REPORT, SETTINGS};
 use super::score_size::SizeArgs;
-use super::{device, out_folder, outputs, progress, trained_as};
+use super::{device, out_folder, progress, trained_as};
+use results::Scored;
 
 /// Score a model on the held-out photographs of a dataset
 #[derive(clap::Args)]
@@ -70,73 +72,15 @@ pub(crate) struct Args {
     pub(crate) blending: BlendingForms,
 }
 
-/// What `--json` writes.
-#[derive(Debug, serde::Serialize)]
-struct Scores<'a> {
-    model: &'a Path,
-    scene: String,
-    split: Split,
-    /// The coordinates that the model was taken to be in.
-    frame: String,
-    background: String,
-    /// What transparent pixels of photographs were taken to be.
-    transparent: String,
-    antialias: bool,
-    test_images: usize,
-    /// Size of the first held-out view.
-    width: u32,
-    height: u32,
-    device: &'a str,
-    splats: usize,
-    bytes: u64,
-    /// Means, as in `metrics.json`.
-    psnr: Option<f64>,
-    psnr_cc: Option<f64>,
-    ssim: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lpips_squeeze: Option<f64>,
-    gmsd: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    psnr_high_frequency: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    exposures: Option<ExposureScores>,
-    #[serde(flatten)]
-    geometry: Geometry,
-    images: &'a [ImageScore],
-}
-
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
-    args.json.as_deref().map(atomic::check).transpose()?;
-    if let Some(folder) = args.out.as_deref().filter(|folder| folder.join(SETTINGS).is_file()) {
-        return Err(Failure::Usage(format!(
-            "--out {}: that is the folder of a training, whose report and renders would be replaced; choose another folder",
-            folder.display()
-        ))
-        .into());
-    }
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
-    if model.splats() == 0 {
-        return Err(Failure::Input(format!(
-            "{}: the model has no splats: there is nothing to score",
-            args.model.display()
-        ))
-        .into());
-    }
+    may_be_written(args)?;
+    let model = model_with_splats(args, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
-    let dataset = Dataset::load(&args.data, &options)?;
-    args.out.as_deref().map(|out| out_folder::check(out, &dataset)).transpose()?;
-    if dataset.views_of(Role::HeldOut).next().is_none() {
-        return Err(nothing_held_out(args, &dataset));
-    }
+    let dataset = dataset_with_held_out(args, &options)?;
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
-    let mut share = prepare::host_share(&dataset, Role::HeldOut, &args.host);
-    let views = prepare::views(&dataset, Role::HeldOut, &mut share)?;
-    prepare::left_out(&dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
+    let views = held_out_views(args, &dataset, console)?;
     tell(args, &dataset, &views, console);
-    let by_side = options.sizing.is_none();
-    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, by_side) {
-        console.warn(line);
-    }
+    warn_of_differences(args, &options, console);
     let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
@@ -144,109 +88,70 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,
     };
-    let mut exposed = Exposed::new(exposures);
-    let (mut images, mut panels) = (Vec::new(), Vec::new());
+    let mut comparison = Comparison::new(&gpu, &mut lpips, exposures, pictures, views.len(), console);
     let bar = progress::counter(console, views.len(), "photographs");
-    for (i, view) in views.iter().enumerate() {
-        let picture = exposed.picture(view, drawn.picture(&view.camera, pictures.is_some())?)?;
-        match &pictures {
-            Some(pictures) => {
-                let mut panel = pictures.held_out(i, view, &picture)?;
-                panel.lpips_squeeze = lpips.measure(&gpu, view, panel.render.as_raw(), console);
-                images.push(panel.score());
-                panels.push(panel.among(views.len()));
-            }
-            None => {
-                let rgb = picture.rgb8();
-                let lpips_squeeze = lpips.measure(&gpu, view, &rgb, console);
-                images.push(ImageScore { lpips_squeeze, ..score(view, &*view.photograph.pixels()?, &rgb) });
-            }
-        }
+    for view in &views {
+        // Depth and normals are drawn where they are written.
+        comparison.add(view, drawn.picture(&view.camera, args.out.is_some())?)?;
         bar.inc(1);
     }
     bar.finish_and_clear();
     drawn.warn_if_unseen(&args.model, &args.data, console);
-    let truth = GeometryTruth::find(&dataset, &options)?;
-    let geometry = match truth.is_empty() {
-        true => Geometry::default(),
-        false => geometry::measure(&truth, &model.in_scene(&dataset.frame), |camera| {
-            anyhow::Ok(drawn.picture(camera, true)?)
-        })?,
-    };
-    console::print(&table(&images))?;
-    if let Some(scores) = exposed.scores() {
-        console.say(exposed::line(&scores));
-    }
-    if geometry != Geometry::default() {
-        console::print(&geometry_table(&geometry))?;
-    }
+    let compared = comparison.end();
+    let geometry = known_geometry(&dataset, &options, &model, &mut drawn)?;
+    tell_scores(&compared, &geometry, console)?;
 
     let size = views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
-    let scene = outputs::scene_name(&dataset);
+    let scored = Scored { args, model: &model, dataset: &dataset, gpu: &gpu, size, compared, geometry };
     if let Some(file) = &args.json {
-        let scores = Scores {
-            model: &args.model,
-            scene: scene.clone(),
-            split: args.photographs.split,
-            frame: model.frame.to_string(),
-            background: args.background.to_string(),
-            transparent: args.photographs.transparent.to_string(),
-            antialias: model.antialias,
-            test_images: images.len(),
-            width: size.0,
-            height: size.1,
-            device: &gpu.caps().device,
-            splats: model.splats(),
-            bytes: model.bytes,
-            psnr: mean(images.iter().map(|i| i.psnr)),
-            psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
-            ssim: mean(images.iter().map(|i| i.ssim)),
-            lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
-            gmsd: mean_if_all(images.iter().map(|i| i.gmsd)),
-            psnr_high_frequency: mean_if_all(images.iter().map(|i| i.psnr_high_frequency)),
-            exposures: exposed.scores(),
-            geometry,
-            images: &images,
-        };
-        let text = serde_json::to_string_pretty(&scores)?;
-        atomic::write(file, |out| writeln!(out, "{text}"))?;
+        scored.write_json(file)?;
     }
     if let Some(folder) = &args.out {
-        let metrics = Metrics {
-            method: file_name(&args.model),
-            iterations: 0,
-            scene,
-            train_images: dataset.views_of(Role::Train).count(),
-            test_images: 0,
-            width: size.0,
-            height: size.1,
-            seed: 0,
-            device: gpu.caps().device.clone(),
-            forms: None,
-            psnr: None,
-            psnr_cc: None,
-            ssim: None,
-            lpips_squeeze: None,
-            gmsd: None,
-            psnr_high_frequency: None,
-            splats: model.splats(),
-            bytes: model.bytes,
-            seconds: started.elapsed().as_secs_f64(),
-            seconds_stereo: 0.0,
-            seconds_saliency: 0.0,
-            seconds_per_iteration: 0.0,
-            peak_device_bytes: gpu.memory_use().peak,
-            peak_host_bytes: eval::peak_host_bytes(),
-            streaming: None,
-            exposures: exposed.scores(),
-            geometry,
-            images: Vec::new(),
-        }
-        .with_images(images);
-        report(args, &model.frame, &dataset, metrics, panels, &folder.join(REPORT))?;
+        scored.write_report(&folder.join(REPORT), started)?;
         console.say(format_args!("pictures and report in {}", folder.display()));
     }
     Ok(())
+}
+
+/// That the places for results can be written and hold no training, before any work is done for them.
+fn may_be_written(args: &Args) -> anyhow::Result<()> {
+    args.json.as_deref().map(atomic::check).transpose()?;
+    match args.out.as_deref().filter(|folder| folder.join(SETTINGS).is_file()) {
+        Some(folder) => Err(Failure::Usage(format!(
+            "--out {}: that is the folder of a training, whose report and renders would be replaced; choose another folder",
+            folder.display()
+        ))
+        .into()),
+        None => Ok(()),
+    }
+}
+
+/// The model, which has something to score.
+fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile> {
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
+    if model.splats() == 0 {
+        let text = format!("{}: the model has no splats: there is nothing to score", args.model.display());
+        return Err(Failure::Input(text).into());
+    }
+    Ok(model)
+}
+
+/// The dataset, which has photographs to score by and is not where results go.
+fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<Dataset> {
+    let dataset = Dataset::load(&args.data, options)?;
+    args.out.as_deref().map(|out| out_folder::check(out, &dataset)).transpose()?;
+    if dataset.views_of(Role::HeldOut).next().is_none() {
+        return Err(nothing_held_out(args, &dataset));
+    }
+    Ok(dataset)
+}
+
+/// The held-out photographs. Warns of those that are left out and of pixels that do not count.
+fn held_out_views(args: &Args, dataset: &Dataset, console: &Console) -> anyhow::Result<Vec<View>> {
+    let mut share = prepare::host_share(dataset, Role::HeldOut, &args.host);
+    let views = prepare::views(dataset, Role::HeldOut, &mut share)?;
+    prepare::left_out(dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
+    Ok(views)
 }
 
 /// Which photographs the model is compared with.
@@ -276,6 +181,7 @@ fn warnings(dataset: &Dataset) -> impl Iterator<Item = &Warning> {
     dataset.warnings.iter().filter(|warning| !warning.is_of_training())
 }
 
+/// Why there is nothing to score by.
 fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
     if args.photographs.split == Split::None {
         return Failure::Usage("--split none holds no photograph out: there is nothing to score".into()).into();
@@ -284,62 +190,36 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
     Failure::Input(format!("{}: with {views} photographs none is held out to be scored", args.data.display())).into()
 }
 
-/// Each photograph and the means.
-fn table(images: &[ImageScore]) -> String {
-    let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
-    let with_lpips = images.iter().any(|i| i.lpips_squeeze.is_some());
-    let row = |name: &str, psnr, fitted, ssim, lpips: Option<f64>| {
-        let mut row = vec![name.to_owned(), decibels(psnr), decibels(fitted), format!("{ssim:.4}")];
-        row.extend(with_lpips.then(|| lpips.map_or_else(String::new, |v| format!("{v:.4}"))));
-        row
-    };
-    let mut rows = vec![["photograph", "PSNR, dB", "colours fitted", "SSIM"].map(str::to_owned).to_vec()];
-    rows[0].extend(with_lpips.then(|| "LPIPS".to_owned()));
-    rows.extend(images.iter().map(|i| row(&i.name, i.psnr, i.psnr_cc, i.ssim, i.lpips_squeeze)));
-    let mean_of = |value: fn(&ImageScore) -> f64| mean(images.iter().map(value));
-    if let (Some(psnr), Some(ssim)) = (mean_of(|i| i.psnr), mean_of(|i| i.ssim)) {
-        let lpips = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
-        rows.push(row("mean", psnr, mean_of(|i| i.psnr_cc).unwrap_or(f64::INFINITY), ssim, lpips));
+/// Warns where the model is scored otherwise than it was trained.
+fn warn_of_differences(args: &Args, options: &LoadOptions, console: &Console) {
+    let by_side = options.sizing.is_none();
+    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, by_side) {
+        console.warn(line);
     }
-    console::table(&rows)
 }
 
-/// What is known of the geometry.
-fn geometry_table(geometry: &Geometry) -> String {
-    let mut rows = vec![["geometry", "against the truth"].map(str::to_owned).to_vec()];
-    rows.extend(geometry.rows().into_iter().map(|(name, value)| vec![name.to_owned(), value]));
-    console::table(&rows)
-}
-
-fn report(
-    args: &Args,
-    frame: &ModelFrame,
+/// Compares the model with the ground truth beside the dataset, if there is any.
+fn known_geometry(
     dataset: &Dataset,
-    metrics: Metrics,
-    views: Vec<ViewPanel>,
-    file: &Path,
-) -> Result<(), ReportError> {
-    let setting = |name: &str, value: String| (name.to_owned(), value);
-    let data = ReportData {
-        title: format!("{} on {}", metrics.method, metrics.scene),
-        settings: vec![
-            setting("model", args.model.display().to_string()),
-            setting("data", args.data.display().to_string()),
-            setting("size", format!("{}x{}", metrics.width, metrics.height)),
-            setting("split", args.photographs.split.to_string()),
-            setting("background", args.background.to_string()),
-            setting("transparent pixels", args.photographs.transparent.to_string()),
-            setting("coordinates", frame.to_string()),
-        ],
-        curves: Vec::new(),
-        files: Vec::new(),
-        notes: warnings(dataset).map(ToString::to_string).collect(),
-        views,
-        metrics,
-    };
-    eval::write_report(&data, file)
+    options: &LoadOptions,
+    model: &ModelFile,
+    drawn: &mut Drawn,
+) -> anyhow::Result<Geometry> {
+    let truth = GeometryTruth::find(dataset, options)?;
+    if truth.is_empty() {
+        return Ok(Geometry::default());
+    }
+    geometry::measure(&truth, &model.in_scene(&dataset.frame), |camera| Ok(drawn.picture(camera, true)?))
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+/// Prints what came of the comparisons.
+fn tell_scores(compared: &Compared, geometry: &Geometry, console: &Console) -> anyhow::Result<()> {
+    console::print(&tables::scores(&compared.images))?;
+    if let Some(scores) = &compared.exposures {
+        console.say(exposed::line(scores));
+    }
+    if *geometry != Geometry::default() {
+        console::print(&tables::geometry(geometry))?;
+    }
+    Ok(())
 }

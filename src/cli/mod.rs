@@ -13,6 +13,7 @@ mod drawing;
 mod eval;
 mod exit;
 mod exposed;
+mod held_out;
 mod info;
 mod interrupt;
 mod lpips;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::cloud::Bounds;
-use super::memory::readable;
+use crate::byte_size::readable;
 use crate::{dataset, format, scene, vk};
 
 /// An error of training.

@@ -15,6 +15,7 @@ use super::input::{Input, Outline};
 use super::pacing::Pacing;
 use super::photographs::{Photographs, Residency};
 use super::settings::Settings;
+use crate::byte_size::readable;
 use crate::dataset::Depth;
 use crate::raster::{Variants, Viewer, most_pairs, most_splats};
 use crate::scene::Camera;
@@ -291,12 +292,6 @@ pub(super) fn is_lack_of_memory(error: &Error) -> bool {
             | Error::TooMany { .. }
             | Error::Device(vk::Error::OutOfDeviceMemory { .. } | vk::Error::BufferTooLarge { .. })
     )
-}
-
-/// Bytes as people read them.
-pub(super) fn readable(bytes: u64) -> String {
-    let mib = bytes as f64 / f64::from(1 << 20);
-    if mib >= 1024.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.1} MiB") }
 }
 
 impl fmt::Display for MemoryPlan {

@@ -11,7 +11,7 @@ mod ready;
 mod recovery;
 mod streaming;
 
-pub use checkpoint::Checkpointed;
+pub use checkpoint::{Checkpointed, Restart};
 pub use evaluate::score;
 pub use history::History;
 pub use message::Message;
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::Error;
-use super::engine::{Engine, State};
+use super::engine::Engine;
 use super::input::{Input, PerceptualBy, TrainedOn, View};
 use super::memory::MemoryCost;
 use super::pacing::Pacing;
@@ -35,23 +35,6 @@ use crate::raster::{Picture, Variants};
 use crate::saliency;
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{Gpu, SubmitOrder, Ticket};
-
-/// What a resumed training begins with.
-#[derive(Clone)]
-pub struct Restart {
-    /// Last step that is done.
-    pub step: u32,
-    /// Seconds spent so far.
-    pub seconds: f64,
-    /// Everything the device holds between steps.
-    pub state: State,
-    /// The variant set in use: a run goes on with the forms of the passes it began with.
-    pub variants: Variants,
-    /// The curves so far.
-    pub history: History,
-    /// What it has looked at; `None` where that is not known.
-    pub trained_on: Option<TrainedOn>,
-}
 
 /// A running training.
 pub struct Trainer {

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{MemoryPlan, readable};
+use super::MemoryPlan;
+use crate::byte_size::readable;
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
 use crate::stereo::Room;

@@ -1,11 +1,12 @@
-//! A training as a checkpoint and back.
+//! A training as a checkpoint and back, and what a resumed one begins with.
 
-use super::{History, Restart};
+use super::History;
 use crate::format::checkpoint::Checkpoint;
 use crate::pass::counters;
 use crate::raster::{PLANES, Variants};
 use crate::train::Error;
 use crate::train::engine::State;
+use crate::train::input::TrainedOn;
 use crate::train::settings::Settings;
 
 /// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
@@ -14,13 +15,29 @@ const MOMENTS: [&str; 2] = ["m_", "v_"];
 const SCORES: &str = "scores";
 /// Section of the exposures, where there are any.
 const EXPOSURES: &str = "exposures";
-
 /// Section of the learned widths of the saliency filter, where there are any.
 const SIGMA: &str = "sigma";
 /// Section of the depths and normals that were propagated, where there are any.
 const PRIORS: &str = "priors";
 /// Section of the photographs that are trained on; older checkpoints have none.
 const VIEWS: &str = "views";
+
+/// What a resumed training begins with.
+#[derive(Clone)]
+pub struct Restart {
+    /// Last step that is done.
+    pub step: u32,
+    /// Seconds spent so far.
+    pub seconds: f64,
+    /// Everything the device holds between steps.
+    pub state: State,
+    /// The variant set in use: a run goes on with the forms of the passes it began with.
+    pub variants: Variants,
+    /// The curves so far.
+    pub history: History,
+    /// What it has looked at; `None` where that is not known.
+    pub trained_on: Option<TrainedOn>,
+}
 
 /// What a checkpoint of a training holds.
 pub struct Checkpointed {

@@ -1,0 +1,169 @@
+//! What is written of a scored model: JSON, and the report beside its pictures.
+
+use std::path::Path;
+use std::time::Instant;
+
+use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::eval::{self, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, mean, mean_if_all};
+use psrgs_vk::format::atomic;
+use psrgs_vk::train::settings::Split;
+use psrgs_vk::vk::Gpu;
+
+use super::{Args, warnings};
+use crate::cli::held_out::Compared;
+use crate::cli::model_file::ModelFile;
+use crate::cli::outputs;
+
+/// A model that was scored.
+pub(super) struct Scored<'a> {
+    pub(super) args: &'a Args,
+    pub(super) model: &'a ModelFile,
+    pub(super) dataset: &'a Dataset,
+    pub(super) gpu: &'a Gpu,
+    /// Size of the first held-out view.
+    pub(super) size: (u32, u32),
+    /// The held-out photographs against the model.
+    pub(super) compared: Compared,
+    /// The geometry against the truth, as far as there is one.
+    pub(super) geometry: Geometry,
+}
+
+/// What `--json` writes.
+#[derive(Debug, serde::Serialize)]
+struct Scores<'a> {
+    model: &'a Path,
+    scene: String,
+    split: Split,
+    /// The coordinates that the model was taken to be in.
+    frame: String,
+    background: String,
+    /// What transparent pixels of photographs were taken to be.
+    transparent: String,
+    antialias: bool,
+    test_images: usize,
+    /// Size of the first held-out view.
+    width: u32,
+    height: u32,
+    device: &'a str,
+    splats: usize,
+    bytes: u64,
+    /// Means, as in `metrics.json`.
+    psnr: Option<f64>,
+    psnr_cc: Option<f64>,
+    ssim: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lpips_squeeze: Option<f64>,
+    gmsd: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    psnr_high_frequency: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exposures: Option<ExposureScores>,
+    #[serde(flatten)]
+    geometry: Geometry,
+    images: &'a [ImageScore],
+}
+
+impl Scored<'_> {
+    /// Writes the scores as JSON.
+    pub(super) fn write_json(&self, file: &Path) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(&self.scores())?;
+        Ok(atomic::write(file, |out| writeln!(out, "{text}"))?)
+    }
+
+    /// Writes the report, whose seconds are counted from `started`.
+    pub(super) fn write_report(self, file: &Path, started: Instant) -> Result<(), ReportError> {
+        let metrics = self.metrics(started).with_images(self.compared.images);
+        let data = ReportData {
+            title: format!("{} on {}", metrics.method, metrics.scene),
+            settings: settings(self.args, self.model, &metrics),
+            curves: Vec::new(),
+            files: Vec::new(),
+            notes: warnings(self.dataset).map(ToString::to_string).collect(),
+            views: self.compared.panels,
+            metrics,
+        };
+        eval::write_report(&data, file)
+    }
+
+    /// The scores as `--json` has them.
+    fn scores(&self) -> Scores<'_> {
+        let (args, images) = (self.args, &self.compared.images);
+        Scores {
+            model: &args.model,
+            scene: outputs::scene_name(self.dataset),
+            split: args.photographs.split,
+            frame: self.model.frame.to_string(),
+            background: args.background.to_string(),
+            transparent: args.photographs.transparent.to_string(),
+            antialias: self.model.antialias,
+            test_images: images.len(),
+            width: self.size.0,
+            height: self.size.1,
+            device: &self.gpu.caps().device,
+            splats: self.model.splats(),
+            bytes: self.model.bytes,
+            psnr: mean(images.iter().map(|i| i.psnr)),
+            psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
+            ssim: mean(images.iter().map(|i| i.ssim)),
+            lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
+            gmsd: mean_if_all(images.iter().map(|i| i.gmsd)),
+            psnr_high_frequency: mean_if_all(images.iter().map(|i| i.psnr_high_frequency)),
+            exposures: self.compared.exposures,
+            geometry: self.geometry,
+            images,
+        }
+    }
+
+    /// The numbers of the report but for those of its images: no steps, as nothing was trained.
+    fn metrics(&self, started: Instant) -> Metrics {
+        Metrics {
+            method: file_name(&self.args.model),
+            iterations: 0,
+            scene: outputs::scene_name(self.dataset),
+            train_images: self.dataset.views_of(Role::Train).count(),
+            test_images: 0,
+            width: self.size.0,
+            height: self.size.1,
+            seed: 0,
+            device: self.gpu.caps().device.clone(),
+            forms: None,
+            psnr: None,
+            psnr_cc: None,
+            ssim: None,
+            lpips_squeeze: None,
+            gmsd: None,
+            psnr_high_frequency: None,
+            splats: self.model.splats(),
+            bytes: self.model.bytes,
+            seconds: started.elapsed().as_secs_f64(),
+            seconds_stereo: 0.0,
+            seconds_saliency: 0.0,
+            seconds_per_iteration: 0.0,
+            peak_device_bytes: self.gpu.memory_use().peak,
+            peak_host_bytes: eval::peak_host_bytes(),
+            streaming: None,
+            exposures: self.compared.exposures,
+            geometry: self.geometry,
+            images: Vec::new(),
+        }
+    }
+}
+
+/// What was asked for, as the report names it.
+fn settings(args: &Args, model: &ModelFile, metrics: &Metrics) -> Vec<(String, String)> {
+    let setting = |name: &str, value: String| (name.to_owned(), value);
+    vec![
+        setting("model", args.model.display().to_string()),
+        setting("data", args.data.display().to_string()),
+        setting("size", format!("{}x{}", metrics.width, metrics.height)),
+        setting("split", args.photographs.split.to_string()),
+        setting("background", args.background.to_string()),
+        setting("transparent pixels", args.photographs.transparent.to_string()),
+        setting("coordinates", model.frame.to_string()),
+    ]
+}
+
+/// What a model is called in the report: its file's name.
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}

@@ -1,0 +1,91 @@
+//! A training under way: its messages told, and its end where the user wants one.
+
+use psrgs_vk::train::{Message, Trainer};
+use psrgs_vk::vk::Gpu;
+
+use crate::cli::console::Console;
+use crate::cli::exit::Failure;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::progress::Progress;
+use crate::cli::train::Plan;
+
+/// Pulls messages until the end; gives the seconds of training. `done` is the last step of an earlier stretch.
+pub(super) fn follow(
+    trainer: &mut Trainer,
+    plan: &Plan,
+    gpu: &Gpu,
+    console: &Console,
+    interrupt: &Interrupt,
+    done: u32,
+) -> anyhow::Result<f64> {
+    let run = &plan.settings.run;
+    let mut progress = Progress::new(console, done, run.iterations);
+    let mut seconds = 0.0;
+    while let Some(message) = trainer.next_message()? {
+        tell(&message, &mut progress);
+        match message {
+            Message::Step { step, seconds: now, .. } => {
+                seconds = now;
+                if plan.lose_device_at == Some(step) {
+                    gpu.pretend_lost();
+                }
+                if progress.wants_estimate(step) {
+                    progress.estimate(step, now, gpu.memory_use().current, !run.no_densify);
+                }
+                if interrupt.asked() && step < run.iterations {
+                    progress.finish();
+                    return Err(stopped(trainer, plan)?.into());
+                }
+            }
+            Message::Finished { seconds: now, .. } => seconds = now,
+            _ => {}
+        }
+    }
+    progress.finish();
+    Ok(seconds)
+}
+
+/// Saves what is done; that the user has stopped the run, and how it goes on.
+fn stopped(trainer: &mut Trainer, plan: &Plan) -> anyhow::Result<Failure> {
+    let (step, file) = trainer.save_checkpoint()?;
+    Ok(Failure::Interrupted(format!(
+        "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
+        file.display(),
+        plan.out.display()
+    )))
+}
+
+/// What a message says to the user.
+fn tell(message: &Message, progress: &mut Progress) {
+    match message {
+        Message::Step { step, loss, splats, seconds, .. } => progress.step(*step, *loss, *splats, *seconds),
+        Message::Density { step, cloned, split, pruned, splats } => progress
+            .detail(format_args!("step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats")),
+        Message::Sigma { step, learned } => progress.detail(format_args!(
+            "step {step}: sigma {:.2} for photograph {} (loss {:.4})",
+            learned.sigma, learned.view, learned.loss
+        )),
+        Message::Propagated { step, added, share, splats } => progress.detail(format_args!(
+            "step {step}: depths of {:.1} % of a photograph propagated, {added} splats added: {splats} splats",
+            100.0 * share
+        )),
+        Message::Skirted { step, added, splats } => progress
+            .detail(format_args!("step {step}: {added} splats added where no photograph looks: {splats} splats")),
+        Message::Pruned { step, dropped, splats } => progress
+            .detail(format_args!("step {step}: {dropped} splats dropped for their weight or size: {splats} splats")),
+        Message::HarmonicsSettled { step, full, splats } => progress
+            .detail(format_args!("step {step}: {full} of {splats} splats have spherical harmonics above degree 1")),
+        Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
+        Message::Grown { what, capacity, replay_from } => {
+            progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));
+        }
+        Message::Evaluated { step, quality, splats, .. } => {
+            progress.evaluated(*step, quality.psnr, quality.ssim, *splats);
+        }
+        Message::Checkpoint { step, path } => {
+            progress.detail(format_args!("step {step}: saved {}", path.display()));
+        }
+        Message::Warning(text) => progress.warn(text),
+        Message::Finished { .. } => {}
+    }
+}

@@ -1,0 +1,156 @@
+//! What is told of a training before its first step.
+
+use indicatif::HumanCount;
+use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::raster::Variants;
+use psrgs_vk::train::settings::DepthPrior;
+use psrgs_vk::train::{Estimate, Input, MemoryPlan, Settings, StereoReport, chosen_variants, prepare};
+use psrgs_vk::vk::Gpu;
+
+use super::beginning::Beginning;
+use crate::cli::console::Console;
+use crate::cli::progress::duration;
+
+/// Steps of a training from which on a few more are taken before it to tell its time.
+const WORTH_TIMING: u32 = 1000;
+
+/// Share of the first splats near a cloud below which it may be shifted.
+const FEW_NEAR: f64 = 0.1;
+
+/// What the dataset holds, and its warnings.
+pub(super) fn dataset(dataset: &Dataset, console: &Console) {
+    let count = |role| dataset.views_of(role).count();
+    let size = dataset.views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
+    let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
+    console.say(format_args!(
+        "{}: {} dataset, {} photographs to train on, {} held out, {}x{} from {images}, {} points",
+        dataset.path.display(),
+        dataset.format,
+        count(Role::Train),
+        count(Role::HeldOut),
+        size.0,
+        size.1,
+        HumanCount(dataset.points.len() as u64),
+    ));
+    if let Some(masks) = &dataset.masks {
+        console.say(format_args!("masks: {} of {} (from {})", masks.matched, masks.of, masks.place.display()));
+    }
+    for line in dataset.deep_photographs() {
+        console.say(line);
+    }
+    for problem in dataset.problems(&dataset.sights()) {
+        console.warn(problem);
+    }
+}
+
+/// What depths there are to train with.
+pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
+    let prior = settings.geometry.depth_prior;
+    if let (Some(cloud), Some(lidar)) = (&found.cloud, &settings.density.lidar) {
+        console.say(format_args!(
+            "cloud from {lidar}: {} points; splats grow within {:.3} of it, as {:.1} % of the first ones are",
+            HumanCount(cloud.points as u64),
+            cloud.within,
+            100.0 * cloud.near
+        ));
+        if cloud.near < FEW_NEAR {
+            console.warn(format_args!(
+                "few of the first splats are near the cloud: a shift against the cameras (of heights, say) would show so; \
+                 --lidar-distance widens what counts as near"
+            ));
+        }
+    }
+    if prior == DepthPrior::None {
+        return;
+    }
+    let splats = match found.splats {
+        0 => String::new(),
+        n => format!("; {} splats more to begin with", HumanCount(n as u64)),
+    };
+    let splats = match found.surface {
+        Some(surface) => format!("; their surfaces would fill {surface:.1} photographs{splats}"),
+        None => splats,
+    };
+    let smaller =
+        found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
+    if prior == DepthPrior::Propagation {
+        console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
+    } else {
+        console.say(format_args!(
+            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels{splats}",
+            found.views,
+            100.0 * found.share
+        ));
+    }
+    if let [first, rest @ ..] = found.skipped.as_slice() {
+        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+        console.warn(format_args!(
+            "no depth is known of '{first}'{more}: no other photograph sees enough of the same from another place"
+        ));
+    }
+}
+
+/// What is trained, and what is to be known of the photographs and splats that it begins with.
+pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Console) {
+    let (settings, input) = (&beginning.settings, &beginning.input);
+    for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
+        prepare::left_out(dataset, role, views).iter().for_each(|warning| console.warn(warning));
+    }
+    console.say(format_args!(
+        "{}, {} steps, seed {}, {} splats to begin with",
+        settings.method_name(),
+        HumanCount(settings.run.iterations.into()),
+        settings.run.seed,
+        HumanCount(beginning.splats().into()),
+    ));
+    if beginning.restart.is_none() {
+        first_splats(beginning, dataset, console);
+    }
+}
+
+/// What is to be known of the splats that a training begins with which does not go on.
+fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
+    let (settings, input) = (&beginning.settings, &beginning.input);
+    if !input.sees_any() {
+        console.warn(
+            "no camera sees a splat to begin with: the points, or the model of --init, must be in the coordinates of the dataset's cameras",
+        );
+    }
+    if let Some(most) = settings.density.max_splats.filter(|most| input.initial.len() > *most as usize) {
+        console.warn(format_args!(
+            "--max-splats {most}: the model of --init has {} splats, which stay; none are added",
+            HumanCount(input.initial.len() as u64)
+        ));
+    }
+    let points = input.initial.len().saturating_sub(beginning.depths.splats);
+    if beginning.is_from_points() && points < dataset.points.len() {
+        console.say(format_args!(
+            "of {} points {} are taken, evenly, for the sake of --max-splats",
+            HumanCount(dataset.points.len() as u64),
+            HumanCount(points as u64)
+        ));
+    }
+}
+
+/// The device memory and the time that the training takes.
+pub(super) fn demands(beginning: &Beginning, gpu: &Gpu, console: &Console) -> anyhow::Result<()> {
+    let Beginning { settings, input, host, restart, .. } = beginning;
+    let variants = match restart {
+        Some(restart) => restart.variants,
+        None => chosen_variants(gpu, settings)?,
+    };
+    console.say(MemoryPlan::new(gpu, input, settings, variants, host.pacing, beginning.splats())?);
+    // Timed with the splats to begin with: of a model that has grown it says nothing.
+    if restart.is_none() && settings.run.iterations >= WORTH_TIMING {
+        estimate(gpu, input, settings, variants, console);
+    }
+    Ok(())
+}
+
+/// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.
+fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, console: &Console) {
+    if let Ok(Some(estimate)) = Estimate::measure(gpu, input, settings, variants) {
+        let seconds = estimate.seconds(settings.run.iterations);
+        console.say(format_args!("time: about {}: {estimate}", duration(seconds)));
+    }
+}
