@@ -13,8 +13,8 @@ use psrgs_vk::train::{Settings, prepare};
 
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::presets;
 use super::train::{METHOD, named};
-use super::{presets, train_run};
 use training::Training;
 
 /// Look at a dataset: what was found, what training takes, and what is wrong
@@ -148,7 +148,7 @@ fn unusable(dataset: &Dataset, settings: &Settings) -> Option<anyhow::Error> {
     match (decoded(Role::Train), decoded(Role::HeldOut)) {
         (Err(error), _) | (_, Err(error)) => Some(error.into()),
         (Ok(train), _) if !train.is_empty() && train.iter().all(Option::is_none) => {
-            Some(train_run::all_masked(&dataset.path).into())
+            Some(Failure::all_masked(&dataset.path, Role::Train).into())
         }
         _ => None,
     }

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
     let views = held_out_views(args, &dataset, console)?;
     tell(args, &dataset, &views, console);
-    warn_of_differences(args, &options, console);
+    warn_of_differences(args, &options, &dataset, console);
     let mut lpips = Lpips::find(&args.scoring, console)?;
     let gpu = device::open(&args.device, false, console)?;
     let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
@@ -150,6 +150,9 @@ fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<D
 fn held_out_views(args: &Args, dataset: &Dataset, console: &Console) -> anyhow::Result<Vec<View>> {
     let mut share = prepare::host_share(dataset, Role::HeldOut, &args.host);
     let views = prepare::views(dataset, Role::HeldOut, &mut share)?;
+    if views.is_empty() {
+        return Err(Failure::all_masked(&dataset.path, Role::HeldOut).into());
+    }
     prepare::left_out(dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     Ok(views)
 }
@@ -191,9 +194,10 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 }
 
 /// Warns where the model is scored otherwise than it was trained.
-fn warn_of_differences(args: &Args, options: &LoadOptions, console: &Console) {
-    let by_side = options.sizing.is_none();
-    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, by_side) {
+fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, console: &Console) {
+    let held_out = dataset.views_of(Role::HeldOut).map(|(_, view)| view.size_on_disk.0.max(view.size_on_disk.1));
+    let longest = held_out.max().filter(|_| options.sizing.is_none());
+    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, longest) {
         console.warn(line);
     }
 }

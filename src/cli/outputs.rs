@@ -10,7 +10,7 @@ use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::eval::{self, ExposureScores, Geometry, GeometryTruth, Metrics, geometry};
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::train::{Trainer, View, prepare};
+use psrgs_vk::train::{Settings, Trainer, View, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
@@ -20,11 +20,11 @@ use super::lpips::Lpips;
 use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, RENDERS, REPORT, RunFolder};
 use super::stages;
-use super::train::Plan;
 
 /// A training that came to its end.
 pub(crate) struct Finished<'a> {
-    pub(crate) plan: &'a Plan,
+    /// Those that it was trained with.
+    pub(crate) settings: &'a Settings,
     pub(crate) folder: &'a RunFolder,
     pub(crate) dataset: &'a Dataset,
     pub(crate) gpu: &'a Gpu,
@@ -95,7 +95,7 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer) -> anyhow::Result<Saved
     });
     let frame = run.dataset.frame;
     let file = run.folder.file(MODEL);
-    ply::save_staged(&file, &model, &frame, run.plan.settings.model.antialias, constrained)?;
+    ply::save_staged(&file, &model, &frame, run.settings.model.antialias, constrained)?;
     FrameFile::new(frame).write(&run.folder.file(FRAME_FILE))?;
     let exposures = trainer.exposures()?;
     if let Some(exposures) = &exposures {
@@ -125,7 +125,7 @@ fn compare(
 
 /// Compares the model with the ground truth beside the dataset, if there is any.
 fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
-    let options = prepare::load_options(&run.plan.settings.photographs, run.plan.settings.model.background.evaluated());
+    let options = prepare::load_options(&run.settings.photographs, run.settings.model.background.evaluated());
     let truth = GeometryTruth::find(run.dataset, &options)?;
     if truth.is_empty() {
         return Ok(Geometry::default());
@@ -142,7 +142,7 @@ fn metrics(
     geometry: Geometry,
     peak_device_bytes: u64,
 ) -> Metrics {
-    let settings = &run.plan.settings;
+    let settings = run.settings;
     let sized = trainer.held_out().first().map(|v| v.camera).or_else(|| run.dataset.views.first().map(|v| v.camera));
     Metrics {
         method: settings.method_name(),

@@ -31,7 +31,7 @@ pub(crate) fn add(
     views: &[View],
     panels: &mut [ViewPanel],
 ) -> anyhow::Result<()> {
-    let settings = &run.plan.settings;
+    let settings = run.settings;
     let (first, all) = (constrained as u32, model.len() as u32);
     let mut viewer = Viewer::with_variants(run.gpu, Variants::choose(run.gpu, false));
     let sets = [0..first, first..all].map(|rows| model.rows(&rows.collect::<Vec<_>>()));
@@ -61,11 +61,11 @@ pub(crate) fn add(
 
 /// The mask of a photograph as training would have it, in grey.
 fn mask(run: &Finished<'_>, view: &View) -> anyhow::Result<RgbImage> {
-    let frequencies = &run.plan.settings.frequencies;
+    let frequencies = &run.settings.frequencies;
     let (width, height) = (view.camera.width, view.camera.height);
     let settings = SaliencySettings::default();
     let luma = Plane::luma(width, height, view.photograph.pixels()?.as_ref())?.reduced(settings.side);
-    let found = frequencies.gate.mask(&luma, frequencies.sigma, run.plan.settings.run.seed, &settings)?;
+    let found = frequencies.gate.mask(&luma, frequencies.sigma, run.settings.run.seed, &settings)?;
     let whole = found.mask.resized(width, height);
     let grey = whole.values().iter().flat_map(|v| [(255.0 * v.clamp(0.0, 1.0)).round() as u8; 3]).collect();
     RgbImage::from_raw(width, height, grey).context("picture size")

@@ -5,8 +5,6 @@ mod follow;
 mod resume;
 mod told_before;
 
-pub(crate) use beginning::all_masked;
-
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -48,7 +46,7 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
             console.detail(format_args!("photographs: {streaming}"));
         }
         let finished = Finished {
-            plan,
+            settings: &settings,
             folder: &folder,
             dataset: &dataset,
             gpu: &gpu,

@@ -7,9 +7,14 @@ use psrgs_vk::train::settings::Photographs;
 
 use super::run_folder::SETTINGS;
 
-/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each. `same_size` unless the
-/// size is given by another rule than `--max-side`. A model without readable settings beside it is of another program: nothing is known.
-pub(crate) fn differences(model: &Path, scored: &Photographs, background: [f32; 3], same_size: bool) -> Vec<String> {
+/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each. `longest` is the longest
+/// side of a photograph that is scored, on disk, unless the size is given by another rule than `--max-side`. A model without readable settings beside it is of another program: nothing is known.
+pub(crate) fn differences(
+    model: &Path,
+    scored: &Photographs,
+    background: [f32; 3],
+    longest: Option<u32>,
+) -> Vec<String> {
     let Ok(trained) = Settings::read(&model.with_file_name(SETTINGS)) else { return Vec::new() };
     let photographs = &trained.photographs;
     let mut out = Vec::new();
@@ -19,7 +24,7 @@ pub(crate) fn differences(model: &Path, scored: &Photographs, background: [f32; 
             photographs.split, scored.split
         ));
     }
-    if same_size && photographs.max_side != scored.max_side {
+    if longest.is_some_and(|side| photographs.max_side.min(side) != scored.max_side.min(side)) {
         out.push(format!(
             "the model was trained with --max-side {}, and is scored with --max-side {}",
             photographs.max_side, scored.max_side
@@ -52,22 +57,23 @@ mod tests {
         let model = folder.path().join("point_cloud.ply");
         let mut trained = Settings::default();
         let scored = Photographs::default();
-        let told = |size| differences(&model, &scored, [0.0; 3], size).join("\n");
-        assert_eq!(told(true), "", "no settings beside it");
+        let told = |longest| differences(&model, &scored, [0.0; 3], longest).join("\n");
+        assert_eq!(told(Some(100)), "", "no settings beside it");
         let write = |settings: &Settings| {
             std::fs::write(folder.path().join(SETTINGS), settings.to_toml().expect("text")).expect("written");
         };
         write(&trained);
-        assert_eq!(told(true), "");
+        assert_eq!(told(Some(100)), "");
         trained.photographs.split = Split::Val;
         trained.photographs.max_side = 64;
         trained.photographs.transparent = Transparent::Background;
         trained.model.background = Background::White;
         write(&trained);
-        let said = told(true);
+        let said = told(Some(65));
         for words in ["--split val", "--max-side 64", "--transparent background", "--background white"] {
             assert!(said.contains(words), "{words}: {said}");
         }
-        assert!(!told(false).contains("--max-side"));
+        assert!(!told(None).contains("--max-side"));
+        assert!(!told(Some(64)).contains("--max-side"), "neither reduces anything");
     }
 }

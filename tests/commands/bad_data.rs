@@ -272,5 +272,11 @@ fn photographs_that_nothing_can_be_trained_on_are_told_by_check() {
     let out = data.path().join("run");
     for args in [&["check", text(data.path())][..], &train(data.path(), &out)] {
         fails(args, 3, &["every photograph to train on is masked all over", "--mask-ignores"]);
-    }
+    } // Scored would be none: no table of nothing.
+    let model = shared.run().join("point_cloud.ply");
+    fails(
+        &["eval", text(&model), text(data.path())],
+        3,
+        &["every held-out photograph is masked all over", "--mask-ignores"],
+    );
 }

@@ -145,6 +145,29 @@ fn a_run_that_fails_before_it_begins_costs_an_earlier_one_nothing() {
     assert!(content(&out) == before, "a run that failed has changed a file");
 }
 
+/// The splats of a run that goes on are those of its checkpoint.
+#[test]
+fn a_run_goes_on_without_the_file_that_it_began_with() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (init, out) = (folder.path().join("first.ply"), folder.path().join("run"));
+    fs::copy(shared.run().join("point_cloud.ply"), &init).expect("copied");
+    works(&[
+        "train",
+        text(&shared.data()),
+        "--init",
+        text(&init),
+        "--iterations",
+        "2",
+        "--scale-schedule=false",
+        "--out",
+        text(&out),
+    ]);
+    fs::remove_file(&init).expect("removed");
+    let said = works(&["train", "--resume", text(&out), "--iterations", "3"]);
+    assert!(said.contains("going on after step 2"), "{said}");
+}
+
 /// Splats that swell until their pairs no longer fit.
 #[test]
 fn device_memory_that_runs_out_while_training_ends_it_with_a_checkpoint() {

@@ -33,8 +33,9 @@ fn forms_chosen_by_timing_are_told_and_kept_with_the_run() {
     assert!(folder.path().join("cache/forms.json").exists());
     let read = |name: &str| fs::read_to_string(out.join(name)).expect("a file");
     let settings: toml::Table = read("settings.toml").parse().expect("settings");
-    let tile = settings["device"]["tile-shape"].as_str().expect("the shape").to_owned();
-    assert!(settings["device"].get("gradient-sum").is_some() && settings["run"]["tune"].as_str() == Some("again"));
+    let tile = settings["blending"]["tile-shape"].as_str().expect("the shape").to_owned();
+    assert!(settings["stepping"].get("gradient-sum").is_some() && settings["run"]["tune"].as_str() == Some("again"));
+    assert!(read("report.html").contains("gradient-sum"), "the report has the settings that were trained with");
     let metrics: serde_json::Value = serde_json::from_str(&read("metrics.json")).expect("JSON");
     assert!(metrics["forms"].as_str().is_some_and(|f| f.starts_with(&tile)), "{metrics}");
     // A resumed run keeps what it began with and times nothing.

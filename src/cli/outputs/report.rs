@@ -23,7 +23,7 @@ pub(super) fn data(
 ) -> anyhow::Result<ReportData> {
     Ok(ReportData {
         title: format!("{} on {}", metrics.method, metrics.scene),
-        settings: named_settings(&run.plan.settings.to_toml()?),
+        settings: named_settings(&run.settings.to_toml()?),
         curves: curves(history),
         files: files(exposures, sigmas.is_some()),
         notes: run.dataset.warnings.iter().map(ToString::to_string).chain(sigmas).collect(),

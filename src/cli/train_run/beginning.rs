@@ -1,12 +1,12 @@
 //! What a training begins with: its photographs and first splats, what is known of depths, and the settings that hang on these.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::perceptual::LpipsWeights;
-use psrgs_vk::train::settings::DepthPrior;
+use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::settings::{DepthPrior, LidarCloud};
 use psrgs_vk::train::{
     HostMemory, HostPlan, Input, MemoryPlan, Pacing, Restart, Settings, StereoReport, chosen_variants, prepare,
     take_stereo, tune,
@@ -63,13 +63,17 @@ impl Beginning {
         restart: Option<Restart>,
         console: &Console,
     ) -> anyhow::Result<Self> {
-        let initial = prepare::initial(dataset, settings)?;
+        let initial = match &restart {
+            // Its splats are those of the checkpoint: the file of the first ones may be gone.
+            Some(_) if settings.run.init.is_some() => Gaussians::default(),
+            _ => prepare::initial(dataset, settings)?,
+        };
         let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
         let host = host_plan(gpu, dataset, settings, splats)?;
         console.say(host);
         let input = prepare::input_within(dataset, initial, host.share)?;
         if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
-            return Err(all_masked(&dataset.path).into());
+            return Err(Failure::all_masked(&dataset.path, Role::Train).into());
         }
         let (settings, depths) = (settings.clone(), StereoReport::default());
         Ok(Self { settings, input, restart, host, depths, stereo_seconds: 0.0 })
@@ -90,12 +94,14 @@ impl Beginning {
     fn look_for_depths(&mut self, gpu: &Gpu, dataset: &Dataset, console: &Console) -> anyhow::Result<()> {
         let photographs = self.input.train.len();
         let begin = Instant::now();
-        if self.settings.geometry.depth_prior == DepthPrior::Stereo {
+        let matches = self.settings.geometry.depth_prior == DepthPrior::Stereo
+            || self.settings.density.lidar == Some(LidarCloud::Mvs);
+        if matches {
             console.say(format_args!("looking for depths in {photographs} photographs"));
         }
         let from_points = self.is_from_points();
         self.depths = take_stereo(gpu, dataset, &mut self.input, &self.settings, &self.host.share, from_points)?;
-        self.stereo_seconds = if self.depths.views > 0 { begin.elapsed().as_secs_f64() } else { 0.0 };
+        self.stereo_seconds = if matches || self.depths.views > 0 { begin.elapsed().as_secs_f64() } else { 0.0 };
         told_before::depths(&self.depths, &self.settings, photographs, console);
         Ok(())
     }
@@ -129,15 +135,6 @@ impl Beginning {
     pub(super) fn splats(&self) -> u32 {
         self.restart.as_ref().map_or(self.input.initial.len() as u32, |restart| restart.state.splats())
     }
-}
-
-/// That a dataset has no pixel to train on.
-pub(crate) fn all_masked(data: &Path) -> Failure {
-    Failure::Input(format!(
-        "{}: every photograph to train on is masked all over, by its mask or by its transparency (--mask-ignores says which colour of a \
-         mask leaves out, --transparent what transparent pixels are)",
-        data.display()
-    ))
 }
 
 /// How the training shares the host's memory.
