@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use indicatif::HumanCount;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{DeviceChoice, HostChoice, Method};
+use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Method, SteppingForms};
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
@@ -54,6 +54,10 @@ pub(crate) struct Args {
     device: DeviceChoice,
     #[command(flatten)]
     host: HostChoice,
+    #[command(flatten)]
+    blending: BlendingForms,
+    #[command(flatten)]
+    stepping: SteppingForms,
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
@@ -124,6 +128,8 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     settings.density.max_splats = Some(args.max_splats);
     settings.device = args.device.clone();
     settings.host = args.host.clone();
+    settings.blending = args.blending.clone();
+    settings.stepping = args.stepping.clone();
     args.method.apply(&mut settings, |key| key == "max-splats");
     settings.check()?;
     Ok(settings)
