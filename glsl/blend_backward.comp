@@ -185,19 +185,34 @@ void add_up(uint row, float column[16]) {
     }
 }
 #else
-// Adds each column over the subgroup; lane k passes column k on, so that a subgroup's atomics are few instructions.
+// Adds each column over the subgroup by a transposing butterfly: a step adds lanes that differ in one bit, of which those without it keep
+// the even columns and those with it the odd ones. That is one shuffle where sums column by column are log2(width) of them, and at the end
+// lane k has column k (narrow subgroups: and column k + 8), which it passes on.
 // Called by all threads with the same row.
+float butterfly(float x, float y, uint bit) {
+    const bool upper = (subgroup_lane() & bit) != 0u;
+    return (upper ? y : x) + subgroup_shuffle_xor(upper ? x : y, bit);
+}
+
 void add_up(uint row, float column[16]) {
     const uint lane = subgroup_lane();
-    float sums[15];
-    [[unroll]] for (uint c = 0u; c < 15u; ++c) {
-        const bool used = AUX != 0u || c != 9u && c < 12u;
-        sums[c] = used && (ABS != 0u || c != 10u && c != 11u) ? subgroup_add(column[c]) : 0.0;
+    // Columns 9 and 12 to 14 are those of AUX; without it columns 8 to 11 need two steps.
+    float pairs[8];
+    [[unroll]] for (uint c = 0u; c < 8u; ++c) {
+        const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
+        pairs[c] = used ? butterfly(column[2u * c], column[2u * c + 1u], 1u) : 0.0;
     }
-    for (uint first = 0u; first < 15u; first += subgroup_width()) {
-        float value = 0.0;
-        [[unroll]] for (uint c = 0u; c < 15u; ++c) value = c == first + lane ? sums[c] : value;
-        if (first + lane < 15u) put(row, first + lane, value);
+    const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
+    const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
+    const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
+    const uint columns = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
+    if (subgroup_width() < 16u) {
+        put(row, lane, first);
+        if (8u + lane < columns) put(row, 8u + lane, second);
+    } else {
+        float sum = butterfly(first, second, 8u);
+        for (uint bit = 16u; bit < subgroup_width(); bit *= 2u) sum += subgroup_shuffle_xor(sum, bit);
+        if (lane < columns) put(row, lane, sum);
     }
 }
 #endif

@@ -1,28 +1,26 @@
 #version 460
 //! variant runs
 //! variant groups RADIX_GROUPS
-//! variant groups_emulated RADIX_GROUPS SUBGROUP_EMULATED
 // radix_count: how often each digit occurs in each block of BLOCK consecutive keys, as a table [digit][block]: its prefix sum
 // is where a stable sort by the digit puts each block's keys.
-// runs (CPU devices): one thread owns a block and counts in private memory, digits up to 256; a workgroup owns 8 blocks.
-// groups: a workgroup owns a block of 128 * ITEMS keys, a thread ITEMS consecutive ones, digits up to 16.
+// Digits up to 256.
+// runs (CPU devices): one thread owns a block and counts in private memory; a workgroup owns 8 blocks.
+// groups: a workgroup owns a block of 256 * ITEMS keys, a thread every 256th of them, and counts in shared memory.
 #extension GL_GOOGLE_include_directive : require
 #ifdef RADIX_GROUPS
-#define LOCAL_SIZE 128
-#include "subgroup.glsl"
+#define LOCAL_SIZE 256
 #else
 #define LOCAL_SIZE 8
 #endif
 #include "common.glsl"
 #include "count.glsl"
 layout(local_size_x = LOCAL_SIZE) in;
+const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
 layout(constant_id = 0) const uint ITEMS = 8u;
-const uint MOST_DIGITS = 16u;
 shared uint histogram[MOST_DIGITS];
 #else
 layout(constant_id = 0) const uint BLOCK = 1024u;
-const uint MOST_DIGITS = 256u;
 #endif
 layout(set = 0, binding = 0) readonly buffer Keys { uint keys[]; };
 layout(set = 0, binding = 1) readonly buffer Counters { uint counters[]; };
@@ -40,19 +38,13 @@ void main() {
 #ifdef RADIX_GROUPS
     const uint block = group_index();
     const uint blocks = table_size(n, LOCAL_SIZE * ITEMS, 1u);
-    if (local_index() < MOST_DIGITS) histogram[local_index()] = 0u;
+    const uint begin = block * LOCAL_SIZE * ITEMS;
+    const uint valid = block < blocks ? min(n - begin, LOCAL_SIZE * ITEMS) : 0u;
+    histogram[local_index()] = 0u;
     barrier();
-    const uint first = (block * LOCAL_SIZE + local_index()) * ITEMS;
-    uint own[ITEMS];
     for (uint i = 0u; i < ITEMS; ++i) {
-        own[i] = 0xffffffffu;
-        if (block < blocks && first + i < n) own[i] = (keys[first + i] >> push.shift) & push.mask;
-    }
-    for (uint digit = 0u; digit < digits; ++digit) {
-        uint found = 0u;
-        for (uint i = 0u; i < ITEMS; ++i) found += uint(own[i] == digit);
-        const uint sum = subgroup_add(found);
-        if (subgroup_elect()) atomicAdd(histogram[digit], sum);
+        const uint at = i * LOCAL_SIZE + local_index();
+        if (at < valid) atomicAdd(histogram[(keys[begin + at] >> push.shift) & push.mask], 1u);
     }
     barrier();
     if (block < blocks && local_index() < digits) table[local_index() * blocks + block] = histogram[local_index()];

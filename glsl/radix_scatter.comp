@@ -4,13 +4,17 @@
 //! variant groups_emulated RADIX_GROUPS SUBGROUP_EMULATED
 // radix_scatter: moves keys and values to their places by one digit, keeping the order of equal digits. `places` is the prefix sum
 // of radix_count's table.
+// Digits up to 256.
 // runs (CPU devices): one thread owns a block of BLOCK keys and walks it with private places; a workgroup owns 8 blocks.
-// groups: a workgroup owns a block of 128 * ITEMS keys, a thread ITEMS consecutive ones. Each thread counts its digits in its own
-// column of 16-bit counters (digits d and d + 8 share a word), whose prefix sum over (digit, thread) ranks the keys (Merrill and
-// Grimshaw's ranking); the block is put in order in shared memory so that neighbours write to neighbouring places.
+// groups: a workgroup owns a block of 256 * ITEMS keys, a subgroup ITEMS consecutive rows of them, as wide as it has lanes, a thread
+// one column. The lanes whose keys have the same digit find each other by one vote per bit; the first of them adds their number to the
+// subgroup's counter of the digit. Prefix sums of the counters over subgroups and digits rank the keys; the block is put in order in
+// shared memory, first its keys and then its values, so that neighbours write to neighbouring places.
+// (Warp-level multi-split: Ashkiani et al. 2016; reduce-then-scan, so that no workgroup waits for another.)
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #ifdef RADIX_GROUPS
-#define LOCAL_SIZE 128
+#define LOCAL_SIZE 256
 #include "subgroup.glsl"
 #include "workgroup_sum.glsl"
 #else
@@ -19,15 +23,22 @@
 #include "common.glsl"
 #include "count.glsl"
 layout(local_size_x = LOCAL_SIZE) in;
+const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
 layout(constant_id = 0) const uint ITEMS = 8u;
-const uint LANES = 8u;  // words of counters per thread
-shared uint ranks[LANES * LOCAL_SIZE];
-shared uint block_keys[LOCAL_SIZE * ITEMS];
-shared uint block_vals[LOCAL_SIZE * ITEMS];
+#ifdef SUBGROUP_EMULATED
+const uint WIDTH = EMULATED_WIDTH;
+#else
+layout(constant_id = 1) const uint WIDTH = 32u;  // of subgroups
+#endif
+// 16-bit counters [subgroup][digit], of which the subgroups of the first and of the second half share a word; then what is put in order.
+const uint HALF = LOCAL_SIZE / WIDTH / 2u;
+const uint COUNTED = MOST_DIGITS * HALF;
+const uint STAGED = LOCAL_SIZE * ITEMS;
+shared uint words[COUNTED > STAGED ? COUNTED : STAGED];
+shared uint digit_places[MOST_DIGITS];
 #else
 layout(constant_id = 0) const uint BLOCK = 1024u;
-const uint MOST_DIGITS = 256u;
 #endif
 layout(set = 0, binding = 0) readonly buffer Keys { uint keys[]; };
 layout(set = 0, binding = 1) readonly buffer Vals { uint vals[]; };
@@ -42,6 +53,18 @@ layout(push_constant) uniform Push {
     uint mask;
     uint digits;  // rows of the table, more than mask
 } push;
+#ifdef RADIX_GROUPS
+// Of the lanes that `votes` names: how many there are, how many before this one, which is the first.
+uint votes_in(uvec4 votes) { return WIDTH <= 32u ? uint(bitCount(votes.x)) : ballot_count(votes); }
+uint votes_before(uvec4 votes) {
+    return WIDTH <= 32u ? uint(bitCount(votes.x & ((1u << subgroup_lane()) - 1u))) : ballot_before(votes);
+}
+uint first_vote(uvec4 votes) {
+    return votes.x != 0u ? uint(findLSB(votes.x)) : votes.y != 0u ? 32u + uint(findLSB(votes.y)) :
+        votes.z != 0u ? 64u + uint(findLSB(votes.z)) : 96u + uint(findLSB(votes.w));
+}
+#endif
+
 void main() {
     const uint n = push.source == NO_COUNTER ? push.count : counters[push.source];
 #ifdef RADIX_GROUPS
@@ -49,59 +72,88 @@ void main() {
     const uint blocks = table_size(n, LOCAL_SIZE * ITEMS, 1u);
     const uint begin = block * LOCAL_SIZE * ITEMS;
     const uint valid = block < blocks ? min(n - begin, LOCAL_SIZE * ITEMS) : 0u;
-    // Counters lie in the order of the workgroup's sums, so a thread's place among the keys is its rank, not its local index.
-    const uint rank = workgroup_rank();
-    for (uint lane = 0u; lane < LANES; ++lane) ranks[lane * LOCAL_SIZE + rank] = 0u;
+    const uint own = subgroup_number();
+    const uint own_row = own % HALF * MOST_DIGITS;
+    const uint own_shift = own / HALF * 16u;
+    const uint lane = subgroup_lane();
+    const uint first = own * WIDTH * ITEMS + lane;
+    for (uint i = local_index(); i < COUNTED; i += LOCAL_SIZE) words[i] = 0u;
     uint own_key[ITEMS];
+    uint own_val[ITEMS];
     uint own_place[ITEMS];
     for (uint i = 0u; i < ITEMS; ++i) {
-        const uint at = rank * ITEMS + i;
-        // What lies past the end ranks behind every key: it has the highest digit and comes last.
+        const uint at = first + i * WIDTH;
+        // What lies past the end has the highest digit and comes last of it, so behind every key.
         own_key[i] = 0xffffffffu;
-        uint digit = 15u;
+        own_val[i] = 0u;
         if (at < valid) {
             own_key[i] = keys[begin + at];
-            digit = (own_key[i] >> push.shift) & push.mask;
+            own_val[i] = vals[begin + at];
         }
-        const uint word = (digit & 7u) * LOCAL_SIZE + rank;
-        const uint half_shift = (digit >> 3) * 16u;
-        const uint before = ranks[word];
-        own_place[i] = (before >> half_shift) & 0xffffu;
-        ranks[word] = before + (1u << half_shift);
+    }
+    const uvec4 all = subgroup_ballot(true);
+    barrier();
+    for (uint i = 0u; i < ITEMS; ++i) {
+        const uint digit = (own_key[i] >> push.shift) & push.mask;
+        uvec4 same = all;
+        [[unroll]] for (uint bit = 0u; bit < 8u; ++bit) {
+            if ((push.mask >> bit & 1u) == 0u) break;
+            const bool set = (digit >> bit & 1u) != 0u;
+            const uvec4 votes = subgroup_ballot(set);
+            same &= set ? votes : ~votes;
+        }
+        const uint before = votes_before(same);
+        uint counted = 0u;
+        if (before == 0u) counted = atomicAdd(words[own_row + digit], votes_in(same) << own_shift);
+        own_place[i] = before + (subgroup_shuffle(counted, first_vote(same)) >> own_shift & 0xffffu);
+        subgroup_meet();
     }
     barrier();
-    uint sum = 0u;
-    for (uint i = 0u; i < LANES; ++i) sum += ranks[rank * LANES + i];
+    // One thread per digit, in the order of the workgroup's sums.
+    const uint digit_of_thread = workgroup_rank();
+    uvec2 sums = uvec2(0u);
+    for (uint s = 0u; s < HALF; ++s) {
+        const uint counted = words[s * MOST_DIGITS + digit_of_thread];
+        sums += uvec2(counted & 0xffffu, counted >> 16);
+    }
     uint total;
-    uint running = workgroup_exclusive_add(sum, total);
-    // The high halves (digits 8 to 15) begin after all of the low ones.
-    running += total << 16;
-    for (uint i = 0u; i < LANES; ++i) {
-        const uint word = ranks[rank * LANES + i];
-        ranks[rank * LANES + i] = running;
-        running += word;
+    const uint start = workgroup_exclusive_add(sums.x + sums.y, total);
+    uvec2 running = uvec2(start, start + sums.x);
+    for (uint s = 0u; s < HALF; ++s) {
+        const uint counted = words[s * MOST_DIGITS + digit_of_thread];
+        words[s * MOST_DIGITS + digit_of_thread] = running.x | running.y << 16;
+        running += uvec2(counted & 0xffffu, counted >> 16);
+    }
+    const bool used = block < blocks && digit_of_thread < push.digits;
+    // Modulo 2^32: with a key's place in the block added it is the key's place.
+    digit_places[digit_of_thread] = (used ? places[digit_of_thread * blocks + block] : 0u) - start;
+    barrier();
+    for (uint i = 0u; i < ITEMS; ++i) {
+        own_place[i] += words[own_row + ((own_key[i] >> push.shift) & push.mask)] >> own_shift & 0xffffu;
     }
     barrier();
     for (uint i = 0u; i < ITEMS; ++i) {
-        const uint at = rank * ITEMS + i;
+        if (first + i * WIDTH < valid) words[own_place[i]] = own_key[i];
+    }
+    barrier();
+    uint to[ITEMS];
+    for (uint i = 0u; i < ITEMS; ++i) {
+        const uint at = i * LOCAL_SIZE + local_index();
+        to[i] = 0u;
         if (at < valid) {
-            const uint digit = (own_key[i] >> push.shift) & push.mask;
-            const uint place = own_place[i] + ((ranks[(digit & 7u) * LOCAL_SIZE + rank] >> ((digit >> 3) * 16u)) & 0xffffu);
-            block_keys[place] = own_key[i];
-            block_vals[place] = vals[begin + at];
+            const uint key = words[at];
+            to[i] = digit_places[(key >> push.shift) & push.mask] + at;
+            keys_out[to[i]] = key;
         }
+    }
+    barrier();
+    for (uint i = 0u; i < ITEMS; ++i) {
+        if (first + i * WIDTH < valid) words[own_place[i]] = own_val[i];
     }
     barrier();
     for (uint i = 0u; i < ITEMS; ++i) {
         const uint at = i * LOCAL_SIZE + local_index();
-        if (at < valid) {
-            const uint key = block_keys[at];
-            const uint digit = (key >> push.shift) & push.mask;
-            const uint start = (ranks[(digit & 7u) * LOCAL_SIZE] >> ((digit >> 3) * 16u)) & 0xffffu;
-            const uint to = places[digit * blocks + block] + (at - start);
-            keys_out[to] = key;
-            vals_out[to] = block_vals[at];
-        }
+        if (at < valid) vals_out[to[i]] = words[at];
     }
 #else
     const uint block = global_index();

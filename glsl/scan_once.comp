@@ -1,11 +1,17 @@
 #version 460
 //! variant subgroup
+//! variant subgroup_wide WIDE
 //! variant emulated SUBGROUP_EMULATED
 // scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three. A total that
 // is more than a word holds becomes the largest word.
-// The workgroup walks over the words; in each turn a thread owns ITEMS consecutive ones.
+// The workgroup walks over the words; in each turn a thread owns ITEMS consecutive ones. WIDE: 512 threads instead of 64, for GPUs, which
+// wait for memory in every turn.
 #extension GL_GOOGLE_include_directive : require
+#ifdef WIDE
+#define LOCAL_SIZE 512
+#else
 #define LOCAL_SIZE 64
+#endif
 #include "subgroup.glsl"
 #include "workgroup_sum.glsl"
 #include "common.glsl"

@@ -33,6 +33,9 @@ float subgroup_shuffle(float x, uint lane) { return subgroupShuffle(x, lane); }
 bool subgroup_any(bool x) { return subgroupAny(x); }
 bool subgroup_all(bool x) { return subgroupAll(x); }
 uvec4 subgroup_ballot(bool x) { return subgroupBallot(x); }
+float subgroup_shuffle_xor(float x, uint bit) { return subgroupShuffleXor(x, bit); }
+// What lanes wrote to shared memory before is there for the others of the subgroup after.
+void subgroup_meet() { subgroupBarrier(); }
 
 #else
 
@@ -110,6 +113,9 @@ uvec4 subgroup_ballot(bool x) {
     barrier();
     return bits;
 }
+
+float subgroup_shuffle_xor(float x, uint bit) { return subgroup_shuffle(x, subgroup_lane() ^ bit); }
+void subgroup_meet() { barrier(); }
 
 bool subgroup_any(bool x) { return subgroup_ballot(x).xy != uvec2(0u); }
 bool subgroup_all(bool x) { return subgroup_ballot(!x).xy == uvec2(0u); }

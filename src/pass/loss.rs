@@ -57,6 +57,9 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
+/// Strips that fill the largest devices several times over.
+const ENOUGH_STRIPS: u64 = 4096;
+
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -71,14 +74,20 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// For a device's subgroup width. Wide devices need many subgroups at work; those of 8 lanes are processors with few cores.
+    /// For a device's subgroup width.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
-        Self { width, height, lanes, segment: Self::segment_for(lanes) }
+        Self { width, height, lanes, segment: Self::segment_for(width, height, lanes) }
     }
 
-    /// SEGMENT for a subgroup width.
-    pub const fn segment_for(lanes: u32) -> u32 {
-        if lanes > 8 { 64 } else { 1024 }
+    /// SEGMENT for an image and a subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups at work,
+    /// which walk one row after the other: of small images short strips, though these read the 20 rows more often.
+    pub const fn segment_for(width: u32, height: u32, lanes: u32) -> u32 {
+        const SHORT: u32 = 16;
+        const LONG: u32 = 64;
+        if lanes <= 8 {
+            return 1024;
+        }
+        if width.div_ceil(lanes) as u64 * height.div_ceil(LONG) as u64 <= ENOUGH_STRIPS { SHORT } else { LONG }
     }
 
     /// Threads of the strips: one subgroup per strip.

@@ -1,7 +1,7 @@
 //! One digit of a stable radix sort of (key, value) words: table of digit counts, and the move.
 //!
 //! Between the two stands the prefix sum of the table. Two shapes: `RUNS` for CPU devices (a thread owns a block and private
-//! counters, digits of up to 8 bits) and `GROUPS` for GPUs (a workgroup owns a block, digits of up to 4 bits).
+//! counters) and `GROUPS` for GPUs (a workgroup owns a block). Digits have up to 8 bits.
 
 use super::{Pass, module};
 use crate::twin::TwinCall;
@@ -11,14 +11,12 @@ use crate::vk::{Binding, Constant, Kernel, read, write};
 pub const RUNS_LOCAL_SIZE: u32 = 8;
 /// Default of the constant `BLOCK`: keys per thread of the runs shape.
 pub const RUNS_BLOCK: u32 = 1024;
-/// Most bits of a digit in the runs shape.
-pub const RUNS_BITS: u32 = 8;
+/// Most bits of a digit.
+pub const MOST_BITS: u32 = 8;
 /// Threads in a workgroup of the groups shape.
-pub const GROUPS_LOCAL_SIZE: u32 = 128;
+pub const GROUPS_LOCAL_SIZE: u32 = 256;
 /// Default of the constant `ITEMS`: keys per thread of the groups shape.
 pub const GROUPS_ITEMS: u32 = 8;
-/// Most bits of a digit in the groups shape.
-pub const GROUPS_BITS: u32 = 4;
 
 crate::push_constants! {
     /// Push constants of the radix passes.
@@ -38,6 +36,8 @@ crate::push_constants! {
 
 const RUNS: &[Constant] = &[Constant { id: 0, name: "BLOCK", default: RUNS_BLOCK }];
 const GROUPS: &[Constant] = &[Constant { id: 0, name: "ITEMS", default: GROUPS_ITEMS }];
+const SUBGROUPS: &[Constant] =
+    &[Constant { id: 0, name: "ITEMS", default: GROUPS_ITEMS }, Constant { id: 1, name: "WIDTH", default: 32 }];
 const EMULATED: &[Constant] = &[
     Constant { id: 0, name: "ITEMS", default: GROUPS_ITEMS },
     Constant { id: 100, name: "EMULATED_WIDTH", default: 32 },
@@ -66,9 +66,9 @@ const fn pass(
         doc: if runs {
             "One thread owns BLOCK consecutive keys; a workgroup owns 8 blocks."
         } else {
-            "One thread owns ITEMS consecutive keys; a workgroup owns a block of 128 * ITEMS."
+            "One thread owns ITEMS keys; a workgroup owns a block of 256 * ITEMS."
         },
-        dispatch: if runs { "one thread per BLOCK keys" } else { "one workgroup per 128 * ITEMS keys" },
+        dispatch: if runs { "one thread per BLOCK keys" } else { "one workgroup per 256 * ITEMS keys" },
         push: Push::FIELDS,
         twin,
     }
@@ -78,13 +78,10 @@ const fn pass(
 pub const COUNT_RUNS: Pass = pass("radix_count_runs", COUNT, RUNS, crate::twin::radix::count_runs);
 /// Digit counts, groups shape.
 pub const COUNT_GROUPS: Pass = pass("radix_count_groups", COUNT, GROUPS, crate::twin::radix::count_groups);
-/// Digit counts, groups shape with emulated subgroups.
-pub const COUNT_GROUPS_EMULATED: Pass =
-    pass("radix_count_groups_emulated", COUNT, EMULATED, crate::twin::radix::count_groups);
 /// Move by a digit, runs shape.
 pub const SCATTER_RUNS: Pass = pass("radix_scatter_runs", SCATTER, RUNS, crate::twin::radix::scatter_runs);
-/// Move by a digit, groups shape.
-pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, GROUPS, crate::twin::radix::scatter_groups);
+/// Move by a digit, groups shape. WIDTH is the subgroup's.
+pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, SUBGROUPS, crate::twin::radix::scatter_groups);
 /// Move by a digit, groups shape with emulated subgroups.
 pub const SCATTER_GROUPS_EMULATED: Pass =
     pass("radix_scatter_groups_emulated", SCATTER, EMULATED, crate::twin::radix::scatter_groups);

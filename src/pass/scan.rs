@@ -9,6 +9,8 @@ use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 /// Threads in a workgroup.
 pub const LOCAL_SIZE: u32 = 64;
+/// Threads in the workgroup of [`ONCE_WIDE`].
+pub const WIDE_LOCAL_SIZE: u32 = 512;
 /// Default of the constant `ITEMS`: consecutive words per thread.
 pub const ITEMS: u32 = 16;
 
@@ -80,6 +82,13 @@ pub const SPINE_EMULATED: Pass =
 pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::add);
 /// The whole of it by one workgroup.
 pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+/// [`ONCE`] by a larger workgroup, for GPUs.
+pub const ONCE_WIDE: Pass = {
+    let narrow =
+        pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+    let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
+    Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
+};
 /// [`ONCE`] with emulated subgroups.
 pub const ONCE_EMULATED: Pass =
     pass("scan_once_emulated", ONCE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::once);

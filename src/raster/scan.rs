@@ -7,6 +7,9 @@ use crate::vk::{Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Pipeline, 
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
 
+/// Words of a thread of the wide form in a turn.
+const WIDE_ITEMS: u32 = 4;
+
 /// How many words there are, and the dispatches that cover them.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent<'a> {
@@ -89,7 +92,17 @@ impl Scan {
             ),
         };
         if most <= most_at_once(gpu.caps().kind) {
-            return Ok(Scan { form: Form::Once(gpu.pipeline(&once.kernel, width.as_slice())?) });
+            let caps = gpu.caps();
+            let wide = caps.kind != DeviceKind::Cpu
+                && width.is_none()
+                && caps.limits.workgroup_size >= pass::WIDE_LOCAL_SIZE
+                && pass::ONCE_WIDE.kernel.fits(&caps.limits, &[]);
+            let once = if wide {
+                gpu.pipeline(&pass::ONCE_WIDE.kernel, &[("ITEMS", WIDE_ITEMS)])?
+            } else {
+                gpu.pipeline(&once.kernel, width.as_slice())?
+            };
+            return Ok(Scan { form: Form::Once(once) });
         }
         let [reduce, spine, add] = kernels.map(|pass| gpu.pipeline(&pass.kernel, width.as_slice()));
         let bytes = 4 * most.div_ceil(u64::from(BLOCK)).max(1);

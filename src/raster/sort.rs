@@ -20,7 +20,10 @@ pub enum Shape {
 impl Shape {
     /// The shape for a device.
     pub fn of(caps: &Caps) -> Shape {
-        let room = || kernels(Shape::Groups, caps.subgroup).1.kernel.fits(&caps.limits);
+        let room = || {
+            let (_, scatter, width) = kernels(Shape::Groups, caps.subgroup);
+            caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, width.as_slice())
+        };
         if caps.kind == DeviceKind::Cpu || !room() { Shape::Runs } else { Shape::Groups }
     }
 
@@ -43,12 +46,8 @@ impl Shape {
     /// The digits of a sort by the lowest `bits` bits: as few as the shape allows, all of the same width but for the bits that
     /// the last one leaves out.
     pub fn digits(self, bits: u32) -> Digits {
-        let most = match self {
-            Shape::Runs => pass::RUNS_BITS,
-            Shape::Groups => pass::GROUPS_BITS,
-        };
         let bits = bits.min(32);
-        let passes = bits.div_ceil(most);
+        let passes = bits.div_ceil(pass::MOST_BITS);
         Digits { bits, passes, width: bits.div_ceil(passes.max(1)) }
     }
 
@@ -138,7 +137,7 @@ impl SortPasses {
         let (count, scatter, width) = kernels(shape, gpu.caps().subgroup);
         Ok(SortPasses {
             shape,
-            count: gpu.pipeline(&count.kernel, width.as_slice())?,
+            count: gpu.pipeline(&count.kernel, &[])?,
             scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
             scan: Scan::new(gpu, name, shape.table_words(most, bits))?,
         })
@@ -196,9 +195,11 @@ impl SortPasses {
 fn kernels(shape: Shape, subgroup: Subgroup) -> (&'static Pass, &'static Pass, Option<(&'static str, u32)>) {
     match (shape, subgroup) {
         (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
-        (Shape::Groups, Subgroup::Hardware(_)) => (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, None),
+        (Shape::Groups, Subgroup::Hardware(width)) => {
+            (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, Some(("WIDTH", width)))
+        }
         (Shape::Groups, Subgroup::Emulated(width)) => {
-            (&pass::COUNT_GROUPS_EMULATED, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
+            (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
         }
     }
 }

@@ -155,8 +155,8 @@ impl Variants {
     /// Whether a workgroup has as much shared memory as this form takes; also where the form is not there for other reasons.
     pub(crate) fn fits(self, gpu: &Gpu) -> bool {
         let limits = &gpu.caps().limits;
-        kernels::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits))
-            && kernels::blend_forward(gpu, self).pass.kernel.fits(limits)
+        kernels::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits, &[]))
+            && kernels::blend_forward(gpu, self).pass.kernel.fits(limits, &[])
     }
 
     /// What suits the device; `deterministic` allows only bit-reproducible forms.

@@ -110,16 +110,21 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Bytes of shared memory that a workgroup takes, with the constants' defaults; `None` where that cannot be told from the module.
-    pub fn shared_bytes(&self) -> Option<u32> {
-        let default = |id| self.constants.iter().find(|c| c.id == id).map(|c| c.default);
-        let bytes = shared_memory::bytes(&words(self.spirv.descriptors), default)?;
+    /// Bytes of shared memory that a workgroup takes, with the constants' defaults where none is given by name; `None` where that cannot
+    /// be told from the module.
+    pub fn shared_bytes(&self, given: &[(&str, u32)]) -> Option<u32> {
+        let special = |id| {
+            let constant = self.constants.iter().find(|c| c.id == id)?;
+            let value = given.iter().find(|(name, _)| *name == constant.name).map(|(_, value)| *value);
+            Some(value.unwrap_or(constant.default))
+        };
+        let bytes = shared_memory::bytes(&words(self.spirv.descriptors), special)?;
         u32::try_from(bytes).ok()
     }
 
     /// Whether a workgroup has as much shared memory as the kernel takes.
-    pub fn fits(&self, limits: &Limits) -> bool {
-        self.shared_bytes().is_none_or(|bytes| bytes <= limits.shared_bytes)
+    pub fn fits(&self, limits: &Limits, given: &[(&str, u32)]) -> bool {
+        self.shared_bytes(given).is_none_or(|bytes| bytes <= limits.shared_bytes)
     }
 }
 

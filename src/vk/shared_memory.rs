@@ -82,7 +82,7 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
             (50, &[_, id, default]) => {
                 constants.insert(id, ids.get(&id).and_then(|id| special(*id)).unwrap_or(default));
             }
-            // OpSpecConstantOp: OpIAdd, OpISub, OpIMul, OpUDiv
+            // OpSpecConstantOp: OpIAdd, OpISub, OpIMul, OpUDiv, OpUGreaterThan, OpULessThan
             (52, &[_, id, operation, a, b]) => {
                 if let (Some(&a), Some(&b)) = (constants.get(&a), constants.get(&b)) {
                     let value = match operation {
@@ -90,9 +90,17 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
                         130 => a.checked_sub(b),
                         132 => a.checked_mul(b),
                         134 => a.checked_div(b),
+                        172 => Some(u32::from(a > b)),
+                        176 => Some(u32::from(a < b)),
                         _ => None,
                     };
                     value.map(|value| constants.insert(id, value));
+                }
+            }
+            // OpSpecConstantOp: OpSelect
+            (52, &[_, id, 169, which, a, b]) => {
+                if let (Some(&which), Some(&a), Some(&b)) = (constants.get(&which), constants.get(&a), constants.get(&b)) {
+                    constants.insert(id, if which != 0 { a } else { b });
                 }
             }
             // OpVariable
@@ -113,9 +121,9 @@ mod tests {
 
     #[test]
     fn the_shared_memory_of_every_pass_is_known() {
-        let named = |name: &str| ALL.iter().find(|pass| pass.kernel.name == name)?.kernel.shared_bytes();
+        let named = |name: &str| ALL.iter().find(|pass| pass.kernel.name == name)?.kernel.shared_bytes(&[]);
         for pass in ALL {
-            assert!(pass.kernel.shared_bytes().is_some_and(|bytes| bytes < 32 << 10), "{}", pass.kernel.name);
+            assert!(pass.kernel.shared_bytes(&[]).is_some_and(|bytes| bytes < 32 << 10), "{}", pass.kernel.name);
         }
         assert_eq!(named("fill"), Some(0));
         // vec4 sums[64]

@@ -97,11 +97,12 @@ cases! {
     project_backward: "project_backward";
     project_backward_adam: "project_backward_adam";
     project_backward_adam_packed: "project_backward_adam_packed";
-    radix: "radix_count_runs" "radix_count_groups" "radix_count_groups_emulated" "radix_scatter_runs" "radix_scatter_groups"
+    radix: "radix_count_runs" "radix_count_groups" "radix_scatter_runs" "radix_scatter_groups"
         "radix_scatter_groups_emulated";
     saliency_plane: "saliency_plane";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
-        "scan_add_emulated" "scan_once_subgroup" "scan_once_emulated";
+        "scan_add_emulated" "scan_once_subgroup" "scan_once_subgroup_wide"
+        "scan_once_emulated";
     slot_sum: "slot_sum";
     stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";

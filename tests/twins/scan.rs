@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{
-    ADD, ADD_EMULATED, LOCAL_SIZE, ONCE, ONCE_EMULATED, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
+    ADD, ADD_EMULATED, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
 };
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::vk::Gpu;
@@ -56,6 +56,7 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
 
 pub fn run(gpu: &Gpu) {
     let hardware = [&REDUCE, &SPINE, &ADD, &ONCE];
+    let wide = [&REDUCE, &SPINE, &ADD, &ONCE_WIDE];
     let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
     // As large as the words of a workgroup may be: 1,024 of them fit a word. The sums of the longer lists do not.
     let mut source = Random(11);
@@ -68,6 +69,8 @@ pub fn run(gpu: &Gpu) {
         let sparse: Vec<u32> = words.iter().map(|&w| if w % 3 == 0 { 0 } else { w }).collect();
         chain(gpu, hardware, &[], &words, &host(n));
         chain(gpu, hardware, &[], &sparse, &counted);
+        chain(gpu, wide, &[], &words, &host(n));
+        chain(gpu, wide, &[("ITEMS", 4)], &sparse, &counted);
         for width in [8, 16, 32, 64] {
             chain(gpu, emulated, &[("EMULATED_WIDTH", width)], &words, &host(n));
             chain(gpu, emulated, &[("EMULATED_WIDTH", width)], &sparse, &counted);
@@ -77,6 +80,7 @@ pub fn run(gpu: &Gpu) {
     for n in [4095, 4096, 4097, 64 * 64 * 3 + 1] {
         let words = words_of(n);
         chain(gpu, hardware, &[("ITEMS", 1)], &words, &host(n));
+        chain(gpu, wide, &[("ITEMS", 1)], &words, &host(n));
         chain(gpu, emulated, &[("ITEMS", 1), ("EMULATED_WIDTH", 32)], &words, &counted_words(&counted));
     }
     // A table's size: ceil(n / 10) * 4 words.
@@ -90,7 +94,7 @@ pub fn run(gpu: &Gpu) {
     edge[4095] -= 1;
     for more in [0, 1] {
         edge[2048] = (1 << 20) + more;
-        for passes in [hardware, emulated] {
+        for passes in [hardware, wide, emulated] {
             chain(gpu, passes, &[], &edge, &host(edge.len()));
         }
     }

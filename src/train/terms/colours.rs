@@ -9,6 +9,7 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup}
 pub(in crate::train) struct Losses {
     lambda: f32,
     lanes: u32,
+    segment: u32,
     /// For photographs with 8 bits per channel, and with 16 where there are any.
     eight: Passes,
     sixteen: Option<Passes>,
@@ -55,9 +56,12 @@ impl Losses {
                 (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED, "EMULATED_WIDTH", width)
             }
         };
+        let layout_of = |&(width, height): &(u32, u32)| Layout::new(width, height, lanes);
+        let largest = sizes.iter().max_by_key(|(width, height)| u64::from(*width) * u64::from(*height));
+        let segment = largest.map(layout_of).map_or(1, |layout| layout.segment);
         let passes = |depth: Depth| -> Result<Passes, vk::Error> {
             let (lanes, bits) = ((constant, lanes), ("PHOTOGRAPH_BITS", depth.bits()));
-            let segment = ("SEGMENT", Layout::segment_for(lanes.1));
+            let segment = ("SEGMENT", segment);
             let one = |weights: u32| -> Result<[Option<Pipeline>; 2], vk::Error> {
                 let weights = ("WEIGHTED", weights);
                 let strips = gpu.pipeline(&strips.kernel, &[lanes, segment, bits, weights])?;
@@ -68,7 +72,7 @@ impl Losses {
             Ok(Passes { strips: [plain_strips, strips], grad: [plain_grad, grad] })
         };
         let most = |f: &dyn Fn(Layout) -> u64| {
-            let layouts = sizes.iter().map(|&(width, height)| Layout::new(width, height, lanes));
+            let layouts = sizes.iter().map(|size| Layout { segment, ..layout_of(size) });
             layouts.map(f).max().unwrap_or(1)
         };
         let pixels = most(&|l| u64::from(l.width) * u64::from(l.height));
@@ -76,6 +80,7 @@ impl Losses {
         Ok(Self {
             lambda: lambda as f32,
             lanes,
+            segment,
             eight: passes(Depth::Eight)?,
             sixteen: if deep { Some(passes(Depth::Sixteen)?) } else { None },
             sum: gpu.pipeline(&loss::SUM.kernel, &[])?,
@@ -96,7 +101,7 @@ impl Losses {
         weights: Option<Weights<'_>>,
         (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
-        let layout = Layout::new(width, height, self.lanes);
+        let layout = Layout { width, height, lanes: self.lanes, segment: self.segment };
         let Shown { buffer: photograph, values, depth } = *photograph;
         let passes = match (depth, &self.sixteen) {
             (Depth::Sixteen, Some(passes)) => passes,
