@@ -160,9 +160,9 @@ void main() {
 
 #else
 
-shared Splat batch[BATCH];
-shared float batch_inverse[BATCH];
-shared uint batch_row[BATCH];
+#include "staged.glsl"
+shared float staged_inverse[BATCH];
+shared uint staged_row[BATCH];
 shared uint most;
 #ifdef SLOTS
 shared float parts[16u * LOCAL_SIZE];
@@ -219,7 +219,7 @@ void add_up(uint row, float column[16]) {
 
 // Takes a pixel past staged splat k and adds up what the splat gets. Called by all threads that add_up adds over.
 void take(inout Pixel pixel, uint k, vec2 center, uint place) {
-    const Splat s = batch[k];
+    const Splat s = staged(k);
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
     Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
@@ -231,7 +231,7 @@ void take(inout Pixel pixel, uint k, vec2 center, uint place) {
     vec3 conic;
     columns(sums, s, dx, along, mean_x, mean_y, conic);
     const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
-    add_up(batch_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * batch_inverse[k],
+    add_up(staged_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
         sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
         sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
 }
@@ -283,9 +283,9 @@ void main() {
         if (t < n) {
             const uint pair = range.x + left - 1u - t;
             const Splat s = load_splat(sorted_splats[pair]);
-            batch[t] = s;
-            batch_inverse[t] = s.opacity > 0.0 ? 1.0 / s.opacity : 0.0;
-            batch_row[t] = row_of(pair);
+            stage(t, s);
+            staged_inverse[t] = s.opacity > 0.0 ? 1.0 / s.opacity : 0.0;
+            staged_row[t] = row_of(pair);
         }
 #ifdef APART
         if (BLOCK != 0u && t % BATCH < n) {

@@ -144,7 +144,7 @@ void main() {
 
 #else
 
-shared Splat batch[BATCH];
+#include "staged.glsl"
 shared uint going_on;
 
 void take(inout Pixel pixel, Splat s, vec2 center, uint place, uint list) {
@@ -171,7 +171,7 @@ void main() {
         barrier();
         if (pixel.transmittance > 0.0) atomicOr(going_on, 1u);
         const uint n = min(BATCH, range.y - base);
-        if (local_index() < n) batch[local_index()] = load_splat(sorted_splats[base + local_index()]);
+        if (local_index() < n) stage(local_index(), load_splat(sorted_splats[base + local_index()]));
         if (BLOCK != 0u && local_index() % BATCH < n) {
             const uint splat = sorted_splats[base + local_index() % BATCH];
             touch_blocks(LOAD4(splat2d, 3u * splat), LOAD4(splat2d, 3u * splat + 1u), corner);
@@ -182,7 +182,7 @@ void main() {
         if (BLOCK == 0u) {
             for (uint k = 0u; k < n; ++k) {
                 if (pixel.transmittance <= 0.0) break;
-                take(pixel, batch[k], center, first + k, range.x);
+                take(pixel, staged(k), center, first + k, range.x);
             }
         } else {
             for (uint k0 = 0u; k0 < n; k0 += 32u) {
@@ -190,7 +190,7 @@ void main() {
                 for (uint bits = touched_word(rank, k0 / 32u); bits > 0u; bits -= bits & (~bits + 1u)) {
                     if (pixel.transmittance <= 0.0) break;
                     const uint k = k0 + uint(findLSB(bits));
-                    take(pixel, batch[k], center, first + k, range.x);
+                    take(pixel, staged(k), center, first + k, range.x);
                 }
             }
         }

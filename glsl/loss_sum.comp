@@ -1,8 +1,9 @@
 #version 460
 // loss_sum: adds the parts of the loss up, in a fixed order, and stores (total, L1, SSIM) in a slot of the ring.
-// One workgroup of 64 threads; each thread owns every 64th part.
+// One workgroup of LOCAL_SIZE threads, a multiple of 64; each thread owns every LOCAL_SIZE-th part.
 #extension GL_GOOGLE_include_directive : require
-layout(local_size_x = 64) in;
+layout(local_size_x = 64, local_size_x_id = 0) in;
+layout(constant_id = 0) const uint LOCAL_SIZE = 64u;
 #include "common.glsl"
 layout(set = 0, binding = 0) readonly buffer SsimParts { float ssim_parts[]; };
 layout(set = 0, binding = 1) readonly buffer L1Parts { float l1_parts[]; };
@@ -15,14 +16,19 @@ layout(push_constant) uniform Push {
     float lambda;
 } push;
 
-shared vec2 sums[64];
+shared vec2 sums[LOCAL_SIZE];
 
 void main() {
     const uint t = local_index();
     vec2 sum = vec2(0.0);
-    for (uint i = t; i < push.ssim_count; i += 64u) sum.x += ssim_parts[i];
-    for (uint i = t; i < push.l1_count; i += 64u) sum.y += l1_parts[i];
+    for (uint i = t; i < push.ssim_count; i += LOCAL_SIZE) sum.x += ssim_parts[i];
+    for (uint i = t; i < push.l1_count; i += LOCAL_SIZE) sum.y += l1_parts[i];
     sums[t] = sum;
+    barrier();
+    if (t < 64u) {
+        for (uint i = t + 64u; i < LOCAL_SIZE; i += 64u) sum += sums[i];
+        sums[t] = sum;
+    }
     barrier();
     if (t == 0u && group_index() == 0u) {
         sum = vec2(0.0);

@@ -17,7 +17,7 @@
 layout(local_size_x = LOCAL_SIZE) in;
 const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
-layout(constant_id = 0) const uint ITEMS = 8u;
+layout(constant_id = 0) const uint ITEMS = 16u;
 shared uint histogram[MOST_DIGITS];
 #else
 layout(constant_id = 0) const uint BLOCK = 1024u;

@@ -25,7 +25,7 @@
 layout(local_size_x = LOCAL_SIZE) in;
 const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
-layout(constant_id = 0) const uint ITEMS = 8u;
+layout(constant_id = 0) const uint ITEMS = 16u;
 #ifdef SUBGROUP_EMULATED
 const uint WIDTH = EMULATED_WIDTH;
 #else

@@ -1,8 +1,10 @@
 #version 460
 //! variant subgroup
+//! variant subgroup_rows ROWS
 //! variant emulated SUBGROUP_EMULATED
 // scan_add: third pass of a prefix sum: every word's exclusive prefix within its workgroup plus the workgroup's base.
-// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS.
+// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS. ROWS, for GPUs: a subgroup owns ITEMS consecutive rows of words, as wide as
+// it has lanes, and a thread one column, so that neighbours load and store neighbouring words.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -27,6 +29,28 @@ void main() {
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = table_size(given, push.divide, push.multiply);
     const uint group = group_index();
+#ifdef ROWS
+    const uint width = subgroup_width();
+    const uint first = (group * LOCAL_SIZE + subgroup_number() * width) * ITEMS + subgroup_lane();
+    uint before[ITEMS];
+    uint sum = 0u;
+    for (uint i = 0u; i < ITEMS; ++i) {
+        const uint at = first + i * width;
+        const uint word = at < n ? words[at] : 0u;
+        const uint value = push.predicate != 0u ? uint(word != 0u) : word;
+        const uint prefix = subgroup_exclusive_add(value);
+        before[i] = sum + prefix;
+        sum += subgroup_broadcast(prefix + value, width - 1u);
+    }
+    uint total;
+    // What the first lane of a subgroup has before it is what the subgroup has.
+    const uint begin = subgroup_broadcast(workgroup_exclusive_add(subgroup_elect() ? sum : 0u, total), 0u);
+    const uint base = begin + (group < table_size(n, LOCAL_SIZE * ITEMS, 1u) ? sums[group] : 0u);
+    for (uint i = 0u; i < ITEMS; ++i) {
+        const uint at = first + i * width;
+        if (at < n) target[at] = base + before[i];
+    }
+#else
     const uint first = (group * LOCAL_SIZE + workgroup_rank()) * ITEMS;
     const uint end = min(first + ITEMS, n);
     uint sum = 0u;
@@ -42,4 +66,5 @@ void main() {
         target[i] = running;
         running += push.predicate != 0u ? uint(word != 0u) : word;
     }
+#endif
 }

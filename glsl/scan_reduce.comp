@@ -2,7 +2,7 @@
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
 // scan_reduce: first of the three passes of an exclusive prefix sum (reduce, then scan; no workgroup waits for another).
-// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS; it writes their sum.
+// One thread owns every 64th of the 64 * ITEMS consecutive words that a workgroup owns; it writes their sum.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -26,10 +26,10 @@ void main() {
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = table_size(given, push.divide, push.multiply);
     const uint group = group_index();
-    const uint first = (group * LOCAL_SIZE + workgroup_rank()) * ITEMS;
-    const uint end = min(first + ITEMS, n);
+    const uint begin = group * LOCAL_SIZE * ITEMS;
+    const uint end = min(begin + LOCAL_SIZE * ITEMS, n);
     uint sum = 0u;
-    for (uint i = first; i < end; ++i) {
+    for (uint i = begin + local_index(); i < end; i += LOCAL_SIZE) {
         const uint word = words[i];
         sum += push.predicate != 0u ? uint(word != 0u) : word;
     }

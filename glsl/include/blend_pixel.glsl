@@ -14,7 +14,7 @@
 layout(local_size_x = 256) in;
 
 const uint SIDE = 16u;
-const uint BATCH = 64u;
+const uint BATCH = 128u;
 
 // This thread's place in the order in which pixels are dealt out.
 #ifdef WITH_SUBGROUPS

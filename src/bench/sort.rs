@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{Error, Quartiles};
 use crate::pass::counters;
 use crate::raster::sort::{Keys, RadixSort, Shape};
-use crate::vk::{Gpu, Memory};
+use crate::vk::{Gpu, Memory, PassTime};
 
 /// A benchmark of the sort.
 #[derive(Clone, Debug, Serialize)]
@@ -20,6 +20,8 @@ pub struct SortReport {
     pub dispatches: usize,
     /// All of them on the device, milliseconds.
     pub ms: Quartiles,
+    /// The same pass by pass: the name, and milliseconds of all its dispatches in the last sort.
+    pub passes: Vec<(String, f64)>,
     /// Keys over the median time, 10^9 per second.
     pub gkeys_per_s: f64,
     /// Device memory in use at most, bytes.
@@ -43,7 +45,7 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
     gpu.write(&start, &given)?;
     gpu.write(&counts, &[0u32; counters::COUNT])?;
 
-    let (mut ms, mut dispatches, mut side) = (Vec::new(), 0, 0);
+    let (mut ms, mut passes, mut dispatches, mut side) = (Vec::new(), Vec::new(), 0, 0);
     // The first round is to warm up.
     for round in 0..=rounds.max(1) {
         gpu.write(&val_sides[0], &places)?;
@@ -59,6 +61,7 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
         let times = gpu.timings(ticket)?.unwrap_or_default();
         if round > 0 {
             ms.push(1e-6 * times.iter().skip(before).map(|t| t.ns).sum::<f64>());
+            passes = by_pass(times.get(before..).unwrap_or_default());
         }
     }
     let ms = Quartiles::of(ms);
@@ -77,9 +80,22 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
         shape: format!("{shape:?}").to_lowercase(),
         dispatches,
         ms,
+        passes,
         gkeys_per_s: 1e-6 * f64::from(keys) / ms.median,
         peak_device_bytes: gpu.memory_use().peak,
     })
+}
+
+/// Milliseconds by name, in the order of first appearance.
+fn by_pass(times: &[PassTime]) -> Vec<(String, f64)> {
+    let mut sums: Vec<(String, f64)> = Vec::new();
+    for time in times {
+        match sums.iter_mut().find(|(name, _)| *name == time.pass) {
+            Some((_, sum)) => *sum += 1e-6 * time.ns,
+            None => sums.push((time.pass.clone(), 1e-6 * time.ns)),
+        }
+    }
+    sums
 }
 
 /// A permutation of the words (finaliser of MurmurHash3), so that keys are spread evenly and few are equal.

@@ -12,6 +12,8 @@ pub const SLOT_FLOATS: u32 = 4;
 pub const LEAST_LANES: u32 = 8;
 /// Threads in a workgroup of the emulated variants: as many as the widest subgroup emulated.
 pub const EMULATED_LOCAL_SIZE: u32 = 64;
+/// Threads that add the parts up; a multiple of it on devices that wait for memory longer than they add.
+pub const SUM_THREADS: u32 = 64;
 /// Width of the subgroups that the emulated variants have in training.
 pub const EMULATED_LANES: u32 = 32;
 
@@ -57,8 +59,8 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
-/// Strips that fill the largest devices several times over.
-const ENOUGH_STRIPS: u64 = 4096;
+/// Subgroups that the largest devices run at a time, one on each unit: with fewer, units are idle.
+const ENOUGH_STRIPS: u64 = 512;
 
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +89,12 @@ impl Layout {
         if lanes <= 8 {
             return 1024;
         }
-        if width.div_ceil(lanes) as u64 * height.div_ceil(LONG) as u64 <= ENOUGH_STRIPS { SHORT } else { LONG }
+        let columns = width.div_ceil(lanes) as u64;
+        let mut segment = LONG;
+        while segment > SHORT && columns * (height.div_ceil(segment) as u64) < ENOUGH_STRIPS {
+            segment /= 2;
+        }
+        segment
     }
 
     /// Threads of the strips: one subgroup per strip.
@@ -191,10 +198,10 @@ pub const SUM: Pass = Pass {
         spirv: module("loss_sum"),
         bindings: &[read("ssim_parts"), read("l1_parts"), write("loss")],
         push_bytes: SumPush::BYTES,
-        constants: &[],
-        local_size: Some(64),
+        constants: &[Constant { id: 0, name: "LOCAL_SIZE", default: SUM_THREADS }],
+        local_size: None,
     },
-    doc: "One thread owns every 64th part of the loss; there is one workgroup.",
+    doc: "One thread owns every LOCAL_SIZE-th part of the loss; there is one workgroup.",
     dispatch: "one workgroup",
     push: SumPush::FIELDS,
     twin: twin::run_sum,

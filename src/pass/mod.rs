@@ -165,6 +165,7 @@ pub const ALL: &[&Pass] = &[
     &radix::SCATTER_RUNS,
     &scan::ADD,
     &scan::ADD_EMULATED,
+    &scan::ADD_ROWS,
     &scan::ONCE,
     &scan::ONCE_WIDE,
     &scan::ONCE_EMULATED,

@@ -52,7 +52,7 @@ const fn pass(
             constants,
             local_size: Some(LOCAL_SIZE),
         },
-        doc: "One thread owns ITEMS consecutive words; a workgroup owns 64 * ITEMS.",
+        doc: "One thread owns ITEMS words; a workgroup owns 64 * ITEMS consecutive ones.",
         dispatch,
         push: Push::FIELDS,
         twin,
@@ -72,6 +72,8 @@ pub const SPINE: Pass =
     pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::spine);
 /// Prefix sum of every word.
 pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::add);
+/// [`ADD`] with rows of words per subgroup, for GPUs.
+pub const ADD_ROWS: Pass = pass("scan_add_subgroup_rows", ADD_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::add);
 /// [`REDUCE`] with emulated subgroups.
 pub const REDUCE_EMULATED: Pass =
     pass("scan_reduce_emulated", REDUCE_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::reduce);

@@ -84,6 +84,9 @@ impl Scan {
     /// For up to `most` words at a time. `name` is the owner's, for the buffer.
     pub fn new(gpu: &Gpu, name: &str, most: u64) -> Result<Scan> {
         let (kernels, once, width) = match gpu.caps().subgroup {
+            Subgroup::Hardware(_) if gpu.caps().kind != DeviceKind::Cpu => {
+                ([&pass::REDUCE, &pass::SPINE, &pass::ADD_ROWS], &pass::ONCE, None)
+            }
             Subgroup::Hardware(_) => ([&pass::REDUCE, &pass::SPINE, &pass::ADD], &pass::ONCE, None),
             Subgroup::Emulated(width) => (
                 [&pass::REDUCE_EMULATED, &pass::SPINE_EMULATED, &pass::ADD_EMULATED],

@@ -76,7 +76,7 @@ pub fn run(gpu: &Gpu) {
         shape(gpu, &Shape { count: &COUNT_GROUPS, scatter, given: &[("ITEMS", items)], moved, block, per_group: 1 });
     };
     if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-        for items in [1, 8] {
+        for items in [1, 16] {
             groups(&SCATTER_GROUPS, items, &[("WIDTH", width)]);
         }
     }

@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{
-    ADD, ADD_EMULATED, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
+    ADD, ADD_EMULATED, ADD_ROWS, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
 };
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::vk::Gpu;
@@ -56,7 +56,7 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
 
 pub fn run(gpu: &Gpu) {
     let hardware = [&REDUCE, &SPINE, &ADD, &ONCE];
-    let wide = [&REDUCE, &SPINE, &ADD, &ONCE_WIDE];
+    let wide = [&REDUCE, &SPINE, &ADD_ROWS, &ONCE_WIDE];
     let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
     // As large as the words of a workgroup may be: 1,024 of them fit a word. The sums of the longer lists do not.
     let mut source = Random(11);

@@ -3,7 +3,7 @@
 use crate::dataset::Depth;
 use crate::pass::loss::{self, Layout, Push, SumPush};
 use crate::train::photographs::Shown;
-use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
+use crate::vk::{self, Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
 
 /// L1 + SSIM between a render and a photograph, value and gradient.
 pub(in crate::train) struct Losses {
@@ -83,7 +83,7 @@ impl Losses {
             segment,
             eight: passes(Depth::Eight)?,
             sixteen: if deep { Some(passes(Depth::Sixteen)?) } else { None },
-            sum: gpu.pipeline(&loss::SUM.kernel, &[])?,
+            sum: gpu.pipeline(&loss::SUM.kernel, &[("LOCAL_SIZE", sum_threads(gpu.caps()))])?,
             planes: [plane("red_planes")?, plane("green_planes")?, plane("blue_planes")?],
             ssim_parts: gpu.buffer("ssim_parts", 4 * most(&|l| u64::from(l.ssim_parts())), Memory::Device)?,
             l1_parts: gpu.buffer("l1_parts", 4 * most(&|l| u64::from(l.l1_parts())), Memory::Device)?,
@@ -142,5 +142,14 @@ impl Losses {
     /// Total, L1 and SSIM of the last recorded view.
     pub(in crate::train) fn result(&self) -> &Buffer {
         &self.result
+    }
+}
+
+/// Threads that add the parts of the loss up.
+fn sum_threads(caps: &Caps) -> u32 {
+    const MOST: u32 = 1024;
+    match caps.kind {
+        DeviceKind::Cpu => loss::SUM_THREADS,
+        _ => caps.limits.workgroup_size.clamp(loss::SUM_THREADS, MOST) / loss::SUM_THREADS * loss::SUM_THREADS,
     }
 }
