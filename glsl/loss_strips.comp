@@ -1,9 +1,10 @@
 #version 460
 // loss_strips: SSIM and its derivatives with respect to the moments, those weighted by the window along columns.
 // One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them or the image's where it has fewer, and walks down
-// it; one thread owns a column.
+// it; one thread owns a column. APART, for GPUs, which a small image leaves idle: a subgroup owns one channel of a strip.
 //! variant subgroup
-//! variant emulated SUBGROUP_EMULATED
+//! variant subgroup_apart APART
+//! variant emulated SUBGROUP_EMULATED APART
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "loss.glsl"
@@ -18,9 +19,17 @@ layout(set = 0, binding = 6) readonly buffer Saliency { float saliency[]; };
 #include "photograph.glsl"
 #include "loss_weight.glsl"
 
+#ifdef APART
+#define CHANNELS 1u
+#else
+#define CHANNELS 3u
+#endif
+// The first of the channels that this subgroup owns.
+uint first_channel() { return owner() % (3u / CHANNELS); }
+
 // Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
 struct Moments {
-    vec4 of[3];
+    vec4 of[CHANNELS];
     bool counts;
 };
 
@@ -36,7 +45,12 @@ Moments moments_at(uint column, uint row) {
         y = seen.color;
         x = seen.counts ? LOAD4(image, k).rgb : y;
     }
-    [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+#ifdef APART
+    const uint channel = first_channel();
+    x.x = x[channel];
+    y.x = y[channel];
+#endif
+    [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) {
         const float d = x[c] - y[c];
         const vec2 p = vec2(x[c], y[c]) - PIVOT;
         moments.of[c] = vec4(p.x, d, d * d, dot(p, p));
@@ -65,15 +79,16 @@ float ssim(vec4 mean, out vec4 derivatives) {
 void main() {
     const uint lanes = subgroup_width();
     const uint strips = (push.width + lanes - 1u) / lanes;
-    const uint column = owner() % strips * lanes + subgroup_lane();
-    const uint segment = owner() / strips;
+    const uint strip = owner() / (3u / CHANNELS);
+    const uint column = strip % strips * lanes + subgroup_lane();
+    const uint segment = strip / strips;
     const uint first = segment * SEGMENT;
     const uint end = min(first + SEGMENT, push.height);
     // The same for all strips, since the subgroups of a workgroup without subgroup operations meet at barriers.
     const uint walked = min(SEGMENT, push.height) + 4u * WINDOW_RADIUS;
-    Window moments[3];
-    Window back[3];
-    [[unroll]] for (uint c = 0u; c < 3u; ++c) moments[c] = back[c] = window_empty();
+    Window moments[CHANNELS];
+    Window back[CHANNELS];
+    [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) moments[c] = back[c] = window_empty();
     float sum = 0.0;
     // Bit j: whether this column's pixel counts that was taken j rows ago.
     uint counts = 0u;
@@ -89,8 +104,8 @@ void main() {
         counts = counts << 1 | uint(here.counts);
         const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
         const float weight = center_counts ? weight_at(center * push.width + column) : 0.0;
-        vec4 spread[3];
-        [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+        vec4 spread[CHANNELS];
+        [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) {
             const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
             vec4 derivatives;
             const float value = ssim(mean, derivatives);
@@ -99,12 +114,21 @@ void main() {
         }
         if (done >= first && done < end && column < push.width) {
             const uint k = 3u * (done * push.width + column);
+#ifdef APART
+            [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+                if (first_channel() == 0u) red_planes[k + j] = spread[0][j];
+                else if (first_channel() == 1u) green_planes[k + j] = spread[0][j];
+                else blue_planes[k + j] = spread[0][j];
+            }
+#else
             [[unroll]] for (uint j = 0u; j < 3u; ++j) {
                 red_planes[k + j] = spread[0][j];
                 green_planes[k + j] = spread[1][j];
                 blue_planes[k + j] = spread[2][j];
             }
+#endif
         }
     }
-    if (first < push.height && column < push.width) ssim_parts[segment * push.width + column] = sum;
+    const uint row = segment * (3u / CHANNELS) + first_channel();
+    if (first < push.height && column < push.width) ssim_parts[row * push.width + column] = sum;
 }

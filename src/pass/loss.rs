@@ -59,8 +59,8 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
-/// Subgroups that the largest devices run at a time, one on each unit: with fewer, units are idle.
-const ENOUGH_STRIPS: u64 = 512;
+/// Subgroups that keep the largest devices at work: a few on each of their units.
+const ENOUGH_STRIPS: u64 = 1500;
 
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,12 +73,15 @@ pub struct Layout {
     pub lanes: u32,
     /// Rows of a strip: the constant SEGMENT. Each strip reads 20 rows more.
     pub segment: u32,
+    /// Subgroups that share the channels of a strip: 3, of which each takes one, or 1 that takes them all.
+    pub apart: u32,
 }
 
 impl Layout {
     /// For a device's subgroup width.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
-        Self { width, height, lanes, segment: Self::segment_for(width, height, lanes) }
+        let apart = if lanes > LEAST_LANES { 3 } else { 1 };
+        Self { width, height, lanes, segment: Self::segment_for(width, height, lanes), apart }
     }
 
     /// SEGMENT for an image and a subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups at work,
@@ -86,10 +89,10 @@ impl Layout {
     pub const fn segment_for(width: u32, height: u32, lanes: u32) -> u32 {
         const SHORT: u32 = 16;
         const LONG: u32 = 64;
-        if lanes <= 8 {
+        if lanes <= LEAST_LANES {
             return 1024;
         }
-        let columns = width.div_ceil(lanes) as u64;
+        let columns = 3 * width.div_ceil(lanes) as u64;
         let mut segment = LONG;
         while segment > SHORT && columns * (height.div_ceil(segment) as u64) < ENOUGH_STRIPS {
             segment /= 2;
@@ -97,9 +100,10 @@ impl Layout {
         segment
     }
 
-    /// Threads of the strips: one subgroup per strip.
+    /// Threads of the strips: one subgroup per strip and share of the channels.
     pub const fn strip_threads(&self) -> u64 {
-        self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64 * self.lanes as u64
+        let strips = self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64;
+        strips * self.apart as u64 * self.lanes as u64
     }
 
     /// Threads of the gradient: one subgroup per row.
@@ -109,7 +113,7 @@ impl Layout {
 
     /// Floats of `ssim_parts`.
     pub const fn ssim_parts(&self) -> u32 {
-        self.height.div_ceil(self.segment) * self.width
+        self.height.div_ceil(self.segment) * self.apart * self.width
     }
 
     /// Floats of `l1_parts`.
@@ -153,13 +157,13 @@ const GRAD: &[Binding] = &[
     read("saliency"),
 ];
 
-const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
+const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>, apart: bool) -> Pass {
     Pass {
         kernel: Kernel { name, spirv: module(name), bindings: STRIPS, push_bytes: Push::BYTES, constants, local_size },
         doc: "One subgroup owns a strip, as many columns as it has lanes and SEGMENT rows; one thread owns a column of it.",
         dispatch: "one subgroup per strip",
         push: Push::FIELDS,
-        twin: twin::run_strips,
+        twin: if apart { twin::run_strips_apart } else { twin::run_strips },
     }
 }
 
@@ -180,10 +184,13 @@ const fn grad(
 
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
 pub const STRIPS_SUBGROUP: Pass =
-    strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same without subgroup operations.
+    strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, false);
+/// The same, one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].
+pub const STRIPS_SUBGROUP_APART: Pass =
+    strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, true);
+/// The same as [`STRIPS_SUBGROUP_APART`] without subgroup operations.
 pub const STRIPS_EMULATED: Pass =
-    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
+    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE), true);
 /// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
 pub const GRAD_SUBGROUP: Pass =
     grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None, twin::run_grad);

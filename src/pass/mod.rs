@@ -143,6 +143,7 @@ pub const ALL: &[&Pass] = &[
     &loss::GRAD_SUBGROUP,
     &loss::STRIPS_EMULATED,
     &loss::STRIPS_SUBGROUP,
+    &loss::STRIPS_SUBGROUP_APART,
     &loss::SUM,
     &opacity_reset::PASS,
     &photograph_reduce::PASS,

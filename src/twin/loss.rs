@@ -281,17 +281,26 @@ fn weights(call: &TwinCall<'_>, push: &Push, (binding, weighted): (usize, u32)) 
     saliency[..pixels].iter().map(|s| push.low_weight + (push.high_weight - push.low_weight) * s).collect()
 }
 
-/// Adapter over raw buffers.
+/// Adapter over raw buffers, the channels of a strip taken together.
 pub fn run_strips(call: &mut TwinCall<'_>) {
+    strip_parts(call, 1);
+}
+
+/// Adapter over raw buffers, each channel of a strip with parts of its own.
+pub fn run_strips_apart(call: &mut TwinCall<'_>) {
+    strip_parts(call, 3);
+}
+
+fn strip_parts(call: &mut TwinCall<'_>, apart: usize) {
     let push: Push = call.push();
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
-    let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * width];
+    let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * apart * width];
     let (channels, counts) = channels(call, &push, call.constants[2]);
     let weights = weights(call, &push, (6, call.constants[3]));
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let (planes, values) = strips(&x, &y, &counts, &weights, width);
         for (k, value) in values.into_iter().enumerate() {
-            parts[k / width / segment * width + k % width] += value;
+            parts[(k / width / segment * apart + c % apart) * width + k % width] += value;
         }
         call.set(2 + c, &planes);
     }

@@ -52,6 +52,8 @@ fn pictures(
 #[derive(Clone, Copy, PartialEq)]
 enum With {
     Hardware(u32),
+    /// A channel of a strip per subgroup.
+    Apart(u32),
     Emulated(u32),
 }
 
@@ -59,39 +61,48 @@ impl With {
     fn all(gpu: &Gpu) -> Vec<Self> {
         let mut all = vec![Self::Emulated(64), Self::Emulated(32), Self::Emulated(8)];
         if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-            all.push(Self::Hardware(width));
+            all.extend([Self::Hardware(width), Self::Apart(width)]);
         }
         all
     }
 
     /// Every set of constants is a pipeline, which takes long to make: 16 bits are tried with the widths of training.
     fn is_of_training(self) -> bool {
-        matches!(self, Self::Hardware(_) | Self::Emulated(passes::EMULATED_LANES))
+        !matches!(self, Self::Emulated(width) if width != passes::EMULATED_LANES)
     }
 
     fn lanes(self) -> u32 {
         match self {
-            Self::Hardware(width) | Self::Emulated(width) => width,
+            Self::Hardware(width) | Self::Apart(width) | Self::Emulated(width) => width,
         }
+    }
+
+    fn apart(self) -> u32 {
+        if matches!(self, Self::Hardware(_)) { 1 } else { 3 }
+    }
+
+    fn layout(self, width: usize, height: usize, segment: u32) -> Layout {
+        Layout { segment, apart: self.apart(), ..Layout::new(width as u32, height as u32, self.lanes()) }
     }
 
     fn passes(self) -> [&'static Pass; 2] {
         match self {
             Self::Hardware(_) => [&passes::STRIPS_SUBGROUP, &passes::GRAD_SUBGROUP],
+            Self::Apart(_) => [&passes::STRIPS_SUBGROUP_APART, &passes::GRAD_SUBGROUP],
             Self::Emulated(_) => [&passes::STRIPS_EMULATED, &passes::GRAD_EMULATED],
         }
     }
 
     fn constant(self) -> (&'static str, u32) {
         match self {
-            Self::Hardware(width) => ("LOCAL_SIZE", width),
+            Self::Hardware(width) | Self::Apart(width) => ("LOCAL_SIZE", width),
             Self::Emulated(width) => ("EMULATED_WIDTH", width),
         }
     }
 
     fn local_size(self) -> u32 {
         match self {
-            Self::Hardware(width) => width,
+            Self::Hardware(width) | Self::Apart(width) => width,
             Self::Emulated(_) => passes::EMULATED_LOCAL_SIZE,
         }
     }
@@ -102,7 +113,7 @@ type Weights = Option<[f32; 2]>;
 
 /// The whole loss on the device, as training records it.
 fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weights) -> (Vec<f32>, Vec<f32>) {
-    let layout = Layout { segment: 16, ..Layout::new(p.width as u32, p.height as u32, with.lanes()) };
+    let layout = with.layout(p.width, p.height, 16);
     let (width, height) = (layout.width, layout.height);
     let make = |name: &str, content: &[u8]| {
         let buffer = gpu.buffer(name, content.len() as u64, Memory::Device).unwrap();
@@ -189,7 +200,7 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, heig
             assert!(same, "{what} {width}x{height}: word {k} of buffer {buffer} is {d}, twin {t}");
         }
     };
-    let layout = Layout { segment: 7, ..Layout::new(width as u32, height as u32, with.lanes()) };
+    let layout = with.layout(width, height, 7);
     let values = 2.5 * pixels as f32;
     let push =
         Push { width: layout.width, height: layout.height, lambda: 0.2, values, low_weight: 0.25, high_weight: 1.5 };

@@ -88,7 +88,8 @@ cases! {
     fill: "fill";
     geometry: "geometry_depth" "geometry_grad" "part_sum";
     gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
-    loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup" "loss_sum";
+    loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup"
+        "loss_strips_subgroup_apart" "loss_sum";
     photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";

@@ -48,8 +48,11 @@ impl Losses {
         lambda: f64,
     ) -> Result<Self, vk::Error> {
         let (strips, grad, constant, lanes) = match gpu.caps().subgroup {
-            Subgroup::Hardware(width) if width >= loss::LEAST_LANES => {
-                (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
+            Subgroup::Hardware(loss::LEAST_LANES) => {
+                (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", loss::LEAST_LANES)
+            }
+            Subgroup::Hardware(width) if width > loss::LEAST_LANES => {
+                (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
             }
             _ => {
                 let width = loss::EMULATED_LANES;
@@ -101,7 +104,7 @@ impl Losses {
         weights: Option<Weights<'_>>,
         (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
-        let layout = Layout { width, height, lanes: self.lanes, segment: self.segment };
+        let layout = Layout { segment: self.segment, ..Layout::new(width, height, self.lanes) };
         let Shown { buffer: photograph, values, depth } = *photograph;
         let passes = match (depth, &self.sixteen) {
             (Depth::Sixteen, Some(passes)) => passes,
