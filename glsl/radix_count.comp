@@ -1,8 +1,8 @@
 #version 460
 //! variant runs
 //! variant groups RADIX_GROUPS
-// radix_count: how often each digit occurs in each block of BLOCK consecutive keys, as a table [digit][block]: its prefix sum
-// is where a stable sort by the digit puts each block's keys.
+// radix_count: how often each digit occurs in each block of consecutive keys, as a table [digit][block]: its prefix sum is where a stable
+// sort by the digit puts each block's keys.
 // Digits up to 256.
 // runs (CPU devices): one thread owns a block and counts in private memory; a workgroup owns 8 blocks.
 // groups: a workgroup owns a block of 256 * ITEMS keys, a thread every 256th of them, and counts in shared memory.
@@ -17,7 +17,7 @@
 layout(local_size_x = LOCAL_SIZE) in;
 const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
-layout(constant_id = 0) const uint ITEMS = 16u;
+layout(constant_id = 0) const uint ITEMS = 8u;
 shared uint histogram[MOST_DIGITS];
 #else
 layout(constant_id = 0) const uint BLOCK = 1024u;

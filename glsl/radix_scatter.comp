@@ -2,8 +2,8 @@
 //! variant runs
 //! variant groups RADIX_GROUPS
 //! variant groups_emulated RADIX_GROUPS SUBGROUP_EMULATED
-// radix_scatter: moves keys and values to their places by one digit, keeping the order of equal digits. `places` is the prefix sum
-// of radix_count's table.
+// radix_scatter: moves keys and values to their places by one digit, keeping the order of equal digits. `places` comes from radix_count's
+// table: its prefix sum (runs), or what radix_rows makes of it (groups).
 // Digits up to 256.
 // runs (CPU devices): one thread owns a block of BLOCK keys and walks it with private places; a workgroup owns 8 blocks.
 // groups: a workgroup owns a block of 256 * ITEMS keys, a subgroup ITEMS consecutive rows of them, as wide as it has lanes, a thread
@@ -25,7 +25,7 @@
 layout(local_size_x = LOCAL_SIZE) in;
 const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
-layout(constant_id = 0) const uint ITEMS = 16u;
+layout(constant_id = 0) const uint ITEMS = 8u;
 #ifdef SUBGROUP_EMULATED
 const uint WIDTH = EMULATED_WIDTH;
 #else
@@ -125,8 +125,10 @@ void main() {
         running += uvec2(counted & 0xffffu, counted >> 16);
     }
     const bool used = block < blocks && digit_of_thread < push.digits;
+    const uint of_digit = used ? places[push.digits * blocks + digit_of_thread] : 0u;
+    const uint in_row = used ? places[digit_of_thread * blocks + block] : 0u;
     // Modulo 2^32: with a key's place in the block added it is the key's place.
-    digit_places[digit_of_thread] = (used ? places[digit_of_thread * blocks + block] : 0u) - start;
+    digit_places[digit_of_thread] = workgroup_exclusive_add(of_digit, total) + in_row - start;
     barrier();
     for (uint i = 0u; i < ITEMS; ++i) {
         own_place[i] += words[own_row + ((own_key[i] >> push.shift) & push.mask)] >> own_shift & 0xffffu;

@@ -83,7 +83,7 @@ fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
 #[test]
 fn radix_sort_agrees_with_a_64_bit_sort() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [Shape::Runs, Shape::Groups] {
+    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
         for n in [0, 1, 255, 256, 257, 8191, 8192, 8193, 30_000] {
             let random = words(n as u64, n);
             sort(&gpu, shape, &random, 32, true);
@@ -104,7 +104,7 @@ fn radix_sort_agrees_with_a_64_bit_sort() {
 #[test]
 fn radix_sort_of_a_million_and_more() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [Shape::Runs, Shape::Groups] {
+    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
         sort(&gpu, shape, &words(3, 1_000_000), 32, true);
         // Tiles of a 4K image in 8x8 tiles, more numbers than 16 bits hold.
         let tiles: Vec<u32> = words(5, 3_000_001).iter().map(|w| w % 129_601).collect();
@@ -145,7 +145,7 @@ fn radix_sort_of_40_million_pairs() {
 #[test]
 #[ignore = "takes minutes on a CPU"]
 fn radix_sort_of_2_to_the_26_pairs() {
-    for shape in [Shape::Runs, Shape::Groups] {
+    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
         // One more, so that the groups shape has 65,537 workgroups.
         for (bits, counted) in [(17, true), (32, false)] {
             sort_beyond_2_to_the_25(shape, (1 << 26) + 1, bits, counted);
@@ -309,7 +309,7 @@ fn tile_lists_hold_every_pair_in_depth_order() {
     let Some(gpu) = common::gpu() else { return };
     let grids =
         [TileGrid::new([640, 360], [16, 16]), TileGrid::new([250, 131], [8, 8]), TileGrid::new([64, 64], [16, 16])];
-    for shape in [Shape::Runs, Shape::Groups] {
+    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
         for (grid, n) in grids.into_iter().zip([5000, 1025, 1]) {
             let scene = Scene::new(n, grid);
             let capacities = Capacities { splats: n as u64, pairs: scene.pairs() as u64, tiles: 1000 };

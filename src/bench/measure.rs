@@ -305,7 +305,8 @@ impl<'a> Run<'a> {
         let sizes = || input.train.iter().map(|v| (v.camera.width, v.camera.height));
         let over_views = |f: &dyn Fn(u32, u32) -> f64| sizes().map(|(w, h)| f(w, h)).sum::<f64>() / self.views as f64;
         let tile_capacity = sizes().map(|(w, h)| tiles(w, h)).fold(0.0, f64::max);
-        let shape = Shape::of(self.gpu.caps());
+        let pair_capacity = self.engine.renderer().pair_capacity();
+        let shape = Shape::of(self.gpu.caps(), u64::from(pair_capacity));
         Work {
             splats: mean(counters::SPLATS),
             visible: mean(counters::VISIBLE),
@@ -313,7 +314,7 @@ impl<'a> Run<'a> {
             pixels: over_views(&|w, h| f64::from(w) * f64::from(h)),
             tiles: over_views(&tiles),
             splat_capacity: f64::from(self.engine.renderer().splat_capacity()),
-            pair_capacity: f64::from(self.engine.renderer().pair_capacity()),
+            pair_capacity: f64::from(pair_capacity),
             most_at_once: scan::most_at_once(self.gpu.caps().kind),
             tile_capacity,
             sh_degree: self.sh_degree,

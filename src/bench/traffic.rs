@@ -106,6 +106,7 @@ impl Work {
             (table(self.visible, self.depth), most(self.splat_capacity, DEPTH_BITS)),
             (table(self.pairs, self.tile), most(self.pair_capacity, tile_bits(self.tile_capacity as u64))),
         ];
+        let sums = if self.shape == Shape::Runs { &sums[..] } else { &sums[..1] };
         let mut words = [0.0; 2];
         sums.iter().for_each(|&(n, most)| words[usize::from(most > self.most_at_once)] += n);
         words
@@ -122,7 +123,8 @@ impl Work {
 /// | `compact` | N (4 count + 4 place) + V (4 depth + 8 key and value) |
 /// | `radix_count` | per digit: 4 per key, 4 per table word |
 /// | `radix_scatter` | per digit: 16 per key, 4 per table word |
-/// | `scan_reduce`, `scan_add`, `scan_spine`, `scan_once` | 4, 8, 8 / 1024, 8 per word of the sums (over N, V, tables) that take it |
+/// | `radix_rows` | 8 per table word |
+/// | `scan_reduce`, `scan_add`, `scan_spine`, `scan_once` | 4, 8, 8 / 1024, 8 per word of the sums (over N, V, tables of the runs shape) that take it |
 /// | `gather_counts` | 12 V |
 /// | `emit` | V (12 + 24 of the projected splat) + 12 P |
 /// | `tile_ranges` | 16 P + 8 per tile |
@@ -145,7 +147,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     let [at_once, in_blocks] = work.summed();
     // Longer names before those they begin with.
-    let families: [(&str, f64); 21] = [
+    let families: [(&str, f64); 22] = [
         (
             "project_backward_adam",
             work.splats_stepped() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped())
@@ -156,6 +158,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         ("compact", 8.0 * n + 12.0 * v),
         ("radix_count", 4.0 * keys + 4.0 * tables),
         ("radix_scatter", 16.0 * keys + 4.0 * tables),
+        ("radix_rows", 8.0 * tables),
         ("scan_once", 8.0 * at_once),
         ("scan_reduce", 4.0 * in_blocks),
         ("scan_add", 8.0 * in_blocks),

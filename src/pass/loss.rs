@@ -59,8 +59,12 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
-/// Subgroups that keep the largest devices at work: a few on each of their units.
-const ENOUGH_STRIPS: u64 = 1500;
+/// Subgroups that keep the largest devices at work: more than one on each of their units.
+const ENOUGH_STRIPS: u64 = 1000;
+/// Rows of the strips of large images.
+const LONG: u32 = 64;
+/// Rows of the strips of the smallest images.
+const SHORT: u32 = 16;
 
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,32 +82,32 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// For a device's subgroup width.
+    /// For a device's subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups at work, which walk one
+    /// row after the other: in small images each takes one channel of a short strip, though short ones read their 20 rows more often.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
-        let apart = if lanes > LEAST_LANES { 3 } else { 1 };
-        Self { width, height, lanes, segment: Self::segment_for(width, height, lanes), apart }
+        if lanes <= LEAST_LANES {
+            return Self { width, height, lanes, segment: 1024, apart: 1 };
+        }
+        let together = Self { width, height, lanes, segment: LONG, apart: 1 };
+        if together.strips() >= ENOUGH_STRIPS {
+            return together;
+        }
+        let mut apart = Self { apart: 3, ..together };
+        while apart.segment > SHORT && apart.strips() < ENOUGH_STRIPS {
+            apart.segment /= 2;
+        }
+        apart
     }
 
-    /// SEGMENT for an image and a subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups at work,
-    /// which walk one row after the other: of small images short strips, though these read the 20 rows more often.
-    pub const fn segment_for(width: u32, height: u32, lanes: u32) -> u32 {
-        const SHORT: u32 = 16;
-        const LONG: u32 = 64;
-        if lanes <= LEAST_LANES {
-            return 1024;
-        }
-        let columns = 3 * width.div_ceil(lanes) as u64;
-        let mut segment = LONG;
-        while segment > SHORT && columns * (height.div_ceil(segment) as u64) < ENOUGH_STRIPS {
-            segment /= 2;
-        }
-        segment
+    /// Subgroups of the strips.
+    const fn strips(&self) -> u64 {
+        let strips = self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64;
+        strips * self.apart as u64
     }
 
     /// Threads of the strips: one subgroup per strip and share of the channels.
     pub const fn strip_threads(&self) -> u64 {
-        let strips = self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64;
-        strips * self.apart as u64 * self.lanes as u64
+        self.strips() * self.lanes as u64
     }
 
     /// Threads of the gradient: one subgroup per row.

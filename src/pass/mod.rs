@@ -161,6 +161,8 @@ pub const ALL: &[&Pass] = &[
     &project_backward_adam_packed::PASS,
     &radix::COUNT_GROUPS,
     &radix::COUNT_RUNS,
+    &radix::ROWS,
+    &radix::ROWS_EMULATED,
     &radix::SCATTER_GROUPS,
     &radix::SCATTER_GROUPS_EMULATED,
     &radix::SCATTER_RUNS,

@@ -1,6 +1,6 @@
 //! One digit of a stable radix sort of (key, value) words: table of digit counts, and the move.
 //!
-//! Between the two stands the prefix sum of the table. Two shapes: `RUNS` for CPU devices (a thread owns a block and private
+//! Between the two stand the prefix sum of the table (runs), or those of its rows ([`ROWS`], groups). Two shapes: `RUNS` for CPU devices (a thread owns a block and private
 //! counters) and `GROUPS` for GPUs (a workgroup owns a block). Digits have up to 8 bits.
 
 use super::{Pass, module};
@@ -16,7 +16,9 @@ pub const MOST_BITS: u32 = 8;
 /// Threads in a workgroup of the groups shape.
 pub const GROUPS_LOCAL_SIZE: u32 = 256;
 /// Default of the constant `ITEMS`: keys per thread of the groups shape.
-pub const GROUPS_ITEMS: u32 = 16;
+pub const GROUPS_ITEMS: u32 = 8;
+/// `ITEMS` for many keys: neighbours in a block then have longer stretches to write to, and tables are half as large.
+pub const GROUPS_ITEMS_OF_MANY: u32 = 16;
 
 crate::push_constants! {
     /// Push constants of the radix passes.
@@ -44,6 +46,7 @@ const EMULATED: &[Constant] = &[
 ];
 
 const COUNT: &[Binding] = &[read("keys"), read("counters"), write("table")];
+const ROWS_OF_TABLE: &[Binding] = &[read("counters"), read("table"), write("places")];
 const SCATTER: &[Binding] =
     &[read("keys"), read("vals"), read("counters"), read("places"), write("keys_out"), write("vals_out")];
 
@@ -85,3 +88,25 @@ pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, SUBGROUPS
 /// Move by a digit, groups shape with emulated subgroups.
 pub const SCATTER_GROUPS_EMULATED: Pass =
     pass("radix_scatter_groups_emulated", SCATTER, EMULATED, crate::twin::radix::scatter_groups);
+
+const fn rows(name: &'static str, constants: &'static [Constant]) -> Pass {
+    Pass {
+        kernel: Kernel {
+            name,
+            spirv: module(name),
+            bindings: ROWS_OF_TABLE,
+            push_bytes: Push::BYTES,
+            constants,
+            local_size: Some(GROUPS_LOCAL_SIZE),
+        },
+        doc: "A workgroup owns a digit, a row of the table; one thread owns 4 of every 1,024 words of it.",
+        dispatch: "one workgroup per digit",
+        push: Push::FIELDS,
+        twin: crate::twin::radix::rows,
+    }
+}
+
+/// Prefix sums of the rows of the table, and the sums of the rows behind them, groups shape.
+pub const ROWS: Pass = rows("radix_rows_subgroup", GROUPS);
+/// [`ROWS`] with emulated subgroups.
+pub const ROWS_EMULATED: Pass = rows("radix_rows_emulated", EMULATED);

@@ -130,7 +130,7 @@ impl Renderer {
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
         let capacities = Capacities { splats, pairs, tiles };
-        let shape = Shape::of(gpu.caps());
+        let shape = Shape::of(gpu.caps(), pairs);
         let slots = size.train && variants.gradients == GradientSum::Slots;
         let for_lists = Layout::new(gpu, &capacities, shape).bytes();
         let early = if size.train {

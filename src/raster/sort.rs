@@ -15,16 +15,28 @@ pub enum Shape {
     Runs,
     /// A workgroup owns a block of keys: for GPUs.
     Groups,
+    /// The same with blocks twice as long, for many keys.
+    LongGroups,
 }
 
+/// Keys from which blocks are long: with fewer, more workgroups are worth more than longer stretches to write to.
+const MANY: u64 = 4 << 20;
+
+
 impl Shape {
-    /// The shape for a device.
-    pub fn of(caps: &Caps) -> Shape {
+    /// The shape for a device and up to `most` keys.
+    pub fn of(caps: &Caps, most: u64) -> Shape {
         let room = || {
-            let (_, scatter, width) = kernels(Shape::Groups, caps.subgroup);
+            let Kernels { scatter, width, .. } = Kernels::of(Shape::Groups, caps.subgroup);
             caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, width.as_slice())
         };
-        if caps.kind == DeviceKind::Cpu || !room() { Shape::Runs } else { Shape::Groups }
+        if caps.kind == DeviceKind::Cpu || !room() {
+            Shape::Runs
+        } else if most < MANY {
+            Shape::Groups
+        } else {
+            Shape::LongGroups
+        }
     }
 
     /// Keys in a block, a column of the table of digit counts.
@@ -32,14 +44,20 @@ impl Shape {
         match self {
             Shape::Runs => pass::RUNS_BLOCK,
             Shape::Groups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS,
+            Shape::LongGroups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS_OF_MANY,
         }
+    }
+
+    /// The constant of keys per thread, where it is not its default.
+    fn items(self) -> Vec<(&'static str, u32)> {
+        if self == Shape::LongGroups { vec![("ITEMS", pass::GROUPS_ITEMS_OF_MANY)] } else { Vec::new() }
     }
 
     /// Keys covered by one workgroup.
     pub const fn keys_per_group(self) -> u32 {
         match self {
             Shape::Runs => pass::RUNS_BLOCK * pass::RUNS_LOCAL_SIZE,
-            Shape::Groups => self.block(),
+            Shape::Groups | Shape::LongGroups => self.block(),
         }
     }
 
@@ -55,12 +73,17 @@ impl Shape {
     pub(crate) fn table_words(self, most: u64, bits: u32) -> u64 {
         // Fewer bits may mean wider digits: 17 are three of 6, 16 are two of 8.
         let rows = (0..=bits).map(|bits| self.digits(bits).rows()).max().unwrap_or(1);
-        most.div_ceil(u64::from(self.block())).max(1) * u64::from(rows)
+        let sums = if self == Shape::Runs { 0 } else { rows };
+        most.div_ceil(u64::from(self.block())).max(1) * u64::from(rows) + u64::from(sums)
     }
 
-    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes, the prefix sum of the table.
+    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes, the prefix sums of the table.
     pub fn entries(self, bits: u32) -> [Entry; 2] {
-        let table = Entry { divide: self.block(), multiply: self.digits(bits).rows(), items: SCAN_BLOCK };
+        let rows = self.digits(bits).rows();
+        let table = match self {
+            Shape::Runs => Entry { divide: self.block(), multiply: rows, items: SCAN_BLOCK },
+            Shape::Groups | Shape::LongGroups => Entry::fixed(rows),
+        };
         [Entry::items(self.keys_per_group()), table]
     }
 }
@@ -127,25 +150,41 @@ pub(crate) struct SortMemory<'a> {
 pub(crate) struct SortPasses {
     shape: Shape,
     count: Pipeline,
+    sums: Sums,
     scatter: Pipeline,
-    scan: Scan,
+}
+
+/// What makes places of digit counts.
+enum Sums {
+    /// The prefix sum of the table.
+    Whole(Scan),
+    /// Those of its rows.
+    Rows(Pipeline),
 }
 
 impl SortPasses {
     /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffer of the prefix sum.
     pub(crate) fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<SortPasses> {
-        let (count, scatter, width) = kernels(shape, gpu.caps().subgroup);
+        let Kernels { count, rows, scatter, width } = Kernels::of(shape, gpu.caps().subgroup);
+        let (items, width) = (shape.items(), width.as_slice());
+        let sums = match rows {
+            None => Sums::Whole(Scan::new(gpu, name, shape.table_words(most, bits))?),
+            Some((rows, width)) => Sums::Rows(gpu.pipeline(&rows.kernel, &[&items, width.as_slice()].concat())?),
+        };
         Ok(SortPasses {
             shape,
-            count: gpu.pipeline(&count.kernel, &[])?,
-            scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
-            scan: Scan::new(gpu, name, shape.table_words(most, bits))?,
+            count: gpu.pipeline(&count.kernel, &items)?,
+            sums,
+            scatter: gpu.pipeline(&scatter.kernel, &[&items, width].concat())?,
         })
     }
 
     /// Bytes of its own buffers.
     pub(crate) fn bytes(&self) -> u64 {
-        self.scan.bytes()
+        match &self.sums {
+            Sums::Whole(scan) => scan.bytes(),
+            Sums::Rows(_) => 0,
+        }
     }
 
     /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result. Values that are given
@@ -161,11 +200,11 @@ impl SortPasses {
         let SortMemory { tables: [table_words, places], keys, vals, apart } = memory;
         let digits = self.shape.digits(bits);
         let block = self.shape.block();
-        let (source, number, groups, table) = match extent {
+        let (source, number, groups, rows, table) = match extent {
             Keys::Host(n) => {
                 let groups = Groups::Workgroups(u64::from(n.div_ceil(self.shape.keys_per_group())));
                 let words = n.div_ceil(block).saturating_mul(digits.rows());
-                (NO_COUNTER, n, groups, Extent::host(words))
+                (NO_COUNTER, n, groups, Groups::Workgroups(u64::from(digits.rows())), Extent::host(words))
             }
             Keys::Counted { counter, args, first, once } => {
                 let table = Extent {
@@ -173,7 +212,8 @@ impl SortPasses {
                     multiply: digits.rows(),
                     ..Extent::counted(counter, args, first + 1, once)
                 };
-                (counter, 0, Groups::Indirect(args, Entry::offset(first)), table)
+                let at = |entry| Groups::Indirect(args, Entry::offset(entry));
+                (counter, 0, at(first), at(first + 1), table)
             }
         };
         let counts: BufferSlice<'_> = counters.into();
@@ -182,7 +222,12 @@ impl SortPasses {
             let (shift, mask) = digits.shift_and_mask(digit);
             let push = Push { source, count: number, shift, mask, digits: digits.rows() };
             rec.dispatch(&self.count, &[keys[from], counts, table_words], &push, groups)?;
-            self.scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
+            match &self.sums {
+                Sums::Whole(scan) => {
+                    scan.record(rec, [table_words, places], counters, table, Summand::Words, NO_COUNTER)?;
+                }
+                Sums::Rows(pass) => rec.dispatch(pass, &[counts, table_words, places], &push, rows)?,
+            }
             let given = apart.filter(|_| digit == 0).unwrap_or(vals[from]);
             let bound = [keys[from], given, counts, places, keys[to], vals[to]];
             rec.dispatch(&self.scatter, &bound, &push, groups)?;
@@ -191,15 +236,32 @@ impl SortPasses {
     }
 }
 
-/// The counting and the scattering pass of a shape, and the width of subgroups where it is a constant.
-fn kernels(shape: Shape, subgroup: Subgroup) -> (&'static Pass, &'static Pass, Option<(&'static str, u32)>) {
-    match (shape, subgroup) {
-        (Shape::Runs, _) => (&pass::COUNT_RUNS, &pass::SCATTER_RUNS, None),
-        (Shape::Groups, Subgroup::Hardware(width)) => {
-            (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS, Some(("WIDTH", width)))
-        }
-        (Shape::Groups, Subgroup::Emulated(width)) => {
-            (&pass::COUNT_GROUPS, &pass::SCATTER_GROUPS_EMULATED, Some(("EMULATED_WIDTH", width)))
+/// The passes of a shape, with what is given for their constants beside [`Shape::items`].
+struct Kernels {
+    count: &'static Pass,
+    /// Of the groups shape.
+    rows: Option<(&'static Pass, Option<(&'static str, u32)>)>,
+    scatter: &'static Pass,
+    width: Option<(&'static str, u32)>,
+}
+
+impl Kernels {
+    fn of(shape: Shape, subgroup: Subgroup) -> Kernels {
+        match (shape, subgroup) {
+            (Shape::Runs, _) => {
+                Kernels { count: &pass::COUNT_RUNS, rows: None, scatter: &pass::SCATTER_RUNS, width: None }
+            }
+            (_, Subgroup::Hardware(width)) => Kernels {
+                count: &pass::COUNT_GROUPS,
+                rows: Some((&pass::ROWS, None)),
+                scatter: &pass::SCATTER_GROUPS,
+                width: Some(("WIDTH", width)),
+            },
+            (_, Subgroup::Emulated(width)) => {
+                let width = Some(("EMULATED_WIDTH", width));
+                let rows = Some((&pass::ROWS_EMULATED, width));
+                Kernels { count: &pass::COUNT_GROUPS, rows, scatter: &pass::SCATTER_GROUPS_EMULATED, width }
+            }
         }
     }
 }
@@ -270,7 +332,7 @@ mod tests {
 
     #[test]
     fn digits_cover_every_bit_once() {
-        for shape in [Shape::Runs, Shape::Groups] {
+        for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
             for bits in 0..=32 {
                 let digits = shape.digits(bits);
                 let covered = (0..digits.passes).fold(0u64, |seen, digit| {

@@ -125,7 +125,7 @@ pub struct Slots<'a> {
 impl TileLists {
     /// Allocates for the given sizes, with slots.
     pub fn new(gpu: &Gpu, capacities: Capacities) -> Result<TileLists> {
-        TileLists::with_shape(gpu, capacities, Shape::of(gpu.caps()))
+        TileLists::with_shape(gpu, capacities, Shape::of(gpu.caps(), capacities.pairs))
     }
 
     /// The same with the sort's shape given.

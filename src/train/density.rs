@@ -153,7 +153,7 @@ impl DensityControl {
             gathers: [gather(1)?, gather(2)?, gather(3)?, gather(4)?, gather(12)?],
             finish: gpu.pipeline(&densify_finish::PASS.kernel, &[])?,
             reset: gpu.pipeline(&opacity_reset::PASS.kernel, &[])?,
-            shape: Shape::of(gpu.caps()),
+            shape: Shape::of(gpu.caps(), u64::from(capacity)),
             order: None,
         })
     }

@@ -71,7 +71,7 @@ pub struct Outcome {
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
     let control = DensityControl::new(gpu, splats, DENSITY_ENTRY)?;
     Ok(match needs.settings.stepping.splat_order.unwrap_or_default() {
-        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent, Shape::of(gpu.caps()))?,
+        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent, Shape::of(gpu.caps(), u64::from(splats)))?,
         SplatOrder::Birth => control,
     })
 }

@@ -99,7 +99,7 @@ cases! {
     project_backward_adam: "project_backward_adam";
     project_backward_adam_packed: "project_backward_adam_packed";
     radix: "radix_count_runs" "radix_count_groups" "radix_scatter_runs" "radix_scatter_groups"
-        "radix_scatter_groups_emulated";
+        "radix_scatter_groups_emulated" "radix_rows_subgroup" "radix_rows_emulated";
     saliency_plane: "saliency_plane";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
         "scan_add_subgroup_rows" "scan_add_emulated" "scan_once_subgroup" "scan_once_subgroup_wide"

@@ -2,10 +2,11 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::radix::{
-    COUNT_GROUPS, COUNT_RUNS, GROUPS_LOCAL_SIZE, MOST_BITS, Push, RUNS_LOCAL_SIZE, SCATTER_GROUPS,
-    SCATTER_GROUPS_EMULATED, SCATTER_RUNS,
+    COUNT_GROUPS, COUNT_RUNS, GROUPS_ITEMS, GROUPS_ITEMS_OF_MANY, GROUPS_LOCAL_SIZE, MOST_BITS, Push, ROWS,
+    ROWS_EMULATED, RUNS_LOCAL_SIZE, SCATTER_GROUPS, SCATTER_GROUPS_EMULATED, SCATTER_RUNS,
 };
 use psrgs_vk::pass::{Pass, counters};
+use psrgs_vk::twin::radix;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::{Gpu, Subgroup};
 
@@ -13,10 +14,12 @@ use super::harness::{self, Random, bytes, garbage};
 
 struct Shape<'a> {
     count: &'a Pass,
+    /// Of the groups shape: what makes places of rows.
+    rows: Option<&'a Pass>,
     scatter: &'a Pass,
     given: &'a [(&'a str, u32)],
-    /// Constants of the move alone.
-    moved: &'a [(&'a str, u32)],
+    /// More constants of the rows, and of the move.
+    more: [&'a [(&'a str, u32)]; 2],
     /// Keys of a block, blocks of a workgroup.
     block: u32,
     per_group: u32,
@@ -37,12 +40,25 @@ fn digit(gpu: &Gpu, shape: &Shape<'_>, keys: &[u32], shift: u32, bits: u32, coun
     let table = garbage((blocks << bits) + 9);
     let count = harness::run(gpu, shape.count, shape.given, &[padded.clone(), counts.clone(), table], &push, groups);
     count.assert_same_bits(&what);
-    let (places, total) = exclusive(count.device::<u32>(2)[..blocks << bits].iter().copied());
+    let counted = count.device::<u32>(2)[..blocks << bits].to_vec();
+    let (places, total) = exclusive(counted.iter().copied());
     assert_eq!(total as usize, n, "{what}");
-    let places = if places.is_empty() { garbage(4) } else { bytes(&places) };
+    let places = if let Some(pass) = shape.rows {
+        let table = if counted.is_empty() { garbage(4) } else { bytes(&counted) };
+        let buffers = [counts.clone(), table, garbage(((blocks + 1) << bits) + 9)];
+        let rows = harness::run(gpu, pass, &[shape.given, shape.more[0]].concat(), &buffers, &push, push.digits + 1);
+        rows.assert_same_bits(&what);
+        let made = rows.device::<u32>(2)[..(blocks + 1) << bits].to_vec();
+        assert_eq!(radix::whole(&made, push.digits as usize), places, "{what}");
+        bytes(&made)
+    } else if places.is_empty() {
+        garbage(4)
+    } else {
+        bytes(&places)
+    };
     let vals = bytes(&(0..n as u32 + 9).collect::<Vec<_>>());
     let buffers = [padded, vals, counts, places, garbage(n + 9), garbage(n + 9)];
-    let given = [shape.given, shape.moved].concat();
+    let given = [shape.given, shape.more[1]].concat();
     let scatter = harness::run(gpu, shape.scatter, &given, &buffers, &push, groups);
     scatter.assert_same_bits(&what);
     let mut expected: Vec<u32> = (0..n as u32).collect();
@@ -69,18 +85,21 @@ pub fn run(gpu: &Gpu) {
     for block in [2, 33, 64] {
         let given = [("BLOCK", block)];
         let (count, scatter) = (&COUNT_RUNS, &SCATTER_RUNS);
-        shape(gpu, &Shape { count, scatter, given: &given, moved: &[], block, per_group: RUNS_LOCAL_SIZE });
+        let (rows, more) = (None, [&[][..]; 2]);
+        shape(gpu, &Shape { count, rows, scatter, given: &given, more, block, per_group: RUNS_LOCAL_SIZE });
     }
-    let groups = |scatter, items: u32, moved: &[(&str, u32)]| {
-        let block = GROUPS_LOCAL_SIZE * items;
-        shape(gpu, &Shape { count: &COUNT_GROUPS, scatter, given: &[("ITEMS", items)], moved, block, per_group: 1 });
-    };
     if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-        for items in [1, 16] {
-            groups(&SCATTER_GROUPS, items, &[("WIDTH", width)]);
+        for items in [1, GROUPS_ITEMS, GROUPS_ITEMS_OF_MANY] {
+            groups(gpu, &ROWS, &SCATTER_GROUPS, items, [&[], &[("WIDTH", width)]]);
         }
     }
     for width in [8, 16, 32, 64] {
-        groups(&SCATTER_GROUPS_EMULATED, 3, &[("EMULATED_WIDTH", width)]);
+        let width = [("EMULATED_WIDTH", width)];
+        groups(gpu, &ROWS_EMULATED, &SCATTER_GROUPS_EMULATED, 3, [&width, &width]);
     }
+}
+
+fn groups<'a>(gpu: &Gpu, rows: &'a Pass, scatter: &'a Pass, items: u32, more: [&'a [(&'a str, u32)]; 2]) {
+    let (count, block) = (&COUNT_GROUPS, GROUPS_LOCAL_SIZE * items);
+    shape(gpu, &Shape { count, rows: Some(rows), scatter, given: &[("ITEMS", items)], more, block, per_group: 1 });
 }

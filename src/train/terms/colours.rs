@@ -8,8 +8,8 @@ use crate::vk::{self, Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, R
 /// L1 + SSIM between a render and a photograph, value and gradient.
 pub(in crate::train) struct Losses {
     lambda: f32,
-    lanes: u32,
-    segment: u32,
+    /// Of the largest image: strips of the others have as many rows and channels.
+    layout: Layout,
     /// For photographs with 8 bits per channel, and with 16 where there are any.
     eight: Passes,
     sixteen: Option<Passes>,
@@ -47,24 +47,23 @@ impl Losses {
         weighted: bool,
         lambda: f64,
     ) -> Result<Self, vk::Error> {
-        let (strips, grad, constant, lanes) = match gpu.caps().subgroup {
-            Subgroup::Hardware(loss::LEAST_LANES) => {
-                (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", loss::LEAST_LANES)
-            }
-            Subgroup::Hardware(width) if width > loss::LEAST_LANES => {
-                (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP, "LOCAL_SIZE", width)
-            }
-            _ => {
-                let width = loss::EMULATED_LANES;
-                (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED, "EMULATED_WIDTH", width)
-            }
+        let (constant, lanes) = match gpu.caps().subgroup {
+            Subgroup::Hardware(width) if width >= loss::LEAST_LANES => ("LOCAL_SIZE", width),
+            _ => ("EMULATED_WIDTH", loss::EMULATED_LANES),
         };
-        let layout_of = |&(width, height): &(u32, u32)| Layout::new(width, height, lanes);
-        let largest = sizes.iter().max_by_key(|(width, height)| u64::from(*width) * u64::from(*height));
-        let segment = largest.map(layout_of).map_or(1, |layout| layout.segment);
+        let (width, height) = sizes.iter().copied().max_by_key(|&(w, h)| u64::from(w) * u64::from(h)).unwrap_or((1, 1));
+        let mut layout = Layout::new(width, height, lanes);
+        let (strips, grad) = if constant == "EMULATED_WIDTH" {
+            layout.apart = 3;
+            (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED)
+        } else if layout.apart == 3 {
+            (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP)
+        } else {
+            (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP)
+        };
         let passes = |depth: Depth| -> Result<Passes, vk::Error> {
             let (lanes, bits) = ((constant, lanes), ("PHOTOGRAPH_BITS", depth.bits()));
-            let segment = ("SEGMENT", segment);
+            let segment = ("SEGMENT", layout.segment);
             let one = |weights: u32| -> Result<[Option<Pipeline>; 2], vk::Error> {
                 let weights = ("WEIGHTED", weights);
                 let strips = gpu.pipeline(&strips.kernel, &[lanes, segment, bits, weights])?;
@@ -75,15 +74,14 @@ impl Losses {
             Ok(Passes { strips: [plain_strips, strips], grad: [plain_grad, grad] })
         };
         let most = |f: &dyn Fn(Layout) -> u64| {
-            let layouts = sizes.iter().map(|size| Layout { segment, ..layout_of(size) });
+            let layouts = sizes.iter().map(|&(width, height)| Layout { width, height, ..layout });
             layouts.map(f).max().unwrap_or(1)
         };
         let pixels = most(&|l| u64::from(l.width) * u64::from(l.height));
         let plane = |name| gpu.buffer(name, 4 * most(&|l| l.plane_floats()), Memory::Device);
         Ok(Self {
             lambda: lambda as f32,
-            lanes,
-            segment,
+            layout,
             eight: passes(Depth::Eight)?,
             sixteen: if deep { Some(passes(Depth::Sixteen)?) } else { None },
             sum: gpu.pipeline(&loss::SUM.kernel, &[("LOCAL_SIZE", sum_threads(gpu.caps()))])?,
@@ -104,7 +102,7 @@ impl Losses {
         weights: Option<Weights<'_>>,
         (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
-        let layout = Layout { segment: self.segment, ..Layout::new(width, height, self.lanes) };
+        let layout = Layout { width, height, ..self.layout };
         let Shown { buffer: photograph, values, depth } = *photograph;
         let passes = match (depth, &self.sixteen) {
             (Depth::Sixteen, Some(passes)) => passes,
