@@ -7,6 +7,7 @@
 #include "common.glsl"
 #include "divide.glsl"
 #include "loads.glsl"
+#include "unorm.glsl"
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
@@ -28,7 +29,7 @@ void main() {
     const uint at = (push.top + y) * push.image_width + push.left + pixel - y * push.width;
     const uint photograph = target[at];
     const uint from = push.cropped != 0u ? pixel : at;
-    const vec3 there = unpackUnorm4x8(photograph).rgb;
+    const vec3 there = unorm8(photograph);
     pair[pixel] = vec4(photograph >> 24 == 0u ? there : LOAD4(image, from).rgb, 0.0);
     pair[pixels + pixel] = vec4(there, 0.0);
 }

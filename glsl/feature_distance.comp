@@ -23,12 +23,19 @@ layout(push_constant) uniform Push {
 const uint FLAG_GATE = 4u;      // no gradient where a feature is not positive
 const uint FLAG_GRADIENT = 8u;  // write it
 
+// How far two rows are apart at unit length. Products and sums round one by one: contracted into one operation, a difference of products
+// would not be 0 where the features are equal.
+vec4 apart(vec4 f, vec4 g, vec2 inverse) {
+    precise vec4 d = f * inverse.x - g * inverse.y;
+    return d;
+}
+
 void main() {
     const uint pixel = global_index();
     if (pixel >= push.pixels) return;
     const uint f_first = pixel * push.quads;
     const uint g_first = (pixel + push.pixels) * push.quads;
-    vec2 squares = vec2(0.0);
+    precise vec2 squares = vec2(0.0);
     for (uint q = 0u; q < push.quads; ++q) {
         const vec4 f = LOAD4(features, f_first + q);
         const vec4 g = LOAD4(features, g_first + q);
@@ -41,7 +48,7 @@ void main() {
     float along = 0.0;
     for (uint q = 0u; q < push.quads; ++q) {
         const vec4 f = LOAD4(features, f_first + q);
-        const vec4 d = f * inverse.x - LOAD4(features, g_first + q) * inverse.y;
+        const vec4 d = apart(f, LOAD4(features, g_first + q), inverse);
         const vec4 wd = LOAD4(channel_weights, push.weight_row + q) * d;
         distance_here += dot(wd, d);
         along += dot(wd, f);
@@ -52,7 +59,7 @@ void main() {
     const float radial = norm.x > 0.0 ? along * inverse.x * inverse.x / norm.x : 0.0;
     for (uint q = 0u; q < push.quads; ++q) {
         const vec4 f = LOAD4(features, f_first + q);
-        const vec4 d = f * inverse.x - LOAD4(features, g_first + q) * inverse.y;
+        const vec4 d = apart(f, LOAD4(features, g_first + q), inverse);
         vec4 grad = 2.0 * each * (LOAD4(channel_weights, push.weight_row + q) * d * inverse.x - f * radial);
         if ((push.flags & FLAG_GATE) != 0u) grad = mix(vec4(0.0), grad, greaterThan(f, vec4(0.0)));
         grads[f_first + q] = grad;

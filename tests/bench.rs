@@ -9,6 +9,7 @@ use common::plane_scene;
 use psrgs_vk::bench::{self, Error, Options, Report};
 use psrgs_vk::format::ply;
 use psrgs_vk::pass;
+use psrgs_vk::raster::{Culling, TileShape};
 use psrgs_vk::scene::{Frame, Gaussians};
 use psrgs_vk::train::{Input, Settings};
 use psrgs_vk::vk::Gpu;
@@ -37,7 +38,9 @@ fn assert_live(report: &Report) {
     assert!(p.backward_blended > 0.0 && p.backward_evaluated >= p.backward_blended, "{p:?}");
     // Every splat that was blended gets a gradient, and the backward begins at the last of them.
     assert_eq!(p.forward_blended, p.backward_blended);
-    assert!(p.backward_evaluated <= p.forward_evaluated, "{p:?}");
+    // With culling each pass leaves out what does not show in its own blocks of pixels, or nothing.
+    let culled = report.variants.tile == TileShape::Pixel && report.variants.culling == Culling::Blocks;
+    assert!(culled || p.backward_evaluated <= p.forward_evaluated, "{p:?}");
     assert!(report.loss.last_pass < report.loss.first_pass);
 
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
@@ -278,7 +281,9 @@ fn commands_of_a_step_say_what_they_wait_for() {
     assert!(barriers > 10 && barriers <= waiting, "{barriers} barriers for {waiting} commands that wait");
     // Each pass of the tile lists is there.
     for pass in ["project", "compact", "emit", "tile_ranges", "finish"] {
-        assert!(listed.iter().any(|command| command.command == pass), "no {pass}");
+        // Pairs are emitted by a pass per form.
+        let is = |name: &str| name == pass || pass == "emit" && name.starts_with("emit_together");
+        assert!(listed.iter().any(|command| is(&command.command)), "no {pass}");
     }
 }
 

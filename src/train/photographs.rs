@@ -205,11 +205,12 @@ impl Photographs {
         }
     }
 
-    /// Bytes of the buffers.
-    pub(super) fn bytes(&self) -> u64 {
+    /// Bytes of the buffers that count as device memory.
+    pub(super) fn bytes(&self, gpu: &Gpu) -> u64 {
+        let bytes = |buffer: &Buffer| gpu.counted_bytes(buffer);
         match &self.place {
-            Place::Resident(buffers) => buffers.iter().map(Buffer::size).sum(),
-            Place::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(Buffer::size).sum(),
+            Place::Resident(buffers) => buffers.iter().map(bytes).sum(),
+            Place::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(bytes).sum(),
         }
     }
 }

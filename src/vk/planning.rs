@@ -27,12 +27,20 @@ impl Gpu {
         self.planned.as_ref().map_or(0, |total| total.load(Ordering::Relaxed))
     }
 
+    /// Bytes of a buffer that count towards [`super::MemoryUse::limit`]: in memory of the host only where the device works in it.
+    pub(crate) fn counted_bytes(&self, buffer: &Buffer) -> u64 {
+        if self.counts(buffer.memory()) { buffer.size() } else { 0 }
+    }
+
+    fn counts(&self, memory: Memory) -> bool {
+        lock(&self.device().memory).as_ref().is_some_and(|pool| pool.counts(memory))
+    }
+
     /// Notes a buffer of a planning handle.
     pub(super) fn plan_buffer(&self, total: &AtomicU64, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         let device = self.device();
         let buffer = Buffer::unallocated(device, name, bytes, memory)?;
-        let counts = lock(&device.memory).as_ref().is_some_and(|pool| pool.counts(memory));
-        if counts {
+        if self.counts(memory) {
             let guard = if device.canaries && memory == Memory::Device { GUARD } else { 0 };
             total.fetch_add((bytes.max(16) + guard).next_multiple_of(ROUNDING), Ordering::Relaxed);
         }

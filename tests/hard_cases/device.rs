@@ -116,6 +116,20 @@ impl Scene {
         reference::backward(&self.splats, &self.shot.camera, &self.settings, &g)
     }
 
+    /// The sums over pixels of what the gradients in f64 are sums of, without signs: what the errors of a sum that cancels are small
+    /// against.
+    pub(crate) fn contributions(&self, upstream: &[f32]) -> [Vec<f64>; 8] {
+        let mut sums = ROWS.map(|row| vec![0.0; row * self.splats.len()]);
+        for pixel in 0..self.pixels() {
+            let mut alone = vec![0.0; upstream.len()];
+            alone[4 * pixel..4 * pixel + 4].copy_from_slice(&upstream[4 * pixel..4 * pixel + 4]);
+            for (sums, plane) in sums.iter_mut().zip(self.wanted_gradients(&alone).planes()) {
+                sums.iter_mut().zip(plane).for_each(|(sum, value)| *sum += value.abs());
+            }
+        }
+        sums
+    }
+
     /// The device's picture: red, green, blue and transmittance of each pixel.
     pub(crate) fn picture(&self, gpu: &Gpu, variants: Variants) -> Vec<f32> {
         let mut viewer = Viewer::with_variants(gpu, variants);
@@ -199,6 +213,26 @@ pub(crate) fn check(what: &str, planes: &[usize], got: &[Vec<f32>; 8], want: &[V
     for &p in planes {
         let name = format!("{what}, {}", NAMES[p]);
         Guards { floor: 1e-3, ..Guards::of(bound) }.check(&name, got[p].len(), &got[p], &want[p]);
+    }
+}
+
+/// Whole planes against the reference: no element is off by more than `bound` of its contributions.
+pub(crate) fn check_sums(
+    what: &str,
+    planes: &[usize],
+    got: &[Vec<f32>; 8],
+    (want, contributions): (&[Vec<f64>; 8], &[Vec<f64>; 8]),
+    bound: f64,
+) {
+    for &p in planes {
+        for (i, ((got, want), size)) in got[p].iter().zip(&want[p]).zip(&contributions[p]).enumerate() {
+            let off = (f64::from(*got) - want).abs();
+            assert!(
+                off <= bound * size,
+                "{what}, {}: element {i} is {got:e} instead of {want:e}, of contributions of {size:e}",
+                NAMES[p]
+            );
+        }
     }
 }
 

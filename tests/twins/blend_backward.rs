@@ -304,7 +304,8 @@ fn contributors(gpu: &Gpu) {
 }
 
 /// With culling, the gradients of a pair are the same bits, and so are those of splats whose pairs are added in one order: where there
-/// is a single tile. Contributors are the same everywhere. With one set of constants, because each is a pipeline to make.
+/// is a single tile, and a processor runs the subgroups of its workgroup in turn. Those of a GPU add in the order in which they arrive,
+/// with or without culling. Contributors are the same everywhere. With one set of constants, because each is a pipeline to make.
 fn culling(gpu: &Gpu, cases: &[Case]) {
     let (mut tiles, mut evaluated) = ([0, 0], [0, 0]);
     for case in cases.iter().filter(|case| case.blend.normals.is_some() && !case.up.clamp_gradient_passes) {
@@ -326,7 +327,7 @@ fn culling(gpu: &Gpu, cases: &[Case]) {
                 let what = format!("{}, blocks of {block}, {}", pass.kernel.name, case.name);
                 let single = case.blend.ranges.len() == 1;
                 tiles[usize::from(single)] += 1;
-                if single {
+                if single && harness::rounds_alike(gpu) {
                     assert!(got.device[..at + 2] == want.device[..at + 2], "{what}: other gradients");
                 }
                 let (bound, sizes) = (1e-4, &case.sizes.0);

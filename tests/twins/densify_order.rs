@@ -121,7 +121,7 @@ fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
             device.change(&rules, &[9]);
             density_twin::change(&mut want, &rules, 9);
             let got = device.read();
-            assert_same(&by_birth(&got), &want, born);
+            assert_same(&gpu, &by_birth(&got), &want, born);
             // Rows that were not born now are where they were.
             let along: Vec<(u32, u32)> = (got.rows().iter().filter(|row| row.id < born))
                 .map(|row| (code(std::array::from_fn(|k| row.planes[MEANS][k]), 4.0), row.id))

@@ -135,7 +135,16 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
     for (grad, groups) in [(poison, 1), (vec![1.0; NUMBERS * parts], 0)] {
         let outcome = harness::run(gpu, &exposure::STEP, &[], &[bytes(&grad), bytes(&rows)], &push, groups);
         assert_eq!(bytes(&outcome.device::<f32>(1)), bytes(&rows));
-        outcome.assert_same_bits("no step");
+        if harness::rounds_alike(gpu) {
+            outcome.assert_same_bits("no step");
+        }
+        let (device, by_twin) = (outcome.device::<f32>(1), outcome.twin::<f32>(1));
+        let mean = ROW * views;
+        assert_eq!(bytes(&device[..mean]), bytes(&by_twin[..mean]), "no step");
+        for (got, want) in device[mean..].iter().zip(&by_twin[mean..]) {
+            // The mean is a sum in the same order over a number, which Vulkan promises within 2.5 ulp.
+            close(*got, f64::from(*want), 3.0 * EPS * f64::from(want.abs()), "the mean without a step");
+        }
     }
 }
 

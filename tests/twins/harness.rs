@@ -1,18 +1,19 @@
 //! Runs a pass on the device, in each of its forms, and its twin on the CPU, on the same buffers.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::twin::TwinCall;
-use psrgs_vk::vk::{Addresses, Gpu, Groups, Memory};
+use psrgs_vk::vk::{Addresses, DeviceKind, Gpu, Groups, Memory};
 
 /// What a dispatch left in its buffers, in binding order.
 pub struct Outcome {
-    /// By the device, through descriptors.
+    /// By the device, through descriptors; within [`each_way`] also in other ways.
     pub device: Vec<Vec<u8>>,
-    /// By the device, by address, where that was run. The same bits, but for passes that add floats in the order in which
-    /// threads arrive.
+    /// By the device, by address, where that was run beside it: on devices that [`rounds_alike`]. The same bits, but for passes that add
+    /// floats in the order in which threads arrive.
     pub by_address: Option<Vec<Vec<u8>>>,
     /// By the twin.
     pub twin: Vec<Vec<u8>>,
@@ -59,6 +60,40 @@ enum Way {
     TexelsByAddress,
     /// With a descriptor per buffer even where the device reads rows as texels.
     WithoutTexels,
+}
+
+/// Whether every form of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may contract products and
+/// sums as it likes in each form, and divides within 2.5 ulp.
+pub fn rounds_alike(gpu: &Gpu) -> bool {
+    gpu.caps().kind == DeviceKind::Cpu
+}
+
+thread_local! {
+    static WAY: Cell<Way> = const { Cell::new(Way::Usual) };
+}
+
+/// Runs a case once where all forms of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in which a pass can reach
+/// its buffers, so that each form is as near to the twin as the case wants it.
+pub fn each_way(gpu: &Gpu, case: fn(&Gpu)) {
+    case(gpu);
+    if rounds_alike(gpu) {
+        return;
+    }
+    let texels: &[Way] = if gpu.caps().texels { &[Way::WithoutTexels, Way::TexelsByAddress] } else { &[] };
+    for way in [Way::ByAddress].iter().chain(texels) {
+        WAY.set(*way);
+        case(gpu);
+        WAY.set(Way::Usual);
+    }
+}
+
+/// Whether the pass has a form of its own for this way.
+fn has(gpu: &Gpu, pass: &Pass, way: Way) -> bool {
+    match way {
+        Way::Usual | Way::ByAddress => true,
+        Way::WithoutTexels => gpu.caps().texels && pass.kernel.spirv.texels.is_some(),
+        Way::TexelsByAddress => gpu.caps().texels && pass.kernel.spirv.texels_by_address.is_some(),
+    }
 }
 
 /// What the device leaves in copies of `buffers`.
@@ -114,8 +149,8 @@ fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     })
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Fails unless all forms of the pass leave the
-/// same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`], fails unless all forms of
+/// the pass leave the same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
 pub fn run<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,
@@ -125,13 +160,13 @@ pub fn run<P: bytemuck::NoUninit>(
     groups: u32,
 ) -> Outcome {
     let on_device = |way| dispatch(gpu, pass, given, buffers, push, groups, way);
-    let device = on_device(Way::Usual);
-    let place = place_of_set(pass, given);
-    let by_address = (place < 2).then(|| on_device(Way::ByAddress));
-    let plain =
-        (place < 1 && gpu.caps().texels && pass.kernel.spirv.texels.is_some()).then(|| on_device(Way::WithoutTexels));
-    let both = (place < 1 && gpu.caps().texels && pass.kernel.spirv.texels_by_address.is_some())
-        .then(|| on_device(Way::TexelsByAddress));
+    let way = WAY.get();
+    let device = on_device(if has(gpu, pass, way) { way } else { Way::Usual });
+    let place = if rounds_alike(gpu) { place_of_set(pass, given) } else { usize::MAX };
+    let beside = |way, sets| (place < sets && has(gpu, pass, way)).then(|| on_device(way));
+    let by_address = beside(Way::ByAddress, 2);
+    let plain = beside(Way::WithoutTexels, 1);
+    let both = beside(Way::TexelsByAddress, 1);
     for (form, other) in [("by address", &by_address), ("without texels", &plain), ("by address, with texels", &both)] {
         if let (Some(other), true) = (other, repeats(pass)) {
             for (i, (device, other)) in device.iter().zip(other).enumerate() {

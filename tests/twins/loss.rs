@@ -279,8 +279,7 @@ fn run_with(gpu: &Gpu, with: With) {
     for value in [0u8, 1, 128, 230, 255] {
         let equal = pictures("equal and flat", 33, 20, |_, _| ([f32::from(value) / 255.0; 3], [value; 3]));
         let (values, grad) = on_device(gpu, with, &equal, 0.2, None);
-        assert_eq!(values[2], 1.0, "SSIM of equal pictures of {value}");
-        assert_eq!(values[0], 0.0);
+        assert_no_loss(gpu, &values, &format!("equal pictures of {value}"));
         assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal pictures of {value}");
     }
     let textured = pictures("equal and textured", 40, 33, |x, y| {
@@ -288,11 +287,19 @@ fn run_with(gpu: &Gpu, with: With) {
         ([f32::from(v) / 255.0; 3], [v; 3])
     });
     let (values, grad) = on_device(gpu, with, &textured, 0.2, None);
-    assert_eq!(values[2], 1.0);
+    assert_no_loss(gpu, &values, "equal textured pictures");
     assert!(grad.iter().all(|g| *g == 0.0), "gradient of equal textured pictures");
     masked_pixels_have_no_part(gpu, with, &mut random);
     let (first, second) = (on_device(gpu, with, &bright, 0.2, None), on_device(gpu, with, &bright, 0.2, None));
     assert!(first == second, "two runs differ");
+}
+
+/// The values (total, L1, SSIM) of equal pictures. SSIM is exactly 1 at each pixel, and so is their sum over its number where the device
+/// divides correctly rounded; Vulkan promises 2.5 ulp.
+fn assert_no_loss(gpu: &Gpu, values: &[f32], what: &str) {
+    let off = if harness::rounds_alike(gpu) { 0.0 } else { 2.5 * f32::EPSILON };
+    assert!((values[2] - 1.0).abs() <= off && values[0].abs() <= off, "{what}: {values:?}");
+    assert_eq!(values[1], 0.0, "{what}: L1");
 }
 
 /// Against the definition, whatever the render shows there; and an alpha that is not 0 makes no difference at all.

@@ -59,7 +59,7 @@ macro_rules! cases {
             #[test]
             fn $module() {
                 if let Some(gpu) = common::gpu() {
-                    $module::run(&gpu);
+                    harness::each_way(&gpu, $module::run);
                     common::assert_no_messages(&gpu);
                 }
             }
@@ -128,7 +128,7 @@ fn within_buffers(cases: &[fn(&psrgs_vk::vk::Gpu)]) {
     };
     let Some(gpu) = common::gpu_with(assisted) else { return };
     for case in cases {
-        case(&gpu);
+        harness::each_way(&gpu, *case);
         common::assert_no_messages(&gpu);
     }
     assert!(gpu.stats().by_address > 0);

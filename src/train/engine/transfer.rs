@@ -80,7 +80,7 @@ impl Engine {
         Ok(())
     }
 
-    /// What the buffers cost.
+    /// What the buffers cost that count as device memory.
     pub fn memory(&self) -> MemoryCost {
         let of_splats = [
             self.model.bytes(),
@@ -105,13 +105,13 @@ impl Engine {
                 + of_saliency[0]
                 + of_coarse
                 + of_terms[0],
-            fixed: self.ring.size() + of_exposures[1] + of_saliency[1] + of_terms[1],
+            fixed: self.gpu.counted_bytes(&self.ring) + of_exposures[1] + of_saliency[1] + of_terms[1],
             ..Held::default()
         };
         MemoryCost::new(
             own + self.renderer.held(),
             [self.size.splats, self.size.pairs, self.target.pixels],
-            self.photographs.bytes(),
+            self.photographs.bytes(&self.gpu),
         )
     }
 
