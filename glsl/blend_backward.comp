@@ -211,7 +211,9 @@ void add_up(uint row, float column[16]) {
         if (8u + lane < columns) put(row, 8u + lane, second);
     } else {
         float sum = butterfly(first, second, 8u);
-        for (uint bit = 16u; bit < subgroup_width(); bit *= 2u) sum += subgroup_shuffle_xor(sum, bit);
+        [[unroll]] for (uint k = 4u; k < 7u; ++k) {
+            if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
+        }
         if (lane < columns) put(row, lane, sum);
     }
 }

@@ -27,7 +27,7 @@ const uint MOST_DIGITS = 256u;
 #ifdef RADIX_GROUPS
 layout(constant_id = 0) const uint ITEMS = 8u;
 #ifdef SUBGROUP_EMULATED
-const uint WIDTH = EMULATED_WIDTH;
+#define WIDTH EMULATED_WIDTH
 #else
 layout(constant_id = 1) const uint WIDTH = 32u;  // of subgroups
 #endif

@@ -4,7 +4,7 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::pass::fill;
-use psrgs_vk::raster::{GradientSum, Variants, most_pairs, most_splats};
+use psrgs_vk::raster::{GradientSum, TileShape, Variants, most_pairs, most_splats};
 use psrgs_vk::train::{self, Message, Pacing, Residency, Settings, State, Trainer};
 use psrgs_vk::vk::{Addresses, Error, Gpu, Groups, Memory, OpenOptions};
 
@@ -205,6 +205,8 @@ fn pairs_that_have_no_room_for_slots_are_summed_by_atomics_unless_that_is_forbid
     assert_eq!((u64::from(most), u64::from(most_splats(&gpu))), (RANGE / 48, RANGE / 48));
     let mut quick = settings(false);
     quick.stepping.gradient_sum = Some(GradientSum::Slots);
+    // Small tiles, so that splats have many pairs.
+    quick.blending.tile_shape = Some(TileShape::Column);
     quick.density.max_splats = Some(1000);
     let (state, told, variants) = train(&gpu, &quick, Pacing::default()).unwrap();
     assert_ne!(variants.gradients, GradientSum::Slots, "more than {most} pairs went into slots");

@@ -31,7 +31,7 @@ pub struct SortReport {
 /// Sorts `keys` random keys with their places as values by their lowest `bits` bits, `rounds` times from the same start, and checks
 /// the last result on the host: it ascends, equal keys have ascending values, and every value names its key.
 pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
-        let bits = bits.clamp(1, 32);
+    let bits = bits.clamp(1, 32);
     let n = u64::from(keys);
     let shape = Shape::of(gpu.caps(), n);
     let words = |name: &str| gpu.buffer(name, 4 * n.max(1), Memory::Device);

@@ -193,8 +193,12 @@ pub const STRIPS_SUBGROUP: Pass =
 pub const STRIPS_SUBGROUP_APART: Pass =
     strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, true);
 /// The same as [`STRIPS_SUBGROUP_APART`] without subgroup operations.
-pub const STRIPS_EMULATED: Pass =
-    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE), true);
+pub const STRIPS_EMULATED: Pass = strips(
+    "loss_strips_emulated",
+    &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED],
+    Some(EMULATED_LOCAL_SIZE),
+    true,
+);
 /// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
 pub const GRAD_SUBGROUP: Pass =
     grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None, twin::run_grad);

@@ -86,8 +86,7 @@ pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION
 pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
 /// [`ONCE`] by a larger workgroup, for GPUs.
 pub const ONCE_WIDE: Pass = {
-    let narrow =
-        pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+    let narrow = pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
     let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
     Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
 };

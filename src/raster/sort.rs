@@ -22,7 +22,6 @@ pub enum Shape {
 /// Keys from which blocks are long: with fewer, more workgroups are worth more than longer stretches to write to.
 const MANY: u64 = 4 << 20;
 
-
 impl Shape {
     /// The shape for a device and up to `most` keys.
     pub fn of(caps: &Caps, most: u64) -> Shape {

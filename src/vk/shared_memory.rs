@@ -99,7 +99,9 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
             }
             // OpSpecConstantOp: OpSelect
             (52, &[_, id, 169, which, a, b]) => {
-                if let (Some(&which), Some(&a), Some(&b)) = (constants.get(&which), constants.get(&a), constants.get(&b)) {
+                if let (Some(&which), Some(&a), Some(&b)) =
+                    (constants.get(&which), constants.get(&a), constants.get(&b))
+                {
                     constants.insert(id, if which != 0 { a } else { b });
                 }
             }

@@ -150,7 +150,8 @@ fn no_barrier_of_a_change_in_morton_order_is_idle() {
     let Some(gpu) = gpu() else { return };
     let rng = &mut Rng(3);
     let (rows, born) = random_rows(rng, 70);
-    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng)).in_morton_order(5.0, Shape::of(gpu.caps(), 140));
+    let device =
+        OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng)).in_morton_order(5.0, Shape::of(gpu.caps(), 140));
     let mut rec = gpu.recorder("density").unwrap();
     device.record(&mut rec, &DensityRules { max_splats: Some(100), ..rules() }, 1);
     let (barriers, idle) = gpu.missed_barriers(&rec);

@@ -233,9 +233,13 @@ pub fn run(gpu: &Gpu) {
     let mut sum_random = Random(4);
     let parts: Vec<f32> = (0..1000).map(|_| sum_random.between(0.0, 60.0)).collect();
     let push = SumPush { values: 12_345.0, ssim_count: 300, l1_count: 1000, slot: 2, lambda: 0.3 };
-    let outcome = harness::run(gpu, &passes::SUM, &[], &[bytes(&parts), bytes(&parts), garbage(16)], &push, 1);
-    for (d, t) in outcome.device::<f32>(2).iter().zip(outcome.twin::<f32>(2)) {
-        assert!(d.to_bits() == t.to_bits() || (d - t).abs() <= 2e-6 * t.abs(), "sum: {d} instead of {t}");
+    for threads in [passes::SUM_THREADS, 4 * passes::SUM_THREADS] {
+        let given = [("LOCAL_SIZE", threads)];
+        let buffers = [bytes(&parts), bytes(&parts), garbage(16)];
+        let outcome = harness::run(gpu, &passes::SUM, &given, &buffers, &push, 1);
+        for (d, t) in outcome.device::<f32>(2).iter().zip(outcome.twin::<f32>(2)) {
+            assert!(d.to_bits() == t.to_bits() || (d - t).abs() <= 2e-6 * t.abs(), "sum: {d} instead of {t}");
+        }
     }
     for with in With::all(gpu) {
         run_with(gpu, with);

@@ -2,7 +2,8 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{
-    ADD, ADD_EMULATED, ADD_ROWS, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE, SPINE_EMULATED,
+    ADD, ADD_EMULATED, ADD_ROWS, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE,
+    SPINE_EMULATED,
 };
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::vk::Gpu;

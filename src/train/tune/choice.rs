@@ -16,6 +16,12 @@ pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error
         blending.culling,
     );
     let variants = Variants { approximation: settings.shortcuts.approximation(), ..variants };
+    // What suits the device's own tiles may not be there in those that are asked for; slots are in all.
+    let slots = Variants { gradients: GradientSum::Slots, ..variants };
+    let variants = match stepping.gradient_sum {
+        None if !variants.runs_on(gpu) && slots.runs_on(gpu) => slots,
+        _ => variants,
+    };
     if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
         return Err(Error::PerSplatInColumns);
     }
