@@ -77,7 +77,7 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
     Ok(SortReport {
         keys,
         bits,
-        shape: format!("{shape:?}").to_lowercase(),
+        shape: shape.to_string(),
         dispatches,
         ms,
         passes,

@@ -1,5 +1,7 @@
 //! Stable radix sort of (key, value) words on the device, least significant digit first.
 
+use std::fmt;
+
 use super::scan::{BLOCK as SCAN_BLOCK, Extent, Scan, Summand};
 use crate::pass::Pass;
 use crate::pass::plan::{Entry, NO_COUNTER};
@@ -21,6 +23,16 @@ pub enum Shape {
 
 /// Keys from which blocks are long: with fewer, more workgroups are worth more than longer stretches to write to.
 const MANY: u64 = 4 << 20;
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Shape::Runs => "runs",
+            Shape::Groups => "groups",
+            Shape::LongGroups => "long groups",
+        })
+    }
+}
 
 impl Shape {
     /// The shape for a device and up to `most` keys.
