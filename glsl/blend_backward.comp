@@ -187,7 +187,7 @@ void add_up(uint row, float column[16]) {
 #else
 // Adds each column over the subgroup by a transposing butterfly: a step adds lanes that differ in one bit, of which those without it keep
 // the even columns and those with it the odd ones. That is one shuffle where sums column by column are log2(width) of them, and at the end
-// lane k has column k (narrow subgroups: and column k + 8), which it passes on.
+// lane k has column k (8 lanes: and column k + 8), which it passes on. Subgroups too narrow for that sum column by column.
 // Called by all threads with the same row.
 float butterfly(float x, float y, uint bit) {
     const bool upper = (subgroup_lane() & bit) != 0u;
@@ -196,6 +196,16 @@ float butterfly(float x, float y, uint bit) {
 
 void add_up(uint row, float column[16]) {
     const uint lane = subgroup_lane();
+    const uint columns = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
+    if (subgroup_width() < 8u) {
+        [[unroll]] for (uint c = 0u; c < 15u; ++c) {
+            if (c < columns) {
+                const float sum = subgroup_add(column[c]);
+                if (subgroup_elect()) put(row, c, sum);
+            }
+        }
+        return;
+    }
     // Columns 9 and 12 to 14 are those of AUX; without it columns 8 to 11 need two steps.
     float pairs[8];
     [[unroll]] for (uint c = 0u; c < 8u; ++c) {
@@ -205,7 +215,6 @@ void add_up(uint row, float column[16]) {
     const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
     const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
     const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
-    const uint columns = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
     if (subgroup_width() < 16u) {
         put(row, lane, first);
         if (8u + lane < columns) put(row, 8u + lane, second);

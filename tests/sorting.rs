@@ -10,7 +10,7 @@ use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
 use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
 use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use psrgs_vk::twin::tile::{TileGrid, list};
-use psrgs_vk::vk::{Addresses, Buffer, BufferSlice, Gpu, Groups, Memory};
+use psrgs_vk::vk::{Addresses, Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Subgroup};
 
 fn words(state: u64, count: usize) -> Vec<u32> {
     let mut state = state;
@@ -78,6 +78,22 @@ fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
         assert_eq!((vals[j], sorted[j]), (from, keys[from as usize]), "{what}: place {j}");
     }
     assert_eq!((vals[n], sorted[n]), (0x1234_5678, 0x1234_5678), "{what}: written past the end");
+}
+
+#[test]
+fn the_shape_of_a_sort_fits_the_shared_memory() {
+    let Some(gpu) = common::gpu() else { return };
+    let shape = |shared_kib: u32, width: u32, most: u64| {
+        let mut caps = gpu.caps().clone();
+        (caps.kind, caps.subgroup) = (DeviceKind::Discrete, Subgroup::Hardware(width));
+        (caps.limits.workgroup_size, caps.limits.shared_bytes) = (1024, shared_kib << 10);
+        Shape::of(&caps, most)
+    };
+    assert_eq!(shape(48, 32, 1 << 20), Shape::Groups);
+    assert_eq!(shape(48, 32, 1 << 24), Shape::LongGroups);
+    // What Vulkan promises at least holds 2,048 keys and not 4,096.
+    assert_eq!(shape(16, 32, 1 << 24), Shape::Groups);
+    assert_eq!(shape(16, 8, 1 << 24), Shape::Runs);
 }
 
 #[test]

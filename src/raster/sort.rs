@@ -37,13 +37,14 @@ impl fmt::Display for Shape {
 impl Shape {
     /// The shape for a device and up to `most` keys.
     pub fn of(caps: &Caps, most: u64) -> Shape {
-        let room = || {
-            let Kernels { scatter, width, .. } = Kernels::of(Shape::Groups, caps.subgroup);
-            caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, width.as_slice())
+        let room = |shape: Shape| {
+            let Kernels { scatter, width, .. } = Kernels::of(shape, caps.subgroup);
+            let given = [&shape.items(), width.as_slice()].concat();
+            caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, &given)
         };
-        if caps.kind == DeviceKind::Cpu || !room() {
+        if caps.kind == DeviceKind::Cpu || !room(Shape::Groups) {
             Shape::Runs
-        } else if most < MANY {
+        } else if most < MANY || !room(Shape::LongGroups) {
             Shape::Groups
         } else {
             Shape::LongGroups
