@@ -204,26 +204,26 @@ void add_up(uint row, float column[16]) {
                 if (subgroup_elect()) put(row, c, sum);
             }
         }
-        return;
-    }
-    // Columns 9 and 12 to 14 are those of AUX; without it columns 8 to 11 need two steps.
-    float pairs[8];
-    [[unroll]] for (uint c = 0u; c < 8u; ++c) {
-        const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
-        pairs[c] = used ? butterfly(column[2u * c], column[2u * c + 1u], 1u) : 0.0;
-    }
-    const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
-    const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
-    const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
-    if (subgroup_width() < 16u) {
-        put(row, lane, first);
-        if (8u + lane < columns) put(row, 8u + lane, second);
     } else {
-        float sum = butterfly(first, second, 8u);
-        [[unroll]] for (uint k = 4u; k < 7u; ++k) {
-            if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
+        // Columns 9 and 12 to 14 are those of AUX; without it columns 8 to 11 need two steps.
+        float pairs[8];
+        [[unroll]] for (uint c = 0u; c < 8u; ++c) {
+            const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
+            pairs[c] = used ? butterfly(column[2u * c], column[2u * c + 1u], 1u) : 0.0;
         }
-        if (lane < columns) put(row, lane, sum);
+        const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
+        const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
+        const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
+        if (subgroup_width() < 16u) {
+            put(row, lane, first);
+            if (8u + lane < columns) put(row, 8u + lane, second);
+        } else {
+            float sum = butterfly(first, second, 8u);
+            [[unroll]] for (uint k = 4u; k < 7u; ++k) {
+                if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
+            }
+            if (lane < columns) put(row, lane, sum);
+        }
     }
 }
 #endif
