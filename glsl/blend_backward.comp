@@ -2,13 +2,15 @@
 // blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back to front.
 // column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
 // workgroup (256 threads) a tile of 16x16; with BLOCK, subgroups leave out splats that do not show in the pixels they own.
-// slots: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up.
+// slots: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up. apart: each
+// subgroup adds up what it owns at its own pace, and every few splats the workgroup adds up what the subgroups have.
 // atomic, cas: added to the splat's row by native float atomics, or by compare-and-swap.
 //! variant column_slots COLUMN SLOTS
 //! variant column_atomic COLUMN ATOMIC
 //! variant column_cas COLUMN CAS
 //! variant column_emulated_slots COLUMN SLOTS SUBGROUP_EMULATED
 //! variant pixel_slots PIXEL SLOTS
+//! variant pixel_apart_slots PIXEL SLOTS WITH_SUBGROUPS
 //! variant pixel_atomic PIXEL ATOMIC WITH_SUBGROUPS
 //! variant pixel_cas PIXEL CAS WITH_SUBGROUPS
 //! variant pixel_emulated_cas PIXEL CAS WITH_SUBGROUPS SUBGROUP_EMULATED
@@ -21,8 +23,8 @@
 #include "blend_column.glsl"
 #else
 #include "blend_pixel.glsl"
-#if !defined(SLOTS) && !defined(SUBGROUP_EMULATED)
-// Nothing is added up over the whole workgroup: its subgroups go through a batch each for itself.
+#if defined(WITH_SUBGROUPS) && !defined(SUBGROUP_EMULATED)
+// Subgroups go through a batch, or a part of it, each for itself.
 #define APART
 #include "blocks.glsl"
 #endif
@@ -164,7 +166,10 @@ void main() {
 shared float staged_inverse[BATCH];
 shared uint staged_row[BATCH];
 shared uint most;
-#ifdef SLOTS
+// Columns of a row that have sums; without AUX the ninth of 12 is 0.
+const uint COLUMNS = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
+
+#if defined(SLOTS) && !defined(APART)
 shared float parts[16u * LOCAL_SIZE];
 shared float part_sums[LOCAL_SIZE];
 
@@ -185,23 +190,35 @@ void add_up(uint row, float column[16]) {
     }
 }
 #else
+#ifdef SLOTS
+// What subgroups have of the splats of a part: row (subgroup, splat) of 16 columns; and by subgroup, a bit per splat that it has.
+shared float subgroup_sums[16u * LOCAL_SIZE];
+shared uint subgroup_has[LOCAL_SIZE];
+
+// Splats of a part: as many as there are rows for.
+uint part_splats() { return min(32u, subgroup_width()); }
+
+void give(uint place, uint column, float sum) { subgroup_sums[16u * (subgroup_number() * part_splats() + place) + column] = sum; }
+#else
+void give(uint row, uint column, float sum) { put(row, column, sum); }
+#endif
+
 // Adds each column over the subgroup by a transposing butterfly: a step adds lanes that differ in one bit, of which those without it keep
 // the even columns and those with it the odd ones. That is one shuffle where sums column by column are log2(width) of them, and at the end
 // lane k has column k (8 lanes: and column k + 8), which it passes on. Subgroups too narrow for that sum column by column.
-// Called by all threads with the same row.
 float butterfly(float x, float y, uint bit) {
     const bool upper = (subgroup_lane() & bit) != 0u;
     return (upper ? y : x) + subgroup_shuffle_xor(upper ? x : y, bit);
 }
 
+// Called by all threads of a subgroup with the same row (slots: place in the part).
 void add_up(uint row, float column[16]) {
     const uint lane = subgroup_lane();
-    const uint columns = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
     if (subgroup_width() < 8u) {
         [[unroll]] for (uint c = 0u; c < 15u; ++c) {
-            if (c < columns) {
+            if (c < COLUMNS) {
                 const float sum = subgroup_add(column[c]);
-                if (subgroup_elect()) put(row, c, sum);
+                if (subgroup_elect()) give(row, c, sum);
             }
         }
     } else {
@@ -215,36 +232,38 @@ void add_up(uint row, float column[16]) {
         const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
         const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
         if (subgroup_width() < 16u) {
-            put(row, lane, first);
-            if (8u + lane < columns) put(row, 8u + lane, second);
+            give(row, lane, first);
+            if (8u + lane < COLUMNS) give(row, 8u + lane, second);
         } else {
             float sum = butterfly(first, second, 8u);
             [[unroll]] for (uint k = 4u; k < 7u; ++k) {
                 if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
             }
-            if (lane < columns) put(row, lane, sum);
+            if (lane < COLUMNS) give(row, lane, sum);
         }
     }
 }
 #endif
 
-// Takes a pixel past staged splat k and adds up what the splat gets. Called by all threads that add_up adds over.
-void take(inout Pixel pixel, uint k, vec2 center, uint place) {
+// Takes a pixel past staged splat k and adds up what the splat gets, to `row`: false where that is nothing. Called by all threads that
+// add_up adds over.
+bool take(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
     const Splat s = staged(k);
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
     Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
     blend_back(pixel, sums, s, along, center.y - s.y, place);
 #ifdef APART
-    if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) return;
+    if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) return false;
 #endif
     float mean_x, mean_y;
     vec3 conic;
     columns(sums, s, dx, along, mean_x, mean_y, conic);
     const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
-    add_up(staged_row[k], float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
+    add_up(row, float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
         sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
         sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
+    return true;
 }
 
 #ifdef APART
@@ -255,6 +274,23 @@ uint subgroup_touched(uint word) {
     for (uint b = 1u; b < subgroup_width() / BLOCK_PIXELS; ++b) bits |= touched[(first + b) * TOUCH_WORDS + word];
     return bits;
 }
+
+uint low_bits(uint count) { return count < 32u ? (1u << count) - 1u : ~0u; }
+
+#ifdef SLOTS
+// Adds what the subgroups have of the staged splats from k0 on, in the order of the subgroups, and stores it.
+void add_subgroups(uint k0, uint count) {
+    const uint column = local_index() % 16u;
+    const uint subgroups = LOCAL_SIZE / subgroup_width();
+    for (uint j = local_index() / 16u; j < count; j += LOCAL_SIZE / 16u) {
+        float sum = 0.0;
+        for (uint s = 0u; s < subgroups; ++s) {
+            if ((subgroup_has[s] >> j & 1u) != 0u) sum += subgroup_sums[16u * (s * part_splats() + j) + column];
+        }
+        if (column < (AUX != 0u ? 15u : 12u)) put(staged_row[k0 + j], column, column < COLUMNS ? sum : 0.0);
+    }
+}
+#endif
 #endif
 
 void main() {
@@ -306,20 +342,36 @@ void main() {
         barrier();
         // What comes behind the last contributor of all its pixels does not concern a subgroup.
         const uint begin = min(left - min(left, own_top), n);
-        if (BLOCK == 0u) {
-            for (uint k = begin; k < n; ++k) take(pixel, k, center, left - k);
-        } else {
-            for (uint k0 = begin / 32u * 32u; k0 < n; k0 += 32u) {
-                const uint behind = k0 < begin ? (1u << (begin - k0)) - 1u : 0u;
-                for (uint bits = subgroup_touched(k0 / 32u) & ~behind; bits > 0u; bits -= bits & (~bits + 1u)) {
-                    const uint k = k0 + uint(findLSB(bits));
-                    take(pixel, k, center, left - k);
-                }
+#ifdef SLOTS
+        const uint step = part_splats();
+#else
+        const uint step = 32u;
+#endif
+        for (uint k0 = 0u; k0 < n; k0 += step) {
+            const uint count = min(step, n - k0);
+            const uint behind = low_bits(begin - min(begin, k0));
+            const uint shown = BLOCK == 0u ? ~0u : subgroup_touched(k0 / 32u) >> k0 % 32u;
+#ifdef SLOTS
+            uint has = 0u;
+#endif
+            for (uint bits = shown & low_bits(count) & ~behind; bits > 0u; bits -= bits & (~bits + 1u)) {
+                const uint j = uint(findLSB(bits));
+#ifdef SLOTS
+                if (take(pixel, k0 + j, j, center, left - k0 - j)) has |= 1u << j;
+#else
+                take(pixel, k0 + j, staged_row[k0 + j], center, left - k0 - j);
+#endif
             }
+#ifdef SLOTS
+            if (subgroup_elect()) subgroup_has[subgroup_number()] = has;
+            barrier();
+            add_subgroups(k0, count);
+            barrier();
+#endif
         }
 #else
         barrier();
-        for (uint k = 0u; k < n; ++k) take(pixel, k, center, left - k);
+        for (uint k = 0u; k < n; ++k) take(pixel, k, staged_row[k], center, left - k);
 #endif
     }
     if (COUNT != 0u) {

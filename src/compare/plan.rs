@@ -56,7 +56,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 34] = [
+pub const ABLATIONS: [Ablation; 35] = [
     Ablation {
         name: "no-stereo",
         options: &["--depth-prior", "none", "--stereo-splats", "0", "--stereo-density", "0"],
@@ -96,6 +96,7 @@ pub const ABLATIONS: [Ablation; 34] = [
     Ablation { name: "no-constrained-maps", options: &["--lambda-constrained", "0"] },
     Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"] },
     Ablation { name: "one-perceptual-view", options: &["--perceptual-views", "1"] },
+    Ablation { name: "coarse-steps", options: &["--coarse-steps", "0.2"] },
     Ablation { name: "no-coarse-steps", options: &["--coarse-steps", "0"] },
     Ablation { name: "coarse-by-spectrum", options: &["--coarse-spectrum"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },

@@ -111,6 +111,14 @@ pub const COLUMN_EMULATED_SLOTS: Pass = pass(
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
 pub const PIXEL_SLOTS: Pass =
     pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+/// PIXEL shape, subgroup sums to slots: deterministic at any one width of subgroups.
+pub const PIXEL_APART_SLOTS: Pass = pass(
+    "blend_backward_pixel_apart_slots",
+    Owned::Pixels,
+    SLOT_BINDINGS,
+    BLOCK_CONSTANTS,
+    twin::run_pixel_apart_slots,
+);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const PIXEL_ATOMIC: Pass =
     pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS, twin::run_pixel_sums);

@@ -92,6 +92,7 @@ pub const ALL: &[&Pass] = &[
     &blend_backward::COLUMN_SLOTS,
     &blend_backward::PIXEL_ATOMIC,
     &blend_backward::PIXEL_CAS,
+    &blend_backward::PIXEL_APART_SLOTS,
     &blend_backward::PIXEL_EMULATED_CAS,
     &blend_backward::PIXEL_SLOTS,
     &blend_backward::SPLAT_ATOMIC,

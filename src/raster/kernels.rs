@@ -74,6 +74,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         (Column, PerPixel, _) => {
             return lacks("subgroups of width 8", "gradients of column tiles summed other than in slots");
         }
+        (Pixel, PerPixel, Slots) if hardware => Chosen::with(&backward::PIXEL_APART_SLOTS, &[block]),
         (Pixel, PerPixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
         (Pixel, PerPixel, Atomic) if hardware => Chosen::with(&backward::PIXEL_ATOMIC, &[block]),
         (Pixel, PerPixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),

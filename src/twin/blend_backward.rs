@@ -146,8 +146,8 @@ fn count(call: &mut TwinCall<'_>, binding: usize, grads: &PairGrads<f32>) {
     }
 }
 
-fn run_slots(call: &mut TwinCall<'_>, side: u32) {
-    let (blend, grads) = pairs(call, side, NO_BLOCKS);
+fn run_slots(call: &mut TwinCall<'_>, side: u32, block: usize) {
+    let (blend, grads) = pairs(call, side, block);
     let slots: Vec<u32> = call.get(8);
     let (mut rows, mut normals) = (call.get::<[f32; 12]>(9), call.get::<[f32; 4]>(10));
     for [begin, end] in blend.ranges {
@@ -182,7 +182,7 @@ fn run_sums(call: &mut TwinCall<'_>, side: u32, block: usize) {
 
 /// Adapter over raw buffers: COLUMN tiles, slots.
 pub fn run_column_slots(call: &mut TwinCall<'_>) {
-    run_slots(call, COLUMN_SIDE);
+    run_slots(call, COLUMN_SIDE, NO_BLOCKS);
 }
 
 /// Adapter over raw buffers: COLUMN tiles, sums per splat.
@@ -192,7 +192,12 @@ pub fn run_column_sums(call: &mut TwinCall<'_>) {
 
 /// Adapter over raw buffers: PIXEL tiles, slots.
 pub fn run_pixel_slots(call: &mut TwinCall<'_>) {
-    run_slots(call, PIXEL_SIDE);
+    run_slots(call, PIXEL_SIDE, NO_BLOCKS);
+}
+
+/// Adapter over raw buffers: PIXEL tiles, slots, with the constant BLOCK.
+pub fn run_pixel_apart_slots(call: &mut TwinCall<'_>) {
+    run_slots(call, PIXEL_SIDE, BLOCK);
 }
 
 /// Adapter over raw buffers: PIXEL tiles, sums per splat, with the constant BLOCK.

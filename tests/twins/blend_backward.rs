@@ -37,6 +37,7 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
     }
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
         all.extend([(&passes::SPLAT_SLOTS, 16, Rows::Slots, None), (&passes::SPLAT_CAS, 16, Rows::Sums, None)]);
+        all.push((&passes::PIXEL_APART_SLOTS, 16, Rows::Slots, None));
     }
     if atomics {
         all.extend([&passes::PIXEL_ATOMIC, &passes::SPLAT_ATOMIC].map(|pass| (pass, 16, Rows::Sums, None)));
