@@ -1,7 +1,7 @@
 #version 460
 // stereo_sweep: PatchMatch for a list of pixels of the reference (propagation over a checkerboard with eight arms as in ACMH, Xu and Tao
 // 2019; random refinement). In a sweep the pixels are of one colour and look at those of the other. In the first call for a view
-// (FLAG_START) every pixel scores the hypothesis that it was given and random ones, or (FLAG_REFINE beside it) random changes of it.
+// (FLAG_START) every pixel scores the hypothesis that it was given and random ones.
 // One thread owns a pixel of the list; one workgroup owns 64 consecutive ones.
 //! texels
 //! variant side3 SIDE=3u
@@ -30,7 +30,7 @@ layout(push_constant) uniform Push {
     uint count;
     uint turn;  // number of the call, for random draws
     uint seed;
-    uint draws;  // random hypotheses or changes
+    uint draws;  // random hypotheses
     uint flags;
     float focal_x;
     float focal_y;
@@ -47,7 +47,6 @@ layout(push_constant) uniform Push {
 #include "stereo_window.glsl"
 
 const uint FLAG_START = 1u;
-const uint FLAG_REFINE = 2u;
 const uint ARMS = 8u;
 const float TILT = 1.5;  // slope of random planes against the picture's plane, at most
 
@@ -113,7 +112,6 @@ void main() {
     const vec2 middle = vec2(at) + 0.5;
     const bool textured = load_window(at);
     const bool start = (push.flags & FLAG_START) != 0u;
-    const bool anywhere = start && (push.flags & FLAG_REFINE) == 0u;
     vec4 held = LOAD4(planes, pixel);
     const vec3 given = held.xyz;
     if (start) held = vec4(0.0);
@@ -124,7 +122,7 @@ void main() {
         const vec4 draw = spread(random_bits(uvec4(pixel, c, push.turn, push.seed)));
         vec3 hypothesis;
         if (c >= others) {
-            hypothesis = anywhere ? random_plane(draw) : changed(held.xyz, c - others, draw);
+            hypothesis = start ? random_plane(draw) : changed(held.xyz, c - others, draw);
         } else {
             hypothesis = start ? given : arm(c, at).xyz;
         }

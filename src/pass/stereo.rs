@@ -19,8 +19,6 @@ pub const LINK_ROWS: usize = 7;
 pub const ARMS: u32 = 8;
 /// Flag: what is there is scored, with random hypotheses; nothing is propagated.
 pub const FLAG_START: u32 = 1;
-/// Of a call with [`FLAG_START`]: draws are changes of the hypothesis that a pixel is given.
-pub const FLAG_REFINE: u32 = 2;
 
 crate::push_constants! {
     /// Push constants of [`BLOCKS`].
@@ -57,7 +55,7 @@ crate::push_constants! {
         pub seed: u32,
         /// Random hypotheses per pixel.
         pub draws: u32,
-        /// [`FLAG_START`], alone or with [`FLAG_REFINE`], or 0.
+        /// [`FLAG_START`], or 0.
         pub flags: u32,
         /// Focal length of the reference in pixels.
         pub focal_x: f32,

@@ -51,14 +51,10 @@ impl Matcher {
         let work = Work::new(self, views)?;
         let rounds = 1 + self.settings.rounds;
         let steps = (rounds as usize * views.len()) as f64;
-        let mut known: Vec<Vec<bool>> = views.iter().map(|view| vec![false; view.pixels()]).collect();
         for round in 0..rounds {
-            if round > 0 {
-                known = work.known()?;
-            }
             let mut tickets: Vec<Ticket> = Vec::new();
-            for (number, known) in known.iter().enumerate() {
-                tickets.push(work.matched(number, round, known)?);
+            for number in 0..views.len() {
+                tickets.push(work.matched(number, round)?);
                 if let Some(oldest) = tickets.len().checked_sub(IN_FLIGHT) {
                     self.gpu.wait(tickets[oldest])?;
                 }

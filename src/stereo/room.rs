@@ -3,9 +3,8 @@
 use super::Settings;
 use crate::pass::stereo::MOST_CHECKS;
 
-/// Bytes of a pixel on the host: luma, colour, whether it is matched, what it begins with, whether it is known after a round, and what is
-/// found of it.
-const HOST: u64 = 4 + 3 + 1 + 12 + 1 + PRIOR;
+/// Bytes of a pixel on the host: luma, colour, whether it is matched, what it begins with, and what is found of it.
+const HOST: u64 = 4 + 3 + 1 + 12 + PRIOR;
 /// Bytes of a pixel of [`super::Prior`].
 const PRIOR: u64 = 4 + 12 + 4;
 /// Bytes of a pixel on the device: luma, hypotheses, and what of them was kept.

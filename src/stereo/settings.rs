@@ -46,7 +46,7 @@ pub struct Settings {
     pub checks: u32,
     /// How many of these must agree; one is enough where there are one or two.
     pub agree_sources: u32,
-    /// Rounds after the first: what the views agree on is refined and spreads to the rest, and they are checked again.
+    /// Rounds after the first: what the views agree on spreads to the rest, and they are checked again.
     pub rounds: u32,
     /// Seed of random draws.
     pub seed: u32,
@@ -151,11 +151,10 @@ impl Settings {
         (self.taps - 1) * self.step / 2
     }
 
-    /// Samples of sources that a pixel takes at most in a view that does not begin at random: in later rounds that of which nothing is known
-    /// is swept, which is all where nothing was kept.
+    /// Samples of sources that a pixel takes in a view that does not begin at random.
     pub fn samples_per_pixel(&self, sources: u32) -> u64 {
         let sweep = ARMS + self.draws;
-        let hypotheses = 1 + self.first_draws + self.iterations * sweep + self.rounds * sweep;
+        let hypotheses = 1 + self.first_draws + self.iterations * sweep + self.rounds * (1 + sweep);
         u64::from(hypotheses) * u64::from(sources.min(self.sources)) * u64::from(self.taps * self.taps)
     }
 

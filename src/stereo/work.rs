@@ -2,7 +2,7 @@
 
 use super::links::{self, Link};
 use super::{Error, Matcher, Prior, Start, View};
-use crate::pass::stereo::{BlocksPush, FLAG_REFINE, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, RefitPush, SweepPush};
+use crate::pass::stereo::{BlocksPush, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, RefitPush, SweepPush};
 use crate::scene::Camera;
 use crate::vk::{Buffer, Groups, Memory, Recorder, Ticket};
 
@@ -66,9 +66,8 @@ impl<'a> Work<'a> {
         Ok(work)
     }
 
-    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept, which is refined and spreads to
-    /// the rest. `known`: the pixels of which something was kept, all false in the first round.
-    pub(super) fn matched(&self, number: usize, round: u32, known: &[bool]) -> Result<Ticket, Error> {
+    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept, which spreads to the rest.
+    pub(super) fn matched(&self, number: usize, round: u32) -> Result<Ticket, Error> {
         let (view, planes, settings) = (&self.views[number], &self.planes[number], &self.matcher.settings);
         let sources = checks_of(view);
         let sources = &sources[..sources.len().min(settings.sources as usize)];
@@ -84,46 +83,34 @@ impl<'a> Work<'a> {
             recorder.dispatch(&self.matcher.blocks, &[&self.luma[picture], &self.slots], &push, threads)?;
         }
         recorder.upload(&self.links, 0, bytemuck::cast_slice(&self.link_rows(number, sources)))?;
-        let swept = Pixels::of(view, |pixel| !known[pixel]);
-        let (count, swept_from) = if round == 0 {
-            (swept.list.len() as u32, 0)
-        } else {
-            let begun = Pixels::of(view, |pixel| known[pixel]).list;
-            recorder.upload(&self.pixels, 0, bytemuck::cast_slice(&begun))?;
-            (begun.len() as u32, begun.len() as u32)
-        };
-        recorder.upload(&self.pixels, 4 * u64::from(swept_from), bytemuck::cast_slice(&swept.list))?;
+        let (list, light) = pixels(view);
+        recorder.upload(&self.pixels, 0, bytemuck::cast_slice(&list))?;
         if round == 0 {
             recorder.upload(planes, 0, bytemuck::cast_slice(&view.start.rows(&view.camera)))?;
         } else {
             recorder.copy(&self.kept[number], 0, planes, 0, 16 * view.pixels() as u64)?;
         }
-        let (draws, sweeps, flags) = match (round, &view.start) {
-            (0, Start::Random) => (
-                settings.first_draws + settings.random_draws,
-                settings.iterations + settings.random_iterations,
-                FLAG_START,
-            ),
-            (0, Start::Hypotheses(_)) => (settings.first_draws, settings.iterations, FLAG_START),
-            _ => (settings.draws, LATER_SWEEPS, FLAG_START | FLAG_REFINE),
+        let (draws, sweeps) = match (round, &view.start) {
+            (0, Start::Random) => {
+                (settings.first_draws + settings.random_draws, settings.iterations + settings.random_iterations)
+            }
+            (0, Start::Hypotheses(_)) => (settings.first_draws, settings.iterations),
+            _ => (0, LATER_SWEEPS),
         };
-        let base = self.push(number, sources);
+        let push = self.push(number, sources);
         let bound = [&self.slots, &self.links, &self.pixels, planes];
-        let reach = settings.reach().max(1) as f32;
+        let all = list.len() as u32;
         let turn = TURNS * round;
+        let start = SweepPush { count: all, draws, turn, flags: FLAG_START, ..push };
+        recorder.dispatch(&self.matcher.sweep, &bound, &start, Groups::Items(u64::from(all)))?;
+        let reach = settings.reach().max(1) as f32;
         // Later rounds go on with the changes that the first one ended with.
         let halved = if round == 0 { 0 } else { settings.iterations };
-        let changes = |halvings: u32| {
-            let amplitude = base.amplitude * 0.5_f32.powi(halvings as i32);
-            SweepPush { amplitude, slope: amplitude / reach, ..base }
-        };
-        let start = SweepPush { count, draws, turn, flags, ..changes(halved) };
-        recorder.dispatch(&self.matcher.sweep, &bound, &start, Groups::Items(u64::from(count)))?;
-        let dark = swept.list.len() as u32 - swept.light;
         for sweep in 0..sweeps {
-            for (colour, (first, count)) in [(0, swept.light), (swept.light, dark)].into_iter().enumerate() {
-                let (first, turn) = (swept_from + first, turn + 1 + 2 * sweep + colour as u32);
-                let push = SweepPush { first, count, turn, ..changes(halved + sweep) };
+            let amplitude = push.amplitude * 0.5_f32.powi((halved + sweep) as i32);
+            for (colour, (first, count)) in [(0, light), (light, all - light)].into_iter().enumerate() {
+                let turn = turn + 1 + 2 * sweep + colour as u32;
+                let push = SweepPush { first, count, turn, amplitude, slope: amplitude / reach, ..push };
                 recorder.dispatch(&self.matcher.sweep, &bound, &push, Groups::Items(u64::from(count)))?;
             }
         }
@@ -164,15 +151,6 @@ impl<'a> Work<'a> {
         recorder.dispatch(&self.matcher.filter, &bound, &push, Groups::Items(view.pixels() as u64))?;
         recorder.submit()?;
         Ok(())
-    }
-
-    /// Which pixels of each view have something that was kept.
-    pub(super) fn known(&self) -> Result<Vec<Vec<bool>>, Error> {
-        let of = |(kept, view): (&Buffer, &View)| {
-            let rows: Vec<[f32; 4]> = self.matcher.gpu.read_at(kept, 0, view.pixels())?;
-            Ok(rows.iter().map(|row| row[3] > 0.0).collect())
-        };
-        self.kept.iter().zip(self.views).map(of).collect()
     }
 
     /// Fetches what was kept of a view.
@@ -247,22 +225,13 @@ fn checks_of(view: &View) -> &[usize] {
     &view.sources[..view.sources.len().min(MOST_CHECKS)]
 }
 
-/// Pixels of a view, those of one colour of the checkerboard first.
-struct Pixels {
-    list: Vec<u32>,
-    /// How many these are.
-    light: u32,
-}
-
-impl Pixels {
-    /// Those that are to be matched and that `also` holds for.
-    fn of(view: &View, also: impl Fn(usize) -> bool) -> Self {
-        let width = view.camera.width;
-        let wanted = |p: &u32| view.wanted.as_ref().is_none_or(|w| w[*p as usize]) && also(*p as usize);
-        let of = |colour: u32| (0..view.pixels() as u32).filter(move |p| (p % width + p / width) % 2 == colour);
-        let mut list: Vec<u32> = of(0).filter(wanted).collect();
-        let light = list.len() as u32;
-        list.extend(of(1).filter(wanted));
-        Self { list, light }
-    }
+/// The pixels that are matched, those of one colour of the checkerboard first, and how many these are.
+fn pixels(view: &View) -> (Vec<u32>, u32) {
+    let width = view.camera.width;
+    let wanted = |p: &u32| view.wanted.as_ref().is_none_or(|w| w[*p as usize]);
+    let of = |colour: u32| (0..view.pixels() as u32).filter(move |p| (p % width + p / width) % 2 == colour);
+    let mut list: Vec<u32> = of(0).filter(wanted).collect();
+    let light = list.len() as u32;
+    list.extend(of(1).filter(wanted));
+    (list, light)
 }

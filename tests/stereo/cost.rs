@@ -43,14 +43,14 @@ fn samples_are_counted_and_settings_made_to_fit() {
         rounds: 1,
         ..Settings::default()
     };
-    // 1 + 2 hypotheses, then 8 + 3 in each of two sweeps, at most as many in the second round; 3 sources; 25 taps.
-    assert_eq!(settings.samples_per_pixel(4), 36 * 3 * 25);
-    assert_eq!(settings.samples_per_pixel(2), 36 * 2 * 25);
+    // 1 + 2 hypotheses, then 8 + 3 in each of two sweeps, 1 + 8 + 3 in the second round; 3 sources; 25 taps.
+    assert_eq!(settings.samples_per_pixel(4), 37 * 3 * 25);
+    assert_eq!(settings.samples_per_pixel(2), 37 * 2 * 25);
     assert_eq!(settings.size(640, 480), (320, 240));
     assert_eq!(settings.size(200, 100), (200, 100));
     assert_eq!(settings.size(100, 3000), (11, 320));
     let all = Budget::samples(&settings, 10, 640, 480);
-    assert_eq!(all, 10.0 * 320.0 * 240.0 * 2700.0);
+    assert_eq!(all, 10.0 * 320.0 * 240.0 * 2775.0);
 
     let same = Budget { samples: all }.fitting(&settings, 100, 10, 640, 480);
     assert_eq!(same, settings);

@@ -3,7 +3,7 @@
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::stereo::{
-    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_REFINE, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP_3, SWEEP_4, SWEEP_5,
+    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP_3, SWEEP_4, SWEEP_5,
     SWEEP_6, SweepPush,
 };
 use psrgs_vk::twin::stereo::{Sweep, agreement, blocks, candidates, possible, refitted};
@@ -247,7 +247,6 @@ pub fn run(gpu: &Gpu) {
     sweep_case(gpu, &SWEEP_5, 5, 1, 0, 3);
     sweep_case(gpu, &SWEEP_5, 5, 1, FLAG_START, 2);
     sweep_case(gpu, &SWEEP_6, 6, 2, FLAG_START, 1);
-    sweep_case(gpu, &SWEEP_5, 5, 1, FLAG_START | FLAG_REFINE, 2);
     filter_case(gpu, 1);
     filter_case(gpu, 2);
     refit_case(gpu, 19, 14, 3);

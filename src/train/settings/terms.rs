@@ -7,6 +7,9 @@ use crate::scene::init::FIRST_OPACITY;
 /// Least NCC of the depths that a model is trained with and begins on. Bare ground, which a lower one would add (see
 /// [`crate::stereo::Settings::least_ncc`]), makes no difference to the model.
 const TRAINED_NCC: f32 = 0.5;
+/// Taps along a side of the window, and pixels between them: as wide as the window of [`crate::stereo::Settings`], with 9 taps for its 25. The
+/// depths are as exact, at three fifths of the time; 1 to 3 % of the pixels have none for it.
+const TRAINED_WINDOW: (u32, u32) = (3, 2);
 
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
@@ -145,7 +148,8 @@ impl Geometry {
 
     /// How stereo works.
     pub fn stereo(&self) -> crate::stereo::Settings {
-        crate::stereo::Settings { max_side: self.stereo_side, least_ncc: TRAINED_NCC, ..Default::default() }
+        let (taps, step) = TRAINED_WINDOW;
+        crate::stereo::Settings { max_side: self.stereo_side, least_ncc: TRAINED_NCC, taps, step, ..Default::default() }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Twin of `glsl/stereo_sweep.comp`.
 
 use super::Window;
-use crate::pass::stereo::{ARMS, FLAG_REFINE, FLAG_START, SweepPush};
+use crate::pass::stereo::{ARMS, FLAG_START, SweepPush};
 use crate::twin::{Real, random};
 
 /// Slope of random planes against the picture's plane, at most.
@@ -86,7 +86,6 @@ pub fn candidates<R: Real>(push: &SweepPush, planes: &[[R; 4]], pixel: u32, c: u
     let start = push.flags & FLAG_START != 0;
     match (start, c) {
         (true, 0) => [own[0], own[1], own[2]],
-        (true, c) if push.flags & FLAG_REFINE != 0 => changed(push, held, c - 1, draw),
         (true, _) => random_plane(push, draw),
         (false, c) if c < ARMS => arm(push, planes, c, [(pixel % push.width) as i32, (pixel / push.width) as i32]),
         (false, c) => changed(push, held, c - ARMS, draw),
