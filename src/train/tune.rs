@@ -266,7 +266,7 @@ mod tests {
     /// A method may begin with photographs of a sixteenth of the pixels: what fits these best need not fit the others.
     #[test]
     fn coarse_photographs_are_not_what_is_timed() {
-        let settings = Settings::of_method(crate::train::settings::Method::Psrgs);
+        let settings = Settings::of_method(crate::train::settings::Method::Lean);
         let schedule = Schedule::new(&settings, 10);
         assert!(schedule.step(1).factor > 1);
         let plan = timed(&schedule, &settings);
