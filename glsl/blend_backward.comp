@@ -343,11 +343,14 @@ void main() {
         // What comes behind the last contributor of all its pixels does not concern a subgroup.
         const uint begin = min(left - min(left, own_top), n);
 #ifdef SLOTS
+        // Every subgroup is there for every part: all add up.
+        const uint first = 0u;
         const uint step = part_splats();
 #else
+        const uint first = begin / 32u * 32u;
         const uint step = 32u;
 #endif
-        for (uint k0 = 0u; k0 < n; k0 += step) {
+        for (uint k0 = first; k0 < n; k0 += step) {
             const uint count = min(step, n - k0);
             const uint behind = low_bits(begin - min(begin, k0));
             const uint shown = BLOCK == 0u ? ~0u : subgroup_touched(k0 / 32u) >> k0 % 32u;

@@ -6,9 +6,9 @@ use crate::train::Error;
 use crate::train::settings::Settings;
 
 /// What a step of `3dgs` takes, in samples of stereo: so many for each pixel of its photograph, and as many again as for [`STEP_PIXELS`] for
-/// what does not depend on pixels. On lavapipe the 3.2 10^9 samples of caliterra's 65 photographs took 8.2 % of 1,500 such steps at
-/// 320x240, those of the fox (1.6 10^9) 4.8 % and of the test world (2.8 10^9) 7.3 %.
-const STEP_SAMPLES: f64 = 170.0;
+/// what does not depend on pixels. On lavapipe the 1.2 10^9 samples of caliterra's 65 photographs took 4.2 % of 1,500 such steps at
+/// 320x240, those of the fox (0.58 10^9) 2.7 %, of copr (0.53 10^9) 2.4 % and of the test world (1.0 10^9) 5.8 %: 76 to 121 in a step.
+const STEP_SAMPLES: f64 = 80.0;
 const STEP_PIXELS: f64 = 76_800.0;
 /// Samples that any training has time for: some seconds of a processor.
 const LEAST_SAMPLES: f64 = 1e9;

@@ -8,7 +8,7 @@ use crate::scene::init::FIRST_OPACITY;
 /// [`crate::stereo::Settings::least_ncc`]), makes no difference to the model.
 const TRAINED_NCC: f32 = 0.5;
 /// Taps along a side of the window, and pixels between them: as wide as the window of [`crate::stereo::Settings`], with 9 taps for its 25. The
-/// depths are as exact, at three fifths of the time; 1 to 3 % of the pixels have none for it.
+/// depths are as exact, at three fifths of the time; up to 3 % of the pixels have none for it.
 const TRAINED_WINDOW: (u32, u32) = (3, 2);
 
 group! {
