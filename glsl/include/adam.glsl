@@ -15,6 +15,46 @@ struct AdamStep {
     float inv_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
 };
 
+// What steps with a gradient of zero do, several at once: moments are multiplied by `first` and `second`, and the element moves by
+// `moved` times what one of them would move it by without the decay.
+struct AdamMissed {
+    float first;
+    float second;
+    float moved;
+};
+
+float power(float x, uint k) {
+    precise float product = 1.0;
+    precise float square = x;
+    for (uint bit = 0u; bit < 16u; ++bit) {
+        product = (k >> bit & 1u) != 0u ? product * square : product;
+        square = square * square;
+    }
+    return product;
+}
+
+// In the j-th of them m / sqrt(v) is what it was times this to the power of j.
+float adam_decay(AdamStep step) {
+    precise float decay = step.beta1 / sqrt(step.beta2);
+    return decay;
+}
+
+// Of `count` steps, below 2^16: a geometric series.
+AdamMissed adam_missed(AdamStep step, uint count) {
+    const float decay = adam_decay(step);
+    precise float moved = decay * (1.0 - power(decay, count)) / (1.0 - decay);
+    return AdamMissed(power(step.beta1, count), power(step.beta2, count), moved);
+}
+
+// Makes up for them, with the present rate and bias corrections.
+float adam_catch_up(AdamStep step, AdamMissed missed, float lr, float param, inout float first, inout float second) {
+    precise float speed = (first * step.inv_bias1) / (sqrt(second) * step.inv_sqrt_bias2 + step.eps);
+    precise float moved = param - lr * missed.moved * speed;
+    first *= missed.first;
+    second *= missed.second;
+    return moved;
+}
+
 // By bits, so that no assumption about NaN can remove it.
 bool adam_accepts(float g) { return (floatBitsToUint(g) & 0x7fffffffu) <= ADAM_LARGEST_BITS; }
 

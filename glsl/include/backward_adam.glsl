@@ -23,11 +23,12 @@ layout(constant_id = 7) const uint REST = 1u;
 layout(constant_id = 8) const uint FLATTEN = 0u;
 // Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 9) const uint SHRINK = 0u;
-// Not 0: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. Adam's second moments are
-// means over steps: over those on the image they are larger by as much as the rest would have diluted them, about the share of splats
-// that the image shows. Rates are multiplied by the root of its inverse, so that a splat's steps stay as long as they were, but by no more
-// than this, a float as bits: a view of next to nothing says little about the others.
+// Not 0: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. In the steps that a splat
+// misses its gradient is zero, but its moments decay and move it on: it makes up for that when it steps again. So that it is rendered where
+// it would be by then, it moves in advance by what it is expected to miss, and makes up for the difference alone.
 layout(constant_id = 10) const uint LISTED = 0u;
+// Not 0: no step is taken. Every splat is brought to where it would be if all took every step.
+layout(constant_id = 11) const uint CATCHES_UP = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts of all splats, or the LISTED ones
@@ -63,14 +64,21 @@ layout(push_constant) uniform Push {
 
 const uint FLAG_STEPS_OPACITIES = 4u;
 
-float longer_steps() {
-    const float splats = float(counters[COUNTER_SPLATS]), visible = float(counters[COUNTER_VISIBLE]);
-    return min(sqrt(splats / visible), uintBitsToFloat(LISTED));
+// Of the thread's splat (LISTED, CATCHES_UP): what it has missed, less what it moved by in advance, and how many steps it takes at once:
+// the one, and what it is expected to miss after it.
+AdamMissed missed = AdamMissed(1.0, 1.0, 0.0);
+float at_once = 1.0;
+
+float adam1(AdamStep step, float lr, float g, float param, inout float m, inout float v) {
+    if (LISTED == 0u && CATCHES_UP == 0u) return adam(step, lr, g, param, m, v);
+    const float begun = adam_catch_up(step, missed, lr, param, m, v);
+    // A gradient that says nothing is none: what its row says of a splat holds for all of its elements.
+    return CATCHES_UP != 0u ? begun : adam(step, at_once * lr, adam_accepts(g) ? g : 0.0, begun, m, v);
 }
 
 vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 v) {
-    return vec4(adam(step, lr.x, g.x, param.x, m.x, v.x), adam(step, lr.y, g.y, param.y, m.y, v.y),
-                adam(step, lr.z, g.z, param.z, m.z, v.z), adam(step, lr.w, g.w, param.w, m.w, v.w));
+    return vec4(adam1(step, lr.x, g.x, param.x, m.x, v.x), adam1(step, lr.y, g.y, param.y, m.y, v.y),
+                adam1(step, lr.z, g.z, param.z, m.z, v.z), adam1(step, lr.w, g.w, param.w, m.w, v.w));
 }
 
 #ifdef PACKED
@@ -78,6 +86,33 @@ vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 
 #else
 #include "moments.glsl"
 #endif
+
+// What is moved in advance is known in so many parts of all that the moments would ever move an element by.
+const float PARTS = 255.0;
+// Share of the latest gap between two steps of a splat in what is expected of the next.
+const float LATEST = 0.25;
+
+// Sets `missed` and `at_once`, and leaves in the splat's row what its next step has to know: this one's number and, times 2^16, the parts
+// that it moves by in advance. False where there is nothing to be done.
+bool begin_splat(AdamStep step, uint i) {
+    const uint now = push.flags >> 16u, row = uint(stats[4u * i + 3u]);
+    const uint since_last = now - row & 0xffffu, since_all = now - counters[COUNTER_CAUGHT_UP] & 0xffffu;
+    const uint since = min(since_last, since_all);
+    const uint count = CATCHES_UP != 0u ? since : max(since, 1u) - 1u;
+    // Where all were caught up with since, the row says nothing.
+    const float advanced = since_last <= since_all ? float(row >> 16u) : 0.0;
+    if (CATCHES_UP != 0u && count == 0u && advanced == 0.0) return false;
+    missed = adam_missed(step, count);
+    const float decay = adam_decay(step);
+    precise float part = decay / (1.0 - decay) / PARTS;
+    precise float parts = missed.moved / part;
+    precise float expected = advanced == 0.0 ? parts : advanced + LATEST * (parts - advanced);
+    const float advance = CATCHES_UP != 0u ? 0.0 : floor(expected + 0.5);
+    missed.moved -= advanced * part;
+    at_once = 1.0 + advance * part;
+    stats[4u * i + 3u] = float(now) + 65536.0 * advance;
+    return true;
+}
 
 #define LOAD_SH(plane, group)                           \
     splat.sh[3 * group] = LOAD4(plane, s);              \
@@ -93,6 +128,11 @@ void main() {
     if (at >= counters[LISTED != 0u ? COUNTER_VISIBLE : COUNTER_SPLATS]) return;
     const uint i = LISTED != 0u ? on_image[at] : at;
     const uint s = 3u * i;
+    AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
+                             uintBitsToFloat(EPS), push.inv_bias1, push.inv_sqrt_bias2);
+    if (LISTED != 0u || CATCHES_UP != 0u) {
+        if (!begin_splat(step, i)) return;
+    }
     // The other rows have no harmonics above degree 1, nor moments of them.
     const bool full = i < FULL_ROWS;
     const uint in_use = (push.flags >> 8u) & 3u;
@@ -118,7 +158,7 @@ void main() {
     SplatGradient g = no_gradient();
     // By degree; nothing for a splat that is not on the image.
     vec3 shrink = vec3(0.0);
-    if (LISTED != 0u || on_image[at] != 0u) {
+    if (CATCHES_UP == 0u && (LISTED != 0u || on_image[at] != 0u)) {
         const Camera camera =
             Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
                    0.0, push.focal, vec2(0.0), push.limits);
@@ -129,14 +169,11 @@ void main() {
         if (SHRINK != 0u) shrink = of_degrees(uintBitsToFloat(SHRINK), degree);
     }
 
-    AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
-                             uintBitsToFloat(EPS), push.inv_bias1, push.inv_sqrt_bias2);
-    const float longer = LISTED != 0u ? longer_steps() : 1.0;
-    STEP3(means, m_means, v_means, 0u, longer * push.lr_means, g.mean, splat.mean)
-    STEP4(quats, m_quats, v_quats, i, 3u, vec4(longer * push.lr_quats), g.quat, splat.quat)
-    STEP3(scales, m_scales, v_scales, 7u, longer * push.lr_scales, g.log_scale, splat.log_scale)
-    const vec4 rest = vec4(longer * push.lr_sh_rest);
-    const vec4 head = vec4(vec3(longer * push.lr_sh_base), longer * push.lr_sh_rest);
+    STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)
+    STEP4(quats, m_quats, v_quats, i, 3u, vec4(push.lr_quats), g.quat, splat.quat)
+    STEP3(scales, m_scales, v_scales, 7u, push.lr_scales, g.log_scale, splat.log_scale)
+    const vec4 rest = vec4(push.lr_sh_rest);
+    const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
     const vec4 g_head = SHRUNK(sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x));
     if (REST != 0u) {
@@ -167,6 +204,6 @@ void main() {
     if ((push.flags & FLAG_STEPS_OPACITIES) != 0u) {
         step.inv_bias1 = push.inv_bias1_opacities;
         step.inv_sqrt_bias2 = push.inv_sqrt_bias2_opacities;
-        STEP1(opacities, m_opacities, v_opacities, i, 10u, step, longer * push.lr_opacities, g.logit, splat.logit)
+        STEP1(opacities, m_opacities, v_opacities, i, 10u, step, push.lr_opacities, g.logit, splat.logit)
     }
 }

@@ -17,6 +17,7 @@ const uint COUNTER_NEXT_ID = 11u;     // identity of the next splat to be born
 const uint COUNTER_SCAN_TOTAL = 12u;  // total of the last prefix sum
 const uint COUNTER_CONSTRAINED = 13u; // splats with an identity below it were there at the end of the low-frequency stage
 const uint COUNTER_PLAIN = 14u;       // splats in the last rows, whose harmonics end at degree 1: the planes of the others end before them
+const uint COUNTER_CAUGHT_UP = 15u;   // step of the optimiser, modulo 2^16, from which on all that a splat has missed counts
 const uint COUNTER_COUNT = 16u;
 
 const uint STATUS_PAIRS = 1u;         // more pairs than the pair buffers hold

@@ -19,11 +19,13 @@ layout(set = 0, binding = 25) buffer VSh0 { vec4 v_sh0[]; };
 layout(set = 0, binding = 26) buffer VSh1 { vec4 v_sh1[]; };
 layout(set = 0, binding = 27) buffer VSh2 { vec4 v_sh2[]; };
 layout(set = 0, binding = 28) buffer VSh3 { vec4 v_sh3[]; };
+// Rows of four, of which the last is the optimiser's: see begin_splat.
+layout(set = 0, binding = 29) buffer Stats { float stats[]; };
 
 #define STEP1(plane, first, second, at, element, step, lr, g, old)     \
     {                                                                  \
         float m = first[at], v = second[at];                           \
-        plane[at] = adam(step, lr, g, old, m, v);                      \
+        plane[at] = adam1(step, lr, g, old, m, v);                     \
         first[at] = m;                                                 \
         second[at] = v;                                                \
     }
@@ -31,9 +33,9 @@ layout(set = 0, binding = 28) buffer VSh3 { vec4 v_sh3[]; };
     {                                                                  \
         vec3 m = LOAD3(first, i), v = LOAD3(second, i);                \
         const vec3 gradient = g;                                       \
-        plane[s] = adam(step, lr, gradient.x, (old).x, m.x, v.x);      \
-        plane[s + 1u] = adam(step, lr, gradient.y, (old).y, m.y, v.y); \
-        plane[s + 2u] = adam(step, lr, gradient.z, (old).z, m.z, v.z); \
+        plane[s] = adam1(step, lr, gradient.x, (old).x, m.x, v.x);     \
+        plane[s + 1u] = adam1(step, lr, gradient.y, (old).y, m.y, v.y); \
+        plane[s + 2u] = adam1(step, lr, gradient.z, (old).z, m.z, v.z); \
         first[s] = m.x;                                                \
         first[s + 1u] = m.y;                                           \
         first[s + 2u] = m.z;                                           \

@@ -15,6 +15,8 @@ layout(set = 0, binding = 17) buffer MomentsSh0 { uvec4 m_sh0[]; };
 layout(set = 0, binding = 18) buffer MomentsSh1 { uvec4 m_sh1[]; };
 layout(set = 0, binding = 19) buffer MomentsSh2 { uvec4 m_sh2[]; };
 layout(set = 0, binding = 20) buffer MomentsSh3 { uvec4 m_sh3[]; };
+// Rows of four, of which the last is the optimiser's: see begin_splat.
+layout(set = 0, binding = 21) buffer Stats { float stats[]; };
 
 const uint V_SHIFT = 15u;  // bits of v's f32 that are not kept
 const uint V_LOST = 0x7fffu;
@@ -54,7 +56,7 @@ void unpack_moments(uvec4 words, out vec4 m, out vec4 v) {
     {                                                                                \
         float m, v;                                                                  \
         unpack_moments(first[at], m, v);                                             \
-        plane[at] = adam(step, lr, g, old, m, v);                                    \
+        plane[at] = adam1(step, lr, g, old, m, v);                                   \
         first[at] = pack_moments(m, v, dither(i, push.flags, element));              \
     }
 #define STEP3(plane, first, second, element, lr, g, old)                             \

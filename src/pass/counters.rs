@@ -30,6 +30,8 @@ pub const SCAN_TOTAL: usize = 12;
 pub const CONSTRAINED: usize = 13;
 /// Splats in the last rows, whose harmonics end at degree 1: the planes of the others end before them.
 pub const PLAIN: usize = 14;
+/// Step of the optimiser, modulo 2^16, with which every splat was caught up: what it has missed counts from there on.
+pub const CAUGHT_UP: usize = 15;
 /// Words in the buffer.
 pub const COUNT: usize = 16;
 

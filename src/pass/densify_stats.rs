@@ -18,14 +18,14 @@ pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "densify_stats",
         spirv: module("densify_stats"),
-        bindings: &[read("counters"), read("tile_counts"), read("splat2d"), read("grad2d"), read_write("stats")],
+        bindings: &[read("counters"), read("tile_counts"), read("grad2d"), read_write("stats")],
         push_bytes: Push::BYTES,
         constants: &[],
         local_size: Some(64),
     },
     doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds, for splats on \
           screen, the norms of the signed and the absolute gradient of the 2D mean (in normalised device coordinates) and \
-          1 view, and keeps the largest screen radius.",
+          1 view. What stands fourth in the row is the optimiser's.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
     twin: crate::twin::densify_stats::run,

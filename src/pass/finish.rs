@@ -10,8 +10,13 @@ crate::push_constants! {
         pub event: u32,
         /// 1 to make the splats that there are the constrained set.
         pub constrain: u32,
+        /// Step of the optimiser with which every splat was caught up, modulo 2^16; [`NOT_CAUGHT_UP`] where none was.
+        pub caught_up: u32,
     }
 }
+
+/// [`Push::caught_up`] of an event that catches up with nothing.
+pub const NOT_CAUGHT_UP: u32 = u32::MAX;
 
 /// Words of the report: the counters, then total loss, L1 and SSIM.
 pub const REPORT_WORDS: usize = super::counters::COUNT + 3;

@@ -117,7 +117,7 @@ impl Push {
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 11];
+pub type Constants = [(&'static str, u32); 12];
 
 /// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
@@ -130,9 +130,14 @@ pub fn shrinking(constants: Constants, weight: f32) -> Constants {
 }
 
 /// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the order of their index, and
-/// `counters.visible` says how many they are. Rates are multiplied by the root of the inverse of their share, by at most `most`.
-pub fn listed(constants: Constants, most: f32) -> Constants {
-    constants.map(|(name, value)| (name, if name == "LISTED" { most.to_bits() } else { value }))
+/// `counters.visible` says how many they are. Each makes up for the steps that it has missed, as its row of `stats` says.
+pub fn listed(constants: Constants) -> Constants {
+    constants.map(|(name, value)| (name, if name == "LISTED" { 1 } else { value }))
+}
+
+/// The same constants to make up for what every splat has missed, without a step.
+pub fn catching_up(constants: Constants) -> Constants {
+    constants.map(|(name, value)| (name, if name == "CATCHES_UP" { 1 } else { value }))
 }
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
@@ -152,6 +157,7 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Con
         ("FLATTEN", 0),
         ("SHRINK", 0),
         ("LISTED", 0),
+        ("CATCHES_UP", 0),
     ]
 }
 
@@ -167,6 +173,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 8, name: "FLATTEN", default: 0 },
     Constant { id: 9, name: "SHRINK", default: 0 },
     Constant { id: 10, name: "LISTED", default: 0 },
+    Constant { id: 11, name: "CATCHES_UP", default: 0 },
 ];
 
 /// The pass.
@@ -204,6 +211,7 @@ pub const PASS: Pass = Pass {
             read_write("v_sh1"),
             read_write("v_sh2"),
             read_write("v_sh3"),
+            read_write("stats"),
         ],
         push_bytes: Push::BYTES,
         constants: CONSTANTS,
@@ -212,8 +220,9 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
           project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
           zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one. \
-          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and these alone step, at \
-          rates that make up for it.",
+          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and these alone step, after \
+          what the steps since the one that their row of `stats` names would have made of them without a gradient. CATCHES_UP does that \
+          for every splat, and no step.",
     dispatch: "one thread per splat of the model, or of the image (LISTED)",
     push: Push::FIELDS,
     twin: crate::twin::project_backward_adam::run,

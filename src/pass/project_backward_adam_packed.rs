@@ -2,15 +2,26 @@
 
 use super::project_backward_adam::{self as full, CONSTANTS, Push};
 use super::{Pass, module};
-use crate::vk::Kernel;
+use crate::vk::{Binding, Kernel};
+
+/// The second moments, which come last but for the statistics there, have no planes of their own.
+const WITHOUT_SECOND_MOMENTS: [Binding; 22] = {
+    let all = full::PASS.kernel.bindings;
+    let mut kept = [all[all.len() - 1]; 22];
+    let mut k = 0;
+    while k < all.len() - 9 {
+        kept[k] = all[k];
+        k += 1;
+    }
+    kept
+};
 
 /// The pass; its constants are those of [`full::constants`].
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "project_backward_adam_packed",
         spirv: module("project_backward_adam_packed"),
-        // The second moments, which come last there, have no planes of their own.
-        bindings: full::PASS.kernel.bindings.split_at(full::PASS.kernel.bindings.len() - 8).0,
+        bindings: &WITHOUT_SECOND_MOMENTS,
         push_bytes: Push::BYTES,
         constants: CONSTANTS,
         local_size: full::PASS.kernel.local_size,

@@ -345,13 +345,15 @@ impl Engine {
 
     /// Records an event. To be followed by [`Self::submit_recorded`].
     pub fn record(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan, view: usize) -> Result<(), Error> {
+        let mut caught_up = None;
         match event.kind {
-            Kind::Step => self.record_step(recorder, plan, view)?,
+            Kind::Step => caught_up = self.record_step(recorder, plan, view)?,
             Kind::Density => self.record_density(recorder, event, plan)?,
             Kind::Reset => self.density.record_reset(recorder, &self.density_model(), RESET_OPACITY)?,
         }
         let constrain = u32::from(event.kind == Kind::Step && plan.constrain);
-        let push = finish::Push { event: event.number(), constrain };
+        let caught_up = caught_up.map_or(finish::NOT_CAUGHT_UP, |step| step & 0xffff);
+        let push = finish::Push { event: event.number(), constrain, caught_up };
         let at = RING_SLOT * self.next_slot;
         let slot = self.ring.slice(at..at + RING_SLOT);
         let buffers = [(&self.renderer.counters).into(), self.losses.result().into(), slot];

@@ -34,6 +34,8 @@ const SHORTEST_RESET_INTERVAL: u32 = 500;
 const RESET_RECOVERY: u32 = 300;
 /// Splats of little weight are dropped a second time after this share of the steps.
 const PRUNE_AGAIN: f64 = 0.8;
+/// Splats that miss steps of the optimiser make up for them at the latest after so many: a splat's last step is known modulo 2^16.
+const LONGEST_REST: u32 = 1 << 14;
 /// Steps between two weighings of a limited set of splats, in passes over the views: weighing draws every view once.
 const RECYCLE_PASSES: u32 = 3;
 
@@ -272,6 +274,7 @@ impl Schedule {
             sh_rest: self.sh_rest(t),
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
+            catch_up: self.catches_up_at(t),
             lr_exposure: self.lr_exposure(t),
             seen: self.seen_at(t),
             low: t <= self.low_until,
@@ -383,6 +386,14 @@ impl Schedule {
         // The reference also resets once when growth begins on a white background.
         let white = self.background == Background::White && t == self.densify_from && t < self.densify_until;
         regular || white
+    }
+
+    /// Whatever moves rows or reads all of them follows a step after which nothing is missing.
+    fn catches_up_at(&self, t: u32) -> bool {
+        let next = t.saturating_add(1);
+        let host =
+            self.drops(next).is_some() || self.skirts(next) || self.settles_sh(next) || self.propagates(next).is_some();
+        host || self.densifies_at(t) || self.resets_at(t) || t >= self.iterations || t.is_multiple_of(LONGEST_REST)
     }
 
     /// Optimiser steps up to and including `t`: density changes and the last iteration have none, and where only a reset

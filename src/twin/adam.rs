@@ -18,6 +18,54 @@ pub fn adam<R: Real>(push: &Push, lr: R, g: R, (param, first, second): (&mut R, 
     *param -= lr * (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
 }
 
+/// What steps with a gradient of zero do, several at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Missed<R> {
+    /// What they multiply first moments by.
+    pub first: R,
+    /// What they multiply second moments by.
+    pub second: R,
+    /// How far an element moves in them, in steps like one of them without the decay.
+    pub moved: R,
+}
+
+impl<R: Real> Missed<R> {
+    /// Of `count` steps, below 2^16.
+    pub fn steps(push: &Push, count: u32) -> Self {
+        let decay = decay::<R>(push);
+        Self {
+            first: power(R::of(f64::from(push.beta1)), count),
+            second: power(R::of(f64::from(push.beta2)), count),
+            moved: decay * (R::one() - power(decay, count)) / (R::one() - decay),
+        }
+    }
+}
+
+/// What m / sqrt(v) is multiplied by in a step without a gradient.
+pub fn decay<R: Real>(push: &Push) -> R {
+    R::of(f64::from(push.beta1)) / R::of(f64::from(push.beta2)).sqrt()
+}
+
+fn power<R: Real>(x: R, k: u32) -> R {
+    let (mut product, mut square) = (R::one(), x);
+    for bit in 0..16 {
+        if k >> bit & 1 != 0 {
+            product = product * square;
+        }
+        square = square * square;
+    }
+    product
+}
+
+/// Makes up for steps that an element has missed, with the rate and the bias corrections of now.
+pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, (param, first, second): (&mut R, &mut R, &mut R)) {
+    let r = |x: f32| R::of(f64::from(x));
+    let speed = (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
+    *param -= lr * missed.moved * speed;
+    *first = *first * missed.first;
+    *second = *second * missed.second;
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();

@@ -2,7 +2,7 @@
 
 use super::TwinCall;
 use crate::pass::counters;
-use crate::pass::finish::Push;
+use crate::pass::finish::{NOT_CAUGHT_UP, Push};
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
@@ -12,6 +12,9 @@ pub fn run(call: &mut TwinCall<'_>) {
         counts[counters::DONE] = push.event;
         if push.constrain != 0 {
             counts[counters::CONSTRAINED] = counts[counters::NEXT_ID];
+        }
+        if push.caught_up != NOT_CAUGHT_UP {
+            counts[counters::CAUGHT_UP] = push.caught_up;
         }
     }
     let loss = call.get::<u32>(1);

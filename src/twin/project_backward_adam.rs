@@ -1,13 +1,13 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
-use super::adam::adam;
+use super::adam::{LARGEST_GRADIENT, Missed, adam, catch_up, decay};
 use super::project_backward::{Grad2d, flatten, project_backward, shrink};
 use super::splat::{PARAMETERS, Splat, View};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
 use crate::pass::counters;
-use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEP_SHIFT, STEPS_OPACITIES};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::twin::splat::model_of;
 
@@ -75,7 +75,18 @@ pub(super) fn view_of_step<R: Real>(push: &Push, constants: &[u32]) -> View<R> {
 
 /// One step of one splat with the gradients of its parameters (zeros for a culled one).
 pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
-    step_of(push, constants, state, gradient, true)
+    step_of(push, constants, state, (gradient, Pace::default()), true)
+}
+
+/// The same of a splat at its pace.
+pub fn step_after<R: Real>(
+    push: &Push,
+    constants: &[u32],
+    state: &Stepped<R>,
+    gradient: &Splat<R>,
+    pace: Pace,
+) -> Stepped<R> {
+    step_of(push, constants, state, (gradient, pace), true)
 }
 
 /// The same of a splat with all harmonics or with those up to degree 1.
@@ -83,7 +94,7 @@ pub(super) fn step_of<R: Real>(
     push: &Push,
     constants: &[u32],
     state: &Stepped<R>,
-    gradient: &Splat<R>,
+    (gradient, pace): (&Splat<R>, Pace),
     full: bool,
 ) -> Stepped<R> {
     let (g, mut params) = (gradient.to_array(), state.splat.to_array());
@@ -91,7 +102,21 @@ pub(super) fn step_of<R: Real>(
     for k in (0..PARAMETERS).filter(|&k| k < touched(constants, full) && (k != 10 || push.flags & STEPS_OPACITIES != 0))
     {
         let (numbers, lr) = of_parameter(push, constants, k);
-        adam(&numbers, R::of(f64::from(lr)), g[k], (&mut params[k], &mut first[k], &mut second[k]));
+        let lr = R::of(f64::from(lr));
+        let element = (&mut params[k], &mut first[k], &mut second[k]);
+        if constants[LISTED] == 0 && constants[CATCHES_UP] == 0 {
+            adam(&numbers, lr, g[k], element);
+            continue;
+        }
+        let parts = |count: u32| R::of(f64::from(count)) * part::<R>(&numbers);
+        let mut missed = Missed::steps(&numbers, pace.missed);
+        missed.moved -= parts(pace.advanced);
+        catch_up(&numbers, &missed, lr, (&mut *element.0, &mut *element.1, &mut *element.2));
+        if constants[CATCHES_UP] == 0 {
+            let says_nothing = g[k].is_nan() || g[k].abs() > R::of(LARGEST_GRADIENT);
+            let g = if says_nothing { R::zero() } else { g[k] };
+            adam(&numbers, (R::one() + parts(pace.advance)) * lr, g, element);
+        }
     }
     Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
 }
@@ -99,27 +124,71 @@ pub(super) fn step_of<R: Real>(
 /// Place of `LISTED` among the pass's constants.
 const LISTED: usize = 10;
 
-/// The push constants with the rates that the step has: longer steps where only listed splats take one.
-pub(super) fn push_of(call: &TwinCall<'_>) -> Push {
-    let (push, counts): (Push, Vec<u32>) = (call.push(), call.get(0));
-    match call.constants[LISTED] {
-        0 => push,
-        most => longer(push, [counts[counters::SPLATS], counts[counters::VISIBLE]], f32::from_bits(most)),
+/// Place of `CATCHES_UP` among them.
+const CATCHES_UP: usize = 11;
+
+/// What a splat's row of `stats` says of the steps that it has missed, and what it is to say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pace {
+    /// Steps that it has missed.
+    pub missed: u32,
+    /// What it has moved by in advance, in [`PARTS`] of all that its moments would ever move it by.
+    pub advanced: u32,
+    /// What it moves by in advance with its step.
+    pub advance: u32,
+}
+
+/// See [`Pace::advanced`].
+pub const PARTS: u32 = 255;
+/// Share of the latest gap between two steps in what is expected of the next.
+const LATEST: f32 = 0.25;
+
+impl Pace {
+    /// Of a splat whose row ends with `row`, where all were caught up with in step `caught_up`; `None` where nothing is to be done.
+    pub fn new(push: &Push, constants: &[u32], row: f32, caught_up: u32) -> Option<Self> {
+        let (now, row, catches_up) = (push.flags >> STEP_SHIFT, row as u32, constants[CATCHES_UP] != 0);
+        let [since_last, since_all] = [row, caught_up].map(|step| now.wrapping_sub(step) & 0xffff);
+        let since = since_last.min(since_all);
+        let missed = if catches_up { since } else { since.saturating_sub(1) };
+        let advanced = if since_last <= since_all { row >> 16 } else { 0 };
+        if catches_up && missed == 0 && advanced == 0 {
+            return None;
+        }
+        let (numbers, _) = of_parameter(push, constants, 0);
+        let parts = Missed::<f32>::steps(&numbers, missed).moved / part::<f32>(&numbers);
+        let before = advanced as f32;
+        let expected = if advanced == 0 { parts } else { before + LATEST * (parts - before) };
+        let advance = if catches_up { 0 } else { (expected + 0.5).floor() as u32 };
+        Some(Self { missed, advanced, advance })
+    }
+
+    /// What the row ends with after the step.
+    pub fn row(&self, push: &Push) -> f32 {
+        (push.flags >> STEP_SHIFT) as f32 + 65536.0 * self.advance as f32
     }
 }
 
-/// Rates for steps that only `visible` of so many splats take, at most `most` times those of all.
-pub fn longer(push: Push, [splats, visible]: [u32; 2], most: f32) -> Push {
-    let by = (splats as f32 / visible as f32).sqrt().min(most);
-    Push {
-        lr_means: by * push.lr_means,
-        lr_quats: by * push.lr_quats,
-        lr_scales: by * push.lr_scales,
-        lr_opacities: by * push.lr_opacities,
-        lr_sh_base: by * push.lr_sh_base,
-        lr_sh_rest: by * push.lr_sh_rest,
-        ..push
+/// A part of all that moments would ever move an element by, in steps.
+fn part<R: Real>(numbers: &AdamPush) -> R {
+    let decay = decay::<R>(numbers);
+    decay / (R::one() - decay) / R::of(f64::from(PARTS))
+}
+
+/// Splats that take a step or are caught up with; the rows of `stats` as they are then.
+pub(super) fn steppers(call: &mut TwinCall<'_>, inputs: &Inputs, stats: usize) -> Vec<(usize, Pace)> {
+    let (push, constants) = (call.push::<Push>(), call.constants);
+    if constants[LISTED] == 0 && constants[CATCHES_UP] == 0 {
+        return inputs.stepping().map(|i| (i, Pace::default())).collect();
     }
+    let caught_up = call.get::<u32>(0)[counters::CAUGHT_UP];
+    let mut rows: Vec<[f32; 4]> = call.get(stats);
+    let pace = |i: usize| Some((i, Pace::new(&push, constants, rows[i][3], caught_up)?));
+    let chosen: Vec<(usize, Pace)> = inputs.stepping().filter_map(pace).collect();
+    for (i, pace) in &chosen {
+        rows[*i][3] = pace.row(&push);
+    }
+    call.set(stats, &rows);
+    chosen
 }
 
 /// What a step reads beside the model and its moments, as the bound buffers have it.
@@ -129,6 +198,7 @@ pub(super) struct Inputs {
     /// Threads that own one of them.
     threads: usize,
     listed: bool,
+    catches_up: bool,
     /// Rows from this one on have harmonics up to degree 1 alone.
     pub(super) full: usize,
     view: View<f32>,
@@ -148,6 +218,7 @@ impl Inputs {
         let counted = if listed { counters::VISIBLE } else { counters::SPLATS };
         Self {
             listed,
+            catches_up: call.constants[CATCHES_UP] != 0,
             n: call.get::<u32>(0)[counters::SPLATS] as usize,
             threads: (call.groups as usize * 64).min(call.get::<u32>(0)[counted] as usize),
             full: counters::full_rows(&call.get::<u32>(0)),
@@ -169,7 +240,7 @@ impl Inputs {
 
     /// The gradient of splat `i`.
     pub(super) fn gradient(&self, i: usize, splat: &Splat<f32>) -> Splat<f32> {
-        if !self.listed && self.on_image[i] == 0 {
+        if self.catches_up || !self.listed && self.on_image[i] == 0 {
             return Splat::of(&Gaussians::zeros(1), 0);
         }
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
@@ -197,13 +268,14 @@ pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussian
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
-    let push = push_of(call);
+    let push: Push = call.push();
     let inputs = Inputs::new(call, &push);
     let mut planes = [5, 13, 21].map(|first| model_of(call, first, inputs.n));
-    for i in inputs.stepping() {
+    for (i, pace) in steppers(call, &inputs, 29) {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
         let gradient = inputs.gradient(i, &splat);
-        let after = step_of(&push, call.constants, &Stepped { splat, first, second }, &gradient, i < inputs.full);
+        let state = Stepped { splat, first, second };
+        let after = step_of(&push, call.constants, &state, (&gradient, pace), i < inputs.full);
         for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
             values.store(plane, i);
         }

@@ -3,10 +3,10 @@
 use half::f16;
 
 use super::TwinCall;
-use super::project_backward_adam::{Inputs, Stepped, push_of, set_planes, step_of, touched};
+use super::project_backward_adam::{Inputs, Stepped, set_planes, step_of, steppers, touched};
 use super::random;
 use super::splat::{PARAMETERS, Splat, model_of};
-use crate::pass::project_backward_adam::{STEP_SHIFT, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{Push, STEP_SHIFT, STEPS_OPACITIES};
 
 /// Bits of the second moment's f32 that are not kept.
 pub const V_SHIFT: u32 = 15;
@@ -40,7 +40,7 @@ pub fn dither(flags: u32, i: usize, k: usize) -> u32 {
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
-    let push = push_of(call);
+    let push: Push = call.push();
     let inputs = Inputs::new(call, &push);
     let mut model = model_of(call, 5, inputs.n);
     // Words in the places of floats: copies keep their bits.
@@ -48,7 +48,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let stepped = |i: usize, k: usize| {
         k < touched(call.constants, i < inputs.full) && (k != 10 || push.flags & STEPS_OPACITIES != 0)
     };
-    for i in inputs.stepping() {
+    for (i, pace) in steppers(call, &inputs, 21) {
         let (splat, packed) = (Splat::<f32>::of(&model, i), Splat::<f32>::of(&words, i).to_array());
         let moments = packed.map(|word| unpack(word.to_bits()));
         let state = Stepped {
@@ -57,7 +57,7 @@ pub fn run(call: &mut TwinCall<'_>) {
             splat,
         };
         let gradient = inputs.gradient(i, &state.splat);
-        let after = step_of(&push, call.constants, &state, &gradient, i < inputs.full);
+        let after = step_of(&push, call.constants, &state, (&gradient, pace), i < inputs.full);
         let (first, second) = (after.first.to_array(), after.second.to_array());
         let repacked: [f32; PARAMETERS] = std::array::from_fn(|k| {
             if stepped(i, k) { f32::from_bits(pack(first[k], second[k], dither(push.flags, i, k))) } else { packed[k] }

@@ -228,6 +228,7 @@ fn device_gradients(
         let rates = fused::Rates { means: 0.0, quats: 0.0, scales: 0.0, opacities: 0.0, sh_base: 0.0, sh_rest: 0.0 };
         let second = Planes::new(gpu, "v_", n).unwrap();
         second.clear(&mut rec).unwrap();
+        let stats = gpu.buffer("stats", 16 * u64::from(n), Memory::Device).unwrap();
         let step = raster::BackwardStep {
             model: &model,
             moments: &[grads.clone(), second],
@@ -235,6 +236,8 @@ fn device_gradients(
             settings: &settings,
             rates: &rates,
             steps: fused::Steps { most: 1, opacities: Some(1), rest: 1 },
+            stats: &stats,
+            catches_up: false,
         };
         renderer.record_backward_step(&mut rec, &step, &case.shot).unwrap();
     }

@@ -7,7 +7,7 @@ use psrgs_vk::vk::Gpu;
 
 use super::common;
 use super::harness::{self, bytes, garbage};
-use super::project_backward_adam::{Case, Form, ROWS, case};
+use super::project_backward_adam::{Case, Form, ROWS, Steppers, case};
 use super::project_backward_adam_packed::packed;
 use super::projection_scene as scene;
 
@@ -75,7 +75,15 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
         // Which splats have gradients, and of what, does not depend on the degree in use.
         let of = |degree: u32, most: u32| {
-            let form = Form { aux: false, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.6, listed: None };
+            let form = Form {
+                aux: false,
+                steps,
+                rest: true,
+                poison: false,
+                flatten: 0.0,
+                shrink: 0.6,
+                steppers: Steppers::All,
+            };
             let projection = Projection { sh_degree: degree, ..Projection::default() };
             case(&scene::ordinary(N, 91), &projection, most, form, |first, second| (first, second))
         };
@@ -85,8 +93,9 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
             let mut buffers = from.buffers.clone();
             if packs {
                 let words: Vec<Vec<u8>> = (13..21).map(|k| packed(&buffers[k], &buffers[k + 8])).collect();
-                buffers.truncate(13);
+                let stats = buffers.split_off(13).pop().expect("statistics come last");
                 buffers.extend(words);
+                buffers.push(stats);
             }
             buffers
         };

@@ -73,15 +73,20 @@ pub fn run(gpu: &Gpu) {
     case(gpu, 0, 5000, &Push { want: NO_COUNTER, ..Push::unlimited(source, 31, &[Entry::items(64)]) });
     case(gpu, 0, 5000, &Push::unlimited(source, 0, &[]));
 
-    for (status, constrain) in [(0, 0), (0, 1), (counters::SPLATS_BIT, 1)] {
+    for (status, constrain, caught_up) in
+        [(0, 0, finish::NOT_CAUGHT_UP), (0, 1, 123), (counters::SPLATS_BIT, 1, 123), (0, 0, 0)]
+    {
         let mut counts = [7u32; counters::COUNT];
         (counts[counters::STATUS], counts[counters::NEXT_ID]) = (status, 31);
+        let push = finish::Push { event: 99, constrain, caught_up };
         let buffers = [bytes(&counts), bytes(&[0.75f32, 0.5, 0.25, -1.0]), garbage(finish::REPORT_WORDS + 5)];
-        let outcome = harness::run(gpu, &finish::PASS, &[], &buffers, &finish::Push { event: 99, constrain }, 1);
+        let outcome = harness::run(gpu, &finish::PASS, &[], &buffers, &push, 1);
         outcome.assert_same_bits("finish");
         let (after, report) = (outcome.device::<u32>(0), outcome.device::<u32>(2));
         assert_eq!(after[counters::DONE], if status == 0 { 99 } else { 7 });
         assert_eq!(after[counters::CONSTRAINED], if status == 0 && constrain == 1 { 31 } else { 7 });
+        let kept = status != 0 || caught_up == finish::NOT_CAUGHT_UP;
+        assert_eq!(after[counters::CAUGHT_UP], if kept { 7 } else { caught_up });
         assert_eq!((report[counters::BAD_SPLATS], after[counters::BAD_SPLATS]), (7, 0), "reported once");
         assert_eq!(report[counters::COUNT..finish::REPORT_WORDS], [0.75f32, 0.5, 0.25].map(f32::to_bits));
     }

@@ -3,15 +3,15 @@
 use psrgs_vk::pass::adam::{self, Settings};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::project_backward_adam::{
-    Constants, PASS, Push, Rates, Steps, constants, flattening, listed, shrinking,
+    Constants, PASS, Push, Rates, STEP_SHIFT, Steps, catching_up, constants, flattening, listed, shrinking,
 };
-use psrgs_vk::pass::{Pass, project_backward};
+use psrgs_vk::pass::{Pass, counters, project_backward};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{
     Grad2d, flatten as add_flatness, project_backward as gradient_of, shrink as add_smallness,
 };
-use psrgs_vk::twin::project_backward_adam::{Stepped, longer, step, view};
+use psrgs_vk::twin::project_backward_adam::{Pace, Stepped, step_after, view};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::twin::tile::TileGrid;
 use psrgs_vk::vk::{DeviceKind, Gpu};
@@ -33,12 +33,14 @@ pub(super) struct Case {
     rest: bool,
     flatten: f32,
     shrink: f32,
-    listed: Option<f32>,
-    /// In binding order.
+    steppers: Steppers,
+    /// In binding order. `stats` come last.
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
     tiles: Vec<u32>,
     before: Vec<Stepped<f64>>,
+    /// The same where missed steps are made up for, and at what pace.
+    caught: Vec<(Stepped<f64>, Option<Pace>)>,
     want: Vec<Stepped<f64>>,
     /// Gradients, and how wrong those of the device may be.
     gradients: Vec<([f64; PARAMETERS], [f64; PARAMETERS])>,
@@ -76,12 +78,22 @@ pub(super) struct Form {
     pub(super) flatten: f32,
     /// Weight of the squares of view-dependent coefficients.
     pub(super) shrink: f32,
-    /// Where splats on the image alone step: what rates are multiplied by at most.
-    pub(super) listed: Option<f32>,
+    pub(super) steppers: Steppers,
+}
+
+/// Who takes a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Steppers {
+    /// All.
+    All,
+    /// Those on the image, which make up for what they have missed.
+    Listed,
+    /// None, but all make up for it.
+    CatchUp,
 }
 
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
-    let Form { aux, steps, rest, poison, flatten, shrink, listed } = form;
+    let Form { aux, steps, rest, poison, flatten, shrink, steppers } = form;
     let n = model.len();
     let camera = scene::push(projection);
     let push = Push::new(&camera, &Settings::default(), &RATES, steps);
@@ -143,28 +155,94 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         before.push(Stepped { splat, first, second });
         gradients.push((g, error));
     }
-    let given = shrinking(flattening(constants(&Settings::default(), most, aux, rest), flatten), shrink);
+    let given = of(shrinking(flattening(constants(&Settings::default(), most, aux, rest), flatten), shrink), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
-    let taken = listed.map_or(push, |most| longer(push, [n as u32, seen.len() as u32], most));
-    let steps = |i: usize| listed.is_none() || tiles[i] > 0;
-    let after = |i: usize| {
-        if steps(i) {
-            step(&taken, &values, &before[i], &Splat::from_array(&gradients[i].0))
-        } else {
-            before[i].clone()
+    // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other rows.
+    let now = push.flags >> STEP_SHIFT;
+    let caught_up = now.wrapping_sub(60) & 0xffff;
+    // Some have moved in advance: by nothing, by too little, by too much.
+    let last = |i: usize| {
+        let advanced = [0, 0, 30, 200][(i / 3) % 4] as f32;
+        (now.wrapping_sub(1 + (i as u32 * 7) % 90) & 0xffff) as f32 + 65536.0 * advanced
+    };
+    let stats: Vec<[f32; 4]> = (0..n).map(|i| [1.5, -2.5, 3.5, last(i)]).collect();
+    let steps = |i: usize| steppers != Steppers::Listed || tiles[i] > 0;
+    let caught: Vec<(Stepped<f64>, Option<Pace>)> = (0..n)
+        .map(|i| {
+            let pace = match steppers {
+                Steppers::All => None,
+                _ if !steps(i) => None,
+                _ => Pace::new(&push, &values, stats[i][3], caught_up),
+            };
+            let Some(pace) = pace else { return (before[i].clone(), None) };
+            assert!(pace.missed <= 60, "{pace:?}");
+            let only = of(constants(&Settings::default(), most, aux, rest), Steppers::CatchUp).map(|(_, value)| value);
+            (step_after(&push, &only, &before[i], &Splat::from_array(&[0.0; PARAMETERS]), pace), Some(pace))
+        })
+        .collect();
+    let after = |i: usize| match (steppers, caught[i].1) {
+        _ if !steps(i) => before[i].clone(),
+        (Steppers::CatchUp, _) => caught[i].0.clone(),
+        (_, pace) => {
+            step_after(&push, &values, &before[i], &Splat::from_array(&gradients[i].0), pace.unwrap_or_default())
         }
     };
     let want = (0..n).map(after).collect();
+    if steppers == Steppers::CatchUp {
+        gradients.iter_mut().for_each(|g| *g = ([0.0; PARAMETERS], [0.0; PARAMETERS]));
+    }
 
-    let mut buffers = vec![scene::counts_of(n, seen.len())];
-    let on_image = if listed.is_some() { bytes(&seen) } else { bytes(&tiles) };
+    let mut counts: Vec<u32> =
+        scene::counts_of(n, seen.len()).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+    counts[counters::CAUGHT_UP] = caught_up;
+    let mut buffers = vec![bytes(&counts)];
+    let on_image = if steppers == Steppers::Listed { bytes(&seen) } else { bytes(&tiles) };
     buffers.extend([bytes(&splat2d), on_image, bytes(&grad2d), bytes(&normals)].map(|b| [b, garbage(8)].concat()));
     for k in 0..3 {
         let values: Vec<Splat<f64>> = before.iter().map(|s| [&s.splat, &s.first, &s.second][k].clone()).collect();
         buffers.extend(scene::planes(&model_of(&values)));
     }
-    Case { n, push, degree: most, aux, rest, flatten, shrink, listed, buffers, camera, tiles, before, want, gradients }
+    buffers.push([bytes(&stats), garbage(8)].concat());
+    let degree = most;
+    Case {
+        n,
+        push,
+        degree,
+        aux,
+        rest,
+        flatten,
+        shrink,
+        steppers,
+        buffers,
+        camera,
+        tiles,
+        before,
+        caught,
+        want,
+        gradients,
+    }
+}
+
+/// All that moments would ever move an element by, to a factor of the bias corrections, which is at most 4 here.
+fn all_moves(rates: &Rates, k: usize, first: f64, second: f64) -> f64 {
+    let rate = match k {
+        0..3 => rates.means,
+        3..7 => rates.quats,
+        7..10 => rates.scales,
+        10 => rates.opacities,
+        11..14 => rates.sh_base,
+        _ => rates.sh_rest,
+    };
+    4.0 * 9.05 * rate * first.abs() / second.sqrt().max(1e-300)
+}
+
+fn of(constants: Constants, steppers: Steppers) -> Constants {
+    match steppers {
+        Steppers::All => constants,
+        Steppers::Listed => listed(constants),
+        Steppers::CatchUp => catching_up(constants),
+    }
 }
 
 /// The planes of a dispatch as splats.
@@ -184,7 +262,7 @@ impl Case {
     pub(super) fn given(&self) -> Constants {
         let constants = constants(&Settings::default(), self.degree, self.aux, self.rest);
         let constants = shrinking(flattening(constants, self.flatten), self.shrink);
-        self.listed.map_or(constants, |most| listed(constants, most))
+        of(constants, self.steppers)
     }
 
     /// On the device; what lies beyond the rows and what is only read keeps its bits.
@@ -192,6 +270,7 @@ impl Case {
         let groups = self.n.div_ceil(64).max(1) as u32;
         let outcome = harness::run(gpu, &PASS, &self.given(), &self.buffers, &self.push, groups);
         assert_eq!(outcome.device[..5], self.buffers[..5], "{what}: inputs changed");
+        self.check_stats(&outcome, what);
         for first in [5, 13, 21] {
             for (k, row) in ROWS.into_iter().enumerate() {
                 let rows = 4 * row * self.n;
@@ -203,6 +282,19 @@ impl Case {
             }
         }
         outcome
+    }
+
+    /// What stands last in the rows of those that were stepped or moved is the step; all else is as it was.
+    pub(super) fn check_stats(&self, outcome: &harness::Outcome, what: &str) {
+        let stats = self.buffers.len().min(outcome.device.len()) - 1;
+        let mut want: Vec<f32> =
+            self.buffers[self.buffers.len() - 1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+        for i in 0..self.n {
+            if let Some(pace) = self.caught[i].1 {
+                want[4 * i + 3] = pace.row(&self.push);
+            }
+        }
+        assert_eq!(outcome.device[stats], bytes(&want), "{what}: statistics");
     }
 
     fn check(&self, gpu: &Gpu, what: &str) {
@@ -222,19 +314,21 @@ impl Case {
         let eps = f64::from(f32::EPSILON);
         let mut moved = 0;
         for (i, ((params, first), second)) in params.iter().zip(&first).zip(&second).enumerate() {
-            let (before, want) = (&self.before[i], &self.want[i]);
+            let (before, (caught, pace), want) = (&self.before[i], &self.caught[i], &self.want[i]);
             let arrays = |s: &Stepped<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
-            let ([p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(want));
+            let ([p00, m00, v00], [p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(caught), arrays(want));
             let (g, dg) = &self.gradients[i];
+            // A power by squares is wrong by as many roundings as it has factors.
+            let slack = pace.map_or(0.0, |pace| (2.0 * f64::from(pace.missed) + 16.0) * eps);
             for k in 0..PARAMETERS {
                 let [p, m, v] = [params, first, second].map(|splat| f64::from(splat[k]));
-                if (p1[k], m1[k], v1[k]) == (p0[k], m0[k], v0[k]) {
-                    assert_eq!((p, m, v), (p0[k], m0[k], v0[k]), "{what}: splat {i}, element {k} should not move");
+                if (p1[k], m1[k], v1[k]) == (p00[k], m00[k], v00[k]) {
+                    assert_eq!((p, m, v), (p00[k], m00[k], v00[k]), "{what}: splat {i}, element {k} should not move");
                     continue;
                 }
                 moved += 1;
-                let dm = 0.1 * dg[k] + 2.0 * eps * (m0[k].abs() + g[k].abs());
-                let dv = 1e-3 * dg[k] * (2.0 * g[k].abs() + dg[k]) + 4.0 * eps * v1[k] + 1e-37;
+                let dm = 0.1 * dg[k] + 2.0 * eps * (m0[k].abs() + g[k].abs()) + slack * m0[k].abs();
+                let dv = 1e-3 * dg[k] * (2.0 * g[k].abs() + dg[k]) + 4.0 * eps * v1[k] + slack * v0[k] + 1e-37;
                 let (rm, rv) = rounding(m1[k], v1[k]);
                 assert!(
                     (m - m1[k]).abs() <= dm + rm,
@@ -248,7 +342,14 @@ impl Case {
                 );
                 let step = (p1[k] - p0[k]).abs();
                 let share = dm / m1[k].abs().max(1e-300) + dv / v1[k].max(1e-300) + 16.0 * eps;
-                let dp = step * share + eps * p1[k].abs() + 1e-30;
+                // What was missed and what was moved by in advance may cancel.
+                let of_missed = match pace {
+                    Some(_) => {
+                        slack * ((p0[k] - p00[k]).abs() + all_moves(&RATES, k, m00[k], v00[k])) + eps * p0[k].abs()
+                    }
+                    None => 0.0,
+                };
+                let dp = step * share + of_missed + eps * p1[k].abs() + 1e-30;
                 assert!((p - p1[k]).abs() <= dp, "{what}: splat {i}, parameter {k}: {p:e} instead of {:e}", p1[k]);
             }
         }
@@ -300,7 +401,8 @@ pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
     let all = Steps { most: 9, opacities: Some(4), rest: 9 };
-    let form = Form { aux: true, steps: all, rest: true, poison: false, flatten: 0.0, shrink: 0.0, listed: None };
+    let form =
+        Form { aux: true, steps: all, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All };
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
         let case = case(&scene::ordinary(n, 300 + n as u64), &Projection::default(), 3, form, exact);
@@ -317,7 +419,7 @@ pub fn run(gpu: &Gpu) {
             poison: k == 5,
             flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
             shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
-            listed: None,
+            steppers: Steppers::All,
         };
         let case = case(&scene::ordinary(600, 20 + k as u64), &projection, most, form, exact);
         let what = format!("{projection:?}, {steps:?}");
@@ -338,31 +440,35 @@ pub fn run(gpu: &Gpu) {
     // Between the steps of the view-dependent coefficients; and a step of theirs, with a count of its own.
     for (rest, count) in [(false, 9), (true, 3)] {
         let steps = Steps { rest: count, ..all };
-        let form = Form { aux: false, steps, rest, poison: false, flatten: 0.0, shrink: 0.8, listed: None };
+        let form = Form { aux: false, steps, rest, poison: false, flatten: 0.0, shrink: 0.8, steppers: Steppers::All };
         let case = case(&scene::ordinary(400, 41), &Projection::default(), 3, form, exact);
         case.check(gpu, &format!("coefficients step: {rest}, {count}"));
     }
-    // The splats on the image alone, at rates for what there is beside them.
+    // The splats on the image alone, and all that have missed steps. 70,000 wrap around.
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = projection.sh_degree.min(3);
-        // Between 250 and 560 of 600 are seen, so that the lower bound holds and the other does not.
-        let most_longer = if k == 1 { 1.02 } else { 4.0 };
-        let form = Form { aux: k % 2 == 0, shrink: 0.6, listed: Some(most_longer), rest: k != 3, ..form };
-        let case = case(&scene::ordinary(600, 80 + k as u64), &projection, most, form, exact);
-        assert!(case.seen() > 250 && case.seen() < 560, "{projection:?}: {} seen", case.seen());
-        case.check(gpu, &format!("{projection:?}, those on the image alone"));
+        let steps = if k % 2 == 0 { Steps { most: 70_000, opacities: Some(69_999), rest: 70_000 } } else { all };
+        let form = Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, rest: k != 3, steps, ..form };
+        let model = scene::ordinary(600, 80 + k as u64);
+        let listed = case(&model, &projection, most, form, exact);
+        assert!(listed.seen() > 250 && listed.seen() < 560, "{projection:?}: {} seen", listed.seen());
+        listed.check(gpu, &format!("{projection:?}, those on the image alone"));
+        let form = Form { aux: false, rest: true, steppers: Steppers::CatchUp, ..form };
+        case(&model, &projection, most, form, exact).check(gpu, &format!("{projection:?}, all caught up with"));
     }
-    twin_adapter(gpu, None);
-    twin_adapter(gpu, Some(4.0));
+    for steppers in [Steppers::All, Steppers::Listed, Steppers::CatchUp] {
+        twin_adapter(gpu, steppers);
+    }
 }
 
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
-fn twin_adapter(gpu: &Gpu, listed: Option<f32>) {
+fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let steps = Steps { most: 3, opacities: Some(2), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, listed };
+    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
     assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);
+    assert_eq!(outcome.device[29], outcome.twin[29], "statistics");
     for k in 5..29 {
         let (device, twin) = (outcome.device::<f32>(k), outcome.twin::<f32>(k));
         let largest = twin[..case.n].iter().fold(0.0f32, |m, v| m.max(v.abs()));

@@ -8,7 +8,7 @@ use psrgs_vk::twin::splat::PARAMETERS;
 use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, bytes};
-use super::project_backward_adam::{Case, Form, ROWS, case, splats_of};
+use super::project_backward_adam::{Case, Form, ROWS, Steppers, case, splats_of};
 use super::projection_scene as scene;
 
 /// What is left of moments that are packed.
@@ -32,9 +32,11 @@ pub(super) fn packed(first: &[u8], second: &[u8]) -> Vec<u8> {
 fn run_case(gpu: &Gpu, case: &Case) -> harness::Outcome {
     let mut buffers = case.buffers[..13].to_vec();
     buffers.extend((13..21).map(|k| packed(&case.buffers[k], &case.buffers[k + 8])));
+    buffers.push(case.buffers[29].clone());
     let groups = case.n.div_ceil(64).max(1) as u32;
     let outcome = harness::run(gpu, &PASS, &case.given(), &buffers, &case.push, groups);
     assert_eq!(outcome.device[..5], buffers[..5], "inputs changed");
+    case.check_stats(&outcome, "packed");
     for k in 5..21 {
         let rows = 4 * ROWS[(k - 5) % 8] * case.n;
         assert_eq!(outcome.device[k][rows..], buffers[k][rows..], "beyond the rows of {k}");
@@ -55,7 +57,7 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 
 pub fn run(gpu: &Gpu) {
     let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, listed: None };
+    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All };
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
         let outcome = run_case(gpu, &case);
@@ -73,7 +75,7 @@ pub fn run(gpu: &Gpu) {
             poison: k == 5,
             flatten,
             shrink: 0.5,
-            listed: (k % 3 == 1).then_some(4.0),
+            steppers: [Steppers::All, Steppers::Listed, Steppers::CatchUp][k % 3],
         };
         let case = case(&scene::ordinary(600, 60 + k as u64), &projection, most, form, kept);
         let what = format!("{projection:?}, {form:?}");

@@ -71,6 +71,11 @@ pub struct BackwardStep<'a> {
     pub rates: &'a project_backward_adam::Rates,
     /// How many steps have been taken.
     pub steps: project_backward_adam::Steps,
+    /// Rows of four, of which the last is the step in which a splat has last taken one, modulo 2^16; read and written with `LISTED` and
+    /// `CATCHES_UP` alone.
+    pub stats: &'a Buffer,
+    /// Whether the pipeline has `CATCHES_UP`.
+    pub catches_up: bool,
 }
 
 /// Pipelines that differ by whether depth and normals have gradients too.
@@ -211,12 +216,13 @@ impl Renderer {
         let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
         let [counts, splat2d, tile_counts, grad_normals] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
-        let (on_image, groups) =
-            self.lists.listed(&self.args, entry::TILES).unwrap_or_else(|| (tile_counts, self.per_splat()));
+        let listed = self.lists.listed(&self.args, entry::TILES).filter(|_| !step.catches_up);
+        let (on_image, groups) = listed.unwrap_or_else(|| (tile_counts, self.per_splat()));
         let mut buffers = vec![counts, splat2d, on_image, backward.grad2d.slice(), grad_normals];
         for planes in std::iter::once(step.model).chain(step.moments) {
             buffers.extend(planes.buffers().iter().map(BufferSlice::from));
         }
+        buffers.push(step.stats.into());
         recorder.dispatch(step.pipeline, &buffers, &push, groups)
     }
 

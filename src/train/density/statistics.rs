@@ -81,7 +81,7 @@ impl Statistics {
         let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * height as f32 };
         let [counts, tile_counts, splat2d, stats] =
             slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
-        let buffers = [counts, tile_counts, splat2d, grad2d, stats];
+        let buffers = [counts, tile_counts, grad2d, stats];
         recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
         let Some(scores) = &self.scores else { return Ok(()) };
         let pipeline = match (seen.photograph.depth, &scores.sixteen) {

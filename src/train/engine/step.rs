@@ -6,13 +6,20 @@ use crate::raster::ImageGradients;
 use crate::train::Error;
 use crate::train::density::Seen;
 use crate::train::learning::exposures::Turn;
+use crate::train::learning::optimiser::Stepping;
 use crate::train::photographs::Coarse;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::terms::Weights;
 use crate::vk::{Buffer, Recorder};
 
 impl Engine {
-    pub(super) fn record_step(&self, recorder: &mut Recorder, plan: &StepPlan, view: usize) -> Result<(), Error> {
+    /// Gives the step of the optimiser with which every splat was caught up, where it was.
+    pub(super) fn record_step(
+        &self,
+        recorder: &mut Recorder,
+        plan: &StepPlan,
+        view: usize,
+    ) -> Result<Option<u32>, Error> {
         let beside = self.record_beside(recorder, plan)?;
         let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
         let mut photograph = self.photographs.record(&self.gpu, recorder, (view, plan.step), self.recorded)?;
@@ -98,8 +105,8 @@ impl Engine {
         if let Some((constrained, _)) = alone {
             constrained.record_add(recorder, renderer)?;
         }
-        self.optimiser.record(recorder, renderer, &self.model, &shot, plan, (of_aux.is_some(), beside))?;
-        Ok(())
+        let stepping = Stepping { model: &self.model, stats: self.statistics.stats(), shot: &shot };
+        Ok(self.optimiser.record(recorder, renderer, stepping, plan, (of_aux.is_some(), beside))?)
     }
     /// Records the render as the photograph would show it, where exposures are learned; else it is that already.
     fn exposed<'a>(&'a self, recorder: &mut Recorder, image: &'a Buffer, turn: Turn) -> Result<&'a Buffer, Error> {

@@ -7,11 +7,7 @@ use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot
 use crate::train::Error;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::settings::{DepthPrior, Settings};
-use crate::vk::{self, Gpu, Pipeline, Recorder};
-
-/// What rates are multiplied by at most where only the splats on the image step: for photographs of a sixteenth of the scene. One that shows
-/// less says little about how often its splats are seen.
-const MOST_LONGER: f32 = 4.0;
+use crate::vk::{self, Buffer, Gpu, Pipeline, Recorder};
 
 /// How a step is taken.
 enum Form {
@@ -23,6 +19,8 @@ enum Form {
         with_aux: Option<[Pipeline; 4]>,
         /// For steps that leave out the view-dependent coefficients, where some do.
         without_rest: Option<WithoutRest>,
+        /// What makes up for the steps that splats have missed, where they miss some.
+        catch_up: Option<Pipeline>,
     },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients(Summed),
@@ -39,6 +37,16 @@ struct WithoutRest {
 struct Summed {
     adam: Pipeline,
     gradients: Planes,
+}
+
+/// What takes a step.
+#[derive(Clone, Copy)]
+pub(in crate::train) struct Stepping<'a> {
+    pub(in crate::train) model: &'a Planes,
+    /// The splats' rows of statistics, of which the last number is the optimiser's.
+    pub(in crate::train) stats: &'a Buffer,
+    /// The view whose gradients it takes.
+    pub(in crate::train) shot: &'a Shot,
 }
 
 /// Moments and the passes that use them.
@@ -78,7 +86,7 @@ impl Optimiser {
                 let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
                 let constants = fused::shrinking(constants, shrink);
                 let listed = shortcuts.visible_adam;
-                gpu.pipeline(kernel, &if listed { fused::listed(constants, MOST_LONGER) } else { constants })
+                gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
                 Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])
@@ -91,6 +99,12 @@ impl Optimiser {
                         plain: of(0, false, false)?,
                         with_aux: aux.then(|| of(0, true, false)).transpose()?,
                     }),
+                    false => None,
+                },
+                catch_up: match shortcuts.visible_adam {
+                    true => {
+                        Some(gpu.pipeline(kernel, &fused::catching_up(fused::constants(&settings, 3, false, true)))?)
+                    }
                     false => None,
                 },
             }
@@ -191,19 +205,17 @@ impl Optimiser {
     }
 
     /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels, `beside` if
-    /// other views have had their part.
+    /// other views have had their part. What splats have missed they make up for when they step, and all of them where `plan` says so;
+    /// gives the step of the optimiser with which these were caught up.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         renderer: &Renderer,
-        model: &Planes,
-        shot: &Shot,
+        of: Stepping<'_>,
         plan: &StepPlan,
         (aux, beside): (bool, bool),
-    ) -> Result<(), vk::Error> {
-        if plan.adam == Adam::None {
-            return Ok(());
-        }
+    ) -> Result<Option<u32>, vk::Error> {
+        let Stepping { model, stats, shot } = of;
         let rates = fused::Rates {
             means: plan.rates.means * self.extent,
             quats: plan.rates.rotations,
@@ -214,33 +226,47 @@ impl Optimiser {
         };
         let opacities = (plan.adam == Adam::All).then_some(plan.adam_steps_opacities);
         let steps = fused::Steps { most: plan.adam_steps, opacities, rest: plan.sh_rest.unwrap_or(plan.adam_steps) };
+        let step = |pipeline, steps, catches_up| BackwardStep {
+            model,
+            moments: &self.moments,
+            pipeline,
+            settings: &self.settings,
+            rates: &rates,
+            steps,
+            stats,
+            catches_up,
+        };
+        let catch_up = |recorder: &mut Recorder, most: u32| -> Result<Option<u32>, vk::Error> {
+            let Form::Fused { catch_up: Some(pipeline), .. } = &self.form else { return Ok(None) };
+            let steps = fused::Steps { most, opacities: Some(plan.adam_steps_opacities), rest: most };
+            renderer.record_backward_step(recorder, &step(pipeline, steps, true), shot)?;
+            Ok(Some(most))
+        };
         // Steps without the coefficients leave no moments of theirs behind.
-        let used = if plan.sh_rest.is_some() { plan.sh_degree } else { 0 };
+        let used = if plan.sh_rest.is_some() && plan.adam != Adam::None { plan.sh_degree } else { 0 };
         let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
         match &self.form {
-            Form::Fused { of_degree, with_aux, without_rest } if !beside || self.summed.is_none() => {
-                let step = BackwardStep {
-                    model,
-                    moments: &self.moments,
-                    pipeline: match (plan.sh_rest, without_rest, with_aux) {
-                        (None, Some(WithoutRest { with_aux: Some(pipeline), .. }), _) if aux => pipeline,
-                        (None, Some(WithoutRest { plain, .. }), _) => plain,
-                        (_, _, Some(with_aux)) if aux => &with_aux[degree.min(3) as usize],
-                        _ => &of_degree[degree.min(3) as usize],
-                    },
-                    settings: &self.settings,
-                    rates: &rates,
-                    steps,
+            _ if plan.adam == Adam::None => {}
+            Form::Fused { of_degree, with_aux, without_rest, .. } if !beside || self.summed.is_none() => {
+                let pipeline = match (plan.sh_rest, without_rest, with_aux) {
+                    (None, Some(WithoutRest { with_aux: Some(pipeline), .. }), _) if aux => pipeline,
+                    (None, Some(WithoutRest { plain, .. }), _) => plain,
+                    (_, _, Some(with_aux)) if aux => &with_aux[degree.min(3) as usize],
+                    _ => &of_degree[degree.min(3) as usize],
                 };
-                renderer.record_backward_step(recorder, &step, shot)
+                renderer.record_backward_step(recorder, &step(pipeline, steps, false), shot)?;
             }
             _ => {
-                let Some(Summed { adam, gradients }) = self.summed() else { return Ok(()) };
+                let Some(Summed { adam, gradients }) = self.summed() else { return Ok(None) };
                 let terms = Terms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
-                self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)
+                // All splats take this step, from where they are without one of theirs missing.
+                let caught_up = catch_up(recorder, plan.adam_steps.saturating_sub(1))?;
+                self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)?;
+                return Ok(caught_up.map(|before| before + 1));
             }
         }
+        if plan.catch_up { catch_up(recorder, plan.adam_steps) } else { Ok(None) }
     }
 
     fn record_from_gradients(

@@ -57,6 +57,9 @@ pub struct StepPlan {
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.
     pub adam_steps: u32,
+    /// Whether splats that have missed steps of the optimiser make up for them when this one is done: before rows change their places, and
+    /// before their number no longer tells how many they were.
+    pub catch_up: bool,
     /// Learning rate of the photograph's exposure.
     pub lr_exposure: f64,
     /// How often the step's photograph has been looked at, this step included.
