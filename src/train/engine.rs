@@ -224,7 +224,7 @@ impl Engine {
         };
         let masked = settings.needs_masks();
         let aux = settings.geometry.depth_prior != DepthPrior::None;
-        let listed = settings.shortcuts.visible_adam;
+        let listed = Optimiser::leaves_out(gpu, settings);
         let size = Size { aux, listed, ..Size::training(splats, pairs, tiles) };
         Ok(Self {
             gpu: gpu.clone(),

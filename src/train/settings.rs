@@ -212,8 +212,8 @@ group! {
         pub exponential: Exponential = Exponential::Exact,
     }
     flags {
-        /// Step only the splats that are on the image, longer by the root of the inverse of their share (at most 4 times), in place of
-        /// moving the others on by their moments: a step takes time by what a photograph shows, not by the size of the scene
+        /// Step only the splats that are on the image: they make up for the steps they have missed, and move by what they are expected to miss in
+        /// advance. A step takes time by what a photograph shows, not by the size of the scene
         pub visible_adam,
     }
     optional {}

@@ -80,3 +80,27 @@ pub fn run(call: &mut TwinCall<'_>) {
     call.set(3, &first);
     call.set(4, &second);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Missed, adam, catch_up};
+    use crate::pass::adam::{Push, Settings};
+
+    /// Without a gradient, one step after the other and all at once. The bias corrections of late steps hardly differ.
+    #[test]
+    fn missed_steps_are_made_up_for_at_once() {
+        let push = |t: u32| Push::new(&Settings::default(), t, 1, 0, 0.0, 0.0);
+        for (count, start) in [(0, 9_000), (1, 9_000), (7, 9_000), (28, 9_000), (1_000, 20_000), (65_535, 20_000)] {
+            let (mut one, mut all) = ((0.3_f64, -2e-4, 5e-7), (0.3_f64, -2e-4, 5e-7));
+            for k in 1..=count {
+                adam(&push(start + k), 0.01, 0.0, (&mut one.0, &mut one.1, &mut one.2));
+            }
+            let (now, missed) = (push(start + count), Missed::steps(&push(start), count));
+            catch_up(&now, &missed, 0.01, (&mut all.0, &mut all.1, &mut all.2));
+            let far = (one.0 - 0.3).abs();
+            assert!((one.0 - all.0).abs() <= 1e-4 * far, "{count}: {} and {}", one.0, all.0);
+            assert!((one.1 - all.1).abs() <= 1e-9 * one.1.abs() && (one.2 - all.2).abs() <= 1e-9 * one.2, "{count}");
+            assert!(count == 0 || far > 1e-3, "{count}: moved by {far}");
+        }
+    }
+}

@@ -85,7 +85,7 @@ impl Optimiser {
             let of = |degree, aux, rest| {
                 let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
                 let constants = fused::shrinking(constants, shrink);
-                let listed = shortcuts.visible_adam;
+                let listed = Self::leaves_out(gpu, training);
                 gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
             let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
@@ -108,7 +108,7 @@ impl Optimiser {
                     false => None,
                 },
             }
-        } else if packs || shortcuts.visible_adam || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
+        } else if packs || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
             Form::FromGradients(Summed::new(gpu, capacity)?)
@@ -120,6 +120,13 @@ impl Optimiser {
         }
         let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
         Ok(Self { moments, form, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
+    }
+
+    /// Whether splats that are not on the image take no step: where that is wanted, and the device binds the buffers of the fused form. The
+    /// separate one steps all, to the same result but for what is expected in advance.
+    pub(in crate::train) fn leaves_out(gpu: &Gpu, training: &Settings) -> bool {
+        let needed = if training.shortcuts.moment_bits == 16 { packed::BINDINGS } else { fused::BINDINGS };
+        training.shortcuts.visible_adam && gpu.caps().limits.storage_buffers >= needed
     }
 
     /// First moments, or both.

@@ -150,9 +150,9 @@ impl Settings {
         ok(staged, "lambda-constrained", "0 where there is no --low-stage")?;
         ok(texture.perceptual_every >= 1, "perceptual-every", "at least 1")?;
         ok((1..=8).contains(&texture.perceptual_views), "perceptual-views", "from 1 to 8")?;
-        let super::Shortcuts { sh_every, moment_bits, visible_adam, .. } = self.shortcuts;
-        let plain = self.model.sh_share >= 1.0 && sh_every <= 1 && moment_bits == 32 && !visible_adam;
-        let several = "1 where there is --sh-share, --sh-every, --moment-bits 16 or --visible-adam";
+        let super::Shortcuts { sh_every, moment_bits, .. } = self.shortcuts;
+        let plain = self.model.sh_share >= 1.0 && sh_every <= 1 && moment_bits == 32;
+        let several = "1 where there is --sh-share, --sh-every or --moment-bits 16";
         ok(texture.views_at_once() == 1 || plain, "perceptual-views", several)?;
         for (splats, key) in [(geometry.stereo_splats, "stereo-splats"), (geometry.stereo_density, "stereo-density")] {
             ok(splats == 0 || geometry.depth_prior == DepthPrior::Stereo, key, "0 unless --depth-prior is stereo")?;

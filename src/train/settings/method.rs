@@ -139,6 +139,7 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "opacity-reset-interval" density.opacity_reset_interval = 0,
         "coarse-steps" frequencies.coarse_steps = 0.2,
         "lambda-sh" optimiser.lambda_sh = 0.2,
+        "visible-adam" shortcuts.visible_adam = true,
     );
 }
 
@@ -190,6 +191,8 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
+        // A step of several views is one of all splats, before which all have to be caught up with.
+        "visible-adam" shortcuts.visible_adam = false,
         "low-texture-weight" frequencies.low_texture_weight = 0.3,
         "sigma-learning" frequencies.sigma_learning = SigmaLearning::Errors,
         "lambda-flatten" geometry.lambda_flatten = 0.01,
