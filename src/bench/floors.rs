@@ -72,7 +72,11 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
     match pass {
         _ if is("loss_strips") => plain(700.0 * work.pixels),
         _ if is("loss_grad") => plain(180.0 * work.pixels),
-        _ if is("project_backward_adam") => plain(900.0 * work.visible + 15.0 * work.stepped() * work.splats_stepped()),
+        _ if is("project_backward_adam") => {
+            // Those that make up for missed steps do so in twelve operations, of which one is a root and one a division.
+            let of_parameter = if work.listed { 27.0 } else { 15.0 };
+            plain(900.0 * work.visible + of_parameter * work.stepped() * work.splats_stepped())
+        }
         _ if is("project_backward") => plain(900.0 * work.visible),
         _ if is("project") => plain(150.0 * work.splats + 430.0 * work.visible),
         _ if is("adam") => plain(15.0 * traffic::parameters() * work.splats),

@@ -132,9 +132,9 @@ impl Work {
 /// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
 /// | `blend_backward` | as forward, 36 per pixel, and P (4 + 48) to slots, or 96 P of read and written sums |
 /// | `slot_sum` | V (12 + 48) + 48 P |
-/// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient); with `--visible-adam` V for N |
+/// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient); with `--visible-adam` V for N, and 8 V of the last step |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
-/// | `densify_stats` | 4 N + V (12 + 16 + 32) |
+/// | `densify_stats` | 4 N + V (16 + 32) |
 /// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
 /// | `clear` | the tile ranges, and `grad2d` where there are no slots |
 pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
@@ -151,7 +151,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         (
             "project_backward_adam",
             work.splats_stepped() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped())
-                + v * (16.0 + ROW_2D),
+                + v * (16.0 + ROW_2D + if work.listed { 8.0 } else { 0.0 }),
         ),
         ("project_backward", n * (4.0 + 4.0 * parameters) + v * (GEOMETRY + sh + 16.0 + ROW_2D)),
         ("project", n * (GEOMETRY + 4.0) + v * (sh + ROW_2D)),
@@ -171,7 +171,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         ("loss_grad", 72.0 * pixels),
         ("blend_backward", lists + 36.0 * pixels + p * if slots { 4.0 + ROW_2D } else { 2.0 * ROW_2D }),
         ("slot_sum", v * (12.0 + ROW_2D) + ROW_2D * p),
-        ("densify_stats", 4.0 * n + v * (12.0 + 16.0 + 32.0)),
+        ("densify_stats", 4.0 * n + v * (16.0 + 32.0)),
         ("adam", 28.0 * parameters * n),
         ("clear", 8.0 * work.tile_capacity + if slots { 0.0 } else { ROW_2D * work.splat_capacity }),
     ];
