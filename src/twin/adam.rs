@@ -50,9 +50,9 @@ fn power<R: Real>(x: R, k: u32) -> R {
     let (mut product, mut square) = (R::one(), x);
     for bit in 0..16 {
         if k >> bit & 1 != 0 {
-            product = product * square;
+            product *= square;
         }
-        square = square * square;
+        square *= square;
     }
     product
 }
@@ -62,8 +62,8 @@ pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, (param, first, 
     let r = |x: f32| R::of(f64::from(x));
     let speed = (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
     *param -= lr * missed.moved * speed;
-    *first = *first * missed.first;
-    *second = *second * missed.second;
+    *first *= missed.first;
+    *second *= missed.second;
 }
 
 /// Adapter over raw buffers.
