@@ -139,7 +139,6 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "opacity-reset-interval" density.opacity_reset_interval = 0,
         "coarse-steps" frequencies.coarse_steps = 0.2,
         "lambda-sh" optimiser.lambda_sh = 0.2,
-        "visible-adam" shortcuts.visible_adam = true,
     );
 }
 
@@ -173,6 +172,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
+        "visible-adam" shortcuts.visible_adam = true,
     );
     // What stereo does not find has to grow. Whoever says how splats grow has it so.
     if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
@@ -191,8 +191,6 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
-        // A step of several views is one of all splats, before which all have to be caught up with.
-        "visible-adam" shortcuts.visible_adam = false,
         "low-texture-weight" frequencies.low_texture_weight = 0.3,
         "sigma-learning" frequencies.sigma_learning = SigmaLearning::Errors,
         "lambda-flatten" geometry.lambda_flatten = 0.01,
