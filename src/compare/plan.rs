@@ -56,7 +56,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 35] = [
+pub const ABLATIONS: [Ablation; 36] = [
     Ablation {
         name: "no-stereo",
         options: &["--depth-prior", "none", "--stereo-splats", "0", "--stereo-density", "0"],
@@ -100,4 +100,5 @@ pub const ABLATIONS: [Ablation; 35] = [
     Ablation { name: "no-coarse-steps", options: &["--coarse-steps", "0"] },
     Ablation { name: "coarse-by-spectrum", options: &["--coarse-spectrum"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
+    Ablation { name: "steps-of-all", options: &["--visible-adam=false"] },
 ];

@@ -106,7 +106,13 @@ mod tests {
             ["sfm-depth", "free-harmonics", "along-gradient", "no-coarse-steps", "coarse-by-spectrum", "no-pruning"];
         assert_eq!(lean[1..], parts.map(|part| format!("lean-{part}")), "{lean:?}");
         let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
-        let beyond = ["psrgs-no-lone-splats", "psrgs-no-skirt", "psrgs-no-exposures", "psrgs-coarse-steps"];
+        let beyond = [
+            "psrgs-no-lone-splats",
+            "psrgs-no-skirt",
+            "psrgs-no-exposures",
+            "psrgs-coarse-steps",
+            "psrgs-steps-of-all",
+        ];
         assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");
         let in_paper = |row: &String| paper.contains(&row.replace("psrgs", "psrgs-paper"));
         assert!(psrgs.iter().all(|row| in_paper(row) != beyond.contains(&row.as_str())), "{psrgs:?} {paper:?}");
