@@ -229,10 +229,10 @@ fn a_device_without_room_for_the_shortcuts_says_so() {
     let mut rarely = settings(5);
     rarely.shortcuts.sh_every = 4;
     let Err(error) = Trainer::new(&gpu, input.clone(), &rarely, Pacing::default(), None) else {
-        panic!("the optimiser has 29 buffers")
+        panic!("the optimiser has 30 buffers")
     };
-    assert!(error.to_string().contains("--sh-every") && error.to_string().contains("29"), "{error}");
-    // With both moments in a word there are 21.
+    assert!(error.to_string().contains("--sh-every") && error.to_string().contains("30"), "{error}");
+    // With both moments in a word there are 22.
     assert_eq!(run(&gpu, input, &fast_settings(5), Pacing::default()).losses.len(), 5);
 }
 
