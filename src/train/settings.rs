@@ -172,6 +172,9 @@ group! {
         /// Scaled schedules: and fall to (--iterations / 30000)^E of that at the last step, means apart (0: they stay)
         #[arg(value_name = "E")]
         pub lr_decay: f64 = 0.6,
+        /// Scaled schedules: Adam forgets squared gradients (30000 / --iterations)^E times as fast, 0.001 of them in a step (0: as fast)
+        #[arg(value_name = "E")]
+        pub beta2_scaling: f64 = 0.0,
         /// What each photograph may differ in from the render: off (nothing) or affine (a colour map per photograph, the identity
         /// in the mean over all; held-out photographs are compared as exposed like
         /// those before, after and near them)

@@ -83,6 +83,7 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
                 flatten: 0.0,
                 shrink: 0.6,
                 steppers: Steppers::All,
+                beta2: 0.999,
             };
             let projection = Projection { sh_degree: degree, ..Projection::default() };
             case(&scene::ordinary(N, 91), &projection, most, form, |first, second| (first, second))

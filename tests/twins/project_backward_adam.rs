@@ -34,6 +34,7 @@ pub(super) struct Case {
     flatten: f32,
     shrink: f32,
     steppers: Steppers,
+    settings: Settings,
     /// In binding order. `stats` come last.
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
@@ -79,6 +80,8 @@ pub(super) struct Form {
     /// Weight of the squares of view-dependent coefficients.
     pub(super) shrink: f32,
     pub(super) steppers: Steppers,
+    /// Decay of the second moments.
+    pub(super) beta2: f64,
 }
 
 /// Who takes a step.
@@ -93,10 +96,11 @@ pub(super) enum Steppers {
 }
 
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
-    let Form { aux, steps, rest, poison, flatten, shrink, steppers } = form;
+    let Form { aux, steps, rest, poison, flatten, shrink, steppers, beta2 } = form;
     let n = model.len();
+    let settings = Settings { beta2, ..Settings::default() };
     let camera = scene::push(projection);
-    let push = Push::new(&camera, &Settings::default(), &RATES, steps);
+    let push = Push::new(&camera, &settings, &RATES, steps);
     let full = View::<f64>::of(&camera);
     let grid = TileGrid::new(full.size, [16, 16]);
     let mut random = Random::new(7 + n as u64);
@@ -155,7 +159,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         before.push(Stepped { splat, first, second });
         gradients.push((g, error));
     }
-    let given = of(shrinking(flattening(constants(&Settings::default(), most, aux, rest), flatten), shrink), steppers);
+    let given = of(shrinking(flattening(constants(&settings, most, aux, rest), flatten), shrink), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
     // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other rows.
@@ -177,7 +181,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             };
             let Some(pace) = pace else { return (before[i].clone(), None) };
             assert!(pace.missed <= 60, "{pace:?}");
-            let only = of(constants(&Settings::default(), most, aux, rest), Steppers::CatchUp).map(|(_, value)| value);
+            let only = of(constants(&settings, most, aux, rest), Steppers::CatchUp).map(|(_, value)| value);
             (step_after(&push, &only, &before[i], &Splat::from_array(&[0.0; PARAMETERS]), pace), Some(pace))
         })
         .collect();
@@ -214,6 +218,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         flatten,
         shrink,
         steppers,
+        settings,
         buffers,
         camera,
         tiles,
@@ -225,7 +230,8 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
 }
 
 /// All that moments would ever move an element by, to a factor of the bias corrections, which is at most 4 here.
-fn all_moves(rates: &Rates, k: usize, first: f64, second: f64) -> f64 {
+fn all_moves(rates: &Rates, adam: &Settings, k: usize, first: f64, second: f64) -> f64 {
+    let decay = adam.beta1 / adam.beta2.sqrt();
     let rate = match k {
         0..3 => rates.means,
         3..7 => rates.quats,
@@ -234,7 +240,7 @@ fn all_moves(rates: &Rates, k: usize, first: f64, second: f64) -> f64 {
         11..14 => rates.sh_base,
         _ => rates.sh_rest,
     };
-    4.0 * 9.05 * rate * first.abs() / second.sqrt().max(1e-300)
+    4.0 * decay / (1.0 - decay) * rate * first.abs() / second.sqrt().max(1e-300)
 }
 
 fn of(constants: Constants, steppers: Steppers) -> Constants {
@@ -260,7 +266,7 @@ pub(super) fn splats_of(planes: &[Vec<f32>], n: usize) -> Vec<[f32; PARAMETERS]>
 
 impl Case {
     pub(super) fn given(&self) -> Constants {
-        let constants = constants(&Settings::default(), self.degree, self.aux, self.rest);
+        let constants = constants(&self.settings, self.degree, self.aux, self.rest);
         let constants = shrinking(flattening(constants, self.flatten), self.shrink);
         of(constants, self.steppers)
     }
@@ -327,8 +333,12 @@ impl Case {
                     continue;
                 }
                 moved += 1;
-                let dm = 0.1 * dg[k] + 2.0 * eps * (m0[k].abs() + g[k].abs()) + slack * m0[k].abs();
-                let dv = 1e-3 * dg[k] * (2.0 * g[k].abs() + dg[k]) + 4.0 * eps * v1[k] + slack * v0[k] + 1e-37;
+                let dm =
+                    (1.0 - self.settings.beta1) * dg[k] + 2.0 * eps * (m0[k].abs() + g[k].abs()) + slack * m0[k].abs();
+                let dv = (1.0 - self.settings.beta2) * dg[k] * (2.0 * g[k].abs() + dg[k])
+                    + 4.0 * eps * v1[k]
+                    + slack * v0[k]
+                    + 1e-37;
                 let (rm, rv) = rounding(m1[k], v1[k]);
                 assert!(
                     (m - m1[k]).abs() <= dm + rm,
@@ -345,7 +355,8 @@ impl Case {
                 // What was missed and what was moved by in advance may cancel.
                 let of_missed = match pace {
                     Some(_) => {
-                        slack * ((p0[k] - p00[k]).abs() + all_moves(&RATES, k, m00[k], v00[k])) + eps * p0[k].abs()
+                        slack * ((p0[k] - p00[k]).abs() + all_moves(&RATES, &self.settings, k, m00[k], v00[k]))
+                            + eps * p0[k].abs()
                     }
                     None => 0.0,
                 };
@@ -378,7 +389,7 @@ impl Case {
             if let Some(t) = if k == 3 { steps.opacities } else { Some(steps.most) } {
                 let rest = rates.get(k).copied().unwrap_or(RATES.sh_rest);
                 let head = if k == 4 { 3 } else { 0 };
-                let push = adam::Push::new(&Settings::default(), t, row as u32, head, RATES.sh_base, rest);
+                let push = adam::Push::new(&self.settings, t, row as u32, head, RATES.sh_base, rest);
                 let mut buffers = vec![self.buffers[0].clone(), gradients.device[13 + k].clone()];
                 buffers.extend(planes);
                 let groups = (row * self.n).div_ceil(64).max(1) as u32;
@@ -401,8 +412,16 @@ pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
     let all = Steps { most: 9, opacities: Some(4), rest: 9 };
-    let form =
-        Form { aux: true, steps: all, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All };
+    let form = Form {
+        aux: true,
+        steps: all,
+        rest: true,
+        poison: false,
+        flatten: 0.0,
+        shrink: 0.0,
+        steppers: Steppers::All,
+        beta2: 0.999,
+    };
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
         let case = case(&scene::ordinary(n, 300 + n as u64), &Projection::default(), 3, form, exact);
@@ -420,6 +439,7 @@ pub fn run(gpu: &Gpu) {
             flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
             shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
             steppers: Steppers::All,
+            beta2: if k % 2 == 0 { 0.98 } else { 0.999 },
         };
         let case = case(&scene::ordinary(600, 20 + k as u64), &projection, most, form, exact);
         let what = format!("{projection:?}, {steps:?}");
@@ -440,15 +460,26 @@ pub fn run(gpu: &Gpu) {
     // Between the steps of the view-dependent coefficients; and a step of theirs, with a count of its own.
     for (rest, count) in [(false, 9), (true, 3)] {
         let steps = Steps { rest: count, ..all };
-        let form = Form { aux: false, steps, rest, poison: false, flatten: 0.0, shrink: 0.8, steppers: Steppers::All };
+        let form = Form {
+            aux: false,
+            steps,
+            rest,
+            poison: false,
+            flatten: 0.0,
+            shrink: 0.8,
+            steppers: Steppers::All,
+            beta2: 0.999,
+        };
         let case = case(&scene::ordinary(400, 41), &Projection::default(), 3, form, exact);
         case.check(gpu, &format!("coefficients step: {rest}, {count}"));
     }
     // The splats on the image alone, and all that have missed steps. 70,000 wrap around.
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = projection.sh_degree.min(3);
+        let beta2 = if k % 4 < 2 { 0.98 } else { 0.999 };
         let steps = if k % 2 == 0 { Steps { most: 70_000, opacities: Some(69_999), rest: 70_000 } } else { all };
-        let form = Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, rest: k != 3, steps, ..form };
+        let form =
+            Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, rest: k != 3, steps, beta2, ..form };
         let model = scene::ordinary(600, 80 + k as u64);
         let listed = case(&model, &projection, most, form, exact);
         assert!(listed.seen() > 250 && listed.seen() < 560, "{projection:?}: {} seen", listed.seen());
@@ -464,7 +495,7 @@ pub fn run(gpu: &Gpu) {
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let steps = Steps { most: 3, opacities: Some(2), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers };
+    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers, beta2: 0.98 };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
     assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);

@@ -57,7 +57,16 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 
 pub fn run(gpu: &Gpu) {
     let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All };
+    let form = Form {
+        aux: true,
+        steps,
+        rest: true,
+        poison: false,
+        flatten: 0.0,
+        shrink: 0.0,
+        steppers: Steppers::All,
+        beta2: 0.999,
+    };
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
         let outcome = run_case(gpu, &case);
@@ -76,6 +85,7 @@ pub fn run(gpu: &Gpu) {
             flatten,
             shrink: 0.5,
             steppers: [Steppers::All, Steppers::Listed, Steppers::CatchUp][k % 3],
+            beta2: if k % 2 == 0 { 0.98 } else { 0.999 },
         };
         let case = case(&scene::ordinary(600, 60 + k as u64), &projection, most, form, kept);
         let what = format!("{projection:?}, {form:?}");
