@@ -31,7 +31,7 @@ use super::memory::Needs;
 use super::pacing::Pacing;
 use super::photographs::{Coarse, Photographs, Residency, Saliencies};
 use super::schedule::{Event, Kind, StepPlan};
-use super::settings::{DepthPrior, Exposure, Settings, SigmaLearning};
+use super::settings::{Exposure, Settings, SigmaLearning};
 use super::terms::{Constrained, Geometry, Losses, Perceptual};
 use crate::dataset::Depth;
 use crate::losses::GradientMapLoss;
@@ -223,7 +223,7 @@ impl Engine {
             Exposure::Affine => Some(Exposures::new(gpu, needs.views.len(), pixels)?),
         };
         let masked = settings.needs_masks();
-        let aux = settings.geometry.depth_prior != DepthPrior::None;
+        let aux = settings.geometry.has_loss();
         let listed = Optimiser::leaves_out(gpu, settings);
         let size = Size { aux, listed, ..Size::training(splats, pairs, tiles) };
         Ok(Self {

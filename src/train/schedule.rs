@@ -12,7 +12,7 @@ mod plan;
 mod propagations;
 mod rates;
 
-use super::settings::{Background, DepthPrior, Settings, SigmaLearning};
+use super::settings::{Background, Settings, SigmaLearning};
 use draws::bounded;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
@@ -158,9 +158,9 @@ impl Schedule {
             low_until,
             coarse_until,
             quarter_until: (settings.frequencies.coarse_quarter * f64::from(coarse_until)) as u32,
-            geometry_until: match settings.geometry.depth_prior {
-                DepthPrior::None => 0,
-                _ => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
+            geometry_until: match settings.geometry.has_loss() {
+                true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
+                false => 0,
             },
             geometry_every: settings.geometry.depth_every.max(1),
             geometry_left: settings.geometry.depth_left,

@@ -6,7 +6,7 @@ use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_pa
 use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
 use crate::train::Error;
 use crate::train::schedule::{Adam, StepPlan, adam_of};
-use crate::train::settings::{DepthPrior, Settings};
+use crate::train::settings::Settings;
 use crate::vk::{self, Buffer, Gpu, Pipeline, Recorder};
 
 /// How a step is taken.
@@ -74,7 +74,7 @@ impl Optimiser {
         training: &Settings,
     ) -> Result<Self, Error> {
         let (settings, shortcuts) = (adam_of(training), &training.shortcuts);
-        let aux = training.geometry.depth_prior != DepthPrior::None;
+        let aux = training.geometry.has_loss();
         let flatten = (training.geometry.lambda_flatten / extent) as f32;
         let shrink = (training.optimiser.lambda_sh / pixels) as f32;
         let packs = shortcuts.moment_bits == 16;

@@ -34,15 +34,17 @@ impl Settings {
             s.frequencies.coarse_quarter = plain.frequencies.coarse_quarter;
             s.frequencies.coarse_spectrum = plain.frequencies.coarse_spectrum;
         }
-        if s.geometry.depth_prior == DepthPrior::None {
+        if !s.geometry.has_loss() {
             s.geometry.depth_steps = plain.geometry.depth_steps;
             s.geometry.depth_every = plain.geometry.depth_every;
             s.geometry.depth_left = plain.geometry.depth_left;
-            s.geometry.lambda_depth = plain.geometry.lambda_depth;
             s.geometry.depth_huber = plain.geometry.depth_huber;
             s.geometry.depth_edges = plain.geometry.depth_edges;
             s.geometry.lambda_smooth = plain.geometry.lambda_smooth;
             s.geometry.smooth_edge_stop = plain.geometry.smooth_edge_stop;
+        }
+        if s.geometry.depth_prior == DepthPrior::None {
+            s.geometry.lambda_depth = plain.geometry.lambda_depth;
             s.geometry.lambda_normal = plain.geometry.lambda_normal;
         }
         if s.geometry.depth_prior != DepthPrior::Stereo && s.density.lidar != Some(LidarCloud::Mvs) {

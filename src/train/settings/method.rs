@@ -172,8 +172,16 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
+        "beta2-scaling" optimiser.beta2_scaling = 0.77,
         "visible-adam" shortcuts.visible_adam = true,
     );
+    // Splats that begin on the surfaces of stereo stay there without a loss that holds them. Whoever names a prior has one.
+    if !named("depth-prior") {
+        unless_named!(named, settings:
+            "lambda-depth" geometry.lambda_depth = 0.0,
+            "lambda-normal" geometry.lambda_normal = 0.0,
+        );
+    }
     // What stereo does not find has to grow. Whoever says how splats grow has it so.
     if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
         unless_named!(named, settings: "grow-on" density.grow_on = 0.5);

@@ -141,6 +141,13 @@ impl Geometry {
         self.stereo().size(width, height)
     }
 
+    /// Whether steps have a loss on depth and normals.
+    pub fn has_loss(&self) -> bool {
+        self.depth_prior != DepthPrior::None
+            && self.depth_steps > 0.0
+            && (self.lambda_depth > 0.0 || self.lambda_normal > 0.0)
+    }
+
     /// Whether splats begin on surfaces that stereo has found.
     pub fn begins_on_surfaces(&self) -> bool {
         self.stereo_splats > 0 || self.stereo_density > 0
