@@ -111,6 +111,20 @@ fn psrgs_is_the_method_where_none_is_named() {
 }
 
 #[test]
+fn psrgs_has_a_loss_on_depth_where_splats_do_not_begin_on_its_surfaces() {
+    let weights = |args: &[&str]| {
+        let got = settings(&[&["fox"], args].concat());
+        ["lambda-depth", "lambda-normal"].map(|key| got["geometry"][key].as_float().expect("a number"))
+    };
+    let (none, paper) = ([0.0, 0.0], [0.1, 0.01]);
+    assert_eq!(weights(&[]), none);
+    assert_eq!(weights(&["--depth-prior", "stereo"]), none, "named, though it is the default");
+    assert_eq!(weights(&["--lambda-depth", "0.3"]), [0.3, 0.0]);
+    assert_eq!(weights(&["--depth-prior", "sfm", "--stereo-splats", "0"]), paper);
+    assert_eq!(weights(&["--method", "psrgs-paper"]), paper);
+}
+
+#[test]
 fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     let chosen = |args: &[&str]| {
         let got = settings(&[&["fox"], args].concat());

@@ -160,6 +160,26 @@ fn what_nothing_looks_at_changes_no_bit() {
 }
 
 #[test]
+fn a_prior_without_weights_is_no_loss() {
+    let Some(gpu) = gpu() else { return };
+    let none = settings(30);
+    let mut idle = none.clone();
+    idle.geometry.depth_prior = DepthPrior::Stereo;
+    idle.geometry.stereo_side = 48;
+    (idle.geometry.lambda_depth, idle.geometry.lambda_normal) = (0.0, 0.0);
+    let mut other = idle.clone();
+    (other.geometry.depth_steps, other.geometry.depth_every, other.geometry.depth_huber) = (1.0, 1, 0.5);
+    assert_eq!(other.in_use(), idle.in_use());
+    let mut with = idle.clone();
+    with.geometry.lambda_normal = 0.1;
+    with.geometry.depth_steps = 1.0;
+    let of = |s: &Settings| run(&gpu, input(3, (48, 40), 200, s), s, Pacing::default()).state;
+    let (none, idle, with) = (of(&none), of(&idle), of(&with));
+    super::assert_same(&none, &idle, "a prior without weights");
+    assert_ne!(none.params, with.params, "a weight makes a difference");
+}
+
+#[test]
 fn a_weight_on_harmonics_makes_colours_depend_less_on_the_direction() {
     let Some(gpu) = gpu() else { return };
     let mut s = settings(40);

@@ -175,8 +175,8 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "beta2-scaling" optimiser.beta2_scaling = 0.77,
         "visible-adam" shortcuts.visible_adam = true,
     );
-    // Splats that begin on the surfaces of stereo stay there without a loss that holds them. Whoever names a prior has one.
-    if !named("depth-prior") {
+    // Splats that begin on the surfaces of stereo stay there without a loss that holds them. With another prior the loss is all there is of it.
+    if settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings:
             "lambda-depth" geometry.lambda_depth = 0.0,
             "lambda-normal" geometry.lambda_normal = 0.0,
