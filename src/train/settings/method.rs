@@ -166,7 +166,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "low-grad-threshold" density.low_grad_threshold = 1.8e-3,
         // Coarse photographs first are for splats that have yet to find their places. These begin on surfaces.
         "coarse-steps" frequencies.coarse_steps = 0.0,
-        "prune-weight" density.prune_weight = 0.1,
+        "prune-weight" density.prune_weight = 0.11,
         "prune-young" density.prune_young = 0.0,
         "stereo-splats" geometry.stereo_splats = 30_000,
         "stereo-alone" geometry.stereo_alone = 3,
