@@ -7,7 +7,7 @@ use psrgs_vk::vk::Gpu;
 
 use super::common;
 use super::harness::{self, bytes, garbage};
-use super::project_backward_adam::{Case, Form, ROWS, Steppers, case};
+use super::project_backward_adam::{Case, Form, ROWS, case, plain};
 use super::project_backward_adam_packed::packed;
 use super::projection_scene as scene;
 
@@ -75,16 +75,7 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
         // Which splats have gradients, and of what, does not depend on the degree in use.
         let of = |degree: u32, most: u32| {
-            let form = Form {
-                aux: false,
-                steps,
-                rest: true,
-                poison: false,
-                flatten: 0.0,
-                shrink: 0.6,
-                steppers: Steppers::All,
-                beta2: 0.999,
-            };
+            let form = Form { aux: false, shrink: 0.6, ..plain(steps) };
             let projection = Projection { sh_degree: degree, ..Projection::default() };
             case(&scene::ordinary(N, 91), &projection, most, form, |first, second| (first, second))
         };

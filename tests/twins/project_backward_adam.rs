@@ -84,6 +84,20 @@ pub(super) struct Form {
     pub(super) beta2: f64,
 }
 
+/// A step of all parameters of all splats, with the published decay, on finite gradients of depth and normals too.
+pub(super) fn plain(steps: Steps) -> Form {
+    Form {
+        aux: true,
+        steps,
+        rest: true,
+        poison: false,
+        flatten: 0.0,
+        shrink: 0.0,
+        steppers: Steppers::All,
+        beta2: 0.999,
+    }
+}
+
 /// Who takes a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Steppers {
@@ -412,16 +426,7 @@ pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
     let all = Steps { most: 9, opacities: Some(4), rest: 9 };
-    let form = Form {
-        aux: true,
-        steps: all,
-        rest: true,
-        poison: false,
-        flatten: 0.0,
-        shrink: 0.0,
-        steppers: Steppers::All,
-        beta2: 0.999,
-    };
+    let form = plain(all);
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
         let case = case(&scene::ordinary(n, 300 + n as u64), &Projection::default(), 3, form, exact);
@@ -433,13 +438,11 @@ pub fn run(gpu: &Gpu) {
         let steps = if k % 3 == 2 { Steps { most: 30, opacities: None, rest: 30 } } else { all };
         let form = Form {
             aux: k % 2 == 1,
-            steps,
-            rest: true,
             poison: k == 5,
             flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
             shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
-            steppers: Steppers::All,
             beta2: if k % 2 == 0 { 0.98 } else { 0.999 },
+            ..plain(steps)
         };
         let case = case(&scene::ordinary(600, 20 + k as u64), &projection, most, form, exact);
         let what = format!("{projection:?}, {steps:?}");
@@ -460,16 +463,7 @@ pub fn run(gpu: &Gpu) {
     // Between the steps of the view-dependent coefficients; and a step of theirs, with a count of its own.
     for (rest, count) in [(false, 9), (true, 3)] {
         let steps = Steps { rest: count, ..all };
-        let form = Form {
-            aux: false,
-            steps,
-            rest,
-            poison: false,
-            flatten: 0.0,
-            shrink: 0.8,
-            steppers: Steppers::All,
-            beta2: 0.999,
-        };
+        let form = Form { aux: false, rest, shrink: 0.8, ..plain(steps) };
         let case = case(&scene::ordinary(400, 41), &Projection::default(), 3, form, exact);
         case.check(gpu, &format!("coefficients step: {rest}, {count}"));
     }
@@ -495,7 +489,7 @@ pub fn run(gpu: &Gpu) {
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let steps = Steps { most: 3, opacities: Some(2), rest: 3 };
-    let form = Form { aux: true, steps, rest: true, poison: false, flatten: 0.0, shrink: 0.0, steppers, beta2: 0.98 };
+    let form = Form { steppers, beta2: 0.98, ..plain(steps) };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
     assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);

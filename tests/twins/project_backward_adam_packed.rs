@@ -8,7 +8,7 @@ use psrgs_vk::twin::splat::PARAMETERS;
 use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, bytes};
-use super::project_backward_adam::{Case, Form, ROWS, Steppers, case, splats_of};
+use super::project_backward_adam::{Case, Form, ROWS, Steppers, case, plain, splats_of};
 use super::projection_scene as scene;
 
 /// What is left of moments that are packed.
@@ -57,16 +57,7 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 
 pub fn run(gpu: &Gpu) {
     let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
-    let form = Form {
-        aux: true,
-        steps,
-        rest: true,
-        poison: false,
-        flatten: 0.0,
-        shrink: 0.0,
-        steppers: Steppers::All,
-        beta2: 0.999,
-    };
+    let form = plain(steps);
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
         let outcome = run_case(gpu, &case);
