@@ -393,3 +393,71 @@ fn nothing_is_unseen_before_all_photographs_were_looked_at() {
         assert_eq!(seen(5000, scaled), (false, false, false));
     }
 }
+
+#[test]
+fn bands_of_a_photograph_follow_one_another() {
+    let of = |bands: u32| schedule(|s| s.run.bands = bands);
+    let (whole, s) = (of(1), of(3));
+    assert_eq!((whole.step(1).band, whole.step(2).seen, whole.step(44).seen), (None, 1, 2));
+    for t in 1..=3 * 43 * 2 {
+        let band = s.step(t).band.expect("a part");
+        assert_eq!((band.index, band.of), ((t - 1) % 3, 3));
+        assert_eq!(s.view_at(t), whole.view_at(t.div_ceil(3)), "step {t}");
+        // Every step that looks at a photograph counts.
+        let before = (1..=t).filter(|&earlier| s.view_at(earlier) == s.view_at(t)).count();
+        assert_eq!(s.step(t).seen as usize, before, "step {t}");
+    }
+}
+
+/// What needs a whole photograph has it: depths, gradient maps, the perceptual distance, learned widths, and what is reduced already.
+#[test]
+fn steps_that_look_at_more_than_colours_look_at_all_of_the_photograph() {
+    let whole = |change: fn(&mut Settings)| {
+        let s = schedule(|s| {
+            (s.run.iterations, s.run.bands, s.frequencies.coarse_steps) = (600, 2, 0.0);
+            change(s);
+        });
+        steps(&s, |t| s.step(t).band.is_none())
+    };
+    let every = |n: u32, from: u32, to: u32| (from..=to).filter(|t| t.is_multiple_of(n)).collect::<Vec<_>>();
+    assert!(whole(|_| {}).is_empty());
+    assert_eq!(whole(|s| s.frequencies.coarse_steps = 0.1), every(1, 1, 60));
+    let depths = |s: &mut Settings| {
+        s.geometry.depth_prior = psrgs_vk::train::settings::DepthPrior::Stereo;
+        (s.geometry.depth_steps, s.geometry.depth_every) = (0.5, 4);
+    };
+    assert_eq!(whole(depths), every(4, 1, 300));
+    let perceptual = |s: &mut Settings| (s.texture.lambda_perceptual, s.texture.perceptual_every) = (0.1, 10);
+    let (got, s) = (whole(perceptual), Settings::default());
+    let low = (s.frequencies.low_stage * 600.0).round() as u32;
+    assert_eq!(got, every(10, low + 1, 600));
+}
+
+/// Where steps see a part of a photograph, what goes by looks at all photographs goes by as many of them, and rates by photographs.
+#[test]
+fn schedules_of_bands_count_photographs() {
+    let of = |bands: u32, iterations: u32| {
+        schedule(|s| {
+            (s.run.bands, s.run.iterations, s.run.scale_schedule) = (bands, iterations, true);
+            s.density.recycle_share = 0.2;
+        })
+    };
+    let (half, whole) = (of(2, 1500), of(1, 750));
+    let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{a} for {b}");
+    for (t, of_whole) in [(0, 0), (1500, 750)] {
+        let (a, b) = (half.step(t).rates, whole.step(of_whole).rates);
+        close(a.scales, b.scales);
+        close(a.means, b.means);
+        close(a.sh_rest, b.sh_rest);
+    }
+    // 86 steps look at all of 43 photographs; 100 lie between changes. Four bands need 172.
+    assert_eq!(half.densify_interval, 100);
+    assert_eq!(of(4, 1500).densify_interval, 172);
+    let seen = |bands: u32| {
+        let mut settings = Settings::of_method(Method::Psrgs);
+        (settings.run.scale_schedule, settings.run.bands) = (true, bands);
+        let schedule = Schedule::new(&settings, 60);
+        (1..=30_000).filter_map(|t| schedule.step(t).densify).skip(1).all(|change| change.sees_all)
+    };
+    assert!(seen(1) && seen(2), "growth waits for the whole pass");
+}

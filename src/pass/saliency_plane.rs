@@ -10,6 +10,10 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
+        /// Its first row in the image that the mask is of.
+        pub top: u32,
+        /// Rows of that image.
+        pub of_height: u32,
         /// Width of the mask: a byte per value, row after row.
         pub mask_width: u32,
         /// Height of the mask.

@@ -361,6 +361,11 @@ impl Engine {
         Ok(())
     }
 
+    /// How many photographs have been looked at, that of the step included, until all have.
+    fn known(&self, plan: &StepPlan) -> u32 {
+        plan.step.div_ceil(self.settings.run.bands.max(1))
+    }
+
     fn shot(&self, camera: Camera, plan: &StepPlan) -> Shot {
         let projection = Projection {
             sh_degree: plan.sh_degree,

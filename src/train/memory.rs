@@ -89,7 +89,7 @@ impl Needs {
     /// Bytes of the buffers of a training with room for so many splats and pairs, photographs apart.
     pub(super) fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         let counting = self.gpu.planning();
-        let photographs = Photographs::allocate(&self.gpu.planning(), &[], Residency::Resident, (1, 1))?;
+        let photographs = Photographs::allocate(&self.gpu.planning(), &[], Residency::Resident, (1, 1), 1)?;
         Engine::allocate(&counting, photographs, self, variants, (splats, pairs))?;
         Ok(counting.planned_bytes())
     }
@@ -116,7 +116,7 @@ impl Needs {
     /// Buffers of the photographs.
     pub(super) fn photographs(&self, gpu: &Gpu, residency: Residency) -> Result<Photographs, Error> {
         let at_once = self.settings.texture.views_at_once() as usize;
-        Photographs::allocate(gpu, &self.views, residency, (self.in_flight, at_once))
+        Photographs::allocate(gpu, &self.views, residency, (self.in_flight, at_once), self.settings.run.bands)
     }
 
     fn fits(&self, variants: Variants, splats: u32, pairs: u32) -> bool {

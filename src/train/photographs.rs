@@ -17,6 +17,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::Error;
 use super::input::View;
 use super::pacing::Pacing;
+use super::schedule::Band;
 use crate::dataset::Depth;
 use crate::eval::PhotographWait;
 use crate::pass::loss;
@@ -46,15 +47,15 @@ pub(super) struct Photographs {
 
 struct Known {
     name: String,
-    pixels: u64,
+    size: (u32, u32),
     depth: Depth,
     /// What the means of the loss are taken over.
     values: f32,
 }
 
 enum Place {
-    /// One buffer each.
-    Resident(Vec<Buffer>),
+    /// One buffer each, and one for the band of a step, where steps look at bands.
+    Resident(Vec<Buffer>, Option<Buffer>),
     Streamed(Stream),
 }
 
@@ -75,26 +76,25 @@ struct Stream {
 pub(super) struct Shown<'a> {
     pub(super) buffer: &'a Buffer,
     pub(super) depth: Depth,
+    /// What the means of the loss are taken over: of the photograph, whatever part of it this is.
     pub(super) values: f32,
+    /// This part's share in them.
+    pub(super) shown: f32,
 }
 
 impl Photographs {
     /// Buffers for photographs of these cameras; contents undefined. An event looks at `at_once` of them at most: its own and those of the
-    /// steps before it.
+    /// steps before it; at `bands` of one in turn.
     pub(super) fn allocate(
         gpu: &Gpu,
         views: &[(Camera, Depth)],
         residency: Residency,
         (in_flight, at_once): (usize, usize),
+        bands: u32,
     ) -> Result<Self, Error> {
         let known: Vec<Known> = views
             .iter()
-            .map(|(c, depth)| Known {
-                name: String::new(),
-                pixels: u64::from(c.width) * u64::from(c.height),
-                depth: *depth,
-                values: 0.0,
-            })
+            .map(|(c, depth)| Known { name: String::new(), size: (c.width, c.height), depth: *depth, values: 0.0 })
             .collect();
         let place = if residency == Residency::Streamed {
             let largest = known.iter().map(Known::bytes).max().unwrap_or(0);
@@ -113,7 +113,9 @@ impl Photographs {
             })
         } else {
             let buffer = |(i, k): (usize, &Known)| gpu.buffer(&format!("photograph {i}"), k.bytes(), Memory::Device);
-            Place::Resident(known.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?)
+            let band = known.iter().map(|k| k.bytes_of_band(bands)).max().filter(|_| bands > 1);
+            let band = band.map(|bytes| gpu.buffer("band", bytes, Memory::Device)).transpose()?;
+            Place::Resident(known.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?, band)
         };
         Ok(Self { views: known, place })
     }
@@ -134,7 +136,7 @@ impl Photographs {
         }
         match &mut self.place {
             Place::Streamed(stream) => stream.feed = feed,
-            Place::Resident(buffers) => {
+            Place::Resident(buffers, _) => {
                 for (i, (known, buffer)) in self.views.iter().zip(buffers).enumerate() {
                     feed.look_ahead(&(i..views.len().min(i + feed.ahead())).collect::<Vec<_>>());
                     let pixels = feed.get(i)?;
@@ -165,26 +167,39 @@ impl Photographs {
         }
     }
 
-    /// A photograph for a recording: as it lies on the device, or with its upload at this place of the recording. `number` counts
-    /// recordings, so that none lands where the one before has.
+    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording. `number`
+    /// counts recordings, so that none lands where the one before has.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder,
         (view, step): (usize, u32),
+        band: Option<Band>,
         number: u64,
     ) -> Result<Shown<'_>, Error> {
         let known = self.views.get(view).ok_or(Error::NoViews)?;
+        let (first, bytes) = known.part(band);
         let buffer = match &self.place {
-            Place::Resident(buffers) => buffers.get(view).ok_or(Error::NoViews)?,
+            Place::Resident(buffers, landing) => {
+                let whole = buffers.get(view).ok_or(Error::NoViews)?;
+                match landing.as_ref().filter(|_| band.is_some()) {
+                    Some(landing) => {
+                        recorder.copy(whole, first, landing, 0, bytes)?;
+                        landing
+                    }
+                    None => whole,
+                }
+            }
             Place::Streamed(stream) => {
                 let staging = stream.staged(gpu, known, (view, step))?;
                 let landing = &stream.landings[(number % stream.landings.len().max(1) as u64) as usize];
-                recorder.copy(staging, 0, landing, 0, known.bytes())?;
+                recorder.copy(staging, first, landing, 0, bytes)?;
                 landing
             }
         };
-        Ok(Shown { buffer, depth: known.depth, values: known.values })
+        // The share of masked pixels is taken to be that of the whole photograph.
+        let shown = (f64::from(known.values) * bytes as f64 / known.bytes().max(1) as f64) as f32;
+        Ok(Shown { buffer, depth: known.depth, values: known.values, shown })
     }
 
     /// How the photographs of the steps so far came; `None` when all are on the device.
@@ -209,7 +224,7 @@ impl Photographs {
     pub(super) fn bytes(&self, gpu: &Gpu) -> u64 {
         let bytes = |buffer: &Buffer| gpu.counted_bytes(buffer);
         match &self.place {
-            Place::Resident(buffers) => buffers.iter().map(bytes).sum(),
+            Place::Resident(buffers, band) => buffers.iter().chain(band).map(bytes).sum(),
             Place::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(bytes).sum(),
         }
     }
@@ -244,7 +259,23 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Known {
     /// Of its pixels.
     fn bytes(&self) -> u64 {
-        self.pixels * self.depth.bytes_per_pixel()
+        self.row_bytes() * u64::from(self.size.1)
+    }
+
+    fn row_bytes(&self) -> u64 {
+        u64::from(self.size.0) * self.depth.bytes_per_pixel()
+    }
+
+    /// Of the largest of so many bands.
+    fn bytes_of_band(&self, of: u32) -> u64 {
+        let rows = |index| Band { index, of }.rows(self.size.1).1;
+        self.row_bytes() * u64::from((0..of).map(rows).max().unwrap_or(0))
+    }
+
+    /// Where a band of it begins, and how many bytes it has; without one, all.
+    fn part(&self, band: Option<Band>) -> (u64, u64) {
+        let (top, rows) = band.map_or((0, self.size.1), |band| band.rows(self.size.1));
+        (self.row_bytes() * u64::from(top), self.row_bytes() * u64::from(rows))
     }
 
     fn check(&self, found: usize) -> Result<(), Error> {

@@ -5,6 +5,7 @@
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
 
+mod band;
 mod draws;
 mod event;
 mod perceptual;
@@ -17,6 +18,7 @@ use draws::bounded;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
 
+pub use band::Band;
 pub(super) use draws::{Stream, draw};
 pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
@@ -100,6 +102,8 @@ pub struct Schedule {
     lr_exposure: [f64; 2],
     seed: u64,
     views: usize,
+    /// Steps in which a photograph is looked at once.
+    bands: u32,
 }
 
 impl Schedule {
@@ -131,9 +135,10 @@ impl Schedule {
         if run.scale_schedule {
             // A statistic needs every training view once, or the views seen decide what grows. Beyond that few changes of many steps each
             // are better than many of few: what grew is judged when it has settled.
-            let pass = u32::try_from(views).unwrap_or(u32::MAX);
+            let pass = pass_of(views, run.bands);
             let interval = scaled(densify_interval).max(pass).max(run.iterations / MOST_INTERVALS);
-            densify_interval = interval.min(densify_interval.max(pass.min(LONGEST_PASS)));
+            densify_interval =
+                interval.min(densify_interval.max(pass.min(LONGEST_PASS.saturating_mul(run.bands.max(1)))));
             if reset_interval > 0 {
                 reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
             }
@@ -186,7 +191,7 @@ impl Schedule {
                 false => 0,
             },
             recycle_share: density.recycle_share,
-            recycle_every: recycle_steps(views).div_ceil(densify_interval.max(1)),
+            recycle_every: recycle_steps(views, run.bands).div_ceil(densify_interval.max(1)),
             sh_degree: settings.model.sh_degree,
             settle_sh: match (settings.model.sh_share < 1.0, run.no_densify) {
                 (false, _) => 0,
@@ -200,6 +205,7 @@ impl Schedule {
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],
             seed: run.seed,
             views,
+            bands: run.bands.max(1),
         };
         out.propagations = Propagations::new(&settings.geometry, scaled, |t| out.view_at(t));
         out
@@ -264,7 +270,7 @@ impl Schedule {
             accumulate: self.densify && t < self.densify_until,
             densify: densify.then(|| DensityChange {
                 prune_large: t > self.prune_large_after,
-                sees_all: self.steps_since_change(t) as usize >= self.views,
+                sees_all: self.steps_since_change(t) >= pass_of(self.views, self.bands),
             }),
             reset_opacity,
             adam: match (densify || t >= self.iterations, reset_opacity) {
@@ -281,6 +287,7 @@ impl Schedule {
             low: t <= self.low_until,
             constrain: self.low_until > 0 && t == self.low_until + 1,
             factor: self.factor_at(t),
+            band: self.band_at(t),
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),
             perceptual: self.perceptual_at(t),
@@ -298,7 +305,8 @@ impl Schedule {
 
     /// How often the photograph of a step has been looked at, that step included.
     fn seen_at(&self, t: u32) -> u32 {
-        t.saturating_sub(1) / u32::try_from(self.views.max(1)).unwrap_or(u32::MAX) + 1
+        let before = t.saturating_sub(1);
+        before / pass_of(self.views.max(1), self.bands) * self.bands + before % self.bands + 1
     }
 
     /// Where photographs are reduced, a step looks at its own alone.
@@ -323,6 +331,17 @@ impl Schedule {
         }
     }
 
+    /// What looks at more than colours, or at a reduced photograph, looks at all of it.
+    fn band_at(&self, t: u32) -> Option<Band> {
+        let all = self.geometry_at(t).is_some()
+            || self.gradients.at(t, self.low_until).is_some()
+            || self.perceptual_at(t).is_some()
+            || self.learns_sigma_at(t)
+            || self.factor_at(t) > 1;
+        let index = t.saturating_sub(1) % self.bands;
+        (self.bands > 1 && !all).then_some(Band { index, of: self.bands })
+    }
+
     /// Learning rate of the means at `t`, per unit of the scene's extent: log-linear between its two ends.
     pub fn lr_means(&self, t: u32) -> f64 {
         self.rates.means_at(t)
@@ -334,10 +353,10 @@ impl Schedule {
     }
 
     /// The training photograph of step `t`, as an index below the number of training views: shuffled passes, each over all
-    /// views once. 0 when there are none.
+    /// views once, and all bands of one after the other. 0 when there are none.
     pub fn view_at(&self, t: u32) -> usize {
         let Some(last) = self.views.checked_sub(1) else { return 0 };
-        let before = t.saturating_sub(1) as usize;
+        let before = (t.saturating_sub(1) / self.bands) as usize;
         let (pass, position) = (before / self.views, before % self.views);
         let mut order: Vec<usize> = (0..self.views).collect();
         for i in (1..=last).rev() {
@@ -424,9 +443,14 @@ impl Schedule {
     }
 }
 
+/// Steps that look at all of every view once.
+fn pass_of(views: usize, bands: u32) -> u32 {
+    u32::try_from(views).unwrap_or(u32::MAX).saturating_mul(bands.max(1))
+}
+
 /// Steps from one weighing to the next.
-fn recycle_steps(views: usize) -> u32 {
-    u32::try_from(views).unwrap_or(u32::MAX).saturating_mul(RECYCLE_PASSES).max(1)
+fn recycle_steps(views: usize, bands: u32) -> u32 {
+    pass_of(views, bands).saturating_mul(RECYCLE_PASSES).max(1)
 }
 
 /// A term of the loss that a step in every few has, after the low-frequency stage.

@@ -30,9 +30,13 @@ group! {
         /// Training method
         #[arg(value_name = "M")]
         pub method: Method = Method::Gs,
-        /// Training steps; one step looks at one photograph
+        /// Training steps; one step looks at one photograph, or with --bands at a part of it
         #[arg(value_name = "N")]
         pub iterations: u32 = 30_000,
+        /// Each step looks at one of N bands of its photograph, the next at the next: it takes about 1/N of the time, and the same number
+        /// of steps a part of the photographs (1: at all of it)
+        #[arg(value_name = "N")]
+        pub bands: u32 = 1,
         /// Seed of every random choice
         #[arg(value_name = "S")]
         pub seed: u64 = 0,

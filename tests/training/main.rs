@@ -1,6 +1,7 @@
 //! Training as a whole, on a small scene made in memory: it learns, repeats itself bit for bit, survives buffers that are
 //! too small, and stops and resumes without a trace.
 
+mod bands;
 mod clouds;
 #[path = "../common/mod.rs"]
 mod common;

@@ -27,6 +27,8 @@ struct Scores {
 #[derive(Clone, Copy)]
 pub(in crate::train) struct Seen<'a> {
     pub(in crate::train) camera: &'a Camera,
+    /// Rows of the image that this is a part of, or all of.
+    pub(in crate::train) of_height: u32,
     pub(in crate::train) image: &'a Buffer,
     pub(in crate::train) photograph: &'a Shown<'a>,
     /// A value per pixel, where there are masks.
@@ -78,7 +80,7 @@ impl Statistics {
     ) -> Result<(), vk::Error> {
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };
         let Camera { width, height, .. } = *seen.camera;
-        let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * height as f32 };
+        let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * seen.of_height as f32 };
         let [counts, tile_counts, splat2d, stats] =
             slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
         let buffers = [counts, tile_counts, grad2d, stats];

@@ -24,7 +24,7 @@ impl Engine {
             let camera = self.cameras.get(other.view).ok_or(Error::NoViews)?;
             // Not where the step's own photograph comes to.
             let landing = self.recorded + 1;
-            let photograph = self.photographs.record(&self.gpu, recorder, (other.view, plan.step), landing)?;
+            let photograph = self.photographs.record(&self.gpu, recorder, (other.view, plan.step), None, landing)?;
             let compared = losses::Photograph {
                 buffer: photograph.buffer,
                 bits: photograph.depth.bits(),
@@ -36,7 +36,7 @@ impl Engine {
             let shot = self.shot(*camera, plan).window(window.at, (window.side, window.side));
             let lists = renderer.record_forward(recorder, &self.model, &shot, &self.target, false)?;
             let pixels = window.side * window.side;
-            let turn = Turn { view: other.view, pixels, known: plan.step, seen: other.seen, rate: 0.0 };
+            let turn = Turn { view: other.view, pixels, known: self.known(plan), seen: other.seen, rate: 0.0 };
             let image = &self.target.image;
             let shown = match &self.exposures {
                 Some(exposures) => exposures.record_apply(recorder, image, turn)?,

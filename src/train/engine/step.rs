@@ -22,11 +22,20 @@ impl Engine {
     ) -> Result<Option<u32>, Error> {
         let beside = self.record_beside(recorder, plan)?;
         let whole = self.cameras.get(view).ok_or(Error::NoViews)?;
-        let mut photograph = self.photographs.record(&self.gpu, recorder, (view, plan.step), self.recorded)?;
+        let mut photograph =
+            self.photographs.record(&self.gpu, recorder, (view, plan.step), plan.band, self.recorded)?;
         let mut camera = *whole;
+        let mut top = 0;
         if let (Some(coarse), 2..) = (&self.coarse, plan.factor) {
             photograph = coarse.record(recorder, whole, &photograph, plan.factor)?;
             camera = Coarse::camera(whole, plan.factor);
+        }
+        let of_height = camera.height;
+        let mut shot = self.shot(camera, plan);
+        if let Some(band) = plan.band {
+            let (first, rows) = band.rows(camera.height);
+            shot = shot.window((0, first), (camera.width, rows));
+            (camera, top) = (shot.camera, first);
         }
         if let (Some(sigma), Some(saliencies)) = (&self.sigma, &self.saliencies)
             && let (Some(bytes), Some(mask)) = (sigma.mask(view, plan.step), saliencies.mask(view))
@@ -38,11 +47,12 @@ impl Engine {
         let weighted = plan.low && of[1] != 1.0;
         let scored = plan.accumulate && self.statistics.scores().is_some();
         let saliency = match &self.saliencies {
-            Some(saliencies) if weighted || scored => Some(saliencies.record(recorder, view, &camera)?),
+            Some(saliencies) if weighted || scored => {
+                Some(saliencies.record(recorder, view, &camera, (top, of_height))?)
+            }
             _ => None,
         };
         let renderer = &self.renderer;
-        let shot = self.shot(camera, plan);
         let geometry = self.geometry.as_ref().zip(plan.geometry).filter(|(geometry, _)| geometry.knows(view));
         let compared = losses::Photograph {
             buffer: photograph.buffer,
@@ -53,7 +63,7 @@ impl Engine {
         };
         let of_image = self.losses.grad_image();
         let texture = &self.settings.texture;
-        let (pixels, known) = (camera.width * camera.height, plan.step);
+        let (pixels, known) = (camera.width * camera.height, self.known(plan));
         let turn = Turn { view, pixels, known, seen: plan.seen, rate: plan.lr_exposure };
         let image = &self.target.image;
         if let Some(sigma) = learned.filter(|sigma| sigma.wants_low()) {
@@ -99,7 +109,7 @@ impl Engine {
         let gradients = ImageGradients { of_image, of_aux };
         renderer.record_blend_backward(recorder, &lists, gradients, &shot, &self.target)?;
         if plan.accumulate {
-            let seen = Seen { camera: &camera, image: shown, photograph: &photograph, saliency };
+            let seen = Seen { camera: &camera, of_height, image: shown, photograph: &photograph, saliency };
             self.statistics.record(recorder, renderer, seen)?;
         }
         if let Some((constrained, _)) = alone {

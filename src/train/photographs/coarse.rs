@@ -63,7 +63,7 @@ impl Coarse {
         // The share of masked pixels is taken to be that of the whole photograph.
         let all = f64::from(camera.width) * f64::from(camera.height);
         let values = (f64::from(photograph.values) * pixels as f64 / all) as f32;
-        Ok(Shown { buffer: &self.reduced, depth: photograph.depth, values })
+        Ok(Shown { buffer: &self.reduced, depth: photograph.depth, values, shown: values })
     }
 
     /// Bytes of its buffer.

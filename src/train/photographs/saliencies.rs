@@ -93,15 +93,18 @@ impl Saliencies {
         rich.map_or([0.5; 2], |rich| rich[turn as usize % rich.len()])
     }
 
-    /// Records the saliency of the pixels of a view at the size of `camera`, and gives it: a float per pixel from 0 to 1.
+    /// Records the saliency of the pixels of a view at the size of `camera`, whose first row is row `top` of `of_height`, and gives it: a
+    /// float per pixel from 0 to 1.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         view: usize,
         camera: &Camera,
+        (top, of_height): (u32, u32),
     ) -> Result<&Buffer, Error> {
         let Mask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
-        let push = pass::Push { width: camera.width, height: camera.height, mask_width, mask_height };
+        let &Camera { width, height, .. } = camera;
+        let push = pass::Push { width, height, top, of_height, mask_width, mask_height };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         recorder.dispatch(&self.spread, &[buffer, &self.plane], &push, Groups::Items(pixels))?;
         Ok(&self.plane)

@@ -1,6 +1,6 @@
 //! What one step does.
 
-use super::{PerceptualStep, Rates};
+use super::{Band, PerceptualStep, Rates};
 
 /// Splats that are dropped before a step for their weight; those too large for where they are go with them, or alone with a weight of 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +70,8 @@ pub struct StepPlan {
     pub constrain: bool,
     /// By what the photograph is reduced.
     pub factor: u32,
+    /// The part of the photograph that the step looks at, where that is not all of it.
+    pub band: Option<Band>,
     /// What the weights of depth and normals are multiplied by, where the step has them.
     pub geometry: Option<f64>,
     /// What the weight of gradient maps is multiplied by, where the step has them.

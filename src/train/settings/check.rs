@@ -29,6 +29,7 @@ impl Settings {
         };
         let (run, density, optimiser) = (&self.run, &self.density, &self.optimiser);
         ok(run.iterations >= 1, "iterations", "at least 1")?;
+        ok((1..=64).contains(&run.bands), "bands", "a number from 1 to 64")?;
         ok(self.photographs.max_side >= 16, "max-side", "at least 16 pixels")?;
         let white = self.photographs.white_level;
         ok(white.is_none_or(|v| v > 0.0 && v.is_finite()), "white-level", "a positive number")?;

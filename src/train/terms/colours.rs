@@ -93,7 +93,8 @@ impl Losses {
         })
     }
 
-    /// Records the loss of `image` against `photograph`, both of the given size.
+    /// Records the loss of `image` against `photograph`, both of the given size. Of a part of a photograph the gradient is the part's share in
+    /// that of all of it, and the loss that of the part.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
@@ -103,7 +104,7 @@ impl Losses {
         (width, height): (u32, u32),
     ) -> Result<(), vk::Error> {
         let layout = Layout { width, height, ..self.layout };
-        let Shown { buffer: photograph, values, depth } = *photograph;
+        let Shown { buffer: photograph, depth, values, shown } = *photograph;
         let passes = match (depth, &self.sixteen) {
             (Depth::Sixteen, Some(passes)) => passes,
             _ => &self.eight,
@@ -119,7 +120,7 @@ impl Losses {
         let buffers = [image, photograph, red, green, blue, &self.grad_image, &self.l1_parts, saliency];
         recorder.dispatch(grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
         let push = SumPush {
-            values,
+            values: shown,
             ssim_count: layout.ssim_parts(),
             l1_count: layout.l1_parts(),
             slot: 0,
