@@ -89,12 +89,10 @@ impl RateSchedule {
     }
 }
 
-/// How many times the published number of steps is that of the run, where its schedule is scaled. Steps that look at a band of a
-/// photograph count as a part of one: they are as long as those of a run of fewer, whole ones.
+/// How many times the published number of steps is that of the run, where its schedule is scaled.
 fn fewer(settings: &Settings) -> f64 {
-    let steps = f64::from(settings.run.iterations) / f64::from(settings.run.bands.max(1));
     match settings.run.scale_schedule {
-        true => (REFERENCE_ITERATIONS / steps.max(f64::from(SHORTEST_TRIED))).max(1.0),
+        true => (REFERENCE_ITERATIONS / f64::from(settings.run.iterations.max(SHORTEST_TRIED))).max(1.0),
         false => 1.0,
     }
 }
