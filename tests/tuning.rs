@@ -80,7 +80,8 @@ fn a_choice_is_kept_and_found_again_and_a_damaged_file_is_made_anew() {
 
     // Another size is another entry; what is kept of this one stays.
     let large = plane_scene::input(2, 48, 40, 4000);
-    assert_ne!(SizeClass::of(&large), SizeClass::of(&input()));
+    assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&input(), 1));
+    assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&large, 4), "steps that look at a quarter");
     let other = tune::tuned(&gpu, &large, &auto, Some(&cache)).expect("a choice");
     assert!(timed(&other));
     assert_eq!(tuned(&auto).why, Why::Kept);

@@ -18,7 +18,7 @@ use std::path::Path;
 use super::engine::Engine;
 use super::input::{Input, Known};
 use super::pacing::Pacing;
-use super::schedule::{Adam, Event, Schedule, StepPlan};
+use super::schedule::{Adam, Band, Event, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
 use super::{Error, memory};
 use crate::pass::counters;
@@ -80,7 +80,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     if input.train.is_empty() || gpu.caps().limits.timestamp_ns <= 0.0 {
         return by_capability("nothing can be timed");
     }
-    let class = SizeClass::of(input);
+    let class = SizeClass::of(input, settings.run.bands);
     let mut warning = None;
     if let (Tune::Auto, Some(folder)) = (settings.run.tune, kept) {
         match cache::find(folder, gpu.caps(), class) {
@@ -205,10 +205,12 @@ fn of_form(
     Ok(samples.into_iter().map(median).sum())
 }
 
-/// The step that is timed: every band in use and photographs at their size, as in most steps; nothing of the model changes, so that all
-/// forms work on the same.
+/// The step that is timed: all harmonics in use, and photographs at their size or one of their middle bands, as in most steps; nothing of
+/// the model changes, so that all forms work on the same.
 fn timed(schedule: &Schedule, settings: &Settings) -> StepPlan {
-    StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, factor: 1, ..schedule.step(1) }
+    let of = settings.run.bands;
+    let band = (of > 1).then_some(Band { index: of / 2, of });
+    StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, factor: 1, band, ..schedule.step(1) }
 }
 
 /// Seconds that the device worked on a step.
@@ -270,7 +272,16 @@ mod tests {
         let schedule = Schedule::new(&settings, 10);
         assert!(schedule.step(1).factor > 1);
         let plan = timed(&schedule, &settings);
-        assert_eq!((plan.factor, plan.sh_degree), (1, settings.model.sh_degree));
+        assert_eq!((plan.factor, plan.sh_degree, plan.band), (1, settings.model.sh_degree, None));
+    }
+
+    /// The time of a training would be told several times too long.
+    #[test]
+    fn what_is_timed_is_a_band_where_steps_look_at_bands() {
+        let mut settings = Settings::of_method(crate::train::settings::Method::Lean);
+        settings.run.bands = 3;
+        let plan = timed(&Schedule::new(&settings, 10), &settings);
+        assert_eq!(plan.band, Some(Band { index: 1, of: 3 }));
     }
 
     #[test]

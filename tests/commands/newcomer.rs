@@ -81,6 +81,7 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["train", data, "--method", "gaussian"], 2, &["gaussian", "3dgs, absgs"]),
         (&["train", data, "--iterations", "ten"], 2, &["--iterations", "ten"]),
         (&["train", data, "--max-side", "0", "--out", text(&out)], 2, &["max-side", "at least 16"]),
+        (&["train", data, "--bands", "0", "--out", text(&out)], 2, &["bands", "from 1 to 64"]),
         (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another --out"]),
         (&["train", data, "--out", run_text, "--iterations", "2"], 2, &["--resume", "--overwrite", "another --out"]),
         (&["train", "--resume", data], 3, &["no run to resume", "settings.toml"]),

@@ -18,16 +18,16 @@ const MOST: usize = 200;
 pub struct SizeClass {
     /// Half the binary logarithm of the number of splats.
     pub splats: u32,
-    /// Half the binary logarithm of the pixels of the first view.
+    /// Half the binary logarithm of the pixels that a step looks at, of the first view.
     pub pixels: u32,
 }
 
 impl SizeClass {
-    /// Of a training's input.
-    pub fn of(input: &Input) -> Self {
+    /// Of a training's input, whose photographs are looked at in so many bands.
+    pub fn of(input: &Input, bands: u32) -> Self {
         let pixels = input.train.first().map_or(1, |v| u64::from(v.camera.width) * u64::from(v.camera.height));
         let half = |n: u64| n.max(1).ilog2() / 2;
-        Self { splats: half(input.initial.len() as u64), pixels: half(pixels) }
+        Self { splats: half(input.initial.len() as u64), pixels: half(pixels / u64::from(bands.max(1))) }
     }
 }
 
