@@ -433,6 +433,26 @@ fn steps_that_look_at_more_than_colours_look_at_all_of_the_photograph() {
     assert_eq!(got, every(10, low + 1, 600));
 }
 
+/// The views beside a step's own are of other photographs, however many steps look at each.
+#[test]
+fn perceptual_steps_of_bands_look_at_as_many_photographs() {
+    let views = |bands: u32| {
+        let s = schedule(|s| {
+            (s.run.bands, s.texture.lambda_perceptual) = (bands, 0.1);
+            (s.texture.perceptual_every, s.texture.perceptual_views) = (1, 4);
+        });
+        let at = 20_001;
+        let step = s.step(at).perceptual.expect("one");
+        step.beside().iter().map(|beside| beside.view).chain([s.view_at(at)]).collect::<Vec<_>>()
+    };
+    for bands in 1..=3 {
+        let mut seen = views(bands);
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 4, "{bands} bands");
+    }
+}
+
 /// Where steps see a part of a photograph, what goes by looks at all photographs goes by as many of them.
 #[test]
 fn looks_at_all_photographs_take_a_step_for_each_band() {

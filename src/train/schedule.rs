@@ -313,7 +313,9 @@ impl Schedule {
     fn perceptual_at(&self, t: u32) -> Option<PerceptualStep> {
         let times = self.perceptual.at(t, self.low_until)?;
         let most = if self.factor_at(t) == 1 { self.perceptual_beside } else { 0 };
-        let before = (1..t).rev().map(|step| Beside { view: self.view_at(step), seen: self.seen_at(step) });
+        // One of the steps that have looked at each photograph.
+        let steps = (1..t).rev().skip(self.bands as usize - 1).step_by(self.bands as usize);
+        let before = steps.map(|step| Beside { view: self.view_at(step), seen: self.seen_at(step) });
         Some(PerceptualStep::new(times, self.view_at(t), before, most))
     }
 

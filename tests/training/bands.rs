@@ -85,13 +85,16 @@ fn bands_add_up_to_the_photograph() {
     }
 }
 
-/// Growth by a sample that masks and errors weigh, weights by mask, steps of what is seen, exposures.
+/// Growth by a sample that masks and errors weigh, weights by mask, steps of what is seen, exposures, and steps that look at several
+/// photographs, the last of which is whole.
 fn all_that_bands_pass(bands: u32) -> Settings {
     let mut settings = settings(66);
     settings.run.bands = bands;
     settings.density.growth = Growth::Sampled;
     (settings.density.sample_mask_share, settings.density.sample_error_share) = (0.3, 0.3);
     (settings.frequencies.low_stage, settings.frequencies.low_texture_weight) = (0.4, 0.5);
+    (settings.texture.lambda_perceptual, settings.texture.perceptual_every) = (0.02, 7);
+    settings.texture.perceptual_views = 3;
     settings.shortcuts.visible_adam = true;
     settings.optimiser.exposure = psrgs_vk::train::settings::Exposure::Affine;
     settings
