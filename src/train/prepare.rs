@@ -125,8 +125,8 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
     })
 }
 
-/// Where `--grow-on` asks for it: lets growth go on for longer and from lower gradients, and Adam remember for longer, where depths of few
-/// pixels are known, and gives their share. From then on the settings have the numbers, and a resumed run the same.
+/// Where `--grow-on` asks for it: lets growth go on for longer and from lower gradients where depths of few pixels are known, and gives
+/// their share. From then on the settings have the numbers, and a resumed run the same.
 pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
     let density = &mut settings.density;
     let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum();
@@ -140,7 +140,6 @@ pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
     density.grow_on = 0.0;
     density.densify_until = density.grow_on_until;
     (density.grad_threshold, density.low_grad_threshold) = (density.grow_on_threshold, density.grow_on_threshold);
-    settings.optimiser.beta2_scaling = density.grow_on_beta2_scaling;
     Some(share)
 }
 

@@ -64,17 +64,16 @@ fn growth_goes_on_where_little_is_known() {
     let mut input = plane_scene::input(4, 64, 48, 30);
     let after = |input: &Input| {
         let mut settings = settings.clone();
-        (prepare::grow_on(input, &mut settings), settings.density, settings.optimiser.beta2_scaling)
+        (prepare::grow_on(input, &mut settings), settings.density)
     };
     input.known.priors = input.train.iter().map(|view| Some(ground(view, &settings))).collect();
     let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum::<f64>() / 4.0;
     assert!(known > 0.5, "{known}");
-    assert_eq!(after(&input), (None, settings.density.clone(), 0.77));
+    assert_eq!(after(&input), (None, settings.density.clone()));
     input.known.priors[1..].fill(None);
-    let (share, density, beta2_scaling) = after(&input);
+    let (share, density) = after(&input);
     assert!(share.is_some_and(|share| share > 0.0 && share < 0.3), "{share:?}");
     assert_eq!((density.densify_until, density.grad_threshold, density.low_grad_threshold), (15_000, 6e-4, 6e-4));
-    assert_eq!(beta2_scaling, 0.0, "what grows needs Adam's whole memory");
     assert_eq!(density.grow_on, 0.0, "what a resumed run has is settled");
     // What is masked needs no depth.
     for view in &mut input.train[1..] {
@@ -95,11 +94,6 @@ fn growth_goes_on_where_little_is_known() {
         Method::Psrgs.apply(&mut settings, |named| named == key);
         assert_eq!(prepare::grow_on(&input, &mut settings), None, "{key}");
     }
-    let mut remembers = Settings::default();
-    remembers.optimiser.beta2_scaling = 0.4;
-    Method::Psrgs.apply(&mut remembers, |named| named == "beta2-scaling");
-    assert!(prepare::grow_on(&input, &mut remembers).is_some());
-    assert_eq!(remembers.optimiser.beta2_scaling, 0.4, "named");
 }
 
 fn input(views: usize, (width, height): (u32, u32), splats: usize, settings: &Settings) -> Input {

@@ -79,7 +79,6 @@ impl Settings {
             (optimiser.lr_scaling_sh, "lr-scaling-sh"),
             (optimiser.lr_decay, "lr-decay"),
             (optimiser.beta2_scaling, "beta2-scaling"),
-            (density.grow_on_beta2_scaling, "grow-on-beta2-scaling"),
         ] {
             ok((0.0..=1.0).contains(&exponent), key, "a number from 0 to 1")?;
         }

@@ -67,8 +67,8 @@ group! {
         /// within it: 0.2 takes away what stands in the air over a flight (not before --prune-weight-from; 0: keep them)
         #[arg(value_name = "SHARE")]
         pub prune_distance: f64 = 0.0,
-        /// Where depths of less than this share of the pixels are known before the first step, growth ends at --grow-on-until, is from
-        /// --grow-on-threshold, and goes with --grow-on-beta2-scaling (0: as everywhere)
+        /// Where depths of less than this share of the pixels are known before the first step, growth ends at --grow-on-until and is from
+        /// --grow-on-threshold (0: as everywhere)
         #[arg(value_name = "SHARE")]
         pub grow_on: f64 = 0.0,
         /// Last step of growth there
@@ -77,9 +77,6 @@ group! {
         /// Mean gradient from which splats grow there
         #[arg(value_name = "G")]
         pub grow_on_threshold: f64 = 6e-4,
-        /// --beta2-scaling there: what grows has more to learn from than what begins on surfaces
-        #[arg(value_name = "E")]
-        pub grow_on_beta2_scaling: f64 = 0.0,
         /// Steps between opacity resets (0: none)
         #[arg(value_name = "N")]
         pub opacity_reset_interval: u32 = 3000,

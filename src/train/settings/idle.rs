@@ -26,7 +26,6 @@ impl Settings {
         if s.density.grow_on == 0.0 {
             s.density.grow_on_until = plain.density.grow_on_until;
             s.density.grow_on_threshold = plain.density.grow_on_threshold;
-            s.density.grow_on_beta2_scaling = plain.density.grow_on_beta2_scaling;
         }
         if s.frequencies.low_stage == 0.0 {
             s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;

@@ -175,10 +175,6 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "beta2-scaling" optimiser.beta2_scaling = 0.77,
         "visible-adam" shortcuts.visible_adam = true,
     );
-    // Whoever says what Adam remembers has it so, however much is known of depths.
-    if named("beta2-scaling") {
-        unless_named!(named, settings: "grow-on-beta2-scaling" density.grow_on_beta2_scaling = settings.optimiser.beta2_scaling);
-    }
     // Splats that begin on the surfaces of stereo stay there without a loss that holds them. With another prior the loss is all there is of it.
     if settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings:
