@@ -101,6 +101,6 @@ pub const ABLATIONS: [Ablation; 38] = [
     Ablation { name: "coarse-by-spectrum", options: &["--coarse-spectrum"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
     Ablation { name: "steps-of-all", options: &["--visible-adam=false"] },
-    Ablation { name: "published-beta2", options: &["--beta2-scaling", "0"] },
+    Ablation { name: "short-memory", options: &["--beta2-scaling", "0.77"] },
     Ablation { name: "depth-loss", options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"] },
 ];

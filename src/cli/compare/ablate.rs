@@ -112,7 +112,6 @@ mod tests {
             "psrgs-no-exposures",
             "psrgs-coarse-steps",
             "psrgs-steps-of-all",
-            "psrgs-published-beta2",
             "psrgs-depth-loss",
         ];
         assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");

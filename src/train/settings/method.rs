@@ -172,7 +172,6 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
-        "beta2-scaling" optimiser.beta2_scaling = 0.77,
         "visible-adam" shortcuts.visible_adam = true,
     );
     // Splats that begin on the surfaces of stereo stay there without a loss that holds them. With another prior the loss is all there is of it.
