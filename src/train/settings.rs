@@ -33,8 +33,8 @@ group! {
         /// Training steps; one step looks at one photograph, or with --bands at a part of it
         #[arg(value_name = "N")]
         pub iterations: u32 = 30_000,
-        /// Each step looks at one of N bands of its photograph, the next at the next: it takes about 1/N of the time, and the same number
-        /// of steps a part of the photographs (1: at all of it)
+        /// Each step looks at one of N bands of rows of its photograph, the next step at the next band: a step takes about 1/N of the time, and
+        /// it takes N steps to look at a photograph once (1: each looks at all of it)
         #[arg(value_name = "N")]
         pub bands: u32 = 1,
         /// Seed of every random choice
