@@ -50,11 +50,13 @@ pub struct Projection {
     pub reference_clamp: bool,
     /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
     pub limits: Option<[f64; 4]>,
+    /// A splat is skipped at a pixel where its alpha is below 1 / this, where that is not the renderer's own (255, or that of its variants).
+    pub alpha_cutoff: Option<u32>,
 }
 
 impl Default for Projection {
     fn default() -> Self {
-        Self { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: false, limits: None }
+        Self { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: false, limits: None, alpha_cutoff: None }
     }
 }
 

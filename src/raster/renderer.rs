@@ -71,12 +71,29 @@ impl Shot {
     }
 }
 
-/// Pipelines that differ by whether depth and normals are blended too.
+/// Pipelines that differ by whether depth and normals are blended too, and by where alphas are cut off.
+#[derive(Clone)]
 struct Channels {
     project: Pipeline,
     /// Constants of the projection, in whichever form.
     projection: [(&'static str, u32); 4],
     blend: Pipeline,
+}
+
+impl Channels {
+    fn new(gpu: &Gpu, variants: Variants, aux: bool, count: bool) -> Result<Self, vk::Error> {
+        let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
+        let [alpha_min] = variants.approximation.cutoffs().of_lists();
+        let projection = [("TILE_W", side), ("TILE_H", side), aux, alpha_min];
+        let chosen = kernels::blend_forward(gpu, variants);
+        let mut switches = vec![aux, ("COUNT", u32::from(count))];
+        switches.extend(chosen.constants);
+        Ok(Self {
+            project: gpu.pipeline(&project::PASS.kernel, &projection)?,
+            projection,
+            blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
+        })
+    }
 }
 
 /// The passes from a model to an image and back, with the buffers between them.
@@ -105,6 +122,7 @@ pub struct Renderer {
     splat_capacity: u32,
     pair_capacity: u32,
     with_aux: bool,
+    counts: bool,
 }
 
 impl Renderer {
@@ -112,20 +130,8 @@ impl Renderer {
     /// `aux` makes depth and normals available, `train` the backward, both the backward of depth and normals.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let side = variants.tile.size();
         let cutoffs = variants.approximation.cutoffs();
-        let channels = |aux: u32| -> Result<Channels, vk::Error> {
-            let [alpha_min] = cutoffs.of_lists();
-            let constants = [("TILE_W", side), ("TILE_H", side), ("AUX", aux), alpha_min];
-            let chosen = kernels::blend_forward(gpu, variants);
-            let mut switches = vec![("AUX", aux), ("COUNT", u32::from(size.count))];
-            switches.extend(chosen.constants);
-            Ok(Channels {
-                project: gpu.pipeline(&project::PASS.kernel, &constants)?,
-                projection: constants,
-                blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
-            })
-        };
+        let channels = |aux: bool| Channels::new(gpu, variants, aux, size.count);
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
@@ -157,12 +163,13 @@ impl Renderer {
             lists,
             early,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
-            color: channels(0)?,
-            all: channels(u32::from(size.aux))?,
+            color: channels(false)?,
+            all: channels(size.aux)?,
             backward,
             splat_capacity: size.splats,
             pair_capacity: size.pairs,
             with_aux: size.aux,
+            counts: size.count,
         })
     }
 
@@ -245,11 +252,12 @@ impl Renderer {
         target: &Target,
         weights: &Buffer,
     ) -> Result<(), vk::Error> {
-        let chosen = kernels::blend_forward(&self.gpu, self.variants);
+        let chosen = kernels::blend_forward(&self.gpu, self.variants_of(shot));
         let mut switches = vec![("AUX", 0), ("WEIGHTS", 1)];
         switches.extend(chosen.constants);
         let blend = self.gpu.pipeline(&chosen.pass.kernel, &switches)?;
-        self.record_lists(recorder, model, shot, &self.color, None)
+        let channels = self.channels(shot, false)?;
+        self.record_lists(recorder, model, shot, &channels, None)
             .and_then(|lists| self.record_blend(recorder, &blend, &lists, shot, target, weights))
     }
 
@@ -264,10 +272,22 @@ impl Renderer {
         aux: bool,
         constrained: Option<&Buffer>,
     ) -> Result<Lists<'_>, vk::Error> {
-        let channels = if aux && self.with_aux { &self.all } else { &self.color };
-        let lists = self.record_lists(recorder, model, shot, channels, constrained)?;
+        let channels = self.channels(shot, aux)?;
+        let lists = self.record_lists(recorder, model, shot, &channels, constrained)?;
         self.record_blend(recorder, &channels.blend, &lists, shot, target, &self.no_weights)?;
         Ok(lists)
+    }
+
+    fn channels(&self, shot: &Shot, aux: bool) -> Result<Channels, vk::Error> {
+        let aux = aux && self.with_aux;
+        match shot.projection.alpha_cutoff {
+            Some(_) => Channels::new(&self.gpu, self.variants_of(shot), aux, self.counts),
+            None => Ok(if aux { &self.all } else { &self.color }.clone()),
+        }
+    }
+
+    fn variants_of(&self, shot: &Shot) -> Variants {
+        self.variants.cut_off_at(shot.projection.alpha_cutoff)
     }
 
     /// Projects `model` and lists its splats by tile.
@@ -305,6 +325,7 @@ impl Renderer {
             args: &self.args,
             first_entry: entry::TILES,
             entries: ENTRIES,
+            cutoffs: shot.projection.alpha_cutoff.map(|_| self.variants_of(shot).approximation.cutoffs()),
         };
         self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))
     }

@@ -49,6 +49,7 @@ pub struct Capacities {
 
 /// The buffers and passes of the tile lists.
 pub struct TileLists {
+    gpu: Gpu,
     capacities: Capacities,
     shape: Shape,
     depth_bits: u32,
@@ -56,6 +57,8 @@ pub struct TileLists {
     compact: Pipeline,
     gather_counts: Pipeline,
     emit: Pipeline,
+    /// Its constants.
+    emission: [(&'static str, u32); 3],
     ranges: Pipeline,
     splat_scan: Scan,
     depth_sort: RadixSort,
@@ -94,6 +97,8 @@ pub struct Inputs<'a> {
     pub first_entry: u32,
     /// Entries in `args`: all become zero when the pairs do not fit.
     pub entries: u32,
+    /// What is left out, if not what the lists were made for.
+    pub cutoffs: Option<Cutoffs>,
 }
 
 /// The lists of one recorded frame.
@@ -153,17 +158,18 @@ impl TileLists {
                 .map(|ranges| parts(loan.early, ranges));
         let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(Part::whole);
         let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
+        let [alpha_min] = cutoffs.of_lists();
+        let emission = [carried, per_turn(tiles), alpha_min];
         Ok(TileLists {
+            gpu: gpu.clone(),
             capacities,
             shape,
             depth_bits: DEPTH_BITS,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
-            emit: {
-                let [alpha] = cutoffs.of_lists();
-                gpu.pipeline(&kernels::emission(gpu).kernel, &[carried, per_turn(tiles), alpha])?
-            },
+            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &emission)?,
+            emission,
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[carried])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
             depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,
@@ -218,7 +224,7 @@ impl TileLists {
     /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit, `status`
     /// gets its bit and nothing is emitted.
     pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
-        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries } = inputs;
+        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries, cutoffs } = inputs;
         let [splat2d, tile_counts, count_words]: [BufferSlice<'_>; 3] = [splat2d, tile_counts, counts].map(Into::into);
         let [columns, rows] = grid.counts();
         let tiles = columns * rows;
@@ -280,7 +286,14 @@ impl TileLists {
         let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
         let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
         let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
-        rec.dispatch(&self.emit, &bound, &push, indirect(VISIBLE_ITEMS))?;
+        let emit = match cutoffs.map(|cutoffs| cutoffs.of_lists()) {
+            Some([alpha_min]) => {
+                let [carried, per_turn, _] = self.emission;
+                self.gpu.pipeline(&kernels::emission(&self.gpu).kernel, &[carried, per_turn, alpha_min])?
+            }
+            None => self.emit.clone(),
+        };
+        rec.dispatch(&emit, &bound, &push, indirect(VISIBLE_ITEMS))?;
 
         // In the order of their tile; the sort is stable, so by depth within each.
         let extent = Keys::Counted { counter: pairs, args, first: at(PAIR_SORT), once: at(PAIR_ONCE) };

@@ -182,6 +182,12 @@ impl Variants {
         Self { tile, gradients, ..self }
     }
 
+    /// The same with another cut-off of alpha, where one is given.
+    pub(super) fn cut_off_at(self, alpha_cutoff: Option<u32>) -> Self {
+        let alpha_cutoff = alpha_cutoff.unwrap_or(self.approximation.alpha_cutoff);
+        Self { approximation: Approximation { alpha_cutoff, ..self.approximation }, ..self }
+    }
+
     /// The same with some forms given. A backward per splat brings pixel tiles, unless another shape is given.
     pub fn with(
         self,

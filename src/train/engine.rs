@@ -373,6 +373,7 @@ impl Engine {
             antialias: self.antialias,
             reference_clamp: true,
             limits: None,
+            alpha_cutoff: plan.alpha_cutoff,
         };
         Shot { camera, projection, background: plan.background }
     }

@@ -71,6 +71,8 @@ pub struct Schedule {
     pub quarter_until: u32,
     /// Last step with a loss on depth and normals; 0 where there is none.
     pub geometry_until: u32,
+    /// The last step that skips splats below an alpha of its own, and one over that alpha.
+    early: (u32, u32),
     geometry_every: u32,
     /// What is left of its weight at that step.
     geometry_left: f64,
@@ -113,11 +115,16 @@ impl Schedule {
         let ends = |iterations| {
             let mut settings = settings.clone();
             settings.run.iterations = iterations;
-            let Self { coarse_until, low_until, geometry_until, .. } = Self::new(&settings, 1);
-            [coarse_until, low_until, geometry_until]
+            let Self { coarse_until, low_until, geometry_until, early: (early_until, _), .. } = Self::new(&settings, 1);
+            [coarse_until, low_until, geometry_until, early_until]
         };
         let (before, now) = (ends(former), ends(settings.run.iterations));
-        let names = ["that of coarse photographs", "the low-frequency stage", "that of the loss on depth and normals"];
+        let names = [
+            "that of coarse photographs",
+            "the low-frequency stage",
+            "that of the loss on depth and normals",
+            "that of --early-cutoff",
+        ];
         (0..names.len()).find(|&k| (before[k]..now[k]).contains(&done)).map(|k| names[k])
     }
 
@@ -149,6 +156,7 @@ impl Schedule {
         let sh_every = settings.shortcuts.sh_every.max(1);
         let coarse_until = (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32;
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
+        let early_until = (settings.shortcuts.early_steps * f64::from(run.iterations)).round() as u32;
         let lr_means_steps = scaled(optimiser.lr_means_steps).max(1);
         let mut out = Self {
             iterations: run.iterations,
@@ -167,6 +175,7 @@ impl Schedule {
                 true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
                 false => 0,
             },
+            early: (early_until, settings.shortcuts.early_cutoff),
             geometry_every: settings.geometry.depth_every.max(1),
             geometry_left: settings.geometry.depth_left,
             gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
@@ -288,6 +297,7 @@ impl Schedule {
             constrain: self.low_until > 0 && t == self.low_until + 1,
             factor: self.factor_at(t),
             band: self.band_at(t),
+            alpha_cutoff: (t <= self.early.0).then_some(self.early.1),
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),
             perceptual: self.perceptual_at(t),

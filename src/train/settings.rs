@@ -210,6 +210,13 @@ group! {
         /// In training, skip a splat at a pixel where its alpha is below 1/N; held-out pictures are always drawn with 255
         #[arg(value_name = "N")]
         pub alpha_cutoff: u32 = Approximation::NONE.alpha_cutoff,
+        /// Share of the steps, the first ones, that have --early-cutoff in the place of --alpha-cutoff: lists are shorter while splats find
+        /// their places
+        #[arg(value_name = "SHARE")]
+        pub early_steps: f64 = 0.0,
+        /// In these steps, skip a splat at a pixel where its alpha is below 1/N
+        #[arg(value_name = "N")]
+        pub early_cutoff: u32 = 64,
         /// In training, stop a pixel before the splat that would take its transmittance below 1/N; held-out pictures are always drawn
         /// with 10000
         #[arg(value_name = "N")]
@@ -360,6 +367,8 @@ impl Shortcuts {
         sh_every: 4,
         sh_rate: 4.0,
         visible_adam: false,
+        early_steps: 0.0,
+        early_cutoff: 64,
         alpha_cutoff: Approximation::NONE.alpha_cutoff,
         transmittance_cutoff: Approximation::NONE.transmittance_cutoff,
         exponential: Exponential::Exact,

@@ -50,6 +50,12 @@ fn cut_offs_are_those_of_the_brute_force_renderer() {
                     case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| rgbt[4 * i + c]);
                 }
                 case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| rgbt[4 * i + 3]);
+                // The same where it is the shot that says so.
+                if approximation.transmittance_cutoff == none.transmittance_cutoff {
+                    case.shot.projection.alpha_cutoff = Some(approximation.alpha_cutoff);
+                    assert!(picture(&gpu, &case, tile, none) == rgbt, "{approximation:?}, {tile:?}");
+                    case.shot.projection.alpha_cutoff = None;
+                }
             }
         }
         println!("{approximation:?}: colours differ by up to {differs:.1e} from those without");

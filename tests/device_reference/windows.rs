@@ -59,7 +59,14 @@ fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<
     let mut rec = gpu.recorder("windows").unwrap();
     rec.upload(&renderer.counters, 0, bytemuck::cast_slice(&words)).unwrap();
     for (k, ((camera, _), photograph)) in views.seen.iter().zip(&photographs).enumerate() {
-        let projection = Projection { sh_degree: 1, near: NEAR, antialias: false, reference_clamp: true, limits: None };
+        let projection = Projection {
+            sh_degree: 1,
+            near: NEAR,
+            antialias: false,
+            reference_clamp: true,
+            limits: None,
+            alpha_cutoff: None,
+        };
         let whole = Shot { camera: *camera, projection, background: [0.0; 3] };
         let shot = if cropped { whole.window(AT[k], (SIDE, SIDE)) } else { whole };
         let lists = renderer.record_forward(&mut rec, &model, &shot, &target, false).unwrap();

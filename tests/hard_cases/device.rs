@@ -80,7 +80,14 @@ impl Scene {
             splat.store(&mut model, i);
         }
         let background = [0.25f32, 0.5, 0.75];
-        let projection = Projection { sh_degree: 3, near: NEAR, antialias, reference_clamp: false, limits: None };
+        let projection = Projection {
+            sh_degree: 3,
+            near: NEAR,
+            antialias,
+            reference_clamp: false,
+            limits: None,
+            alpha_cutoff: None,
+        };
         let near = f64::from(NEAR as f32);
         Self {
             splats: Splat::all(&model),

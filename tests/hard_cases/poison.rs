@@ -98,7 +98,14 @@ fn resumed(gpu: &Gpu, settings: &Settings, restart: &Restart, state: State) -> (
 /// Splats of a state that the twin leaves out of a view because of a number.
 fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
     let camera = input().train[trainer.schedule().view_at(step)].camera;
-    let projection = Projection { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: true, limits: None };
+    let projection = Projection {
+        sh_degree: 3,
+        near: NEAR,
+        antialias: false,
+        reference_clamp: true,
+        limits: None,
+        alpha_cutoff: None,
+    };
     let view = View::<f32>::of(&CameraPush::new(&camera, &projection));
     let side = trainer.variants().tile.size();
     let grid = TileGrid::new(view.size, [side; 2]);

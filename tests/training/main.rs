@@ -5,6 +5,7 @@ mod bands;
 mod clouds;
 #[path = "../common/mod.rs"]
 mod common;
+mod early;
 mod exposed_world;
 mod exposures;
 mod harmonics;

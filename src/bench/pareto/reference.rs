@@ -33,7 +33,14 @@ impl Reference {
     /// Of `pixels` pixels of every view, drawn evenly.
     pub fn new(model: Gaussians, cameras: &[Camera], sh_degree: u32, pixels: usize) -> Result<Self, Error> {
         let background = [0.0f32; 3];
-        let projection = Projection { sh_degree, near: NEAR, antialias: false, reference_clamp: false, limits: None };
+        let projection = Projection {
+            sh_degree,
+            near: NEAR,
+            antialias: false,
+            reference_clamp: false,
+            limits: None,
+            alpha_cutoff: None,
+        };
         // Cameras are rounded as the device gets them.
         let shots: Vec<Shot> =
             cameras.iter().map(|camera| Shot { camera: rounded(camera), projection, background }).collect();

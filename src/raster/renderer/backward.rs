@@ -78,10 +78,37 @@ pub struct BackwardStep<'a> {
     pub catches_up: bool,
 }
 
-/// Pipelines that differ by whether depth and normals have gradients too.
+/// Pipelines that differ by whether depth and normals have gradients too, and by where alphas are cut off.
+#[derive(Clone)]
 struct Channels {
     blend: Pipeline,
     slot_sum: Option<Pipeline>,
+}
+
+impl Channels {
+    fn new(gpu: &Gpu, variants: Variants, aux: bool, form: Form) -> Result<Self, vk::Error> {
+        let chosen = kernels::blend_backward(gpu, variants)?;
+        let aux = ("AUX", u32::from(aux));
+        let mut switches = vec![
+            aux,
+            ("COUNT", u32::from(form.count)),
+            ("CLAMP_GRADIENT_PASSES", u32::from(form.clamp_gradient_passes)),
+        ];
+        switches.extend(&chosen.constants);
+        let summed = || gpu.pipeline(&slot_sum::PASS.kernel, &[aux, form.turn]);
+        Ok(Self {
+            blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
+            slot_sum: (variants.gradients == GradientSum::Slots).then(summed).transpose()?,
+        })
+    }
+}
+
+/// What all of them have in common.
+#[derive(Clone, Copy)]
+struct Form {
+    count: bool,
+    clamp_gradient_passes: bool,
+    turn: (&'static str, u32),
 }
 
 /// Pipelines and buffers of the backward.
@@ -89,6 +116,7 @@ pub(super) struct Backward {
     color: Channels,
     /// Where the renderer has the auxiliary channels.
     all: Option<Channels>,
+    form: Form,
     pub(super) slot_grads: Buffer,
     /// A single entry where the auxiliary channels or the slots are off.
     pub(super) slot_normals: Buffer,
@@ -111,28 +139,20 @@ fn all_bits(model: &Planes) -> Result<(), vk::Error> {
 
 impl Backward {
     pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
-        let chosen = kernels::blend_backward(gpu, variants)?;
         let slots = variants.gradients == GradientSum::Slots;
-        let channels = |aux: u32| -> Result<Channels, vk::Error> {
-            let aux = ("AUX", aux);
-            let turn = per_turn(u64::from(size.tiles));
-            let mut switches = vec![
-                aux,
-                ("COUNT", u32::from(size.count)),
-                ("CLAMP_GRADIENT_PASSES", u32::from(size.clamp_gradient_passes)),
-            ];
-            switches.extend(&chosen.constants);
-            Ok(Channels {
-                blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
-                slot_sum: slots.then(|| gpu.pipeline(&slot_sum::PASS.kernel, &[aux, turn])).transpose()?,
-            })
+        let form = Form {
+            count: size.count,
+            clamp_gradient_passes: size.clamp_gradient_passes,
+            turn: per_turn(u64::from(size.tiles)),
         };
+        let channels = |aux: bool| Channels::new(gpu, variants, aux, form);
         let rows = |name, there: bool, bytes: u64, count: u32| {
             gpu.buffer(name, if there { bytes * u64::from(count.max(1)) } else { 16 }, Memory::Device)
         };
         Ok(Self {
-            color: channels(0)?,
-            all: size.aux.then(|| channels(1)).transpose()?,
+            color: channels(false)?,
+            all: size.aux.then(|| channels(true)).transpose()?,
+            form,
             slot_grads: rows("slot_grads", slots, 48, size.pairs)?,
             slot_normals: rows("slot_normals", slots && size.aux, 16, size.pairs)?,
             grad_normals: rows("grad_normals", size.aux, 16, size.splats)?,
@@ -240,7 +260,10 @@ impl Renderer {
         let ImageGradients { of_image, of_aux } = gradients.into();
         let of_aux = of_aux.filter(|_| self.with_aux);
         let aux = of_aux.is_some();
-        let channels = backward.channels(aux);
+        let channels = match shot.projection.alpha_cutoff {
+            Some(_) => Channels::new(&self.gpu, self.variants_of(shot), aux, backward.form)?,
+            None => backward.channels(aux).clone(),
+        };
         let (width, height) = (shot.camera.width, shot.camera.height);
         let push = shot.blend_push();
         // Without the auxiliary channels other buffers stand for what is not read; what is not written has its own.

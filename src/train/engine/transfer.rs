@@ -137,8 +137,14 @@ impl Engine {
 
     /// How a camera sees the model outside of training steps.
     pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> Shot {
-        let projection =
-            Projection { sh_degree, near: NEAR, antialias: self.antialias, reference_clamp: false, limits: None };
+        let projection = Projection {
+            sh_degree,
+            near: NEAR,
+            antialias: self.antialias,
+            reference_clamp: false,
+            limits: None,
+            alpha_cutoff: None,
+        };
         Shot { camera: *camera, projection, background }
     }
 

@@ -88,6 +88,9 @@ impl Settings {
         ok(rate >= 0.0 && rate.is_finite(), "sh-rate", "a number that is not negative")?;
         let Approximation { alpha_cutoff, transmittance_cutoff, .. } = self.shortcuts.approximation();
         ok(Approximation::ALPHA_CUTOFFS.contains(&alpha_cutoff), "alpha-cutoff", "a whole number from 2 to 65535")?;
+        let super::Shortcuts { early_steps, early_cutoff, .. } = self.shortcuts;
+        ok((0.0..=1.0).contains(&early_steps), "early-steps", "a number from 0 to 1")?;
+        ok(Approximation::ALPHA_CUTOFFS.contains(&early_cutoff), "early-cutoff", "a whole number from 2 to 65535")?;
         ok(
             Approximation::TRANSMITTANCE_CUTOFFS.contains(&transmittance_cutoff),
             "transmittance-cutoff",

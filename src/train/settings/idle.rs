@@ -60,6 +60,9 @@ impl Settings {
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
             s.geometry.stereo_alone = plain.geometry.stereo_alone;
         }
+        if s.shortcuts.early_steps == 0.0 {
+            s.shortcuts.early_cutoff = plain.shortcuts.early_cutoff;
+        }
         if s.texture.lambda_perceptual == 0.0 {
             s.texture.perceptual_every = plain.texture.perceptual_every;
             s.texture.perceptual_views = plain.texture.perceptual_views;
