@@ -92,7 +92,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) photographs: Photographs,
     /// Take the shortcuts of `train --fast`
-    #[arg(long, help_heading = "Shortcuts", conflicts_with_all = ["moment_bits", "sh_every", "sh_rate", "visible_adam", "alpha_cutoff", "transmittance_cutoff", "exponential"])]
+    #[arg(long, help_heading = "Shortcuts", conflicts_with_all = ["moment_bits", "sh_every", "sh_rate", "visible_adam", "alpha_cutoff", "early_steps", "early_cutoff", "transmittance_cutoff", "exponential"])]
     pub(crate) fast: bool,
     #[command(flatten)]
     pub(crate) shortcuts: Shortcuts,

@@ -56,7 +56,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 38] = [
+pub const ABLATIONS: [Ablation; 40] = [
     Ablation {
         name: "no-stereo",
         options: &["--depth-prior", "none", "--stereo-splats", "0", "--stereo-density", "0"],
@@ -101,6 +101,8 @@ pub const ABLATIONS: [Ablation; 38] = [
     Ablation { name: "coarse-by-spectrum", options: &["--coarse-spectrum"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
     Ablation { name: "steps-of-all", options: &["--visible-adam=false"] },
+    Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"] },
+    Ablation { name: "no-early-cutoff", options: &["--early-steps", "0"] },
     Ablation { name: "short-memory", options: &["--beta2-scaling", "0.77"] },
     Ablation { name: "depth-loss", options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"] },
 ];

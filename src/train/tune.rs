@@ -205,12 +205,20 @@ fn of_form(
     Ok(samples.into_iter().map(median).sum())
 }
 
-/// The step that is timed: all harmonics in use, and photographs at their size or one of their middle bands, as in most steps; nothing of
-/// the model changes, so that all forms work on the same.
+/// The step that is timed: all harmonics in use, photographs at their size or one of their middle bands, and alphas cut off where most
+/// steps have it; nothing of the model changes, so that all forms work on the same.
 fn timed(schedule: &Schedule, settings: &Settings) -> StepPlan {
     let of = settings.run.bands;
     let band = (of > 1).then_some(Band { index: of / 2, of });
-    StepPlan { sh_degree: settings.model.sh_degree, adam: Adam::None, factor: 1, band, ..schedule.step(1) }
+    let alpha_cutoff = schedule.step(schedule.iterations / 2).alpha_cutoff;
+    StepPlan {
+        sh_degree: settings.model.sh_degree,
+        adam: Adam::None,
+        factor: 1,
+        band,
+        alpha_cutoff,
+        ..schedule.step(1)
+    }
 }
 
 /// Seconds that the device worked on a step.
@@ -282,6 +290,15 @@ mod tests {
         settings.run.bands = 3;
         let plan = timed(&Schedule::new(&settings, 10), &settings);
         assert_eq!(plan.band, Some(Band { index: 1, of: 3 }));
+    }
+
+    #[test]
+    fn what_is_timed_cuts_alphas_off_as_most_steps_do() {
+        let mut settings = Settings::default();
+        for (share, cutoff) in [(0.0, None), (0.3, None), (0.7, Some(64))] {
+            (settings.shortcuts.early_steps, settings.shortcuts.early_cutoff) = (share, 64);
+            assert_eq!(timed(&Schedule::new(&settings, 10), &settings).alpha_cutoff, cutoff, "{share}");
+        }
     }
 
     #[test]

@@ -123,6 +123,8 @@ mod tests {
             "psrgs-no-exposures",
             "psrgs-coarse-steps",
             "psrgs-steps-of-all",
+            "psrgs-published-dssim",
+            "psrgs-no-early-cutoff",
             "psrgs-depth-loss",
         ];
         assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");
