@@ -164,9 +164,9 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "densify-until" density.densify_until = 10_000,
         // Texture, which SSIM sees, counts more than in publications, and thresholds are for the larger gradients of that.
         "lambda-dssim" optimiser.lambda_dssim = 0.3,
-        "grad-threshold" density.grad_threshold = 2.1e-3,
-        "low-grad-threshold" density.low_grad_threshold = 2.1e-3,
-        "grow-on-threshold" density.grow_on_threshold = 7e-4,
+        "grad-threshold" density.grad_threshold = 2.4e-3,
+        "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
+        "grow-on-threshold" density.grow_on_threshold = 8e-4,
         // Coarse photographs first are for splats that have yet to find their places. These begin on surfaces.
         "coarse-steps" frequencies.coarse_steps = 0.0,
         "prune-weight" density.prune_weight = 0.11,
