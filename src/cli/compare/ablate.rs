@@ -120,6 +120,7 @@ mod tests {
         let beyond = [
             "psrgs-no-lone-splats",
             "psrgs-no-skirt",
+            "psrgs-hidden-points",
             "psrgs-no-exposures",
             "psrgs-coarse-steps",
             "psrgs-steps-of-all",
