@@ -56,7 +56,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "{grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 41] = [
+pub const ABLATIONS: [Ablation; 40] = [
     Ablation {
         name: "no-stereo",
         options: &["--depth-prior", "none", "--stereo-splats", "0", "--stereo-density", "0"],
@@ -73,7 +73,6 @@ pub const ABLATIONS: [Ablation; 41] = [
     Ablation { name: "texture-left-out", options: &["--stereo-texture", "0.5"] },
     Ablation { name: "no-lone-splats", options: &["--stereo-alone", "0"] },
     Ablation { name: "no-skirt", options: &["--stereo-skirt", "0"] },
-    Ablation { name: "hidden-points", options: &["--drop-hidden=false"] },
     Ablation { name: "no-exposures", options: &["--exposure", "off"] },
     Ablation { name: "no-mask-growth", options: &["--sample-mask-share", "0"] },
     Ablation { name: "no-error-growth", options: &["--sample-error-share", "0"] },

@@ -202,7 +202,7 @@ fn view(
 }
 
 /// Place of a point in the picture, and its depth.
-pub(super) fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
+fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
     let c = camera.center();
     let [x, y, z] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum::<f64>());
     let (u, v) = (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy);

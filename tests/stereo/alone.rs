@@ -1,7 +1,7 @@
 //! Surfaces continued to where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, hidden, skirt, surface, surface_of_points};
+use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt, surface, surface_of_points};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -294,39 +294,4 @@ fn a_skirt_goes_on_from_roofs_and_trees_as_a_blur_does_not_show_them() {
     }
     let (views, priors) = self::views(&ROW, spread(0.5));
     assert!(skirt(&views, &priors, 0.25).is_empty(), "depths that vary by a third say nothing");
-}
-
-/// A place on the ray of the middle of the first view, at this share of the depth of the ground.
-fn at_share(share: f64) -> [f64; 3] {
-    let first = camera(0.0, 0.0);
-    let (c, ground) = (first.center(), on_ground(&first, first.cx, first.cy));
-    [0, 1, 2].map(|k| c[k] + share * (ground[k] - c[k]))
-}
-
-#[test]
-fn points_below_the_ground_are_hidden_and_those_on_and_above_it_are_not() {
-    let (views, priors) = views(&[(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)], |_| 1.0);
-    let shares = [0.2, 0.9, 1.0, 1.05, 1.3, 4.0];
-    assert_eq!(hidden(&views, &priors, &shares.map(at_share)), [false, false, false, false, true, true]);
-    // Where one view alone knows a depth it may be that which is wrong, and where none does nothing is known.
-    assert_eq!(hidden(&views[..1], &priors[..1], &[at_share(2.0)]), [false]);
-    let none = priors.iter().map(|prior| Prior { depth: vec![0.0; prior.depth.len()], ..prior.clone() });
-    assert_eq!(hidden(&views, &none.collect::<Vec<_>>(), &[at_share(2.0)]), [false]);
-    // Nobody looks there.
-    assert_eq!(hidden(&views, &priors, &[[500.0, 0.0, -1.0]]), [false]);
-}
-
-#[test]
-fn a_point_that_one_view_shows_is_not_hidden() {
-    let (views, mut priors) = views(&[(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)], |_| 1.0);
-    let point = at_share(2.0);
-    assert_eq!(hidden(&views, &priors, &[point]), [true]);
-    // At an edge of the surface the second view sees it, in a pixel beside the one where it would be.
-    let c = views[1].camera.center();
-    let d = [0, 1, 2].map(|k| point[k] - c[k]);
-    let [x, y, z] = views[1].camera.rotation.map(|row| (0..3).map(|k| row[k] * d[k]).sum::<f64>());
-    let at = |a: f64, f: f64, c: f64| (f * a / z + c) as usize;
-    let (u, v) = (at(x, views[1].camera.fx, views[1].camera.cx), at(y, views[1].camera.fy, views[1].camera.cy));
-    priors[1].depth[(v + 1) * WIDTH as usize + u - 1] = z as f32;
-    assert_eq!(hidden(&views, &priors, &[point]), [false]);
 }

@@ -153,34 +153,3 @@ fn texture_is_left_out_where_that_is_asked_for() {
     // The mask's mean is 0.3: about as many pixels are above a half.
     assert!(after > before / 3 && after < before * 9 / 10, "{after} of {before}");
 }
-
-#[test]
-fn points_behind_what_was_found_are_left_out_where_that_is_asked_for() {
-    let Some(gpu) = common::gpu() else { return };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut dataset = world(folder.path(), 96);
-    // Wrong points, as far below the ground as the cameras are above it and farther.
-    let right = dataset.points.len();
-    let low = dataset.points.iter().step_by(right / 5).take(5).copied();
-    let wrong: Vec<_> = low
-        .map(|mut p| {
-            p.position[2] -= 80.0;
-            p
-        })
-        .collect();
-    dataset.points.extend(wrong);
-    let begun = |drop_hidden: bool| {
-        let mut settings = train::Settings::default();
-        settings.geometry.depth_prior = DepthPrior::Stereo;
-        (settings.geometry.stereo_side, settings.geometry.stereo_splats) = (48, 100);
-        settings.geometry.drop_hidden = drop_hidden;
-        let (report, input) = found(&gpu, &dataset, &settings, true);
-        assert!(report.splats > 50, "{report:?}");
-        (report.hidden, input.initial.len() - report.splats)
-    };
-    assert_eq!(begun(false), (0, right + 5));
-    let (hidden, points) = begun(true);
-    assert_eq!(hidden + points, right + 5);
-    // The world has some wrong points of its own.
-    assert!((5..5 + right / 20).contains(&hidden), "{hidden} of {right} and 5");
-}

@@ -120,7 +120,6 @@ mod tests {
         let beyond = [
             "psrgs-no-lone-splats",
             "psrgs-no-skirt",
-            "psrgs-hidden-points",
             "psrgs-no-exposures",
             "psrgs-coarse-steps",
             "psrgs-steps-of-all",

@@ -71,10 +71,6 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
         Some(surface) => format!("; their surfaces would fill {surface:.1} photographs{splats}"),
         None => splats,
     };
-    let splats = match found.hidden {
-        0 => splats,
-        n => format!("{splats}; {} reconstructed points lie behind them and are left out", HumanCount(n as u64)),
-    };
     let smaller =
         found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
     if prior == DepthPrior::Propagation {

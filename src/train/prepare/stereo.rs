@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
-use crate::dataset::{Dataset, HostShare, Point, Role};
+use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, SkirtPoint, View, fuse};
 use crate::train::Error;
@@ -33,8 +33,6 @@ pub struct StereoReport {
     pub surface: Option<f64>,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
-    /// Reconstructed points that lie behind what was found, and that it does not begin with.
-    pub hidden: usize,
     /// Names of views of which nothing is known.
     pub skipped: Vec<String>,
     /// The cloud that growth keeps to.
@@ -101,9 +99,7 @@ pub fn take_stereo(
                 fused.extend(stereo::extend(&stereo.scene.views, &stereo.priors, settings.stereo_alone as usize));
             }
             if more > 0 {
-                let believed = believed(stereo, dataset, settings.drop_hidden);
-                report.hidden = dataset.points.len() - believed.len();
-                report.splats = begin_on(&fused, more, &believed, training, dataset, input)?;
+                report.splats = begin_on(&fused, more, training, dataset, input)?;
             }
             if made {
                 cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -219,22 +215,11 @@ impl Stereo {
     }
 }
 
-/// The reconstructed points, but for those that are hidden by what stereo has found where these are to be dropped.
-fn believed<'a>(stereo: &Stereo, dataset: &'a Dataset, drop_hidden: bool) -> Vec<&'a Point> {
-    if !drop_hidden {
-        return dataset.points.iter().collect();
-    }
-    let places: Vec<[f64; 3]> = dataset.points.iter().map(|p| dataset.frame.to_scene(p.position)).collect();
-    let hidden = stereo::hidden(&stereo.scene.views, &stereo.priors, &places);
-    dataset.points.iter().zip(hidden).filter(|(_, hidden)| !hidden).map(|(point, _)| point).collect()
-}
-
-/// Adds `more` splats on surfaces, or as many as there are points, to those of the reconstructed points that a model begins with, as wide, flat
-/// and opaque as is asked for; gives how many. With them there are no more than `--max-splats`.
+/// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as wide, flat and opaque as is
+/// asked for; gives how many. With them there are no more than `--max-splats`.
 fn begin_on(
     fused: &[FusedPoint],
     more: usize,
-    believed: &[&Point],
     settings: &Settings,
     dataset: &Dataset,
     input: &mut Input,
@@ -244,7 +229,7 @@ fn begin_on(
         return Ok(0);
     }
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
-    let kept = spread(believed, room);
+    let kept = spread(&dataset.points, room);
     let reconstructed = kept.iter().map(|p| (p.position, p.color));
     let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;

@@ -59,7 +59,6 @@ impl Settings {
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
             s.geometry.stereo_alone = plain.geometry.stereo_alone;
-            s.geometry.drop_hidden = plain.geometry.drop_hidden;
         }
         if s.shortcuts.early_steps == 0.0 {
             s.shortcuts.early_cutoff = plain.shortcuts.early_cutoff;

@@ -174,7 +174,6 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-splats" geometry.stereo_splats = 30_000,
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
-        "drop-hidden" geometry.drop_hidden = true,
         "exposure" optimiser.exposure = Exposure::Affine,
         "visible-adam" shortcuts.visible_adam = true,
         // What a splat hardly shows is half of what is blended, and says little until splats have found their places.

@@ -100,11 +100,7 @@ group! {
         #[arg(value_name = "R")]
         pub propagate_ratio_final: f64 = 0.8,
     }
-    flags {
-        /// Where splats begin on surfaces that stereo has found: leave out the reconstructed points that lie behind these in every photograph
-        /// that would show them, as wrong ones do
-        pub drop_hidden,
-    }
+    flags {}
     optional {}
 }
 
