@@ -16,7 +16,7 @@ SCENES = ["box", "can", "cup", "lego"]
 # Forms of a method, in the order in which they were tried; the last of each is what there is.
 FORMS = ["3dgs", "3dgs-any-size", "lean-before", "lean-size-0.3", "lean", "psrgs-before", "psrgs-any-size", "psrgs-any-size-no-stereo",
          "psrgs-any-size-no-stereo-grow-on", "psrgs-any-size-grow-on", "psrgs-8k", "psrgs-8k-grow-on", "psrgs-10k", "psrgs-10k-until-half",
-         "psrgs-10k-grow-on", "psrgs-22k", "psrgs-22k-grow-on", "psrgs-until-half", "psrgs-skirt", "psrgs", "psrgs-fine", "3dgs-today", "psrgs-short-memory", "psrgs-today"]
+         "psrgs-10k-grow-on", "psrgs-22k", "psrgs-22k-grow-on", "psrgs-until-half", "psrgs-skirt", "psrgs", "psrgs-fine", "3dgs-today", "psrgs-short-memory", "psrgs-today", "psrgs-early"]
 
 
 def cell(prefix, scene, form):

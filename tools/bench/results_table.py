@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/RESULTS.md from the metrics that are kept in docs/results.
 
-  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, short-memory-compare-320-1500 and coarse-compare-320-1500 (psrgs alone), size-drop-compare-320-1500 (without 3dgs), each-look-compare-320-1500 or published-rates-320-1500
+  tools/bench/results_table.py [PREFIX]      PREFIX: compare-320-1500, dssim-0.2-compare-320-1500, short-memory-compare-320-1500 and coarse-compare-320-1500 (psrgs alone), size-drop-compare-320-1500 (without 3dgs), each-look-compare-320-1500 or published-rates-320-1500
 
 Files are PREFIX-SCENE-METHOD-sSEED.json, with PREFIX-SCENE-METHOD-sSEED.process.json (processor time of the whole process and the
 commit of its build; "paused" where it was halted on the way) beside some. Times are compared within a build, and with that of "beside" where a
