@@ -71,7 +71,8 @@ pub struct Schedule {
     pub quarter_until: u32,
     /// Last step with a loss on depth and normals; 0 where there is none.
     pub geometry_until: u32,
-    /// The last step that skips splats below an alpha of its own, and one over that alpha.
+    /// The last step that skips splats below an alpha of its own, and one over that alpha. In a run that is made longer such steps may come
+    /// again, which changes nothing but what they take.
     early: (u32, u32),
     geometry_every: u32,
     /// What is left of its weight at that step.
@@ -115,16 +116,11 @@ impl Schedule {
         let ends = |iterations| {
             let mut settings = settings.clone();
             settings.run.iterations = iterations;
-            let Self { coarse_until, low_until, geometry_until, early: (early_until, _), .. } = Self::new(&settings, 1);
-            [coarse_until, low_until, geometry_until, early_until]
+            let Self { coarse_until, low_until, geometry_until, .. } = Self::new(&settings, 1);
+            [coarse_until, low_until, geometry_until]
         };
         let (before, now) = (ends(former), ends(settings.run.iterations));
-        let names = [
-            "that of coarse photographs",
-            "the low-frequency stage",
-            "that of the loss on depth and normals",
-            "that of --early-cutoff",
-        ];
+        let names = ["that of coarse photographs", "the low-frequency stage", "that of the loss on depth and normals"];
         (0..names.len()).find(|&k| (before[k]..now[k]).contains(&done)).map(|k| names[k])
     }
 
