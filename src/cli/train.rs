@@ -123,6 +123,9 @@ impl Args {
                     // Whoever says how many there are to be has so many, whatever the file's goes by.
                     settings.geometry.stereo_density = 0;
                     settings.geometry.stereo_densest = 0;
+                    if !given("stereo-splats-for") {
+                        settings.geometry.stereo_splats_for = 0;
+                    }
                 }
                 let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
                 let set = |key: &str| given(key) || written.iter().any(|k| k == key);

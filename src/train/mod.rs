@@ -24,7 +24,7 @@ pub use learning::sigma::SigmaUpdate;
 pub use memory::{HostMemory, HostPlan, MemoryCost, MemoryPlan, shares_memory};
 pub use pacing::Pacing;
 pub use photographs::{FeedCounts, Residency};
-pub use prepare::{CloudReport, StereoReport, splats_on_surfaces, stereo_settings, take_stereo};
+pub use prepare::{CloudReport, StereoReport, longer_side, splats_on_surfaces, stereo_settings, take_stereo};
 pub use schedule::{Event, Kind, Schedule, StepPlan};
 pub use settings::Settings;
 pub use trainer::{Checkpointed, History, Message, Restart, Trainer, score};

@@ -3,7 +3,7 @@
 mod stereo;
 mod stereo_cost;
 
-pub use stereo::{CloudReport, StereoReport, splats_on_surfaces, take_stereo};
+pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;
 
 use std::collections::HashSet;

@@ -2,7 +2,7 @@
 
 use psrgs_vk::dataset::{Dataset, HostShare};
 use psrgs_vk::train::settings::{Density, DepthPrior};
-use psrgs_vk::train::{self, Input, StereoReport, prepare, splats_on_surfaces, take_stereo};
+use psrgs_vk::train::{self, Input, StereoReport, longer_side, prepare, splats_on_surfaces, take_stereo};
 use psrgs_vk::vk::Gpu;
 
 use super::common;
@@ -55,7 +55,7 @@ fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
 #[test]
 fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     let mut settings = train::Settings::default();
-    let more = |settings: &train::Settings, surface: f64| splats_on_surfaces(1000, surface, 1 << 20, settings);
+    let more = |settings: &train::Settings, surface: f64| splats_on_surfaces(1000, surface, 640.0, 1 << 20, settings);
     assert_eq!(more(&settings, 8.0), 0);
     settings.geometry.stereo_splats = 300;
     assert_eq!(more(&settings, 8.0), 300);
@@ -64,8 +64,8 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     settings.geometry.stereo_densest = 150;
     assert_eq!([0.0, 0.5, 1.0, 2.0, 4.86].map(|surface| more(&settings, surface)), [0, 75, 150, 300, 486]);
     settings.geometry.stereo_densest = 0;
-    assert_eq!(splats_on_surfaces(1000, 4.86, 2800, &settings), 400, "room is left to grow");
-    assert_eq!(splats_on_surfaces(1000, 4.86, 10, &settings), 300, "which --stereo-splats does not ask for");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 2800, &settings), 400, "room is left to grow");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 10, &settings), 300, "which --stereo-splats does not ask for");
     settings.density.max_splats = Some(2600);
     assert_eq!(more(&settings, 4.86), 300, "room is left to grow");
     settings.density.max_splats = Some(10);
@@ -82,6 +82,29 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     };
     assert_eq!([2600, 1486].map(under), [486, 486], "what grows has the room of the lightest");
     assert_eq!([900, 800, 10, 1].map(under), [450, 400, 5, 0], "points leave half");
+}
+
+/// Larger photographs show more of the same surface.
+#[test]
+fn large_photographs_begin_with_more_splats() {
+    assert_eq!(longer_side([(320, 240), (180, 360)]), 340.0);
+    assert_eq!(longer_side([]), 0.0);
+    let mut settings = train::Settings::default();
+    let geometry = &mut settings.geometry;
+    (geometry.stereo_splats, geometry.stereo_density, geometry.stereo_densest) = (300, 100, 150);
+    let of = |settings: &train::Settings, surface: f64, fit: u32| {
+        [0.0, 160.0, 320.0, 640.0, 4000.0].map(|side| splats_on_surfaces(1000, surface, side, fit, settings))
+    };
+    let all = 1 << 20;
+    assert_eq!(of(&settings, 4.0, all), [400; 5], "as many at any size");
+    settings.geometry.stereo_splats_for = 320;
+    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 800, 5000], "as much surface as asks for them");
+    assert_eq!(of(&settings, 2.0, all), [300, 300, 300, 600, 3750], "--stereo-splats");
+    assert_eq!(of(&settings, 1.0, all), [150, 150, 150, 300, 1875], "--stereo-densest");
+    assert_eq!(of(&settings, 4.0, 3200), [400, 400, 400, 600, 600], "room is left to grow");
+    assert_eq!(of(&settings, 2.0, 10), [300; 5], "which the size does not take");
+    settings.density.max_splats = Some(3000);
+    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 500, 500], "a limit is one at any size");
 }
 
 /// A limit is one for what a training begins with too: points and surfaces, and points alone.

@@ -5,8 +5,8 @@ use psrgs_vk::dataset::{Dataset, Role, Supply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::stereo::surface_of_points;
 use psrgs_vk::train::{
-    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, prepare,
-    splats_on_surfaces,
+    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, longer_side,
+    prepare, splats_on_surfaces,
 };
 use psrgs_vk::vk::{self, Gpu};
 
@@ -69,7 +69,8 @@ fn planned(
     let plan = |splats| MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats);
     let fit = plan(points.len() as u32)?.most_splats.0;
     let known = points.len() as u32;
-    let more = splats_on_surfaces(known, surface_about(dataset, &points), fit, settings);
+    let side = longer_side(outline.train.iter().map(|(camera, _)| (camera.width, camera.height)));
+    let more = splats_on_surfaces(known, surface_about(dataset, &points), side, fit, settings);
     let first = known.saturating_add(more).min(settings.density.max_splats.unwrap_or(u32::MAX));
     let initial = bench::resized(&points, first, settings.run.seed);
     let plan = plan(initial.len() as u32)?;

@@ -72,9 +72,8 @@ pub fn take_stereo(
     let mut wanted = settings.stereo();
     let matched = match settings.depth_prior == DepthPrior::Stereo || made {
         true => {
-            let sizes = || input.train.iter().map(|view| (view.camera.width, view.camera.height));
-            let whole = sizes().map(|(width, height)| width.max(height)).max().unwrap_or(0).min(wanted.max_side);
-            wanted = stereo_settings(training, sizes());
+            let whole = sizes(input).map(|(width, height)| width.max(height)).max().unwrap_or(0).min(wanted.max_side);
+            wanted = stereo_settings(training, sizes(input));
             report.reduced_to = (wanted.max_side < whole).then_some(wanted.max_side);
             Some(Stereo::matched(gpu, dataset, input, training, &wanted, share)?)
         }
@@ -89,7 +88,8 @@ pub fn take_stereo(
                 let plan =
                     MemoryPlan::new(gpu, input, training, chosen_variants(gpu, training)?, Pacing::default(), points)?;
                 let fit = plan.most_splats.0;
-                splats_on_surfaces(points, report.surface.unwrap_or(0.0), fit, training) as usize
+                let side = longer_side(sizes(input));
+                splats_on_surfaces(points, report.surface.unwrap_or(0.0), side, fit, training) as usize
             }
             false => 0,
         };
@@ -154,26 +154,50 @@ pub fn take_stereo(
     Ok(report)
 }
 
+/// Sizes of the photographs that are trained on.
+fn sizes(input: &Input) -> impl Iterator<Item = (u32, u32)> {
+    input.train.iter().map(|view| (view.camera.width, view.camera.height))
+}
+
 /// Under `--max-splats`, the share of it that reconstructed points leave to splats on surfaces, if they have to.
 const SURFACES_UNDER_A_LIMIT: f64 = 0.5;
 
-/// The most splats that stereo adds on a [`stereo::surface`] to `points` before the first step. Where the surface asks for many, room is
-/// left to grow among the splats that `fit` into memory.
+/// The most splats that stereo adds on a [`stereo::surface`] to `points` before the first step. `side` is the [`longer_side`] of the
+/// photographs. Where their size or the surface asks for many, room is left to grow among the splats that `fit` into memory.
 ///
 /// `--max-splats` leaves no such room where the lightest splats give theirs to growth (`--recycle-share`): those that begin where the
 /// surface is are worth more than what would grow in their place. Points go first where both are too many.
-pub fn splats_on_surfaces(points: u32, surface: f64, fit: u32, settings: &Settings) -> u32 {
-    let of_surface = (f64::from(settings.geometry.stereo_density) * surface).round() as u32;
-    let densest = match settings.geometry.stereo_densest {
-        0 => u32::MAX,
-        densest => (f64::from(densest) * surface).round() as u32,
+pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settings: &Settings) -> u32 {
+    let geometry = &settings.geometry;
+    let times = |count: u32, factor: f64| (f64::from(count) * factor).round() as u32;
+    let larger = match geometry.stereo_splats_for {
+        0 => 1.0,
+        reference => (side / f64::from(reference)).max(1.0),
     };
-    let wanted = settings.geometry.stereo_splats.min(densest).max(of_surface.min((fit / 2).saturating_sub(points)));
+    let at_least = |factor: f64| {
+        let densest = match geometry.stereo_densest {
+            0 => u32::MAX,
+            densest => times(densest, surface * factor),
+        };
+        times(geometry.stereo_splats, factor).min(densest)
+    };
+    let asked = at_least(larger).max(times(geometry.stereo_density, surface * larger));
+    let wanted = asked.min(at_least(1.0).max((fit / 2).saturating_sub(points)));
     let room = settings.density.max_splats.map_or(u32::MAX, |most| match settings.density.recycle_share > 0.0 {
         true => most.saturating_sub(points).max((SURFACES_UNDER_A_LIMIT * f64::from(most)) as u32),
         false => (most / 2).saturating_sub(points),
     });
     wanted.min(room)
+}
+
+/// Pixels on the longer side of photographs of these sizes, in the mean.
+pub fn longer_side(photographs: impl IntoIterator<Item = (u32, u32)>) -> f64 {
+    let (mut views, mut pixels) = (0_u32, 0.0);
+    for (width, height) in photographs {
+        views += 1;
+        pixels += f64::from(width.max(height));
+    }
+    pixels / f64::from(views.max(1))
 }
 
 /// What the training views see, and which of them can be compared.

@@ -166,6 +166,8 @@ impl Settings {
         ok(by_surface, "stereo-densest", "0 where there is no --stereo-density")?;
         let densest = geometry.stereo_densest == 0 || geometry.stereo_densest >= geometry.stereo_density;
         ok(densest, "stereo-densest", "at least --stereo-density, or 0")?;
+        let any = geometry.stereo_splats_for == 0 || geometry.begins_on_surfaces();
+        ok(any, "stereo-splats-for", "0 where there is neither --stereo-splats nor --stereo-density")?;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
         ok(
             density.lidar.is_some() || !wants_cloud,

@@ -196,6 +196,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         if !named("stereo-densest") && settings.geometry.stereo_density > 0 {
             settings.geometry.stereo_densest = settings.geometry.stereo_density.max(20_000);
         }
+        unless_named!(named, settings: "stereo-splats-for" geometry.stereo_splats_for = 320);
     }
 }
 
