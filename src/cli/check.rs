@@ -45,6 +45,9 @@ pub(crate) struct Args {
     /// Training steps
     #[arg(long, value_name = "N")]
     pub(crate) iterations: Option<u32>,
+    /// As that of `train`
+    #[arg(long, value_name = "N")]
+    pub(crate) max_splats: Option<u32>,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
     #[command(flatten)]
@@ -163,6 +166,7 @@ impl Args {
         settings.stepping = self.stepping.clone();
         settings.run.preset = self.preset;
         settings.run.iterations = self.iterations.unwrap_or(settings.run.iterations);
+        settings.density.max_splats = self.max_splats;
         settings
     }
 }

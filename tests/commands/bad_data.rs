@@ -223,6 +223,10 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let splats = |of: &serde_json::Value| of["training"]["estimate"]["splats"].as_u64().expect("a number");
     assert_eq!(splats(&found), splats(&plain) + 30_000);
     assert!(found["training"]["device_bytes"].as_u64() > plain["training"]["device_bytes"].as_u64());
+    let output = psrgs(&["check", text(data.path()), "--max-splats", "1000", "--json"]);
+    let limited: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(splats(&limited), 1000);
+    assert!(limited["training"]["device_bytes"].as_u64() < found["training"]["device_bytes"].as_u64());
     // Too little memory is a problem that is named before anything is trained.
     let output = psrgs(&["check", text(data.path()), "--host-memory", "1M", "--json"]);
     assert_eq!(output.status.code(), Some(7));
