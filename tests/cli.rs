@@ -120,7 +120,7 @@ fn psrgs_has_a_loss_on_depth_where_splats_do_not_begin_on_its_surfaces() {
     assert_eq!(weights(&[]), none);
     assert_eq!(weights(&["--depth-prior", "stereo"]), none, "named, though it is the default");
     assert_eq!(weights(&["--lambda-depth", "0.3"]), [0.3, 0.0]);
-    assert_eq!(weights(&["--depth-prior", "sfm", "--stereo-splats", "0"]), paper);
+    assert_eq!(weights(&["--depth-prior", "sfm"]), paper);
     assert_eq!(weights(&["--method", "psrgs-paper"]), paper);
 }
 
@@ -129,21 +129,25 @@ fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     let chosen = |args: &[&str]| {
         let got = settings(&[&["fox"], args].concat());
         let number = |key: &str| got["geometry"][key].as_integer().expect("a number");
-        (number("stereo-splats"), number("stereo-density"))
+        (number("stereo-splats"), number("stereo-density"), number("stereo-splats-for"))
     };
-    assert_eq!(chosen(&[]), (30_000, 12_500));
-    assert_eq!(chosen(&["--stereo-splats", "60000"]), (60_000, 0));
-    assert_eq!(chosen(&["--stereo-splats", "30000"]), (30_000, 0), "named, though it is the default");
-    assert_eq!(chosen(&["--stereo-splats", "500", "--stereo-density", "100"]), (500, 100));
-    assert_eq!(chosen(&["--depth-prior", "none", "--stereo-splats", "0"]), (0, 0));
-    assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0));
-    assert_eq!(chosen(&["--method", "3dgs"]), (0, 0));
+    assert_eq!(chosen(&[]), (30_000, 12_500, 320));
+    assert_eq!(chosen(&["--stereo-splats", "60000"]), (60_000, 0, 0));
+    assert_eq!(chosen(&["--stereo-splats", "30000"]), (30_000, 0, 0), "named, though it is the default");
+    assert_eq!(chosen(&["--stereo-splats", "500", "--stereo-density", "100"]), (500, 100, 0));
+    assert_eq!(chosen(&["--stereo-splats", "500", "--stereo-splats-for", "640"]), (500, 0, 640));
+    // Without stereo there are no surfaces to begin on.
+    for prior in [&["none"][..], &["sfm"], &["lidar", "--lidar", "mvs"]] {
+        assert_eq!(chosen(&[&["--depth-prior"], prior].concat()), (0, 0, 0), "{prior:?}");
+    }
+    assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0, 0));
+    assert_eq!(chosen(&["--method", "3dgs"]), (0, 0, 0));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\n");
-    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500));
-    assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0));
+    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500, 0), "a file of a build that went by no size");
+    assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0, 0));
     let before = write(folder.path(), "before.toml", "[geometry]\nstereo-splats = 30000\n");
-    assert_eq!(chosen(&["--config", &before]), (30_000, 0), "a file of a build that had no density");
+    assert_eq!(chosen(&["--config", &before]), (30_000, 0, 0), "a file of a build that had no density");
     fails(&["train", "fox", "--method", "3dgs", "--stereo-density", "5"], 2, &["stereo-density", "--depth-prior"]);
 }
 

@@ -98,13 +98,19 @@ fn large_photographs_begin_with_more_splats() {
     let all = 1 << 20;
     assert_eq!(of(&settings, 4.0, all), [400; 5], "as many at any size");
     settings.geometry.stereo_splats_for = 320;
+    settings.run.iterations = 1750 * 13 * 13;
     assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 800, 5000], "as much surface as asks for them");
     assert_eq!(of(&settings, 2.0, all), [300, 300, 300, 600, 3750], "--stereo-splats");
     assert_eq!(of(&settings, 1.0, all), [150, 150, 150, 300, 1875], "--stereo-densest");
     assert_eq!(of(&settings, 4.0, 3200), [400, 400, 400, 600, 600], "room is left to grow");
     assert_eq!(of(&settings, 2.0, 10), [300; 5], "which the size does not take");
-    settings.density.max_splats = Some(3000);
-    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 500, 500], "a limit is one at any size");
+    for (steps, at_most) in [(100, 1.0), (1750, 1.0), (7000, 2.0), (28_000, 4.0)] {
+        settings.run.iterations = steps;
+        let times = [1.0, 1.0, 1.0, 2.0, 12.5].map(|times: f64| times.min(at_most));
+        assert_eq!(of(&settings, 4.0, all), times.map(|times| (400.0 * times) as u32), "{steps} steps");
+    }
+    settings.density.max_splats = Some(2500);
+    assert_eq!(of(&settings, 4.0, all), [250; 5], "a limit is one at any size");
 }
 
 /// A limit is one for what a training begins with too: points and surfaces, and points alone.

@@ -3,7 +3,9 @@
 
   tools/bench/parts_table.py
 
-Files: parts-320-1500-val-SCENE-PART-sSEED.json beside parts-320-1500-val-SCENE-psrgs-sSEED.json (nothing left out), and of earlier forms of psrgs ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json (nothing left out),
+Files: parts-early-320-1500-val-SCENE-PART-s0.json beside early-320-1500-val-SCENE-64-dssim-0.3-thresholds-2.4e-3-s0.json (nothing left out);
+of earlier forms of psrgs parts-320-1500-val-SCENE-PART-sSEED.json beside parts-320-1500-val-SCENE-psrgs-sSEED.json,
+ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside rim-320-1500-val-SCENE-both-s0.json,
 ablate-160-1500-val-SCENE-psrgs-paper-PART-s0.json beside ablate-160-1500-val-SCENE-psrgs-paper-s0.json,
 wide-ablate-320-1500-val-SCENE-psrgs-PART-s0.json beside starts-320-1500-val-SCENE-60k-5e-4-s0.json, and
 each-look-equal-320-STEPS-SCENE-lean[-THRESHOLD]-sSEED.json beside each-look-compare-320-1500-SCENE-psrgs-sSEED.json; their times are compared with those of the
@@ -15,10 +17,12 @@ import math
 
 from results_table import DIGITS, METRICS, RESULTS, SCENES, quantile, seconds
 
-PARTS = ["no-stereo", "no-stereo-splats", "no-depth-loss", "no-smoothness", "no-flattening", "no-lone-splats", "no-skirt", "no-exposures",
-         "texture-left-out", "gate-off", "fixed-sigma", "no-low-stage", "one-threshold", "low-threshold-first", "no-low-weights", "no-mask-growth",
-         "no-error-growth", "along-gradient", "no-coarse-steps", "no-pruning", "free-harmonics", "round-stereo-splats", "no-gradient-maps",
-         "no-constrained-maps", "no-perceptual", "perceptual"]
+PARTS = ["no-stereo", "sfm-depth", "no-stereo-splats", "round-stereo-splats", "wide-stereo-splats", "faint-stereo-splats", "texture-left-out",
+         "no-lone-splats", "no-skirt", "depth-loss", "no-depth-loss", "no-smoothness", "no-flattening", "no-exposures", "gate-off",
+         "gate-gradient", "gate-phase", "gate-random", "fixed-sigma", "no-low-stage", "one-threshold", "low-threshold-first",
+         "no-low-weights", "no-mask-growth", "no-error-growth", "along-gradient", "coarse-steps", "no-coarse-steps", "no-early-cutoff",
+         "steps-of-all", "short-memory", "published-dssim", "no-pruning", "free-harmonics", "no-gradient-maps", "no-constrained-maps",
+         "no-perceptual", "perceptual"]
 SPLATS = {"fox": "1500-fox-lean-2.8e-4", "caliterra": "1500-caliterra-lean-2.8e-4", "copr": "1500-copr-lean-4e-4", "world": "1500-world-lean-2.8e-4"}
 TIME = {"fox": "2500-fox-lean", "caliterra": "2200-caliterra-lean", "copr": "2100-copr-lean", "world": "2200-world-lean"}
 
@@ -34,13 +38,13 @@ def time(name):
 
 def parts(whole, changed):
     base = {scene: found for scene in SCENES if (found := run(whole.format(scene)))}
-    print("| left out or changed | " + " | ".join(base) + " |")
-    print("|" + "---|" * (1 + len(base)))
+    print("| left out or changed | " + " | ".join(base) + " | PSNR in the mean |")
+    print("|" + "---|" * (2 + len(base)))
 
     def row(name, cells):
         print(f"| {name} | {' | '.join(cells)} |")
 
-    row("nothing", [f"{r['psnr']:.2f} dB, {r['ssim']:.4f}, {r['lpips_squeeze']:.4f}, {r['splats']:,}" for r in base.values()])
+    row("nothing", [f"{r['psnr']:.2f} dB, {r['ssim']:.4f}, {r['lpips_squeeze']:.4f}, {r['splats']:,}" for r in base.values()] + [""])
     for part in PARTS:
         runs = {scene: run(changed.format(scene, part)) for scene in base}
         if not any(runs.values()):
@@ -48,7 +52,8 @@ def parts(whole, changed):
         change = lambda r, b, key: f"{100 * (r[key] / b[key] - 1):+.0f} %"
         cells = [f"{r['psnr'] - b['psnr']:+.2f} dB, {r['ssim'] - b['ssim']:+.4f}, {change(r, b, 'lpips_squeeze')}, {change(r, b, 'splats')}" if r else ""
                  for r, b in ((runs[s], base[s]) for s in base)]
-        row(part, cells)
+        found = [r["psnr"] - base[s]["psnr"] for s, r in runs.items() if r]
+        row(part, cells + [f"{sum(found) / len(found):+.2f} dB"])
     print()
 
 
@@ -96,6 +101,7 @@ def beside_lean():
 
 
 if __name__ == "__main__":
+    parts("early-320-1500-val-{}-64-dssim-0.3-thresholds-2.4e-3-s0", "parts-early-320-1500-val-{}-{}-s0")
     parts("parts-320-1500-val-{}-psrgs-s0", "parts-320-1500-val-{}-{}-s0")
     with_seeds("parts-320-1500-val-{}-psrgs-s{}", "parts-320-1500-val-{}-{}-s{}")
     parts("rim-320-1500-val-{}-both-s0", "ablate-320-1500-val-{}-psrgs-{}-s0")

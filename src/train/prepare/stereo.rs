@@ -172,7 +172,7 @@ pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settin
     let times = |count: u32, factor: f64| (f64::from(count) * factor).round() as u32;
     let larger = match geometry.stereo_splats_for {
         0 => 1.0,
-        reference => (side / f64::from(reference)).max(1.0),
+        reference => (side / f64::from(reference)).min(learned_in(settings.run.iterations)).max(1.0),
     };
     let at_least = |factor: f64| {
         let densest = match geometry.stereo_densest {
@@ -188,6 +188,12 @@ pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settin
         false => (most / 2).saturating_sub(points),
     });
     wanted.min(room)
+}
+
+/// How many times the splats of a training of 1,750 steps are worth their place in one of so many: growth makes more of them the longer it
+/// goes on, too, and a short training of large photographs has no use for more than of small ones.
+fn learned_in(steps: u32) -> f64 {
+    (f64::from(steps) / 1750.0).sqrt()
 }
 
 /// Pixels on the longer side of photographs of these sizes, in the mean.

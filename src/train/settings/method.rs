@@ -150,11 +150,14 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "sample-mask-share" density.sample_mask_share = 0.5,
         "sample-error-share" density.sample_error_share = 0.5,
         "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
-        "stereo-splats" geometry.stereo_splats = 60_000,
         "stereo-width" geometry.stereo_width = 0.7,
         "stereo-thickness" geometry.stereo_thickness = 0.2,
         "stereo-opacity" geometry.stereo_opacity = 0.3,
     );
+    // Other priors have no surfaces to begin on.
+    if settings.geometry.depth_prior == DepthPrior::Stereo {
+        unless_named!(named, settings: "stereo-splats" geometry.stereo_splats = 60_000);
+    }
 }
 
 /// What `psrgs` has and the paper has not. Growth ends early, after a third of the steps, and what is of little weight goes once, when
@@ -171,7 +174,6 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "coarse-steps" frequencies.coarse_steps = 0.0,
         "prune-weight" density.prune_weight = 0.11,
         "prune-young" density.prune_young = 0.0,
-        "stereo-splats" geometry.stereo_splats = 30_000,
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
@@ -182,6 +184,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     // Splats that begin on the surfaces of stereo stay there without a loss that holds them. With another prior the loss is all there is of it.
     if settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings:
+            "stereo-splats" geometry.stereo_splats = 30_000,
             "lambda-depth" geometry.lambda_depth = 0.0,
             "lambda-normal" geometry.lambda_normal = 0.0,
         );

@@ -38,8 +38,9 @@ group! {
         /// Of --stereo-splats no more than so many for each such photograph: little surface asks for few (0: all of them)
         #[arg(value_name = "N")]
         pub stereo_densest: u32 = 0,
-        /// These numbers are for photographs of so many pixels on the longer side; a training on larger ones begins with more, in proportion
-        /// to that side, where memory allows it (0: as many at any size)
+        /// These numbers are for photographs of so many pixels on the longer side; a training on larger ones begins with more where memory
+        /// allows it, in proportion to that side, but at most to the square root of the steps: with twice as many from 7,000 steps on (0: with
+        /// as many at any size)
         #[arg(value_name = "PX")]
         pub stereo_splats_for: u32 = 0,
         /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
