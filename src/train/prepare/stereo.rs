@@ -190,8 +190,8 @@ pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settin
     wanted.min(room)
 }
 
-/// How many times the splats of a training of 1,750 steps are worth their place in one of so many: growth makes more of them the longer it
-/// goes on, too, and a short training of large photographs has no use for more than of small ones.
+/// How many times the splats of a training of 1,750 steps one of so many may begin with. What other methods grow is the fewer the shorter
+/// they train, at any size of the photographs, and surfaces are to begin with less than that.
 fn learned_in(steps: u32) -> f64 {
     (f64::from(steps) / 1750.0).sqrt()
 }
