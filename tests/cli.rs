@@ -146,6 +146,14 @@ fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\n");
     assert_eq!(chosen(&["--config", &file]), (30_000, 12_500, 0), "a file of a build that went by no size");
     assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0, 0));
+    let whole =
+        "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\nstereo-densest = 20000\nstereo-splats-for = 320\n";
+    let whole = write(folder.path(), "whole.toml", whole);
+    assert_eq!(chosen(&["--config", &whole]), (30_000, 12_500, 320));
+    assert_eq!(chosen(&["--config", &whole, "--stereo-splats", "0"]), (0, 0, 0));
+    assert_eq!(chosen(&["--config", &whole, "--stereo-splats", "0", "--stereo-density", "0"]), (0, 0, 0));
+    assert_eq!(chosen(&["--config", &whole, "--stereo-density", "0"]), (30_000, 0, 0));
+    assert_eq!(chosen(&["--config", &whole, "--stereo-density", "15000"]), (30_000, 15_000, 320));
     let before = write(folder.path(), "before.toml", "[geometry]\nstereo-splats = 30000\n");
     assert_eq!(chosen(&["--config", &before]), (30_000, 0, 0), "a file of a build that had no density");
     fails(&["train", "fox", "--method", "3dgs", "--stereo-density", "5"], 2, &["stereo-density", "--depth-prior"]);

@@ -119,13 +119,8 @@ impl Args {
             }
             (None, Some(file)) => {
                 let mut settings = asked.over(&Settings::read(file)?, given)?;
-                if given("stereo-splats") && !given("stereo-density") {
-                    // Whoever says how many there are to be has so many, whatever the file's goes by.
-                    settings.geometry.stereo_density = 0;
-                    settings.geometry.stereo_densest = 0;
-                    if !given("stereo-splats-for") {
-                        settings.geometry.stereo_splats_for = 0;
-                    }
+                if given("stereo-splats") || given("stereo-density") {
+                    settings.geometry.begin_as_asked(given);
                 }
                 let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
                 let set = |key: &str| given(key) || written.iter().any(|k| k == key);

@@ -158,6 +158,20 @@ impl Geometry {
         self.stereo_splats > 0 || self.stereo_density > 0
     }
 
+    /// A file's settings after `given` options have said how many splats begin on surfaces: whoever gives a number has that number, and
+    /// what only refines one that is 0 now falls with it, unless it was given too.
+    pub fn begin_as_asked(&mut self, given: impl Fn(&str) -> bool) {
+        if !given("stereo-density") {
+            self.stereo_density = 0;
+        }
+        if self.stereo_density == 0 && !given("stereo-densest") {
+            self.stereo_densest = 0;
+        }
+        if self.stereo_density == 0 && !given("stereo-splats-for") {
+            self.stereo_splats_for = 0;
+        }
+    }
+
     /// How stereo works.
     pub fn stereo(&self) -> crate::stereo::Settings {
         let (taps, step) = TRAINED_WINDOW;
