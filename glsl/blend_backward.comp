@@ -107,7 +107,7 @@ void main() {
     // Both loops test at their end, see common.glsl.
     if (top > 0u) {
         uint left = top;
-        while (true) {
+        do {
             const uint n = min(left, BATCH);
             const uint pair = range.x + left - 1u - min(lane, n - 1u);
             Splat mine = load_splat(sorted_splats[pair]);
@@ -119,7 +119,7 @@ void main() {
             const uint mine_row = row_of(pair);
 #endif
             uint k = 0u;
-            while (true) {
+            do {
                 const Splat s = shuffled(mine, k);
                 const uint place = left - k;
                 const float dx = center.x - s.x;
@@ -148,11 +148,9 @@ void main() {
                 put(row, lane, first);
                 if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, second);
                 ++k;
-                if (k >= n) break;
-            }
+            } while (k < n);
             left -= n;
-            if (left == 0u) break;
-        }
+        } while (left > 0u);
     }
     if (COUNT != 0u) {
         atomicAdd(pair_counts[BACKWARD_EVALUATED], evaluated);

@@ -101,12 +101,13 @@ void main() {
     // Both loops test at their end, see common.glsl.
     if (range.x < range.y) {
         uint base = range.x;
-        while (true) {
+        float most;
+        do {
             const uint n = min(BATCH, range.y - base);
             Splat mine = load_splat(sorted_splats[base + min(lane, n - 1u)]);
             mine.opacity = lane < n ? mine.opacity : 0.0;
             uint k0 = 0u;
-            while (true) {
+            do {
                 [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
                     const uint k = k0 + u;
                     const Splat s = shuffled(mine, k);
@@ -123,13 +124,11 @@ void main() {
                     }
                 }
                 k0 += UNROLL;
-                if (k0 >= n) break;
-            }
-            float most = -1.0;
+            } while (k0 < n);
+            most = -1.0;
             [[unroll]] for (uint j = 0u; j < SIDE; ++j) most = max(most, pixels[j].transmittance);
             base += BATCH;
-            if (base >= range.y || !subgroup_any(most > 0.0)) break;
-        }
+        } while (base < range.y && subgroup_any(most > 0.0));
     }
 
     [[unroll]] for (uint j = 0u; j < SIDE; ++j) {

@@ -45,7 +45,8 @@ void main() {
     Derivatives left;
     [[unroll]] for (uint c = 0u; c < 3u; ++c) left.of[c] = vec4(0.0);
     Derivatives here = derivatives_at(lane, row);
-    for (uint first = 0u; first < push.width; first += lanes) {
+    uint first = 0u;
+    do {
         const uint column = first + lane;
         const Derivatives right = derivatives_at(column + lanes, row);
         vec4 spread[3];
@@ -65,6 +66,7 @@ void main() {
         }
         left = here;
         here = right;
-    }
+        first += lanes;
+    } while (first < push.width);
     if (row < push.height) l1_parts[row * lanes + lane] = sum;
 }

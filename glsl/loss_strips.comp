@@ -94,7 +94,8 @@ void main() {
     uint counts = 0u;
     // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
     // numbers, which are outside like those past the last.
-    for (uint i = first; i < first + walked; ++i) {
+    uint i = first;
+    do {
         const uint taken = i - 2u * WINDOW_RADIUS;
         const uint center = taken - WINDOW_RADIUS;
         const uint done = center - WINDOW_RADIUS;
@@ -128,7 +129,8 @@ void main() {
             }
 #endif
         }
-    }
+        ++i;
+    } while (i < first + walked);
     const uint row = segment * (3u / CHANNELS) + first_channel();
     if (first < push.height && column < push.width) ssim_parts[row * push.width + column] = sum;
 }

@@ -5,3 +5,8 @@
 //! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #include "project.glsl"
+layout(local_size_x = 64) in;
+void main() {
+    const uint i = global_index();
+    if (i < counters[COUNTER_SPLATS]) project_splat(camera_from_push(), i);
+}

@@ -6,3 +6,8 @@
 #extension GL_GOOGLE_include_directive : require
 #define HALF
 #include "project.glsl"
+layout(local_size_x = 64) in;
+void main() {
+    const uint i = global_index();
+    if (i < counters[COUNTER_SPLATS]) project_splat(camera_from_push(), i);
+}

@@ -29,7 +29,7 @@ void main() {
     vec4 sum = vec4(0.0);
     // A visible splat has a slot. The loop tests at its end, see common.glsl.
     uint slot = begin;
-    while (true) {
+    do {
         for (uint i = 0u; i < PER_TURN; ++i) {
             if (slot + i < end) {
                 if (AUX != 0u && quad == 3u) sum.xyz += LOAD4(slot_normals, slot + i).xyz;
@@ -37,8 +37,7 @@ void main() {
             }
         }
         slot += PER_TURN;
-        if (slot >= end) break;
-    }
+    } while (slot < end);
     if (AUX != 0u && quad == 3u) grad_normals[splat] = sum;
     else grad2d[3u * splat + quad] = sum;
 }

@@ -72,7 +72,7 @@ vec4 arm(uint number, ivec2 at) {
     vec4 found = vec4(0.0);
     // The loop tests at its end, see common.glsl.
     uint k = 0u;
-    while (true) {
+    do {
         const int out_by = int((k + 1u) >> 1u);
         const int across = (k & 1u) == 0u ? out_by : -out_by;
         const ivec2 offset = far ? ahead * int(3u + 2u * k) : ahead * (1 + out_by) + ahead.yx * across;
@@ -85,8 +85,7 @@ vec4 arm(uint number, ivec2 at) {
         const vec4 carried = vec4(plane.x - plane.y * float(away.x) - plane.z * float(away.y), plane.yzw);
         found = better ? carried : found;
         ++k;
-        if (k >= places) break;
-    }
+    } while (k < places);
     return found;
 }
 
@@ -118,7 +117,7 @@ void main() {
     const uint others = start ? 1u : ARMS;
     // At least one; the loop tests at its end, see common.glsl.
     uint c = 0u;
-    while (true) {
+    do {
         const vec4 draw = spread(random_bits(uvec4(pixel, c, push.turn, push.seed)));
         vec3 hypothesis;
         if (c >= others) {
@@ -129,7 +128,6 @@ void main() {
         const float score = window_score(hypothesis, middle);
         if (textured && possible(hypothesis, middle) && score > held.w) held = vec4(hypothesis, score);
         ++c;
-        if (c >= others + push.draws) break;
-    }
+    } while (c < others + push.draws);
     planes[pixel] = held;
 }

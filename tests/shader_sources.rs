@@ -43,25 +43,24 @@ fn loops(code: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Whether the loop at the start of `code` is `while (true) { ... ++k; ... if (k >= BOUND) break; }`: every turn moves a count and, as its
-/// last statement, leaves when the count is there. `k -= n; ... k == 0u` is as good.
+/// Whether the loop at the start of `code` is `do { ... ++k; ... } while (k < BOUND);`: every turn moves a count, and the loop goes on while
+/// the count is not there. `k -= n; ... k > 0u` is as good.
 fn counts_to_a_bound(code: &str) -> bool {
-    let Some(code) = code.strip_prefix("while (true) {") else { return false };
+    let Some(code) = code.strip_prefix("do {") else { return false };
     let mut depth = 1;
     let end = code.find(|c| {
         depth += i32::from(c == '{') - i32::from(c == '}');
         depth == 0
     });
-    let body = code[..end.expect("a body ends")].trim_end();
-    let Some((_, last)) = body.rsplit_once('\n') else { return false };
+    let (body, rest) = code.split_at(end.expect("a body ends"));
+    let Some((_, last)) = body.trim_end().rsplit_once('\n') else { return false };
     let indent = &last[..last.len() - last.trim_start().len()];
     let every_turn: Vec<&str> =
         body.lines().filter_map(|l| l.strip_prefix(indent)).filter(|l| !l.starts_with(' ')).collect();
-    let Some(condition) = last.trim().strip_prefix("if (").and_then(|l| l.strip_suffix(") break;")) else {
-        return false;
-    };
+    let condition = rest.lines().next().and_then(|l| l.strip_prefix("} while (")).and_then(|l| l.strip_suffix(");"));
+    let Some(condition) = condition else { return false };
     !body.contains("continue")
-        && condition.split(" || ").any(|part| match (part.split_once(" >= "), part.strip_suffix(" == 0u")) {
+        && condition.split(" && ").any(|part| match (part.split_once(" < "), part.strip_suffix(" > 0u")) {
             (Some((k, _)), _) => {
                 every_turn.iter().any(|l| *l == format!("++{k};") || l.starts_with(&format!("{k} += ")))
             }
@@ -81,13 +80,12 @@ fn loops_are_bounded_before_they_start() {
             assert!(compares && moves, "{file}: for ({})", header.join("; "));
             seen += 1;
         }
-        for (at, _) in code.match_indices("while (") {
-            // Compare-and-swap goes on until it has won; each time it loses, another thread has got on.
-            if !code[at..].starts_with("while (seen != expected)") {
-                assert!(counts_to_a_bound(&code[at..]), "{file}: a loop without a bound");
-                seen += 1;
-            }
-        }
+        let ends = code.matches("while (").count();
+        // Compare-and-swap goes on until it has won; each time it loses, another thread has got on.
+        let swaps = code.matches("} while (seen != expected);").count();
+        let bounded = code.match_indices("do {").filter(|(at, _)| counts_to_a_bound(&code[*at..])).count();
+        assert_eq!(bounded + swaps, ends, "{file}: a loop without a bound");
+        seen += bounded;
     }
     assert!(seen > 30, "only {seen} loops were found");
 }

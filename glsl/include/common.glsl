@@ -1,8 +1,8 @@
 // What every pass shares: linear indices over dispatches that are folded into two axes.
 // A device may limit one axis to 65,535 workgroups, so group g runs as (g % x, g / x): use these, never gl_GlobalInvocationID.
 //
-// Loops that "test at their end", `while (true)` with one break as the last statement: where a loop tests at its start, lavapipe runs the
-// body once more with no lane active, since it branches at ends only, and a second exit costs it copies of all that the loop changes.
+// Loops that "test at their end", `do { ... } while (...)`: where a loop tests at its start, lavapipe, which branches at ends only, runs the
+// body once more with no lane active, and carries all that the loop changes from turn to turn by three merges under the mask, not one.
 #ifndef COMMON_GLSL
 #define COMMON_GLSL
 

@@ -73,7 +73,7 @@ void emit_alone(uint splat, uint place, uint end, uint shift) {
     uint step = 0u;
     uint y = e.row_begin;
     uvec2 columns = tile_row(e, y, grid);  // what is left of the row
-    while (true) {
+    do {
         for (uint j = 0u; j < PER_TURN; ++j) {
             const bool listed = y < e.row_end;
             if (place < end && (!listed || columns.x < columns.y)) {
@@ -84,8 +84,7 @@ void emit_alone(uint splat, uint place, uint end, uint shift) {
             if (columns.x >= columns.y) columns = tile_row(e, ++y, grid);
         }
         step += PER_TURN;
-        if (step >= steps || place >= end) break;
-    }
+    } while (step < steps && place < end);
 }
 
 #endif

@@ -1,4 +1,4 @@
-// The body of project and of its form with spherical harmonics in half floats (HALF).
+// The body of project and of its other forms: what becomes of one splat. HALF: spherical harmonics in half floats.
 #include "camera_push.glsl"
 #include "common.glsl"
 #include "counters.glsl"
@@ -6,7 +6,6 @@
 #include "projection.glsl"
 #include "sh.glsl"
 #include "tile.glsl"
-layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint TILE_W = 16u;
 layout(constant_id = 1) const uint TILE_H = 16u;
 layout(constant_id = 2) const uint AUX = 0u;
@@ -24,64 +23,48 @@ layout(set = 0, binding = 9) writeonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 10) writeonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 11) writeonly buffer Normals { vec4 normals[]; };
 
-void cull(uint i, bool bad) {
-    tile_counts[i] = 0u;
-    if (bad) atomicAdd(counters[COUNTER_BAD_SPLATS], 1u);
-}
-
-void main() {
-    const uint i = global_index();
-    if (i >= counters[COUNTER_SPLATS]) return;
-
+// Conditions nest, rather than return early, because a software rasterizer keeps a mask of the threads that have returned.
+void project_splat(Camera camera, uint i) {
     const vec3 mean = LOAD3(means, i);
     const vec4 quat = LOAD4(quats, i);
     const vec3 log_scale = LOAD3(scales, i);
     const float logit = opacities[i];
-    if (!(finite(mean) && finite(quat) && finite(log_scale) && finite(logit))) {
-        cull(i, true);
-        return;
-    }
-    const Camera camera = camera_from_push();
+    bool bad = !(finite(mean) && finite(quat) && finite(log_scale) && finite(logit));
     const vec3 p = to_camera(camera, mean);
-    if (!(p.z > camera.near)) {
-        cull(i, false);
-        return;
+    uint tiles = 0u;
+    if (!bad && p.z > camera.near) {
+        const Ewa e = ewa_project(camera, p, quat, log_scale);
+        const vec2 at = camera.focal * (p.xy / p.z) + camera.principal;
+        float opacity = sigmoid(logit).x;
+        if (view_has(VIEW_ANTIALIAS)) opacity *= e.compensation;
+        // Values that overflowed say nothing of where the splat is.
+        if (finite(at) && finite(e.conic) && finite(e.det) && finite(p.z) && opacity >= ALPHA_MIN) {
+            tiles = count_tiles(at, e.conic, opacity, TileGrid(uvec2(push.width, push.height), uvec2(TILE_W, TILE_H)));
+        }
+        if (tiles > 0u) {
+            const uint degree = i < FULL_ROWS ? push.sh_degree : min(push.sh_degree, 1u);
+            const vec3 dir = normalize(mean - camera.center);
+            const uint s = 3u * i;
+            vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD_SH(sh0, s), LOAD_SH(sh0, s + 1u), LOAD_SH(sh0, s + 2u));
+            if (degree >= 2u) {
+                color += sh_sum(sh_basis1(dir), LOAD_SH(sh1, s), LOAD_SH(sh1, s + 1u), LOAD_SH(sh1, s + 2u));
+                color += sh_sum(sh_basis2(dir, degree), LOAD_SH(sh2, s), LOAD_SH(sh2, s + 1u), LOAD_SH(sh2, s + 2u));
+            }
+            if (degree >= 3u) color += sh_sum(sh_basis3(dir), LOAD_SH(sh3, s), LOAD_SH(sh3, s + 1u), LOAD_SH(sh3, s + 2u));
+            bad = !finite(color);
+            if (bad) {
+                tiles = 0u;
+            } else {
+                splat2d[s] = vec4(at, e.conic.xy);
+                splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, e.rest);
+                splat2d[s + 2u] = vec4(max(color, vec3(0.0)), 0.0);
+                if (AUX != 0u) {
+                    float side;
+                    normals[i] = vec4(splat_normal(camera, p, e.rot, shortest_axis(log_scale), side), 0.0);
+                }
+            }
+        }
     }
-    const Ewa e = ewa_project(camera, p, quat, log_scale);
-    const vec2 at = camera.focal * (p.xy / p.z) + camera.principal;
-    float opacity = sigmoid(logit).x;
-    if (view_has(VIEW_ANTIALIAS)) opacity *= e.compensation;
-    // Values that overflowed say nothing of where the splat is.
-    if (!(finite(at) && finite(e.conic) && finite(e.det) && finite(p.z)) || opacity < ALPHA_MIN) {
-        cull(i, false);
-        return;
-    }
-    const uint tiles = count_tiles(at, e.conic, opacity, TileGrid(uvec2(push.width, push.height), uvec2(TILE_W, TILE_H)));
-    if (tiles == 0u) {
-        cull(i, false);
-        return;
-    }
-
-    const uint degree = i < FULL_ROWS ? push.sh_degree : min(push.sh_degree, 1u);
-    const vec3 dir = normalize(mean - camera.center);
-    const uint s = 3u * i;
-    vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD_SH(sh0, s), LOAD_SH(sh0, s + 1u), LOAD_SH(sh0, s + 2u));
-    if (degree >= 2u) {
-        color += sh_sum(sh_basis1(dir), LOAD_SH(sh1, s), LOAD_SH(sh1, s + 1u), LOAD_SH(sh1, s + 2u));
-        color += sh_sum(sh_basis2(dir, degree), LOAD_SH(sh2, s), LOAD_SH(sh2, s + 1u), LOAD_SH(sh2, s + 2u));
-    }
-    if (degree >= 3u) color += sh_sum(sh_basis3(dir), LOAD_SH(sh3, s), LOAD_SH(sh3, s + 1u), LOAD_SH(sh3, s + 2u));
-    if (!finite(color)) {
-        cull(i, true);
-        return;
-    }
-
     tile_counts[i] = tiles;
-    splat2d[s] = vec4(at, e.conic.xy);
-    splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, e.rest);
-    splat2d[s + 2u] = vec4(max(color, vec3(0.0)), 0.0);
-    if (AUX != 0u) {
-        float side;
-        normals[i] = vec4(splat_normal(camera, p, e.rot, shortest_axis(log_scale), side), 0.0);
-    }
+    if (bad) atomicAdd(counters[COUNTER_BAD_SPLATS], 1u);
 }

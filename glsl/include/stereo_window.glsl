@@ -103,7 +103,7 @@ float window_score(vec3 hypothesis, vec2 middle) {
     if (push.sources > 0u) {
         // The loop tests at its end, see common.glsl.
         uint source = 0u;
-        while (true) {
+        do {
             float score = source_score(source, hypothesis, middle);
             seen += score >= 0.0 ? 1u : 0u;
             [[unroll]] for (uint k = 0u; k < 4u; ++k) {
@@ -112,8 +112,7 @@ float window_score(vec3 hypothesis, vec2 middle) {
                 best[k] = higher;
             }
             ++source;
-            if (source >= push.sources) break;
-        }
+        } while (source < push.sources);
     }
     const uint most = clamp(seen, 1u, push.best);
     const uvec4 counted = uvec4(lessThan(uvec4(0u, 1u, 2u, 3u), uvec4(most)));

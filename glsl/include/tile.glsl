@@ -153,12 +153,11 @@ uint count_tiles(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
     if (e.row_begin < e.row_end) {
         // The loop tests at its end, see common.glsl.
         uint row = e.row_begin;
-        while (true) {
+        do {
             const uvec2 columns = tile_row(e, row, grid);
             count += columns.y - columns.x;
             ++row;
-            if (row >= e.row_end) break;
-        }
+        } while (row < e.row_end);
     }
     return count;
 }

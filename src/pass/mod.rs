@@ -157,6 +157,7 @@ pub const ALL: &[&Pass] = &[
     &probe::MULTIPLY_ADD,
     &project::HALF,
     &project::PASS,
+    &project::SPARSE,
     &project_backward::PASS,
     &project_backward_adam::PASS,
     &project_backward_adam_packed::PASS,

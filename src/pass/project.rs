@@ -21,7 +21,13 @@ const BINDINGS: &[Binding] = &[
     write("normals"),
 ];
 
-const fn pass(name: &'static str, doc: &'static str, twin: fn(&mut TwinCall<'_>)) -> Pass {
+const fn pass(
+    name: &'static str,
+    local_size: u32,
+    doc: &'static str,
+    dispatch: &'static str,
+    twin: fn(&mut TwinCall<'_>),
+) -> Pass {
     Pass {
         kernel: Kernel {
             name,
@@ -34,20 +40,24 @@ const fn pass(name: &'static str, doc: &'static str, twin: fn(&mut TwinCall<'_>)
                 Constant { id: 2, name: "AUX", default: 0 },
                 ALPHA_MIN,
             ],
-            local_size: Some(64),
+            local_size: Some(local_size),
         },
         doc,
-        dispatch: "one thread per splat of the model",
+        dispatch,
         push: CameraPush::FIELDS,
         twin,
     }
 }
 
+const PER_SPLAT: &str = "one thread per splat of the model";
+
 /// The pass.
 pub const PASS: Pass = pass(
     "project",
+    64,
     "One thread owns one splat; a workgroup owns 64 consecutive splats. EWA projection, SH colour, tile count (0 = culled, \
      nothing else is written then), normals when AUX = 1; splats with non-finite parameters are counted and culled.",
+    PER_SPLAT,
     crate::twin::project::run,
 );
 
@@ -55,7 +65,19 @@ pub const PASS: Pass = pass(
 /// `c / 2` of the row for even `c`, the upper for odd.
 pub const HALF: Pass = pass(
     "project_half",
+    64,
     "One thread owns one splat; a workgroup owns 64 consecutive splats. As project, with spherical harmonics in half floats: for \
      pictures only.",
+    PER_SPLAT,
     crate::twin::project::run_half,
+);
+
+/// For devices whose subgroups are exactly 8 wide and that run through a branch that no thread takes: lavapipe. The same results.
+pub const SPARSE: Pass = pass(
+    "project_sparse",
+    8,
+    "A workgroup of 8 threads owns 64 consecutive splats: one thread a splat in turn looks whether it may be seen, then one thread of these in \
+     turn projects it. Otherwise as project.",
+    "one workgroup per 64 splats of the model",
+    crate::twin::project::run,
 );

@@ -1,7 +1,7 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
 use super::variants::{Backward, COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
-use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit};
+use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit, project};
 use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
 
 /// Least width of subgroups that emit together.
@@ -41,6 +41,11 @@ pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
     let caps = gpu.caps();
     let wide = matches!(caps.subgroup, Subgroup::Hardware(WIDE..));
     if wide && caps.kind != DeviceKind::Cpu { &emit::TOGETHER } else { &emit::PASS }
+}
+
+/// The projection of models as they are trained.
+pub(super) fn projection(gpu: &Gpu) -> &'static Pass {
+    if columns_by_hardware(gpu) && gpu.caps().kind == DeviceKind::Cpu { &project::SPARSE } else { &project::PASS }
 }
 
 /// The forward pass.

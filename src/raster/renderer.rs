@@ -89,7 +89,7 @@ impl Channels {
         let mut switches = vec![aux, ("COUNT", u32::from(count))];
         switches.extend(chosen.constants);
         Ok(Self {
-            project: gpu.pipeline(&project::PASS.kernel, &projection)?,
+            project: gpu.pipeline(&kernels::projection(gpu).kernel, &projection)?,
             projection,
             blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
         })

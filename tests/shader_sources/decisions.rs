@@ -8,7 +8,7 @@ use rspirv::dr::{Instruction, Module, Operand, load_bytes};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 
 /// The kernels that count the tiles that a splat touches.
-const PROJECTIONS: [&str; 2] = ["project", "project_half"];
+const PROJECTIONS: [&str; 3] = ["project", "project_half", "project_sparse"];
 
 fn id(operand: &Operand) -> u32 {
     match operand {

@@ -94,7 +94,7 @@ cases! {
     plan: "plan" "finish";
     pool: "pool" "pool_backward";
     probe: "probe_copy" "probe_rate_exp2" "probe_rate_multiply_add";
-    project: "project" "project_half";
+    project: "project" "project_half" "project_sparse";
     project_backward: "project_backward";
     project_backward_adam: "project_backward_adam";
     project_backward_adam_packed: "project_backward_adam_packed";

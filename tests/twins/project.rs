@@ -5,15 +5,16 @@ use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::pass::{
     counters,
-    project::{HALF, PASS},
+    project::{HALF, PASS, SPARSE},
 };
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::{Culled, Projected, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::twin::tile::{self, TileGrid};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::common::guards::{Guards, eased};
+use super::common::splats::{Random, spread, to_scene};
 use super::harness::{self, Outcome};
 use super::projection_scene as scene;
 
@@ -65,8 +66,18 @@ fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
     }
     // At least one group, so that a model of no splats is a dispatch that does nothing.
     let groups = case.model.len().div_ceil(64).max(1) as u32;
-    let pass = if case.halved { &HALF } else { &PASS };
-    harness::run(gpu, pass, &constants, &buffers, &scene::push(&case.projection), groups)
+    let run = |pass| harness::run(gpu, pass, &constants, &buffers, &scene::push(&case.projection), groups);
+    if case.halved {
+        return run(&HALF);
+    }
+    let outcome = run(&PASS);
+    if matches!(gpu.caps().subgroup, Subgroup::Hardware(8)) {
+        let sparse = run(&SPARSE);
+        for (k, (got, want)) in sparse.device.iter().zip(&outcome.device).enumerate() {
+            assert!(got == want, "buffer {k} where splats out of view are left out first");
+        }
+    }
+    outcome
 }
 
 /// Whether rounding may decide if the splat is culled: the verdict changes when depth, opacity or place move a little.
@@ -173,6 +184,46 @@ fn sizes(gpu: &Gpu) {
     }
 }
 
+/// Splats of all sizes and shapes about the edges of the image, where a bound on their extent would first leave out one too many.
+fn edges(gpu: &Gpu) {
+    let camera = scene::view();
+    let mut random = Random::new(31);
+    for aspect in [1.0, 30.0, 3000.0, 3e5] {
+        let mut splats = Vec::new();
+        for _ in 0..4000 {
+            let mut splat = spread(&mut random, &camera, 1.0);
+            let z = random.between(0.3, 8.0);
+            // Where an ellipse of this width may just reach a side of the image, on either side of that.
+            let pixels = 10f64.powf(random.between(-1.0, 2.5));
+            let out = pixels * random.between(0.0, 5.0);
+            let along = random.between(-0.5, 1.5);
+            let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+            let at = match random.between(0.0, 4.0) as u32 {
+                0 => [-out, along * h],
+                1 => [w + out, along * h],
+                2 => [along * w, -out],
+                _ => [along * w, h + out],
+            };
+            splat.mean =
+                to_scene(&camera, [(at[0] - camera.cx) / camera.fx * z, (at[1] - camera.cy) / camera.fy * z, z]);
+            let wide = (pixels * z / camera.fx).ln();
+            splat.log_scale = [wide, wide - f64::ln(aspect) * random.between(0.5, 1.0), wide - f64::ln(aspect)];
+            splat.logit = random.between(-6.0, 12.0);
+            splats.push(splat);
+        }
+        let model = scene::model(&splats);
+        for antialias in [false, true] {
+            let projection = Projection { antialias, ..Projection::default() };
+            for alpha_min in [Cutoffs::EXACT.alpha, 1.0 / 32.0] {
+                let case = Case { alpha_min, ..Case::new(&model, projection, [8, 8], true) };
+                let tiles = dispatch(gpu, &case).device::<u32>(10);
+                let seen = tiles[..model.len()].iter().filter(|t| **t > 0).count();
+                assert!(seen > 50 && seen < 3600, "{seen} of {} reach the image, aspect {aspect}", model.len());
+            }
+        }
+    }
+}
+
 /// Fewer splats and tiles where splats are skipped sooner.
 fn skipped_sooner(gpu: &Gpu) {
     let model = scene::ordinary(600, 7);
@@ -255,6 +306,7 @@ pub fn run(gpu: &Gpu) {
     sizes(gpu);
     ordinary(gpu);
     hard(gpu);
+    edges(gpu);
     skipped_sooner(gpu);
     halved(gpu);
     poison(gpu);
