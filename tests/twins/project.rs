@@ -218,7 +218,8 @@ fn edges(gpu: &Gpu) {
                 let case = Case { alpha_min, ..Case::new(&model, projection, [8, 8], true) };
                 let tiles = dispatch(gpu, &case).device::<u32>(10);
                 let seen = tiles[..model.len()].iter().filter(|t| **t > 0).count();
-                assert!(seen > 50 && seen < 3600, "{seen} of {} reach the image, aspect {aspect}", model.len());
+                // Needles lose their opacity to anti-aliasing.
+                assert!((antialias || seen > 50) && seen < 3600, "{seen} reach the image, aspect {aspect}");
             }
         }
     }
