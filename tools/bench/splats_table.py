@@ -12,7 +12,7 @@ import json
 from results_table import RESULTS, SCENES
 
 METHODS = ["3dgs", "absgs", "gspro", "rsgs", "lean", "psrgs-paper", "psrgs"]
-SHARES = [25, 50, 70, None]
+SHARES = [25, 50, 70, 100, None]
 
 
 def run(scene, method, share):
