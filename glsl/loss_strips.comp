@@ -2,7 +2,9 @@
 // loss_strips: SSIM and its derivatives with respect to the moments, those weighted by the window along columns.
 // One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them or the image's where it has fewer, and walks down
 // it; one thread owns a column. APART, for GPUs, which a small image leaves idle: a subgroup owns one channel of a strip.
+// THREE, for processors, which merge all that a loop changes at every turn: a turn takes three rows.
 //! variant subgroup
+//! variant subgroup_three THREE
 //! variant subgroup_apart APART
 //! variant emulated SUBGROUP_EMULATED APART
 //! texels
@@ -23,6 +25,11 @@ layout(set = 0, binding = 6) readonly buffer Saliency { float saliency[]; };
 #define CHANNELS 1u
 #else
 #define CHANNELS 3u
+#endif
+#ifdef THREE
+const uint ROWS = 3u;
+#else
+const uint ROWS = 1u;
 #endif
 // The first of the channels that this subgroup owns.
 uint first_channel() { return owner() % (3u / CHANNELS); }
@@ -93,44 +100,47 @@ void main() {
     // Bit j: whether this column's pixel counts that was taken j rows ago.
     uint counts = 0u;
     // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
-    // numbers, which are outside like those past the last.
-    uint i = first;
+    // numbers, which are outside like those past the last. What a last turn takes beyond these is outside too.
+    uint at = first;
     do {
-        const uint taken = i - 2u * WINDOW_RADIUS;
-        const uint center = taken - WINDOW_RADIUS;
-        const uint done = center - WINDOW_RADIUS;
-        const Moments left = moments_at(column - lanes, taken);
-        const Moments here = moments_at(column, taken);
-        const Moments right = moments_at(column + lanes, taken);
-        counts = counts << 1 | uint(here.counts);
-        const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
-        const float weight = center_counts ? weight_at(center * push.width + column) : 0.0;
-        vec4 spread[CHANNELS];
-        [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) {
-            const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
-            vec4 derivatives;
-            const float value = ssim(mean, derivatives);
-            sum += center >= first && center < end && center_counts ? value : 0.0;
-            spread[c] = window_take(back[c], center_counts ? weight * derivatives : vec4(0.0));
-        }
-        if (done >= first && done < end && column < push.width) {
-            const uint k = 3u * (done * push.width + column);
+        [[unroll]] for (uint u = 0u; u < ROWS; ++u) {
+            const uint i = at + u;
+            const uint taken = i - 2u * WINDOW_RADIUS;
+            const uint center = taken - WINDOW_RADIUS;
+            const uint done = center - WINDOW_RADIUS;
+            const Moments left = moments_at(column - lanes, taken);
+            const Moments here = moments_at(column, taken);
+            const Moments right = moments_at(column + lanes, taken);
+            counts = counts << 1 | uint(here.counts);
+            const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
+            const float weight = center_counts ? weight_at(center * push.width + column) : 0.0;
+            vec4 spread[CHANNELS];
+            [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) {
+                const vec4 mean = window_take(moments[c], window_across(left.of[c], here.of[c], right.of[c]));
+                vec4 derivatives;
+                const float value = ssim(mean, derivatives);
+                sum += center >= first && center < end && center_counts ? value : 0.0;
+                spread[c] = window_take(back[c], center_counts ? weight * derivatives : vec4(0.0));
+            }
+            if (done >= first && done < end && column < push.width) {
+                const uint k = 3u * (done * push.width + column);
 #ifdef APART
-            [[unroll]] for (uint j = 0u; j < 3u; ++j) {
-                if (first_channel() == 0u) red_planes[k + j] = spread[0][j];
-                else if (first_channel() == 1u) green_planes[k + j] = spread[0][j];
-                else blue_planes[k + j] = spread[0][j];
-            }
+                [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+                    if (first_channel() == 0u) red_planes[k + j] = spread[0][j];
+                    else if (first_channel() == 1u) green_planes[k + j] = spread[0][j];
+                    else blue_planes[k + j] = spread[0][j];
+                }
 #else
-            [[unroll]] for (uint j = 0u; j < 3u; ++j) {
-                red_planes[k + j] = spread[0][j];
-                green_planes[k + j] = spread[1][j];
-                blue_planes[k + j] = spread[2][j];
-            }
+                [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+                    red_planes[k + j] = spread[0][j];
+                    green_planes[k + j] = spread[1][j];
+                    blue_planes[k + j] = spread[2][j];
+                }
 #endif
+            }
         }
-        ++i;
-    } while (i < first + walked);
+        at += ROWS;
+    } while (at < first + walked);
     const uint row = segment * (3u / CHANNELS) + first_channel();
     if (first < push.height && column < push.width) ssim_parts[row * push.width + column] = sum;
 }

@@ -189,7 +189,10 @@ const fn grad(
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
 pub const STRIPS_SUBGROUP: Pass =
     strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, false);
-/// The same, one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].
+/// The same, three rows a turn: for processors, which merge all that a loop changes under the mask of active lanes at every turn.
+pub const STRIPS_SUBGROUP_THREE: Pass =
+    strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, false);
+/// The same as [`STRIPS_SUBGROUP`], one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].
 pub const STRIPS_SUBGROUP_APART: Pass =
     strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, true);
 /// The same as [`STRIPS_SUBGROUP_APART`] without subgroup operations.

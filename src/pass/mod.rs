@@ -145,6 +145,7 @@ pub const ALL: &[&Pass] = &[
     &loss::STRIPS_EMULATED,
     &loss::STRIPS_SUBGROUP,
     &loss::STRIPS_SUBGROUP_APART,
+    &loss::STRIPS_SUBGROUP_THREE,
     &loss::SUM,
     &opacity_reset::PASS,
     &photograph_reduce::PASS,

@@ -52,6 +52,8 @@ fn pictures(
 #[derive(Clone, Copy, PartialEq)]
 enum With {
     Hardware(u32),
+    /// Three rows a turn.
+    Three(u32),
     /// A channel of a strip per subgroup.
     Apart(u32),
     Emulated(u32),
@@ -61,7 +63,7 @@ impl With {
     fn all(gpu: &Gpu) -> Vec<Self> {
         let mut all = vec![Self::Emulated(64), Self::Emulated(32), Self::Emulated(8)];
         if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-            all.extend([Self::Hardware(width), Self::Apart(width)]);
+            all.extend([Self::Hardware(width), Self::Three(width), Self::Apart(width)]);
         }
         all
     }
@@ -73,12 +75,12 @@ impl With {
 
     fn lanes(self) -> u32 {
         match self {
-            Self::Hardware(width) | Self::Apart(width) | Self::Emulated(width) => width,
+            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) | Self::Emulated(width) => width,
         }
     }
 
     fn apart(self) -> u32 {
-        if matches!(self, Self::Hardware(_)) { 1 } else { 3 }
+        if matches!(self, Self::Hardware(_) | Self::Three(_)) { 1 } else { 3 }
     }
 
     fn layout(self, width: usize, height: usize, segment: u32) -> Layout {
@@ -88,6 +90,7 @@ impl With {
     fn passes(self) -> [&'static Pass; 2] {
         match self {
             Self::Hardware(_) => [&passes::STRIPS_SUBGROUP, &passes::GRAD_SUBGROUP],
+            Self::Three(_) => [&passes::STRIPS_SUBGROUP_THREE, &passes::GRAD_SUBGROUP],
             Self::Apart(_) => [&passes::STRIPS_SUBGROUP_APART, &passes::GRAD_SUBGROUP],
             Self::Emulated(_) => [&passes::STRIPS_EMULATED, &passes::GRAD_EMULATED],
         }
@@ -95,14 +98,14 @@ impl With {
 
     fn constant(self) -> (&'static str, u32) {
         match self {
-            Self::Hardware(width) | Self::Apart(width) => ("LOCAL_SIZE", width),
+            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) => ("LOCAL_SIZE", width),
             Self::Emulated(width) => ("EMULATED_WIDTH", width),
         }
     }
 
     fn local_size(self) -> u32 {
         match self {
-            Self::Hardware(width) | Self::Apart(width) => width,
+            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) => width,
             Self::Emulated(_) => passes::EMULATED_LOCAL_SIZE,
         }
     }

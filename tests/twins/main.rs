@@ -89,7 +89,7 @@ cases! {
     geometry: "geometry_depth" "geometry_grad" "part_sum";
     gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup"
-        "loss_strips_subgroup_apart" "loss_sum";
+        "loss_strips_subgroup_apart" "loss_strips_subgroup_three" "loss_sum";
     photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";

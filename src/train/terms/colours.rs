@@ -58,6 +58,8 @@ impl Losses {
             (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED)
         } else if layout.apart == 3 {
             (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP)
+        } else if gpu.caps().kind == DeviceKind::Cpu {
+            (&loss::STRIPS_SUBGROUP_THREE, &loss::GRAD_SUBGROUP)
         } else {
             (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP)
         };
