@@ -73,8 +73,11 @@ void main() {
         high[p] = bias_high;
     }
     uint row = push.filter_row + 8u * group * push.size * push.size * push.in_quads;
-    for (uint tap_y = 0u; tap_y < push.size; ++tap_y) {
-        for (uint tap_x = 0u; tap_x < push.size; ++tap_x) {
+    // All three loops test at their end, see common.glsl.
+    uint tap_y = 0u;
+    do {
+        uint tap_x = 0u;
+        do {
             uint from[PIXELS];
             [[unroll]] for (uint p = 0u; p < PIXELS; ++p) {
                 const uvec2 at = corner[p] + uvec2(tap_x, tap_y);
@@ -82,7 +85,8 @@ void main() {
                 const uint pixel = inside ? image_first[p] + at.y * push.in_width + at.x : push.zero_pixel;
                 from[p] = pixel * push.in_row + push.in_first;
             }
-            for (uint quad = 0u; quad < push.in_quads; ++quad) {
+            uint quad = 0u;
+            do {
                 vec4 f[8];
                 [[unroll]] for (uint k = 0u; k < 8u; ++k) f[k] = LOAD4(filters, row + k);
                 [[unroll]] for (uint p = 0u; p < PIXELS; ++p) {
@@ -97,9 +101,12 @@ void main() {
                     high[p] += v.w * f[7];
                 }
                 row += 8u;
-            }
-        }
-    }
+                ++quad;
+            } while (quad < push.in_quads);
+            ++tap_x;
+        } while (tap_x < push.size);
+        ++tap_y;
+    } while (tap_y < push.size);
     [[unroll]] for (uint p = 0u; p < PIXELS; ++p) {
         const uint pixel = block + p * blocks;
         if (pixel < pixels) {
