@@ -315,7 +315,7 @@ impl<'a> Run<'a> {
             tiles: over_views(&tiles),
             splat_capacity: f64::from(self.engine.renderer().splat_capacity()),
             pair_capacity: f64::from(pair_capacity),
-            most_at_once: scan::most_at_once(self.gpu.caps().kind),
+            most_at_once: scan::most_at_once(self.gpu.caps()),
             tile_capacity,
             sh_degree: self.sh_degree,
             sh_every: self.shortcuts.sh_every,

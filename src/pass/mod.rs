@@ -173,6 +173,7 @@ pub const ALL: &[&Pass] = &[
     &scan::ADD_EMULATED,
     &scan::ADD_ROWS,
     &scan::ONCE,
+    &scan::ONCE_RUNS,
     &scan::ONCE_WIDE,
     &scan::ONCE_EMULATED,
     &scan::REDUCE,

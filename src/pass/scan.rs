@@ -90,6 +90,12 @@ pub const ONCE_WIDE: Pass = {
     let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
     Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
 };
+/// [`ONCE`] by one subgroup of 8 threads, for processors.
+pub const ONCE_RUNS: Pass = {
+    let blocks = pass("scan_once_runs", ONCE_BINDINGS, &[], "one workgroup", crate::twin::scan::once);
+    let kernel = Kernel { local_size: Some(8), ..blocks.kernel };
+    Pass { kernel, doc: "One thread owns a run of consecutive words, an eighth of all.", ..blocks }
+};
 /// [`ONCE`] with emulated subgroups.
 pub const ONCE_EMULATED: Pass =
     pass("scan_once_emulated", ONCE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::once);

@@ -2,7 +2,7 @@
 
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::scan::{self as pass, Push};
-use crate::vk::{Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
+use crate::vk::{Buffer, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup};
 
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
@@ -63,9 +63,18 @@ pub enum Summand {
 }
 
 /// Most words that one workgroup sums by itself: about as many as are faster so than by three dispatches, each of which a processor
-/// pays with the time of some thousand words.
-pub(crate) const fn most_at_once(kind: DeviceKind) -> u64 {
-    if matches!(kind, DeviceKind::Cpu) { 1 << 16 } else { 1 << 14 }
+/// pays with the time of some ten thousand words.
+pub(crate) fn most_at_once(caps: &Caps) -> u64 {
+    match caps.kind {
+        DeviceKind::Cpu if in_runs(caps) => 1 << 18,
+        DeviceKind::Cpu => 1 << 16,
+        _ => 1 << 14,
+    }
+}
+
+/// Whether one subgroup sums by itself, a run of words to each thread.
+fn in_runs(caps: &Caps) -> bool {
+    caps.kind == DeviceKind::Cpu && caps.subgroup == Subgroup::Hardware(8)
 }
 
 /// The passes of a prefix sum.
@@ -94,13 +103,15 @@ impl Scan {
                 Some(("EMULATED_WIDTH", width)),
             ),
         };
-        if most <= most_at_once(gpu.caps().kind) {
-            let caps = gpu.caps();
+        let caps = gpu.caps();
+        if most <= most_at_once(caps) {
             let wide = caps.kind != DeviceKind::Cpu
                 && width.is_none()
                 && caps.limits.workgroup_size >= pass::WIDE_LOCAL_SIZE
                 && pass::ONCE_WIDE.kernel.fits(&caps.limits, &[]);
-            let once = if wide {
+            let once = if in_runs(caps) {
+                gpu.pipeline(&pass::ONCE_RUNS.kernel, &[])?
+            } else if wide {
                 gpu.pipeline(&pass::ONCE_WIDE.kernel, &[("ITEMS", WIDE_ITEMS)])?
             } else {
                 gpu.pipeline(&once.kernel, width.as_slice())?

@@ -102,7 +102,7 @@ cases! {
         "radix_scatter_groups_emulated" "radix_rows_subgroup" "radix_rows_emulated";
     saliency_plane: "saliency_plane";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
-        "scan_add_subgroup_rows" "scan_add_emulated" "scan_once_subgroup" "scan_once_subgroup_wide"
+        "scan_add_subgroup_rows" "scan_add_emulated" "scan_once_runs" "scan_once_subgroup" "scan_once_subgroup_wide"
         "scan_once_emulated";
     slot_sum: "slot_sum";
     stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";

@@ -2,11 +2,11 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{
-    ADD, ADD_EMULATED, ADD_ROWS, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED, SPINE,
-    SPINE_EMULATED,
+    ADD, ADD_EMULATED, ADD_ROWS, LOCAL_SIZE, ONCE, ONCE_EMULATED, ONCE_RUNS, ONCE_WIDE, Push, REDUCE, REDUCE_EMULATED,
+    SPINE, SPINE_EMULATED,
 };
 use psrgs_vk::pass::{Pass, counters};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::harness::{self, Random, bytes, garbage};
 
@@ -40,10 +40,17 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
         groups,
     );
     add.assert_same_bits(&what);
-    let once = harness::run(gpu, passes[3], given, &[source, counts, garbage(n + 8)], push, 2);
-    once.assert_same_bits(&what);
-    assert_eq!(once.device[2], add.device[3], "{what}: in one pass");
-    assert_eq!(once.device[1], spine.device[0], "{what}: the total in one pass");
+    let mut at_once = vec![(passes[3], given)];
+    if gpu.caps().subgroup == Subgroup::Hardware(8) {
+        at_once.push((&ONCE_RUNS, &[]));
+    }
+    for (pass, given) in at_once {
+        let once = harness::run(gpu, pass, given, &[source.clone(), counts.clone(), garbage(n + 8)], push, 2);
+        let what = format!("{} of {n} words, {push:?}", pass.kernel.name);
+        once.assert_same_bits(&what);
+        assert_eq!(once.device[2], add.device[3], "{what}: in one pass");
+        assert_eq!(once.device[1], spine.device[0], "{what}: the total in one pass");
+    }
     let value = |word: u32| if push.predicate != 0 { u32::from(word != 0) } else { word };
     let (mut sum, mut exact) = (0u32, 0u64);
     for (i, (&word, prefix)) in words.iter().zip(add.device::<u32>(3)).enumerate() {
