@@ -60,6 +60,7 @@ fn counts_to_a_bound(code: &str) -> bool {
     let condition = rest.lines().next().and_then(|l| l.strip_prefix("} while (")).and_then(|l| l.strip_suffix(");"));
     let Some(condition) = condition else { return false };
     !body.contains("continue")
+        && !condition.contains("||")
         && condition.split(" && ").any(|part| match (part.split_once(" < "), part.strip_suffix(" > 0u")) {
             (Some((k, _)), _) => {
                 every_turn.iter().any(|l| *l == format!("++{k};") || l.starts_with(&format!("{k} += ")))

@@ -2,7 +2,7 @@
 // A device may limit one axis to 65,535 workgroups, so group g runs as (g % x, g / x): use these, never gl_GlobalInvocationID.
 //
 // Loops that "test at their end", `do { ... } while (...)`: where a loop tests at its start, lavapipe, which branches at ends only, runs the
-// body once more with no lane active, and carries all that the loop changes from turn to turn by three merges under the mask, not one.
+// body once more with no lane active, and may merge all that the loop changes under the mask three times a turn, not once.
 #ifndef COMMON_GLSL
 #define COMMON_GLSL
 
