@@ -5,6 +5,9 @@
 #[path = "common/mod.rs"]
 mod common;
 
+#[path = "colmap_folder/mod.rs"]
+mod colmap_folder;
+
 #[path = "stereo/alone.rs"]
 mod alone;
 #[path = "stereo/command.rs"]

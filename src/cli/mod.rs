@@ -8,6 +8,7 @@ mod completions;
 mod console;
 mod demo;
 mod demo_world;
+mod depths;
 mod device;
 mod drawing;
 mod eval;

@@ -16,13 +16,12 @@ use psrgs_vk::train::{HostMemory, shares_memory};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
+use super::depths::without_depth;
 use super::exit::Failure;
 use super::{device, out_folder, progress};
 
 /// Points that this many views observe are what depths are compared with.
 const TRUSTED_TRACK: usize = 3;
-/// Views are named up to this many.
-const NAMED: usize = 5;
 
 /// Find depth and normals of a dataset's photographs by multi-view stereo
 #[derive(clap::Args)]
@@ -130,7 +129,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     if args.random_start {
         scene.views.iter_mut().for_each(|view| view.start = Start::Random);
     }
-    tell_skipped(&scene, console);
+    without_depth(&scene.skipped, console);
     let prepared = Instant::now();
     let matcher = Matcher::new(&gpu, &settings)?;
     let bar = progress::counter(console, scene.views.len(), "photographs");
@@ -198,18 +197,6 @@ fn host_share(gpu: &Gpu, dataset: &Dataset, settings: &Settings, args: &Args, co
         }
     }
     share
-}
-
-fn tell_skipped(scene: &Scene, console: &Console) {
-    if let [first, ..] = scene.skipped.as_slice() {
-        let names: Vec<&str> = scene.skipped.iter().take(NAMED).map(|s| s.name.as_str()).collect();
-        let more = if scene.skipped.len() > NAMED { ", ..." } else { "" };
-        let text = match scene.skipped.len() {
-            1 => first.to_string(),
-            n => format!("{n} photographs without others that see the same from elsewhere: {}{more}", names.join(", ")),
-        };
-        console.warn(format_args!("no depth: {text}"));
-    }
 }
 
 /// Where a map of a view belongs, its folder made.

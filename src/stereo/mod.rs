@@ -42,7 +42,7 @@ pub use fuse::{FusedPoint, fuse, lifted_pixel};
 pub use matcher::Matcher;
 pub use prior::Prior;
 pub use room::Room;
-pub use scene::{Pending, Scene, Skipped};
+pub use scene::{Pending, Scene, Skipped, WithoutDepth};
 pub use settings::{Budget, Settings};
 pub use skirt::{SkirtPoint, skirt};
 pub use sources::{Observations, choose_sources};

@@ -11,23 +11,49 @@ use crate::scene::Camera;
 
 /// Points drawn where nothing was reconstructed, of which the dataset's rule makes more.
 const DRAWN: usize = 4000;
-/// A view with fewer observed points than this begins at random.
+/// A view with fewer observed points than this begins at random; where it shares no more with others, its observations count as missing.
 const FEW_POINTS: usize = 8;
 /// Bytes that reducing a photograph takes per pixel of it: its pixels, a channel of them, and the rows of it that are reduced.
 const REDUCING: u64 = 16;
 
-/// A view that is left out.
+/// A view of which no depth is known.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Skipped {
     /// Its position among the views.
     pub view: usize,
     /// Its name.
     pub name: String,
+    /// Why.
+    pub why: WithoutDepth,
 }
 
-impl std::fmt::Display for Skipped {
+/// Why no depth of a view is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum WithoutDepth {
+    /// No point lies in its picture: there is no range of depths to look in.
+    NothingInView,
+    /// No other view sees enough of the same from another place.
+    NoOtherView,
+    /// It was compared with other views, and agrees with none.
+    NoAgreement,
+}
+
+impl WithoutDepth {
+    /// All reasons.
+    pub const ALL: [Self; 3] = [Self::NothingInView, Self::NoOtherView, Self::NoAgreement];
+}
+
+impl std::fmt::Display for WithoutDepth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "'{}': no other view sees enough of the same from another place", self.name)
+        f.write_str(match self {
+            Self::NothingInView => {
+                "no reconstructed point lies in the picture: the pose is wrong, or nothing was reconstructed there"
+            }
+            Self::NoOtherView => "no other photograph sees enough of the same from another place",
+            Self::NoAgreement => {
+                "compared with others, no surface fits both: the pose is wrong, or there is too little texture"
+            }
+        })
     }
 }
 
@@ -103,15 +129,23 @@ impl Scene {
         let views = views.into_iter().collect::<Result<Vec<View>, dataset::Error>>()?;
         let names: Vec<String> = pending.iter().map(|pending| pending.name.to_owned()).collect();
         let alone = views.iter().enumerate().filter(|(_, view)| view.sources.is_empty());
-        let skipped = alone.map(|(view, _)| Skipped { view, name: names[view].clone() }).collect();
+        let in_view = |k: usize| {
+            seen.drawn
+                || seen.points.is_empty()
+                || own[k]
+                    .iter()
+                    .any(|p| seen.points.get(*p as usize).is_some_and(|p| placed(&cameras[k], *p).is_some()))
+        };
+        let why = |k| if in_view(k) { WithoutDepth::NoOtherView } else { WithoutDepth::NothingInView };
+        let skipped = alone.map(|(view, _)| Skipped { view, name: names[view].clone(), why: why(view) }).collect();
         Ok(Self { views, names, skipped })
     }
 }
 
 impl Observations {
     /// The points of a dataset in scene coordinates, with the positions in `chosen` of the views (positions in the dataset) that see
-    /// them. Where the dataset does not say which do, all are taken for it that have the point in their picture; where it has no points,
-    /// random ones stand in for them, which are good for choosing sources and depths but not to begin with.
+    /// them. Where the dataset does not say which do, all are taken for it that have the point in their picture, and likewise single views
+    /// of which it says next to nothing ([`Observations::assumed`]); where it has no points, random ones stand in for them, which are good for choosing sources and depths but not to begin with.
     pub fn of(dataset: &Dataset, chosen: &[usize], seed: u64) -> Self {
         let mut place = vec![None; dataset.views.len()];
         for (k, &view) in chosen.iter().enumerate() {
@@ -127,11 +161,12 @@ impl Observations {
             }
             points => (points.iter().map(|p| p.position).collect(), true),
         };
-        let in_view = |point: &[f64; 3]| -> Vec<u32> {
+        let in_view = |point: &[f64; 3], of: &[bool]| -> Vec<u32> {
             let has = |i: &usize| dataset.views.get(*i).is_some_and(|v| dataset::in_view(&v.camera, *point));
-            chosen.iter().enumerate().filter(|(_, i)| has(i)).map(|(k, _)| k as u32).collect()
+            let asked = chosen.iter().enumerate().filter(|(k, _)| of[*k]);
+            asked.filter(|(_, i)| has(i)).map(|(k, _)| k as u32).collect()
         };
-        let views = match real && !dataset.tracks.is_empty() {
+        let mut views: Vec<Vec<u32>> = match real && !dataset.tracks.is_empty() {
             true => (0..points.len())
                 .map(|p| {
                     let of = dataset.tracks.of(p).iter();
@@ -140,20 +175,35 @@ impl Observations {
                     views
                 })
                 .collect(),
-            false => points.par_iter().map(in_view).collect(),
+            false => vec![Vec::new(); points.len()],
         };
+        let assumed = with_few_shared(&views, chosen.len());
+        if !assumed.is_empty() {
+            let without: Vec<bool> = (0..chosen.len() as u32).map(|k| assumed.binary_search(&k).is_ok()).collect();
+            views.par_iter_mut().zip(&points).for_each(|(views, point)| {
+                views.retain(|k| !without[*k as usize]);
+                views.extend(in_view(point, &without));
+                views.sort_unstable();
+            });
+        }
         let points = points.into_iter().map(|p| dataset.frame.to_scene(p)).collect();
-        Self { points, views, drawn: !real }
+        Self { points, views, drawn: !real, assumed }
     }
 
     /// For each view the places in its picture and the depths of the points that it sees, of those that at least `least` views see.
+    /// What is assumed counts only where nothing else is known.
     pub fn observed_by(&self, views: &[View], least: usize) -> Vec<Vec<[f64; 3]>> {
-        let trusted = |p: &u32| self.views.get(*p as usize).is_some_and(|v| v.len() >= least);
+        let nothing_else = self.assumed.len() == views.len();
+        let counts = |k: &u32| nothing_else || self.assumed.binary_search(k).is_err();
+        let trusted =
+            |p: &u32| self.views.get(*p as usize).is_some_and(|v| v.iter().filter(|k| counts(k)).count() >= least);
         let place = |view: &View, p: u32| placed(&view.camera, *self.points.get(p as usize)?);
         let own = self.by_view(views.len());
-        let of =
-            |(view, own): (&View, Vec<u32>)| own.into_iter().filter(trusted).filter_map(|p| place(view, p)).collect();
-        views.iter().zip(own).map(of).collect()
+        let of = |(k, (view, own)): (u32, (&View, Vec<u32>))| match counts(&k) {
+            true => own.into_iter().filter(trusted).filter_map(|p| place(view, p)).collect(),
+            false => Vec::new(),
+        };
+        (0..).zip(views.iter().zip(own)).map(of).collect()
     }
 
     /// The points that each of so many views sees.
@@ -168,6 +218,17 @@ impl Observations {
         }
         own
     }
+}
+
+/// Of so many views those that share next to no point with another, by the views of each point.
+fn with_few_shared(views: &[Vec<u32>], count: usize) -> Vec<u32> {
+    let mut shared = vec![0; count];
+    for k in views.iter().filter(|views| views.len() > 1).flatten() {
+        if let Some(shared) = shared.get_mut(*k as usize) {
+            *shared += 1;
+        }
+    }
+    (0..).zip(shared).filter(|(_, shared)| *shared < FEW_POINTS).map(|(k, _)| k).collect()
 }
 
 fn view(

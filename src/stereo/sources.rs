@@ -26,6 +26,8 @@ pub struct Observations {
     pub views: Vec<Vec<u32>>,
     /// The points were drawn at random: no surface is where they are.
     pub drawn: bool,
+    /// Views whose observations are not known, ascending: they are taken to see what lies in their picture, hidden by something or not.
+    pub assumed: Vec<u32>,
 }
 
 /// Points that a view shares with another.

@@ -1,12 +1,14 @@
 //! Which views are compared.
 
-use psrgs_vk::stereo::{Observations, choose_sources, depth_range};
+use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
+use psrgs_vk::stereo::{Observations, View, choose_sources, depth_range};
 
+use super::colmap_folder::{Folder, PointRow};
 use super::site::camera;
 
 fn seen(points: Vec<[f64; 3]>, views: impl Fn(usize) -> Vec<u32>) -> Observations {
     let views = (0..points.len()).map(views).collect();
-    Observations { points, views, drawn: false }
+    Observations { points, views, ..Observations::default() }
 }
 
 fn points() -> Vec<[f64; 3]> {
@@ -46,4 +48,57 @@ fn the_range_of_depths_is_that_of_the_points_without_outliers() {
     let [near, far] = depth_range(depths).unwrap();
     assert!((7.5..8.0).contains(&near) && (25.0..26.0).contains(&far), "{near} {far}");
     assert_eq!(depth_range([f64::NAN, -1.0]), None);
+}
+
+/// Eight cameras on a ring above 120 points, which the first `tracked` of the cameras observe by name.
+fn ring(tracked: u32) -> Dataset {
+    let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png", "g.png", "h.png"];
+    let mut folder = Folder::ring(&names, [0.0; 3]);
+    let first = folder.points[0].clone();
+    let point = |i: u32| PointRow {
+        id: u64::from(i) + 1,
+        position: [0.2 * f64::from(i % 12) - 1.1, 0.2 * f64::from(i / 12) - 0.9, 0.05 * f64::from(i % 5)],
+        track: (1..=tracked).map(|image| (image, i)).collect(),
+        ..first.clone()
+    };
+    folder.points = (0..120).map(point).collect();
+    folder.images.iter_mut().for_each(|image| image.keypoints.clear());
+    let root = folder.dataset(false);
+    Dataset::load(root.path(), &LoadOptions { split: Split::None, ..LoadOptions::default() }).unwrap()
+}
+
+#[test]
+fn photographs_without_observations_have_sources_by_geometry() {
+    let chosen: Vec<usize> = (0..8).collect();
+    let sources = |dataset: &Dataset| {
+        let seen = Observations::of(dataset, &chosen, 0);
+        let cameras: Vec<_> = chosen.iter().map(|i| dataset.scene_camera(*i).unwrap()).collect();
+        (choose_sources(&cameras, &seen, 4), seen)
+    };
+    let (by_tracks, whole) = sources(&ring(8));
+    assert!(whole.assumed.is_empty());
+    let (mixed, some) = sources(&ring(3));
+    assert_eq!(some.assumed, [3, 4, 5, 6, 7]);
+    assert!(mixed.iter().all(|of| of.len() == 4), "{mixed:?}");
+    assert!(some.views.iter().all(|views| views[..3] == [0, 1, 2]), "observations that are known stay as they are");
+    // All points lie in all pictures: nothing is lost against tracks of all.
+    assert_eq!((mixed, some.views), (by_tracks, whole.views));
+}
+
+#[test]
+fn assumed_observations_are_no_measurements() {
+    let dataset = ring(3);
+    let chosen: Vec<usize> = (0..8).collect();
+    let seen = Observations::of(&dataset, &chosen, 0);
+    let view = |i: &usize| View {
+        camera: dataset.scene_camera(*i).unwrap(),
+        luma: Vec::new(),
+        colours: Vec::new(),
+        sources: Vec::new(),
+        depths: [0.1, 1.0],
+        start: psrgs_vk::stereo::Start::Random,
+        wanted: None,
+    };
+    let observed = seen.observed_by(&chosen.iter().map(view).collect::<Vec<_>>(), 3);
+    assert_eq!(observed.iter().map(Vec::len).collect::<Vec<_>>(), [120, 120, 120, 0, 0, 0, 0, 0]);
 }

@@ -39,7 +39,7 @@ fn input(settings: &Settings) -> Input {
         z > 0.0 && (0.0..f64::from(SIZE.0)).contains(&u) && (0.0..f64::from(SIZE.1)).contains(&v)
     };
     let views = points.iter().map(|p| (0..VIEWS as u32).filter(|v| sees(*v as usize, p)).collect()).collect();
-    let seen = Observations { points, views, drawn: false };
+    let seen = Observations { points, views, ..Observations::default() };
     let pending: Vec<Pending<'_>> =
         input.train.iter().map(|view| Pending { name: &view.name, camera: view.camera, bytes: 0 }).collect();
     let share = HostShare::unlimited();

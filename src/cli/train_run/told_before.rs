@@ -9,6 +9,7 @@ use psrgs_vk::vk::Gpu;
 
 use super::beginning::Beginning;
 use crate::cli::console::Console;
+use crate::cli::depths::without_depth;
 use crate::cli::progress::duration;
 
 /// Steps of a training from which on a few more are taken before it to tell its time.
@@ -82,12 +83,7 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
             100.0 * found.share
         ));
     }
-    if let [first, rest @ ..] = found.skipped.as_slice() {
-        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
-        console.warn(format_args!(
-            "no depth is known of '{first}'{more}: no other photograph sees enough of the same from another place"
-        ));
-    }
+    without_depth(&found.skipped, console);
 }
 
 /// What is trained, and what is to be known of the photographs and splats that it begins with.

@@ -6,7 +6,9 @@ use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::scene::{Camera, Frame, Gaussians, init};
-use crate::stereo::{self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, SkirtPoint, View, fuse};
+use crate::stereo::{
+    self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, View, WithoutDepth, fuse,
+};
 use crate::train::Error;
 use crate::train::cloud::{self, Gate};
 use crate::train::input::{self, Input, Outline};
@@ -33,8 +35,8 @@ pub struct StereoReport {
     pub surface: Option<f64>,
     /// Splats that the model begins with besides those of the reconstructed points.
     pub splats: usize,
-    /// Names of views of which nothing is known.
-    pub skipped: Vec<String>,
+    /// Views of which nothing is known, by their positions among those that are trained on.
+    pub skipped: Vec<Skipped>,
     /// The cloud that growth keeps to.
     pub cloud: Option<CloudReport>,
 }
@@ -110,6 +112,8 @@ pub fn take_stereo(
         let points = stereo::skirt(&scene.views, priors, settings.stereo_skirt);
         input.known.skirt = skirt_splats(&points, settings.stereo_thickness)?.map(Arc::new);
     }
+    let stereo = matched.is_some();
+    let matched_alone = matched.as_ref().map(|stereo| stereo.scene.skipped.clone());
     let priors = match (settings.depth_prior, matched, &cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
         (DepthPrior::Sfm, ..) => {
@@ -138,12 +142,18 @@ pub fn take_stereo(
     let known = |prior: &Prior| prior.depth.iter().any(|d| *d > 0.0);
     report.views = priors.iter().filter(|p| known(p)).count();
     report.share = priors.iter().map(Prior::share).sum::<f64>() / report.views.max(1) as f64;
-    let unknown = input.train.iter().zip(&priors).filter(|(_, prior)| !known(prior));
-    report.skipped = unknown.map(|(view, _)| view.name.clone()).collect();
+    let alone = matched_alone.unwrap_or_default();
+    let otherwise = if stereo { WithoutDepth::NoAgreement } else { WithoutDepth::NothingInView };
+    let unknown = input.train.iter().zip(&priors).enumerate().filter(|(_, (_, prior))| !known(prior));
+    let named = |(view, (of, _)): (usize, (&input::View, _))| {
+        let why = alone.iter().find(|skipped| skipped.view == view).map_or(otherwise, |skipped| skipped.why);
+        Skipped { view, name: of.name.clone(), why }
+    };
+    report.skipped = unknown.map(named).collect();
     if settings.depth_prior == DepthPrior::Propagation {
         let scene = scene(dataset, input, &wanted, share)?;
         report.views = scene.views.len() - scene.skipped.len();
-        report.skipped = scene.skipped.iter().map(|view| view.name.clone()).collect();
+        report.skipped = scene.skipped.clone();
         input.known.scene = Some(Arc::new(scene));
     }
     let kept = priors.into_iter().zip(&input.train).map(|(prior, view)| {
