@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use psrgs_vk::dataset::{Format, Warning};
+use psrgs_vk::dataset::{Colourless, Format, NoColours, Warning};
 
 /// Names of the test functions under `folder`, and of the cases of the twin tests.
 fn tests_under(folder: &Path, found: &mut Vec<String>) {
@@ -129,6 +129,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         NoMaskMatches { folder: "masks".into() },
         NothingHeldOut { views: 1 },
         NoPoints { file: None },
+        PointsWithoutColours(Colourless { file: "points3D.bin".into(), why: NoColours::OneColour([0; 3]) }),
         PhotographsWithoutPose { photographs: 4 },
     ];
     let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/GUIDE.md")).unwrap();
@@ -140,7 +141,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         // Another kind of warning has to be added above, too.
         match &warning {
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
-            OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } => {}
+            OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } | PointsWithoutColours(_) => {}
             PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();

@@ -145,6 +145,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         positions: cloud.iter().map(|p| frame.to_dataset(p.position)).collect(),
         normals: cloud.iter().map(|p| p.normal).collect(),
         colors: cloud.iter().map(|p| p.color).collect(),
+        ..Cloud::default()
     };
     points.write(&args.out.join("fused.ply"))?;
 

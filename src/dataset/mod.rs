@@ -5,6 +5,7 @@
 
 mod behind;
 mod colmap;
+mod colourless;
 mod error;
 mod extent;
 mod folder;
@@ -39,6 +40,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 pub use colmap::Point;
+pub use colourless::{Colourless, NoColours};
 pub use error::Error;
 pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, Masks};
@@ -165,6 +167,8 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
     pub points: Vec<Point>,
+    /// Why the colours of the points say nothing, where they do not.
+    pub colourless: Option<Colourless>,
     /// The views that observe each of them, where the format says so.
     pub tracks: Tracks,
     /// The similarity to the scene's coordinates.
@@ -186,6 +190,8 @@ impl Dataset {
         if model.points.is_empty() {
             warnings.push(Warning::NoPoints { file: model.points_file.clone() });
         }
+        let colourless = colourless(&mut model);
+        warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
         let images =
             if options.photographs { Some(find_photographs(path, options, &model, &mut warnings)?) } else { None };
 
@@ -258,6 +264,7 @@ impl Dataset {
             reference: model.reference,
             views,
             points: model.points,
+            colourless,
             tracks: model.tracks,
             frame,
             extent,
@@ -294,6 +301,15 @@ impl Dataset {
         let decoded: Vec<Result<Photograph, Error>> = views.par_iter().map(|view| view.photograph()).collect();
         decoded.into_iter().collect()
     }
+}
+
+/// Why the colours of a model's points say nothing, where they do not.
+fn colourless(model: &mut Model) -> Option<Colourless> {
+    if model.points.is_empty() {
+        return None;
+    }
+    let why = model.colourless.take().or_else(|| NoColours::of_points(&model.points))?;
+    Some(Colourless { file: model.points_file.clone().unwrap_or_else(|| model.file.clone()), why })
 }
 
 /// Sorts the poses by name and refuses names that cannot be.

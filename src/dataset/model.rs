@@ -7,7 +7,7 @@ use std::str::FromStr;
 use super::error::Error;
 use super::lens::Lens;
 use super::split::Part;
-use super::{Point, Tracks, Warning, colmap, nerfstudio, opensfm};
+use super::{NoColours, Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 
 /// A layout of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -101,6 +101,8 @@ pub(super) struct Model {
     pub(super) shots: Vec<Shot>,
     /// By ascending id.
     pub(super) points: Vec<Point>,
+    /// Why the points have no colours, where the file has none for them.
+    pub(super) colourless: Option<NoColours>,
     /// Views by their position among the shots in the order of their names; empty where nothing is known.
     pub(super) tracks: Tracks,
     /// The file that has, or should have, the points.

@@ -93,12 +93,13 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
             shot.name.drain(..USUAL.len());
         }
     }
-    let points = points_file.as_deref().map(points_ply::read).transpose()?.unwrap_or_default();
+    let (points, colourless) = points_file.as_deref().map(points_ply::read).transpose()?.unwrap_or_default();
     Ok(Model {
         format: Format::Nerfstudio,
         file: files.into_iter().next().map(|(file, _)| file).unwrap_or_default(),
         shots,
         points,
+        colourless,
         tracks: Tracks::default(),
         points_file,
         images: (!usual).then(|| dataset.to_owned()),

@@ -13,8 +13,9 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Reference, Shot};
-use super::{Point, Tracks, Warning, rotation};
-use crate::format::Error as FileError;
+use super::points_ply::GREY;
+use super::{NoColours, Point, Tracks, Warning, rotation};
+use crate::format::{Error as FileError, ply};
 
 /// The file of a project, of OpenSfM or of OpenDroneMap.
 pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
@@ -70,7 +71,7 @@ struct ShotEntry {
 #[derive(Deserialize)]
 struct PointEntry {
     coordinates: [f64; 3],
-    color: [f64; 3],
+    color: Option<[f64; 3]>,
 }
 
 pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
@@ -107,14 +108,13 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
             part: None,
         });
     }
-    let mut points: Vec<Point> =
-        part.points.iter().enumerate().map(|(i, (id, entry))| point(id.parse().unwrap_or(i as u64), entry)).collect();
-    points.sort_by_key(|p| p.id);
+    let (points, colourless) = points(&part.points);
     Ok(Model {
         format: Format::Opensfm,
         file: path.clone(),
         shots,
         points,
+        colourless,
         tracks: Tracks::default(),
         points_file: Some(path),
         images: None,
@@ -123,9 +123,23 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
     })
 }
 
-fn point(id: u64, entry: &PointEntry) -> Point {
-    let color = entry.color.map(|c| c.round().clamp(0.0, 255.0) as u8);
-    Point { id, position: entry.coordinates, color, error: 0.0, track: 0 }
+/// The points by their numbers, and why they have no colours where they have none.
+fn points(entries: &BTreeMap<String, PointEntry>) -> (Vec<Point>, Option<NoColours>) {
+    let all: Option<Vec<[f64; 3]>> = entries.values().map(|entry| entry.color).collect();
+    let colours = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
+    let point = |(i, (id, entry)): (usize, (&String, &PointEntry))| {
+        let id = id.parse().unwrap_or(i as u64);
+        let color = colours.as_ref().and_then(|colours| colours.get(i)).copied().unwrap_or(GREY);
+        Point { id, position: entry.coordinates, color, error: 0.0, track: 0 }
+    };
+    let mut points: Vec<Point> = entries.iter().enumerate().map(point).collect();
+    points.sort_by_key(|p| p.id);
+    let colourless = match (&colours, all) {
+        (Some(_), _) => None,
+        (None, Some(_)) => Some(NoColours::Unknown(vec!["color".to_owned()])),
+        (None, None) => Some(NoColours::Absent),
+    };
+    (points, colourless)
 }
 
 fn lens(json: &Json, id: &str, camera: &CameraEntry) -> Result<(String, Lens), FileError> {

@@ -2,13 +2,18 @@
 
 use std::path::Path;
 
-use super::Point;
+use super::{NoColours, Point};
 use crate::format::Error;
 use crate::format::ply::Cloud;
 
-/// The points of a cloud, numbered in the order of the file.
-pub(super) fn read(file: &Path) -> Result<Vec<Point>, Error> {
-    let Cloud { positions, colors, .. } = Cloud::read(file)?;
-    let point = |(id, (position, color))| Point { id, position, color, error: 0.0, track: 0 };
-    Ok((0..).zip(positions.into_iter().zip(colors)).map(point).collect())
+/// Colour of points that have none.
+pub(super) const GREY: [u8; 3] = [128; 3];
+
+/// The points of a cloud, numbered in the order of the file, and why they have no colours where they have none.
+pub(super) fn read(file: &Path) -> Result<(Vec<Point>, Option<NoColours>), Error> {
+    let Cloud { positions, colors, unknown, .. } = Cloud::read(file)?;
+    let colourless = colors.is_empty().then(|| NoColours::with_properties(&unknown));
+    let color = |i: usize| colors.get(i).copied().unwrap_or(GREY);
+    let point = |(i, position)| Point { id: i as u64, position, color: color(i), error: 0.0, track: 0 };
+    Ok((positions.into_iter().enumerate().map(point).collect(), colourless))
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::Format;
+use super::{Colourless, Format};
 
 /// Other models are named up to this many.
 const NAMED: usize = 5;
@@ -84,6 +84,8 @@ pub enum Warning {
         /// The points file, if there is one.
         file: Option<PathBuf>,
     },
+    /// The colours of the points say nothing: training takes them from the photographs.
+    PointsWithoutColours(Colourless),
     /// The folder has photographs that the model does not place.
     PhotographsWithoutPose {
         /// How many.
@@ -94,7 +96,7 @@ pub enum Warning {
 impl Warning {
     /// Whether it is of use to who trains alone: scores and depths of photographs are what they are without.
     pub fn is_of_training(&self) -> bool {
-        matches!(self, Self::NoPoints { .. })
+        matches!(self, Self::NoPoints { .. } | Self::PointsWithoutColours(_))
     }
 }
 
@@ -164,6 +166,7 @@ impl fmt::Display for Warning {
                      stereo finds: expect a lower quality, more splats and more of them in mid-air than from triangulated points"
                 )
             }
+            Self::PointsWithoutColours(colourless) => colourless.fmt(f),
             Self::PhotographsWithoutPose { photographs } => {
                 write!(f, "{photographs} photographs have no pose in the model and are not used")
             }

@@ -15,6 +15,7 @@
 //! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
 
 mod cloud;
+mod colours;
 mod columns;
 mod header;
 mod mesh;
@@ -27,6 +28,7 @@ use super::Error;
 use crate::scene::{Frame, Gaussians, Similarity};
 
 pub use cloud::{Cloud, Content, read_content};
+pub(crate) use colours::of_numbers as colours_of_numbers;
 pub use mesh::Mesh;
 pub use read::read;
 pub use write::write;

@@ -48,16 +48,25 @@ pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaus
     let mut out = Gaussians::zeros(points.len());
     make_opaque(&mut out, 0, FIRST_OPACITY);
     out.quats.chunks_exact_mut(4).for_each(|q| q[0] = 1.0);
-    for (i, (position, (_, color))) in positions.iter().zip(points).enumerate() {
+    paint(&mut out, &points.iter().map(|(_, colour)| *colour).collect::<Vec<_>>());
+    for (i, position) in positions.iter().enumerate() {
         for k in 0..3 {
             out.means[3 * i + k] = position[k] as f32;
-            out.sh[0][SH_GROUP_FLOATS * i + k] = ((f64::from(color[k]) / 255.0 - 0.5) / SH_C0) as f32;
         }
     }
     for (scale, ln) in out.scales.chunks_exact_mut(3).zip(log_scales(&positions)) {
         scale.fill(ln as f32);
     }
     Ok(out)
+}
+
+/// Gives the Gaussians, from the first on, these 8-bit colours, one each.
+pub fn paint(gaussians: &mut Gaussians, colours: &[[u8; 3]]) {
+    for (sh, colour) in gaussians.sh[0].chunks_exact_mut(SH_GROUP_FLOATS).zip(colours) {
+        for (coefficient, channel) in sh.iter_mut().zip(colour) {
+            *coefficient = ((f64::from(*channel) / 255.0 - 0.5) / SH_C0) as f32;
+        }
+    }
 }
 
 /// Lays the Gaussians from `first` on flat on surfaces with these unit normals, in scene axes and of either sign, one for each: their

@@ -8,6 +8,7 @@ pub use trained_on::TrainedOn;
 use std::sync::Arc;
 
 use super::cloud::Gate;
+use super::prepare::Coloured;
 use crate::dataset::{Depth, Pixels, Supply};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
@@ -58,6 +59,8 @@ pub struct Known {
     pub priors: Vec<Option<Prior>>,
     /// Weights for the perceptual distance; a bank of filters stands in for them.
     pub perceptual: Option<Arc<LpipsWeights>>,
+    /// Where the colours of the first splats come from, where their points had none.
+    pub coloured: Option<Coloured>,
     /// Where splats may grow; everywhere without.
     pub gate: Option<Arc<Gate>>,
     /// Splats that come when growth has ended and splats of little weight have gone: what lies where no photograph looks.

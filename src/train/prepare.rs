@@ -1,8 +1,10 @@
 //! From a dataset and settings to the input of a training, with what stereo or a cloud says of its views.
 
+mod colours;
 mod stereo;
 mod stereo_cost;
 
+pub use colours::{Coloured, Uncoloured};
 pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;
 
@@ -13,8 +15,8 @@ use super::Error;
 use super::input::{Input, Known, Outline, View};
 use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
-use crate::dataset::{Dataset, HostShare, LoadOptions, Role, Tone, Warning};
-use crate::format::ply::{self, Content};
+use crate::dataset::{Colourless, Dataset, HostShare, LoadOptions, NoColours, Role, Tone, Warning};
+use crate::format::ply::{self, Cloud, Content};
 use crate::format::{At, Error as FileError};
 use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
@@ -76,24 +78,54 @@ pub fn outline(dataset: &Dataset) -> Outline {
     Outline { train: of(Role::Train), held_out: of(Role::HeldOut), extent: Frame::EXTENT as f32 }
 }
 
+/// The first model of a training.
+#[derive(Clone, Debug)]
+pub struct First {
+    /// Its splats.
+    pub splats: Gaussians,
+    /// The points that it is of, where their colours say nothing: [`Uncoloured::take_colours`] gives them those of photographs.
+    pub uncoloured: Option<Uncoloured>,
+}
+
+/// The splats of [`first`].
+pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Error> {
+    Ok(first(dataset, settings)?.splats)
+}
+
 /// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none from random ones.
 /// Of points no more than `--max-splats`; a model stays whole.
-pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Error> {
-    let points: Vec<_> = match settings.run.init.as_deref() {
+pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
+    let whole = |splats: Gaussians| First { splats, uncoloured: None };
+    let (points, colourless): (Vec<_>, Option<Colourless>) = match settings.run.init.as_deref() {
         Some(file) => match ply::read_content(file)? {
             Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),
             Content::Cloud(cloud) if cloud.positions.is_empty() => return Err(empty(file, "points")),
-            Content::Model(model) => return Ok(model.in_scene(&dataset.frame)),
-            Content::Cloud(cloud) => cloud.positions.into_iter().zip(cloud.colors).collect(),
+            Content::Model(model) => return Ok(whole(model.in_scene(&dataset.frame))),
+            Content::Cloud(cloud) => of_cloud(file, cloud),
         },
         None => match dataset.points.as_slice() {
-            [] => dataset.random_points(settings.run.seed),
-            points => points.iter().map(|p| (p.position, p.color)).collect(),
+            [] => (dataset.random_points(settings.run.seed), None),
+            points => (points.iter().map(|p| (p.position, p.color)).collect(), dataset.colourless.clone()),
         },
     };
     let most = settings.density.max_splats.map_or(usize::MAX, |most| most as usize);
     let kept: Vec<_> = spread(&points, most).into_iter().copied().collect();
-    Ok(init::from_points(&kept, &dataset.frame)?)
+    let splats = init::from_points(&kept, &dataset.frame)?;
+    let of_dataset = settings.run.init.is_none();
+    let positions = || points.iter().map(|(position, _)| *position).collect();
+    let uncoloured = colourless.map(|colourless| Uncoloured::new(colourless, positions(), of_dataset));
+    Ok(First { splats, uncoloured })
+}
+
+/// The points of a cloud with their colours, grey where there are none, and what is to be said of these.
+fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<([f64; 3], [u8; 3])>, Option<Colourless>) {
+    let why = match cloud.colors.is_empty() {
+        true => Some(NoColours::with_properties(&cloud.unknown)),
+        false => NoColours::of_colours(cloud.colors.iter().copied()),
+    };
+    let colours = cloud.colors.into_iter().chain(std::iter::repeat([128; 3]));
+    let points = cloud.positions.into_iter().zip(colours).collect();
+    (points, why.map(|why| Colourless { file: file.to_owned(), why }))
 }
 
 /// So many of them, or all where they are fewer, evenly from first to last.
@@ -110,8 +142,12 @@ fn empty(file: &Path, what: &str) -> Error {
 /// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation
 /// only.
 pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
-    let initial = initial(dataset, settings)?;
-    input_within(dataset, initial, HostShare::unlimited())
+    let First { splats, uncoloured } = first(dataset, settings)?;
+    let mut input = input_within(dataset, splats, HostShare::unlimited())?;
+    if let Some(points) = uncoloured {
+        points.take_colours(dataset, &mut input)?;
+    }
+    Ok(input)
 }
 
 /// The same for a model to begin with, photographs being kept as `share` allows: those to train on first.

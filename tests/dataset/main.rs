@@ -9,6 +9,7 @@ mod formats;
 mod frame;
 mod lenses;
 mod masks;
+mod points;
 mod supplies;
 
 use std::fs;

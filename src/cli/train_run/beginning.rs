@@ -6,6 +6,7 @@ use std::time::Instant;
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::perceptual::LpipsWeights;
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::train::prepare::First;
 use psrgs_vk::train::settings::{DepthPrior, LidarCloud};
 use psrgs_vk::train::{
     HostMemory, HostPlan, Input, MemoryPlan, Pacing, Restart, Settings, StereoReport, chosen_variants, prepare,
@@ -63,15 +64,18 @@ impl Beginning {
         restart: Option<Restart>,
         console: &Console,
     ) -> anyhow::Result<Self> {
-        let initial = match &restart {
+        let First { splats: initial, uncoloured } = match &restart {
             // Its splats are those of the checkpoint: the file of the first ones may be gone.
-            Some(_) if settings.run.init.is_some() => Gaussians::default(),
-            _ => prepare::initial(dataset, settings)?,
+            Some(_) if settings.run.init.is_some() => First { splats: Gaussians::default(), uncoloured: None },
+            _ => prepare::first(dataset, settings)?,
         };
         let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
         let host = host_plan(gpu, dataset, settings, splats)?;
         console.say(host);
-        let input = prepare::input_within(dataset, initial, host.share)?;
+        let mut input = prepare::input_within(dataset, initial, host.share)?;
+        if let (Some(points), None) = (uncoloured, &restart) {
+            points.take_colours(dataset, &mut input)?;
+        }
         if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
             return Err(Failure::all_masked(&dataset.path, Role::Train).into());
         }

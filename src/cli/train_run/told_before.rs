@@ -107,6 +107,13 @@ pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Cons
 /// What is to be known of the splats that a training begins with which does not go on.
 fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&beginning.settings, &beginning.input);
+    if let Some(coloured) = &input.known.coloured {
+        // Of the dataset's points this has been told with the dataset.
+        if !coloured.of_dataset {
+            console.warn(&coloured.colourless);
+        }
+        console.say(coloured);
+    }
     if !input.sees_any() {
         console.warn(
             "no camera sees a splat to begin with: the points, or the model of --init, must be in the coordinates of the dataset's cameras",

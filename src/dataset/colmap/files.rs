@@ -12,7 +12,7 @@ use crate::format::Error as FileError;
 pub(super) struct Files {
     pub(super) cameras: PathBuf,
     pub(super) images: PathBuf,
-    /// Absent when the model has no points file.
+    /// Binary, text or PLY; absent when the model has no points file.
     pub(super) points: Option<PathBuf>,
     pub(super) binary: bool,
     /// The folder inside the dataset, as it is told.
@@ -36,13 +36,14 @@ impl Files {
         if models.is_empty() { Self::inside(&sparse, "sparse".to_owned()).into_iter().collect() } else { models }
     }
 
-    /// The model in a folder: binary, else text, as COLMAP itself prefers.
+    /// The model in a folder: binary, else text, as COLMAP itself prefers. Points may be in another kind of file than the rest.
     fn inside(folder: &Path, place: String) -> Option<Self> {
         for (extension, binary) in [("bin", true), ("txt", false)] {
             let part = |name: &str| folder.join(format!("{name}.{extension}"));
-            let (cameras, images, points) = (part("cameras"), part("images"), part("points3D"));
+            let (cameras, images) = (part("cameras"), part("images"));
             if cameras.is_file() && images.is_file() {
-                let points = points.is_file().then_some(points);
+                let kinds = [extension, "bin", "txt", "ply"].map(|kind| folder.join(format!("points3D.{kind}")));
+                let points = kinds.into_iter().find(|file| file.is_file());
                 return Some(Self { cameras, images, points, binary, place });
             }
         }

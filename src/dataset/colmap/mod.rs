@@ -32,17 +32,16 @@ pub(super) fn is_in(dataset: &Path) -> bool {
 /// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for both kinds of files.
 pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
     let (files, warning) = files::choose(dataset)?;
-    let (cameras, poses, points) = if files.binary {
-        let points = files.points.as_deref().map(points::read_binary).transpose()?;
-        (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?, points)
+    let (cameras, poses) = if files.binary {
+        (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?)
     } else {
-        let points = files.points.as_deref().map(points::read_text).transpose()?;
-        (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?, points)
+        (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?)
     };
+    let (points, colourless) = files.points.as_deref().map(points::read).transpose()?.unwrap_or_default();
     let mut poses = poses;
     poses.sort_by(|a, b| a.name.cmp(&b.name));
     let places: HashMap<u32, u32> = poses.iter().zip(0..).map(|(pose, place)| (pose.number, place)).collect();
-    let mut points = points.unwrap_or_default();
+    let mut points = points;
     points.sort_by_key(|(p, _)| p.id);
     let (points, observers): (Vec<Point>, Vec<Vec<u32>>) = points.into_iter().unzip();
     let known = |numbers: Vec<u32>| numbers.iter().filter_map(|number| places.get(number).copied()).collect();
@@ -53,6 +52,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         shots: shots.collect::<Result<_, Error>>()?,
         file: files.images,
         points,
+        colourless,
         tracks: Tracks::new(observers.into_iter().map(known)),
         points_file: files.points,
         images: None,

@@ -1,8 +1,11 @@
-//! `points3D.bin` and `points3D.txt`.
+//! `points3D.bin`, `points3D.txt` and `points3D.ply`.
 
 use std::path::Path;
 
 use super::{binary_records, text_records};
+use crate::dataset::points_ply::GREY;
+use crate::dataset::{NoColours, points_ply};
+use crate::format::ply;
 use crate::format::Error as FileError;
 
 /// A reconstructed point.
@@ -22,9 +25,24 @@ pub struct Point {
 
 const VALUES: [&str; 3] = ["x", "y", "z"];
 
+/// Points with the numbers of the images that observe each, and why they have no colours where the file has none.
+type Points = (Vec<(Point, Vec<u32>)>, Option<NoColours>);
+
+/// Reads points of the kind that the file's extension says; a cloud in PLY says nothing of who observes them.
+pub(super) fn read(file: &Path) -> Result<Points, FileError> {
+    match file.extension().and_then(|extension| extension.to_str()) {
+        Some("ply") => {
+            let (points, colourless) = points_ply::read(file)?;
+            Ok((points.into_iter().map(|point| (point, Vec::new())).collect(), colourless))
+        }
+        Some("txt") => read_text(file),
+        _ => Ok((read_binary(file)?, None)),
+    }
+}
+
 /// Reads `points3D.bin`, points and the numbers of the images that observe each: per point u64 number, f64 position, u8 colour, f64 error, u64 track length and 8 bytes per
 /// observation.
-pub(crate) fn read_binary(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
+fn read_binary(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
     binary_records(file, "points", 8 + 24 + 3 + 8 + 8, |source, i| {
         let id = source.u64(format_args!("number of point {i}"))?;
         let mut position = [0.0; 3];
@@ -41,10 +59,12 @@ pub(crate) fn read_binary(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileErr
     })
 }
 
-/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation.
-pub(crate) fn read_text(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
+/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation. Colours may be written in
+/// any of the usual ranges.
+fn read_text(file: &Path) -> Result<Points, FileError> {
     let mut i = 0;
-    text_records(
+    let mut written = Vec::new();
+    let mut points = text_records(
         file,
         "points",
         |mut line| {
@@ -54,9 +74,8 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError
             for (k, value) in position.iter_mut().enumerate() {
                 *value = line.f64(format_args!("{} of point {id}", VALUES[k]))?;
             }
-            let mut color = [0; 3];
-            for value in &mut color {
-                *value = line.value(format_args!("colour of point {id}"))?;
+            for _ in 0..3 {
+                written.push(line.f64(format_args!("colour of point {id}"))?);
             }
             let error = line.value(format_args!("error of point {id}"))?;
             let left = line.left();
@@ -70,8 +89,14 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError
                 observers.extend(line.word(format_args!("track of point {id}"))?.parse::<u32>());
                 line.word(format_args!("track of point {id}"))?;
             }
-            Ok((Point { id, position, color, error, track }, observers))
+            Ok((Point { id, position, color: GREY, error, track }, observers))
         },
         None,
-    )
+    )?;
+    let colours = ply::colours_of_numbers(&written);
+    for ((point, _), colour) in points.iter_mut().zip(colours.iter().flatten()) {
+        point.color = *colour;
+    }
+    let unknown = || NoColours::Unknown(["R", "G", "B"].map(str::to_owned).to_vec());
+    Ok((points, if colours.is_none() { Some(unknown()) } else { None }))
 }

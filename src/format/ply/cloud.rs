@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use super::Model;
+use super::colours::Place;
 use super::columns::columns;
 use super::read::{open, read, read_comments};
 use crate::format::{At, Error, atomic};
 
-/// Colour of points that have none.
-const GREY: u8 = 128;
+/// Properties that are known to hold something other than colours.
+const NO_COLOURS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "curvature"];
 
 /// Points with normals and colours.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,8 +18,10 @@ pub struct Cloud {
     pub positions: Vec<[f64; 3]>,
     /// Normals, as many as positions, or none.
     pub normals: Vec<[f32; 3]>,
-    /// 8-bit colours, as many as positions.
+    /// 8-bit colours, as many as positions, or none.
     pub colors: Vec<[u8; 3]>,
+    /// Where there are no colours, the properties of the file in which they were not recognised.
+    pub unknown: Vec<String>,
 }
 
 /// What a PLY file holds.
@@ -30,12 +33,13 @@ pub enum Content {
     Cloud(Cloud),
 }
 
-/// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model.
+/// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model, but for one that has only
+/// their colours.
 pub fn read_content(file: &Path) -> Result<Content, Error> {
     let (header, vertices, _) = open(file)?;
     let splats = |name: &str| {
         ["opacity", "packed_position"].contains(&name)
-            || ["f_dc_", "f_rest_", "scale_", "rot_"].iter().any(|start| name.starts_with(start))
+            || ["f_rest_", "scale_", "rot_"].iter().any(|start| name.starts_with(start))
     };
     if header.elements[vertices].properties.iter().any(|p| splats(&p.name)) {
         return Ok(Content::Model(Box::new(read(file)?)));
@@ -44,14 +48,21 @@ pub fn read_content(file: &Path) -> Result<Content, Error> {
 }
 
 impl Cloud {
-    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours (`red green blue` from 0 to
-    /// 255), grey where there are none. An offset in a comment is added.
+    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours under their usual names
+    /// (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) in their usual ranges (0 to 255, 65535 or 1, by the
+    /// declared type and the values). An offset in a comment is added.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let rows = columns(file, &["x", "y", "z"], &["red", "green", "blue", "nx", "ny", "nz"])?;
+        let (header, vertices, _) = open(file)?;
+        let vertex = &header.elements[vertices];
+        let place = Place::find(vertex);
+        let named = |p: usize| vertex.properties[p].name.as_str();
+        let coloured: Vec<&str> = place.iter().flat_map(Place::properties).map(named).collect();
+        let rows = columns(file, &["x", "y", "z"], &[&["nx", "ny", "nz"], coloured.as_slice()].concat())?;
         let mut comments = Model::default();
-        read_comments(file, &open(file)?.0, &mut comments)?;
+        read_comments(file, &header, &mut comments)?;
         let mut cloud = Self::default();
         let mut normals = Some(Vec::with_capacity(rows.len()));
+        let mut values = Vec::with_capacity(rows.len() * coloured.len());
         for (i, row) in rows.iter().enumerate() {
             let at = |k: usize| row.get(k).copied().flatten();
             let position = [0, 1, 2].map(|k| at(k).unwrap_or(0.0) + comments.shift[k]);
@@ -60,11 +71,18 @@ impl Cloud {
                 return Err(Error::malformed(file, format_args!("vertex {i}"), At::Byte(0), problem));
             }
             cloud.positions.push(position);
-            cloud.colors.push([3, 4, 5].map(|k| at(k).map_or(GREY, |c| c.round().clamp(0.0, 255.0) as u8)));
-            let normal = [6, 7, 8].map(|k| at(k).filter(|v| v.is_finite()).map(|v| v as f32));
+            values.extend((6..6 + coloured.len()).map(|k| at(k).unwrap_or(f64::NAN)));
+            let normal = [3, 4, 5].map(|k| at(k).filter(|v| v.is_finite()).map(|v| v as f32));
             match (normal, &mut normals) {
                 ([Some(x), Some(y), Some(z)], Some(all)) => all.push([x, y, z]),
                 _ => normals = None,
+            }
+        }
+        match place.and_then(|place| place.colours(vertex, &values)) {
+            Some(colors) => cloud.colors = colors,
+            None => {
+                let other = vertex.properties.iter().filter(|p| !NO_COLOURS.contains(&p.name.as_str()));
+                cloud.unknown = other.map(|p| p.name.clone()).collect();
             }
         }
         cloud.normals = normals.unwrap_or_default();
@@ -74,8 +92,8 @@ impl Cloud {
     /// Writes a binary file with coordinates in double precision.
     pub fn write(&self, file: &Path) -> Result<(), Error> {
         let n = self.positions.len();
-        let with_normals = !self.normals.is_empty();
-        if self.colors.len() != n || (with_normals && self.normals.len() != n) {
+        let (with_normals, with_colours) = (!self.normals.is_empty(), !self.colors.is_empty());
+        if (with_colours && self.colors.len() != n) || (with_normals && self.normals.len() != n) {
             let problem = format!("{n} positions, {} normals, {} colours", self.normals.len(), self.colors.len());
             return Err(Error::Unwritable { file: file.to_owned(), what: "the points", problem });
         }
@@ -83,11 +101,12 @@ impl Cloud {
             let properties =
                 |kind: &str, names: [&str; 3]| names.map(|name| format!("property {kind} {name}\n")).concat();
             let normals = if with_normals { properties("float", ["nx", "ny", "nz"]) } else { String::new() };
+            let colours =
+                if with_colours { properties("uchar", ["red", "green", "blue"]) } else { String::new() };
             write!(
                 out,
-                "ply\nformat binary_little_endian 1.0\nelement vertex {n}\n{}{normals}{}end_header\n",
+                "ply\nformat binary_little_endian 1.0\nelement vertex {n}\n{}{normals}{colours}end_header\n",
                 properties("double", ["x", "y", "z"]),
-                properties("uchar", ["red", "green", "blue"])
             )?;
             for i in 0..n {
                 for v in self.positions[i] {
@@ -96,7 +115,9 @@ impl Cloud {
                 for v in self.normals.get(i).into_iter().flatten() {
                     out.write_all(&v.to_le_bytes())?;
                 }
-                out.write_all(&self.colors[i])?;
+                if let Some(colour) = self.colors.get(i) {
+                    out.write_all(colour)?;
+                }
             }
             Ok(())
         })

@@ -270,7 +270,10 @@ fn begin_on(
     }
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
     let kept = spread(&dataset.points, room);
-    let reconstructed = kept.iter().map(|p| (p.position, p.color));
+    // Points without colours of their own have been given some.
+    let painted = input.known.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
+    let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].color, |colour| **colour);
+    let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
     let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();

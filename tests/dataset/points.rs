@@ -1,0 +1,118 @@
+//! Reconstructed points: where they are read from, and those whose colours say nothing.
+
+use std::fs;
+use std::path::Path;
+
+use image::{Rgb, RgbImage};
+use psrgs_vk::dataset::{Dataset, NoColours, Warning};
+use psrgs_vk::format::ply::Cloud;
+use psrgs_vk::scene::init::SH_C0;
+use psrgs_vk::train::{Input, Settings, prepare};
+
+use super::colmap_folder::{Folder, ImageRow};
+use super::{NAMES, load};
+
+/// Photographs of one colour each.
+fn write_plain(folder: &Folder, root: &Path, colour: impl Fn(usize, &ImageRow) -> [u8; 3]) {
+    for (i, image) in folder.images.iter().enumerate() {
+        let picture = RgbImage::from_pixel(24, 16, Rgb(colour(i, image)));
+        picture.save(root.join("images").join(&image.name)).expect("a photograph");
+    }
+}
+
+fn input(dataset: &Dataset, settings: &Settings) -> Input {
+    prepare::input(dataset, settings).expect("an input")
+}
+
+/// The colours that the first splats show.
+fn shown(input: &Input) -> Vec<[u8; 3]> {
+    let colour = |sh: &[f32]| [0, 1, 2].map(|c| (255.0 * (0.5 + SH_C0 * f64::from(sh[c]))).round() as u8);
+    input.initial.sh[0].chunks_exact(12).map(colour).collect()
+}
+
+#[test]
+fn points_of_one_colour_take_those_of_the_photographs_that_see_them() {
+    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    for colour in [[0; 3], [255; 3], [10, 20, 30]] {
+        folder.points.iter_mut().for_each(|point| point.color = colour);
+        let root = folder.dataset(false);
+        // Held out is `a`, and seen by no training.
+        write_plain(&folder, root.path(), |_, image| if image.name == "a.png" { [9; 3] } else { [200, 100, 50] });
+        let dataset = load(root.path()).expect("loads");
+        let told = dataset.warnings.iter().filter(|warning| matches!(warning, Warning::PointsWithoutColours(_)));
+        assert_eq!(told.count(), 1, "{:?}", dataset.warnings);
+        let input = input(&dataset, &Settings::default());
+        assert_eq!(shown(&input), vec![[200, 100, 50]; dataset.points.len()], "{colour:?}");
+        let coloured = input.known.coloured.expect("taken");
+        assert_eq!((coloured.seen, coloured.points), (12, 12));
+        assert_eq!(coloured.colourless.why, NoColours::OneColour(colour));
+    }
+}
+
+#[test]
+fn points_with_colours_of_their_own_keep_them() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    let dataset = load(root.path()).expect("loads");
+    assert_eq!(dataset.colourless, None);
+    let input = input(&dataset, &Settings::default());
+    assert_eq!(input.initial, dataset.first_gaussians().expect("points"));
+    assert_eq!(input.known.coloured, None);
+}
+
+#[test]
+fn colours_come_from_the_photographs_that_observe_a_point() {
+    let mut folder = Folder::ring(&["a.png", "b.png", "c.png", "d.png", "e.png"], [0.0; 3]);
+    for (k, point) in folder.points.iter_mut().enumerate() {
+        // By turns the second image and the last, though all have the point in their picture.
+        (point.color, point.track) = ([0; 3], vec![(if k % 2 == 0 { 2 } else { 5 }, 0)]);
+    }
+    let root = folder.dataset(false);
+    write_plain(&folder, root.path(), |i, _| [i as u8 * 50, 7, 7]);
+    let dataset = load(root.path()).expect("loads");
+    // Ids fall, so that the points come in the other order.
+    let want: Vec<[u8; 3]> = (0..12).rev().map(|k| [if k % 2 == 0 { 50 } else { 200 }, 7, 7]).collect();
+    assert_eq!(shown(&input(&dataset, &Settings::default())), want);
+}
+
+#[test]
+fn a_cloud_of_init_without_colours_takes_those_of_the_photographs() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(false);
+    write_plain(&folder, root.path(), |_, _| [200, 100, 50]);
+    let dataset = load(root.path()).expect("loads");
+    let file = root.path().join("cloud.ply");
+    // The last is behind all cameras.
+    let positions = vec![[0.1, 0.2, 0.0], [0.3, -0.2, 0.1], [0.0, 0.0, 50.0]];
+    Cloud { positions, ..Cloud::default() }.write(&file).expect("written");
+    let mut settings = Settings::default();
+    settings.run.init = Some(file);
+    let input = input(&dataset, &settings);
+    assert_eq!(shown(&input), vec![[200, 100, 50]; 3]);
+    let coloured = input.known.coloured.expect("taken");
+    assert_eq!((coloured.seen, coloured.points, coloured.of_dataset), (2, 3, false));
+    assert!(coloured.colourless.to_string().contains("cloud.ply: the file holds no colours"), "{}", coloured.colourless);
+}
+
+#[test]
+fn points3d_ply_alone_is_the_cloud_of_a_colmap_model() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    for text in [false, true] {
+        let root = folder.dataset(text);
+        let sparse = root.path().join("sparse/0");
+        let whole = load(root.path()).expect("loads");
+        let kept = if text { "points3D.txt" } else { "points3D.bin" };
+        let cloud = Cloud {
+            positions: vec![[0.0, 0.5, 0.25], [1.0, 2.0, 0.5]],
+            colors: vec![[1, 2, 3], [4, 5, 6]],
+            ..Cloud::default()
+        };
+        cloud.write(&sparse.join("points3D.ply")).expect("written");
+        assert_eq!(load(root.path()).expect("loads").points, whole.points, "beside {kept} it is not read");
+        fs::remove_file(sparse.join(kept)).expect("removed");
+        let dataset = load(root.path()).expect("loads");
+        let read: Vec<_> = dataset.points.iter().map(|point| (point.position, point.color)).collect();
+        assert_eq!(read, [([0.0, 0.5, 0.25], [1, 2, 3]), ([1.0, 2.0, 0.5], [4, 5, 6])]);
+        assert!(dataset.tracks.is_empty() && dataset.warnings.is_empty(), "{:?}", dataset.warnings);
+    }
+}
