@@ -141,7 +141,11 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         // Another kind of warning has to be added above, too.
         match &warning {
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
-            OtherParts { .. } | NoMaskMatches { .. } | NothingHeldOut { .. } | NoPoints { .. } | PointsWithoutColours(_) => {}
+            OtherParts { .. }
+            | NoMaskMatches { .. }
+            | NothingHeldOut { .. }
+            | NoPoints { .. }
+            | PointsWithoutColours(_) => {}
             PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();

@@ -66,6 +66,10 @@ impl fmt::Display for NoColours {
 impl fmt::Display for Colourless {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, why } = self;
-        write!(f, "{}: {why}. Training takes the colours of the points from the photographs that see them", file.display())
+        write!(
+            f,
+            "{}: {why}. Training takes the colours of the points from the photographs that see them",
+            file.display()
+        )
     }
 }

@@ -126,7 +126,8 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
 /// The points by their numbers, and why they have no colours where they have none.
 fn points(entries: &BTreeMap<String, PointEntry>) -> (Vec<Point>, Option<NoColours>) {
     let all: Option<Vec<[f64; 3]>> = entries.values().map(|entry| entry.color).collect();
-    let colours = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
+    let read = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
+    let colours = read.map(|(colours, _)| colours);
     let point = |(i, (id, entry)): (usize, (&String, &PointEntry))| {
         let id = id.parse().unwrap_or(i as u64);
         let color = colours.as_ref().and_then(|colours| colours.get(i)).copied().unwrap_or(GREY);

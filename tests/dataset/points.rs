@@ -9,7 +9,7 @@ use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::train::{Input, Settings, prepare};
 
-use super::colmap_folder::{Folder, ImageRow};
+use super::colmap_folder::{Folder, ImageRow, PointRow};
 use super::{NAMES, load};
 
 /// Photographs of one colour each.
@@ -91,7 +91,35 @@ fn a_cloud_of_init_without_colours_takes_those_of_the_photographs() {
     assert_eq!(shown(&input), vec![[200, 100, 50]; 3]);
     let coloured = input.known.coloured.expect("taken");
     assert_eq!((coloured.seen, coloured.points, coloured.of_dataset), (2, 3, false));
-    assert!(coloured.colourless.to_string().contains("cloud.ply: the file holds no colours"), "{}", coloured.colourless);
+    assert!(
+        coloured.colourless.to_string().contains("cloud.ply: the file holds no colours"),
+        "{}",
+        coloured.colourless
+    );
+}
+
+#[test]
+fn colours_in_text_may_be_floats_or_words_of_16_bits() {
+    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let root = folder.dataset(true);
+    let want = load(root.path()).expect("loads");
+    let write = |factor: f64, digits: usize| {
+        let row = |p: &PointRow| {
+            let ([x, y, z], [r, g, b]) = (p.position, p.color.map(|c| f64::from(c) * factor));
+            format!("{} {x} {y} {z} {r:.digits$} {g:.digits$} {b:.digits$} 0.5\n", p.id)
+        };
+        let text: String = folder.points.iter().map(row).collect();
+        fs::write(root.path().join("sparse/0/points3D.txt"), text).expect("written");
+    };
+    for (factor, digits) in [(1.0, 0), (1.0, 1), (1.0 / 255.0, 4), (257.0, 0)] {
+        write(factor, digits);
+        let dataset = load(root.path()).expect("loads");
+        let colours = |dataset: &Dataset| dataset.points.iter().map(|p| p.color).collect::<Vec<_>>();
+        assert_eq!(colours(&dataset), colours(&want), "{factor}");
+    }
+    write(-3.0, 0);
+    let told: Vec<String> = load(root.path()).expect("loads").warnings.iter().map(ToString::to_string).collect();
+    assert!(told.iter().any(|line| line.contains("no colours that can be read")), "{told:?}");
 }
 
 #[test]

@@ -112,7 +112,11 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
         if !coloured.of_dataset {
             console.warn(&coloured.colourless);
         }
-        console.say(coloured);
+        console.say(format_args!(
+            "{} of {} points have the colours of photographs that see them",
+            HumanCount(coloured.seen as u64),
+            HumanCount(coloured.points as u64)
+        ));
     }
     if !input.sees_any() {
         console.warn(

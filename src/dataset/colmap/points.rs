@@ -5,8 +5,8 @@ use std::path::Path;
 use super::{binary_records, text_records};
 use crate::dataset::points_ply::GREY;
 use crate::dataset::{NoColours, points_ply};
-use crate::format::ply;
 use crate::format::Error as FileError;
+use crate::format::ply;
 
 /// A reconstructed point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ fn read_binary(file: &Path) -> Result<Vec<(Point, Vec<u32>)>, FileError> {
 /// any of the usual ranges.
 fn read_text(file: &Path) -> Result<Points, FileError> {
     let mut i = 0;
-    let mut written = Vec::new();
+    let (mut written, mut no_byte) = (Vec::new(), None);
     let mut points = text_records(
         file,
         "points",
@@ -75,7 +75,12 @@ fn read_text(file: &Path) -> Result<Points, FileError> {
                 *value = line.f64(format_args!("{} of point {id}", VALUES[k]))?;
             }
             for _ in 0..3 {
-                written.push(line.f64(format_args!("colour of point {id}"))?);
+                let value = line.f64(format_args!("colour of point {id}"))?;
+                if !(0.0..=255.0).contains(&value) && no_byte.is_none() {
+                    let problem = format_args!("'{value}' is not from 0 to 255, as others are");
+                    no_byte = Some(line.error(format_args!("colour of point {id}"), problem));
+                }
+                written.push(value);
             }
             let error = line.value(format_args!("error of point {id}"))?;
             let left = line.left();
@@ -93,10 +98,14 @@ fn read_text(file: &Path) -> Result<Points, FileError> {
         },
         None,
     )?;
-    let colours = ply::colours_of_numbers(&written);
-    for ((point, _), colour) in points.iter_mut().zip(colours.iter().flatten()) {
-        point.color = *colour;
+    let Some((colours, largest)) = ply::colours_of_numbers(&written) else {
+        return Ok((points, Some(NoColours::Unknown(["R", "G", "B"].map(str::to_owned).to_vec()))));
+    };
+    if let Some(error) = no_byte.filter(|_| largest <= 255.0) {
+        return Err(error);
     }
-    let unknown = || NoColours::Unknown(["R", "G", "B"].map(str::to_owned).to_vec());
-    Ok((points, if colours.is_none() { Some(unknown()) } else { None }))
+    for ((point, _), colour) in points.iter_mut().zip(colours) {
+        point.color = colour;
+    }
+    Ok((points, None))
 }

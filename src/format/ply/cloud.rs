@@ -101,8 +101,7 @@ impl Cloud {
             let properties =
                 |kind: &str, names: [&str; 3]| names.map(|name| format!("property {kind} {name}\n")).concat();
             let normals = if with_normals { properties("float", ["nx", "ny", "nz"]) } else { String::new() };
-            let colours =
-                if with_colours { properties("uchar", ["red", "green", "blue"]) } else { String::new() };
+            let colours = if with_colours { properties("uchar", ["red", "green", "blue"]) } else { String::new() };
             write!(
                 out,
                 "ply\nformat binary_little_endian 1.0\nelement vertex {n}\n{}{normals}{colours}end_header\n",

@@ -82,10 +82,12 @@ impl Place {
     }
 }
 
-/// Eight-bit colours of three numbers each, in whichever of the usual ranges these are; `None` where that cannot be told.
-pub(crate) fn of_numbers(values: &[f64]) -> Option<Vec<[u8; 3]>> {
+/// Eight-bit colours of three numbers each, in whichever of the usual ranges these are, and the largest number of that range; `None`
+/// where that cannot be told.
+pub(crate) fn of_numbers(values: &[f64]) -> Option<(Vec<[u8; 3]>, f64)> {
     let whole = values.iter().all(|v| v.fract() == 0.0);
-    in_range(values, [if whole { Kind::I32 } else { Kind::F64 }; 3])
+    let kinds = [if whole { Kind::I32 } else { Kind::F64 }; 3];
+    Some((in_range(values, kinds)?, largest(values, kinds)?))
 }
 
 fn holds_bits(element: &Element, place: usize) -> bool {

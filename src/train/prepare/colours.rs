@@ -1,6 +1,5 @@
 //! Colours of points that have none of their own: those of the photographs that see them.
 
-use std::fmt;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -8,8 +7,8 @@ use rayon::prelude::*;
 use super::spread;
 use crate::dataset::{Colourless, Dataset, Pixels, Role};
 use crate::scene::{Camera, Gaussians, init};
-use crate::train::input::Input;
 use crate::train::Error;
+use crate::train::input::Input;
 
 /// Photographs that a point takes its colour from, at most: the nearest, which see it best and between which and the point least lies.
 const MOST: usize = 7;
@@ -40,12 +39,6 @@ pub struct Coloured {
     pub points: usize,
     /// Their colours.
     pub colours: Arc<Vec<[u8; 3]>>,
-}
-
-impl fmt::Display for Coloured {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of {} points have the colours of photographs that see them", self.seen, self.points)
-    }
 }
 
 /// What a point is seen as.
