@@ -66,7 +66,7 @@ pub fn commands(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Opti
         let outcome = run.engine.outcome(ticket)?;
         run.grown(&outcome)?;
     }
-    Ok(gpu.describe(&run.recorded(false)?))
+    Ok(gpu.describe(&run.recorded(false)?)?)
 }
 
 impl Options {

@@ -16,12 +16,14 @@ use super::features::{Features, REQUIRED};
 use super::gpu::Gpu;
 use super::options::OpenOptions;
 use super::order::SubmitOrder;
-use super::recorder::{Recorder, Ticket};
+use super::recorder::Recorder;
 use super::report::report;
+use super::ticket::Ticket;
 use super::validation::Messages;
 
 /// Called around every use of the host's queue. The host's own submits take the same lock, and whoever holds it does not call
-/// the engine.
+/// the engine. A panic in one of them goes on in whoever submits: in `lock` nothing has been submitted, in `unlock` the work is with the
+/// device and has the engine's next ticket; the engine can be used again in both cases.
 pub struct QueueLock {
     /// Waits until nobody else uses the queue.
     pub lock: Box<dyn Fn() + Send + Sync>,
@@ -183,13 +185,6 @@ unsafe fn check_queue(instance: &ash::Instance, host: &HostDevice<'_>) -> Result
         Some(_) => return Ok(()),
     };
     Err(Error::BadQueue { family, index, what })
-}
-
-impl Ticket {
-    /// The value of [`Gpu::timeline`] once the submit has finished.
-    pub fn value(self) -> u64 {
-        self.0
-    }
 }
 
 impl Recorder {

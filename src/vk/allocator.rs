@@ -72,34 +72,41 @@ pub(super) fn ask(
 ) -> Result<HostBlock> {
     let call = "the host's allocator";
     let block = allocator.allocate(request).map_err(|result| Error::Vulkan { call, result })?;
-    let wrong = |what: &'static str| {
-        allocator.free(block);
-        Error::HostAllocator { buffer: request.name.to_owned(), what }
-    };
+    let given = Given { allocator, block };
+    let wrong = |what: &'static str| Err(Error::HostAllocator { buffer: request.name.to_owned(), what });
     let needs = request.requirements;
     if block.memory == vk::DeviceMemory::null() || block.size < needs.size {
-        return Err(wrong("it gave less memory than asked for"));
+        return wrong("it gave less memory than asked for");
     }
     if !block.offset.is_multiple_of(needs.alignment.max(1)) {
-        return Err(wrong("the block does not begin where its alignment asks"));
+        return wrong("the block does not begin where its alignment asks");
     }
     let known = block.memory_type < types.memory_type_count.min(32);
     if !known || needs.memory_type_bits & (1 << block.memory_type) == 0 {
-        return Err(wrong("the block's memory type is none of those asked for"));
+        return wrong("the block's memory type is none of those asked for");
     }
-    if request.memory == Memory::Device {
-        return Ok(HostBlock { block, mapped: None });
-    }
-    let flags = types.memory_types[block.memory_type as usize].property_flags;
-    if !flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT) {
-        return Err(wrong("the block's memory type is not host-visible and coherent"));
-    }
-    match allocator.map(&block) {
-        Ok(pointer) => Ok(HostBlock { block, mapped: Some(pointer) }),
-        Err(result) => {
-            allocator.free(block);
-            Err(Error::Vulkan { call, result })
+    let mapped = if request.memory == Memory::Device {
+        None
+    } else {
+        let flags = types.memory_types[block.memory_type as usize].property_flags;
+        if !flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT) {
+            return wrong("the block's memory type is not host-visible and coherent");
         }
+        Some(allocator.map(&block).map_err(|result| Error::Vulkan { call, result })?)
+    };
+    std::mem::forget(given);
+    Ok(HostBlock { block, mapped })
+}
+
+/// A block that is given back unless it is forgotten: where it cannot be used, and where the host panics.
+struct Given<'a> {
+    allocator: &'a dyn HostAllocator,
+    block: MemoryBlock,
+}
+
+impl Drop for Given<'_> {
+    fn drop(&mut self) {
+        self.allocator.free(self.block);
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 
 use ash::vk;
 
@@ -52,10 +52,25 @@ pub(super) struct BufferInner {
     pub(super) memory: Memory,
     /// Ticket of the last submit that uses the buffer.
     pub(super) last_use: AtomicU64,
+    /// Recordings for a host that use the buffer and have not ended.
+    pub(super) lent: AtomicU32,
     mapped: Option<Mapped>,
     allocation: Mutex<Option<Block>>,
     /// Views of its ranges as texels, made when they are first bound. They are few: of the whole, and of parts that stay.
     views: Mutex<Vec<(u64, u64, TexelFormat, vk::BufferView)>>,
+}
+
+/// A buffer without memory yet: destroyed where none is given, or where the host's allocator panics.
+struct Unbound<'a> {
+    device: &'a Device,
+    raw: vk::Buffer,
+}
+
+impl Drop for Unbound<'_> {
+    fn drop(&mut self) {
+        // SAFETY: created from this device and never used.
+        unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+    }
 }
 
 /// A storage buffer. Cloning it gives another handle to the same memory.
@@ -96,21 +111,15 @@ impl Buffer {
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: the device is alive and the description valid.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.named("vkCreateBuffer")?;
+        let unbound = Unbound { device, raw };
         // SAFETY: `raw` was just created.
         let mut requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
         requirements.alignment = requirements.alignment.max(REFERENCE_ALIGNMENT);
-        let allocated = match lock(&device.memory).as_mut() {
-            Some(pool) => pool.allocate(name, memory, requirements),
-            None => Err(Error::NoVulkan("the device is closed".into())),
+        let allocation = match lock(&device.memory).as_mut() {
+            Some(pool) => pool.allocate(name, memory, requirements)?,
+            None => return Err(Error::NoVulkan("the device is closed".into())),
         };
-        let allocation = match allocated {
-            Ok(allocation) => allocation,
-            Err(error) => {
-                // SAFETY: created above and never used.
-                unsafe { device.raw.destroy_buffer(raw, None) };
-                return Err(error);
-            }
-        };
+        std::mem::forget(unbound);
         let mut inner = BufferInner {
             device: device.clone(),
             raw,
@@ -123,6 +132,7 @@ impl Buffer {
             armed: AtomicBool::new(guard == 0),
             memory,
             last_use: AtomicU64::new(0),
+            lent: AtomicU32::new(0),
             mapped: allocation.mapped().map(|p| Mapped(p.as_ptr().cast())),
             allocation: Mutex::new(Some(allocation)),
             views: Mutex::default(),
@@ -161,6 +171,7 @@ impl Buffer {
             armed: AtomicBool::new(true),
             memory,
             last_use: AtomicU64::new(0),
+            lent: AtomicU32::new(0),
             mapped: None,
             allocation: Mutex::new(None),
             views: Mutex::default(),
@@ -202,6 +213,14 @@ impl Buffer {
         Error::BadRange { buffer: self.inner.name.clone(), size: self.inner.size, offset, bytes, why }
     }
 
+    /// Checks that it is a buffer of this device.
+    pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
+        if Arc::ptr_eq(&self.inner.device, device) {
+            return Ok(());
+        }
+        Err(Error::Foreign { what: format!("buffer {}", self.inner.name) })
+    }
+
     /// Checks that `bytes` at `offset` are inside.
     pub(super) fn inside(&self, offset: u64, bytes: u64) -> Result<()> {
         match offset.checked_add(bytes) {
@@ -236,7 +255,7 @@ impl Buffer {
         let _held = lock(&self.inner.allocation);
         // SAFETY: the range is inside the mapping, which lives as long as the buffer. No other thread writes while the lock is
         // held, and nothing reads through the mapping. The device does not read: staging memory is handed to one recorder at a
-        // time, and what is written straight is written after the ticket of its last use has passed.
+        // time, and what is written straight is written under the lock of the queue while nothing in flight uses the buffer.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.0.add(offset as usize), bytes.len()) };
         Ok(())
     }
@@ -247,12 +266,13 @@ impl Buffer {
         offset: u64,
         count: usize,
     ) -> Result<Vec<T>> {
-        let bytes = count as u64 * size_of::<T>() as u64;
+        let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
         self.inside(offset, bytes)?;
         let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, bytes, "it is not host-visible"))?;
         let mut values = vec![<T as bytemuck::Zeroable>::zeroed(); count];
         // SAFETY: the range is inside the mapping; `values` has the same number of bytes, and any bytes are a valid `T`.
-        // The device has finished writing: callers wait for the buffer's ticket.
+        // The device does not write: the buffer is the caller's own and its only submit has finished, or the caller holds the lock of
+        // the queue and nothing in flight writes the range.
         unsafe {
             let target = values.as_mut_ptr().cast::<u8>();
             std::ptr::copy_nonoverlapping(mapped.0.add(offset as usize), target, bytes as usize);
@@ -268,13 +288,14 @@ impl Drop for BufferInner {
             lock(&self.views).drain(..).for_each(|(.., view)| self.device.raw.destroy_buffer_view(view, None));
             self.device.raw.destroy_buffer(self.raw, None);
         }
+        lock(&self.device.live).remove(&self.id);
+        lock(&self.device.freed).push(self.id);
+        // Last, because a host's allocator may panic.
         if let Some(allocation) = lock(&self.allocation).take()
             && let Some(pool) = lock(&self.device.memory).as_mut()
         {
             pool.free(self.memory, allocation);
         }
-        lock(&self.device.live).remove(&self.id);
-        lock(&self.device.freed).push(self.id);
     }
 }
 

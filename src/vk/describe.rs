@@ -2,6 +2,7 @@
 
 use super::Gpu;
 use super::barrier::Barrier;
+use super::error::Result;
 use super::kernel::Access;
 use super::recorder::{Command, Recorder};
 use super::submit::{infer, steps};
@@ -32,11 +33,12 @@ pub struct Wait {
 
 impl Gpu {
     /// The commands of a recording as they would be submitted at this moment, and what each waits for.
-    pub fn describe(&self, recorder: &Recorder) -> Vec<Described> {
+    pub fn describe(&self, recorder: &Recorder) -> Result<Vec<Described>> {
+        recorder.of(self.device())?;
         let steps = steps(recorder);
         let (needed, placed, first) = {
             let state = self.state();
-            let (mut one, mut other) = (state.tracker.clone(), state.tracker.clone());
+            let (mut one, mut other) = (state.tracker(), state.tracker());
             let first = one.commands() + 1;
             let needed: Vec<Vec<Barrier>> = steps.iter().map(|(_, uses)| one.step(uses)).collect();
             (needed, infer(&mut other, &steps), first)
@@ -73,6 +75,6 @@ impl Gpu {
                 barrier: !placed[i].is_empty(),
             });
         }
-        out
+        Ok(out)
     }
 }

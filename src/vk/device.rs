@@ -11,11 +11,12 @@ use super::adopt::QueueLock;
 use super::allocator::HostAllocator;
 use super::buffer::BufferInner;
 use super::caps::Caps;
-use super::error::{Error, Named, Result};
+use super::error::{Error, Result};
 use super::features::FeatureStructures;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
 use super::report::{Reported, report};
+use super::ticket::next_device;
 use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
 
 /// Locks a mutex; a panic elsewhere does not make the data unusable here.
@@ -38,6 +39,8 @@ pub struct DeviceInfo {
 
 /// The parts that buffers and pipelines need; destroyed when the last of them is gone.
 pub(super) struct Device {
+    /// No other device of the process has this number.
+    pub(super) id: u64,
     pub(super) raw: ash::Device,
     pub(super) instance: ash::Instance,
     pub(super) physical: vk::PhysicalDevice,
@@ -97,9 +100,6 @@ impl Device {
         options: &OpenOptions,
     ) -> Result<(vk::PhysicalDevice, ash::Device, u32, Caps)> {
         let found = enumerate(instance)?;
-        if found.is_empty() {
-            return Err(Error::NoVulkan("it offers no device".into()));
-        }
         let index = choose(&found, options.device.as_deref())?;
         let (physical, reported) = found.into_iter().nth(index).ok_or(Error::NoVulkan("no device".into()))?;
         reported.check()?;
@@ -112,6 +112,7 @@ impl Device {
         let Parts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, .. } = parts;
         let debug = parts.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance, &raw));
         let device = Device {
+            id: next_device(),
             memory: Mutex::new(None),
             raw,
             instance,
@@ -221,12 +222,13 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what the caller asks for.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan(e.to_string()))?;
     // SAFETY: a global command.
-    let version = unsafe { entry.try_enumerate_instance_version() }.named("vkEnumerateInstanceVersion")?;
+    let version = unsafe { entry.try_enumerate_instance_version() }.or_none("vkEnumerateInstanceVersion")?;
     if version.unwrap_or(vk::API_VERSION_1_0) < vk::API_VERSION_1_3 {
         return Err(Error::NoVulkan("the loader is older than Vulkan 1.3".into()));
     }
     // SAFETY: a global command.
-    let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
+    let layers =
+        unsafe { entry.enumerate_instance_layer_properties() }.or_none("vkEnumerateInstanceLayerProperties")?;
     let enables = match validation {
         Validation::Off => None,
         Validation::CoreAndSync => Some([vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION]),
@@ -238,7 +240,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     }
     // SAFETY: a global command.
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
-        .named("vkEnumerateInstanceExtensionProperties")?;
+        .or_none("vkEnumerateInstanceExtensionProperties")?;
     let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
     let has_debug = has(ash::ext::debug_utils::NAME);
     // Drivers that put Vulkan on top of another API, as on macOS, are hidden from those who do not ask for them.
@@ -281,10 +283,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         info = info.push_next(&mut settings);
     }
     // SAFETY: all pointers in the chain live until the call returns.
-    let instance = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-        vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoVulkan("no compatible driver".into()),
-        result => Error::Vulkan { call: "vkCreateInstance", result },
-    })?;
+    let instance = unsafe { entry.create_instance(&info, None) }.or_none("vkCreateInstance")?;
     let messenger = if has_debug || watched {
         match Messenger::new(&entry, &instance, &messages, watched) {
             Ok(messenger) => Some(messenger),
@@ -300,13 +299,36 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     Ok((entry, instance, messages, messenger))
 }
 
+/// What loader and drivers say before there is a device. Whatever it is, none can be had: loaders and drivers differ in the result by
+/// which they tell of files that they cannot read, or of hardware that is not there or may not be used.
+trait OrNone<T> {
+    fn or_none(self, call: &'static str) -> Result<T>;
+}
+
+impl<T> OrNone<T> for std::result::Result<T, vk::Result> {
+    fn or_none(self, call: &'static str) -> Result<T> {
+        self.map_err(|result| {
+            Error::NoVulkan(match result {
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => "the loader has found no driver that can be used".to_owned(),
+                result => format!("{call}: {result}"),
+            })
+        })
+    }
+}
+
 fn enumerate(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, Reported)>> {
     // SAFETY: the instance is alive.
-    let found = unsafe { instance.enumerate_physical_devices() }.named("vkEnumeratePhysicalDevices")?;
+    let found = unsafe { instance.enumerate_physical_devices() }.or_none("vkEnumeratePhysicalDevices")?;
+    if found.is_empty() {
+        return Err(Error::NoVulkan("the drivers that are there offer no device".into()));
+    }
     found
         .into_iter()
         // SAFETY: the device comes from this instance, which was created for 1.3.
-        .map(|physical| Ok((physical, unsafe { report(instance, physical) }?)))
+        .map(|physical| match unsafe { report(instance, physical) } {
+            Ok(reported) => Ok((physical, reported)),
+            Err(error) => Err(Error::NoVulkan(error.to_string())),
+        })
         .collect()
 }
 
@@ -365,6 +387,7 @@ fn create_device(
         info = info.push_next(&mut enabled.atomic_float);
     }
     // SAFETY: only features and extensions that the device reports are enabled; all pointers live until the call returns.
-    let raw = unsafe { instance.create_device(physical, &info, None) }.named("vkCreateDevice")?;
+    let raw = unsafe { instance.create_device(physical, &info, None) }
+        .map_err(|result| Error::Unopened { device: reported.device.clone(), result })?;
     Ok((raw, family))
 }

@@ -1,9 +1,12 @@
 //! From commands and their barriers to a command buffer, and from that to the queue.
 
+use std::any::Any;
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ash::vk;
 
+use super::adopt::QueueLock;
 use super::barrier::Barrier;
 use super::buffer::Buffer;
 use super::canary;
@@ -244,6 +247,17 @@ unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, com
     Ok(())
 }
 
+/// One of the two callbacks of a [`QueueLock`].
+type Callback = Box<dyn Fn() + Send + Sync>;
+
+/// Whether a command buffer was handed to the queue.
+pub(super) enum Handed {
+    /// It was; with the panic of the host's unlocking, where that panicked.
+    Over(std::thread::Result<()>),
+    /// It was not, because the host's locking panicked.
+    Not(Box<dyn Any + Send>),
+}
+
 /// Hands a command buffer to the queue, inside the host's lock where there is one.
 pub(super) fn enqueue(
     device: &Device,
@@ -251,7 +265,7 @@ pub(super) fn enqueue(
     timeline: vk::Semaphore,
     ticket: u64,
     order: SubmitOrder<'_>,
-) -> Result<()> {
+) -> Result<Handed> {
     let point = |semaphore: vk::Semaphore, value: u64| {
         vk::SemaphoreSubmitInfo::default()
             .semaphore(semaphore)
@@ -267,15 +281,18 @@ pub(super) fn enqueue(
         .wait_semaphore_infos(&wait)
         .command_buffer_infos(&buffers)
         .signal_semaphore_infos(&signal);
-    if let Some(host) = &device.host_lock {
-        (host.lock)();
+    // Nothing that is half done is seen by whoever goes on after a panic: the callbacks get nothing of ours.
+    let call = |callback: fn(&QueueLock) -> &Callback| {
+        catch_unwind(AssertUnwindSafe(|| device.host_lock.iter().for_each(|host| callback(host)())))
+    };
+    if let Err(panic) = call(|host| &host.lock) {
+        return Ok(Handed::Not(panic));
     }
     // SAFETY: the queue is ours, guarded by the caller's lock on the state, or the host's, guarded by its callbacks.
     let result = unsafe { device.raw.queue_submit2(device.queue, &[info], vk::Fence::null()) };
-    if let Some(host) = &device.host_lock {
-        (host.unlock)();
-    }
-    result.named("vkQueueSubmit2")
+    let unlocked = call(|host| &host.unlock);
+    result.named("vkQueueSubmit2")?;
+    Ok(Handed::Over(unlocked))
 }
 
 fn begin_label(device: &Device, commands: vk::CommandBuffer, name: &str) {

@@ -9,6 +9,14 @@ pub enum Error {
     /// The Vulkan loader could not be loaded or offers no Vulkan 1.3.
     #[error("no Vulkan loader or driver: {0}")]
     NoVulkan(String),
+    /// A driver is there, and a device, but it does not open.
+    #[error("{device} cannot be opened: vkCreateDevice: {result}")]
+    Unopened {
+        /// The device's name.
+        device: String,
+        /// What the driver says.
+        result: vk::Result,
+    },
     /// No device matches.
     #[error("no Vulkan device matches `{wanted}`; there are: {}", list(found))]
     NoDevice {
@@ -112,6 +120,18 @@ pub enum Error {
         ticket: u64,
         /// The last one given out.
         last: u64,
+    },
+    /// A buffer, a pipeline or a recording of another device.
+    #[error("{what} is of another device")]
+    Foreign {
+        /// What it is, with its name.
+        what: String,
+    },
+    /// Memory that the host sees is part of commands that were recorded for a host, whose end has not been told.
+    #[error("buffer {buffer} is used by a recording for the host that has not been told to be finished")]
+    InHostCommands {
+        /// Name of the buffer.
+        buffer: String,
     },
     /// The device was lost.
     #[error("device lost in {during}; last pass known to have started: {pass}")]

@@ -14,15 +14,16 @@ use super::device::{Device, lock};
 use super::error::{Error, Named, Result};
 use super::form::Reach;
 use super::hazard::HazardChecker;
-use super::host_commands::Done;
 use super::kernel::Kernel;
+use super::making::Watcher;
 use super::memory::{Memory, MemoryUse};
 use super::options::{OpenOptions, Validation};
 use super::order::SubmitOrder;
 use super::pipeline::{Pipeline, constants};
 use super::profile::{PassTime, Stats};
-use super::recorder::{Recorder, Ticket};
+use super::recorder::Recorder;
 use super::submit::{STAGING, State};
+use super::ticket::Ticket;
 use super::validation::Messages;
 
 /// Kernel's name, its module's address, constants.
@@ -33,6 +34,8 @@ struct GpuInner {
     timeline: vk::Semaphore,
     state: Mutex<State>,
     pipelines: Mutex<HashMap<PipelineKey, Pipeline>>,
+    /// Who is told of pipelines that are made.
+    watcher: Mutex<Option<Watcher>>,
     cache: vk::PipelineCache,
     /// Valid bits of a timestamp.
     timestamp_mask: u64,
@@ -73,6 +76,7 @@ impl Gpu {
             timeline,
             state: Mutex::new(state),
             pipelines: Mutex::default(),
+            watcher: Mutex::default(),
             cache: vk::PipelineCache::null(),
             timestamp_mask: if bits >= 64 { u64::MAX } else { (1 << bits) - 1 },
             cache_file: options.pipeline_cache.as_deref().map(|folder| cache::file(folder, device.caps.cache_id)),
@@ -106,6 +110,10 @@ impl Gpu {
         Buffer::new(&self.inner.device, name, bytes, memory)
     }
 
+    pub(super) fn watcher(&self) -> &Mutex<Option<Watcher>> {
+        &self.inner.watcher
+    }
+
     pub(super) fn device(&self) -> &Arc<Device> {
         &self.inner.device
     }
@@ -118,6 +126,7 @@ impl Gpu {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
+        let _making = self.making(kernel.name);
         let pipeline = Pipeline::new(&self.inner.device, self.inner.cache, kernel, &key.2)?;
         self.inner.cache_grown.store(true, Ordering::Release);
         pipelines.insert(key, pipeline.clone());
@@ -126,6 +135,10 @@ impl Gpu {
 
     /// Makes a form of a pipeline unless it is there.
     pub(super) fn make_form(&self, pipeline: &Pipeline, reach: Reach) -> Result<()> {
+        if pipeline.inner.form(reach).is_some() {
+            return Ok(());
+        }
+        let _making = self.making(pipeline.name());
         if pipeline.make(&self.inner.device, self.inner.cache, reach)? {
             self.inner.cache_grown.store(true, Ordering::Release);
         }
@@ -149,67 +162,20 @@ impl Gpu {
 
     /// Waits until a submit, and all before it, has finished.
     pub fn wait(&self, ticket: Ticket) -> Result<()> {
-        if ticket.0 == 0 {
+        self.owns(ticket)?;
+        if ticket.value() == 0 {
             return Ok(());
         }
         {
             let mut state = lock(&self.inner.state);
-            if ticket.0 > state.last {
-                return Err(Error::ForeignTicket { ticket: ticket.0, last: state.last });
-            }
-            if ticket.0 == state.last {
+            if ticket.value() == state.last {
                 state.stats.host_waits += 1;
             } else {
                 state.stats.pacing_waits += 1;
             }
         }
-        self.inner.wait(ticket.0).map_err(|error| self.explain(error))?;
+        self.inner.wait(ticket.value()).map_err(|error| self.explain(error))?;
         self.retire()
-    }
-
-    /// True when a submit has finished.
-    pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
-        Ok(self.inner.completed().map_err(|error| self.explain(error))? >= ticket.0)
-    }
-
-    /// The ticket of the last submit.
-    pub fn last_ticket(&self) -> Ticket {
-        Ticket(lock(&self.inner.state).last)
-    }
-
-    /// Everything in a buffer, after all that was submitted. Waits.
-    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
-        self.read_at(buffer, 0, (buffer.size() / size_of::<T>() as u64) as usize)
-    }
-
-    /// `count` values from byte `offset` on, after all that was submitted. Waits.
-    pub fn read_at<T: bytemuck::Pod>(&self, buffer: &Buffer, offset: u64, count: usize) -> Result<Vec<T>> {
-        let bytes = count as u64 * size_of::<T>() as u64;
-        if buffer.memory() == Memory::Readback {
-            self.wait(Ticket(buffer.inner.last_use.load(Ordering::Acquire)))?;
-            return buffer.load(offset, count);
-        }
-        buffer.inside(offset, bytes)?;
-        let landing = self.buffer("read-back", bytes, Memory::Readback)?;
-        let mut recorder = self.recorder("read")?;
-        recorder.copy(buffer, offset, &landing, 0, bytes)?;
-        self.wait(recorder.submit()?)?;
-        landing.load(0, count)
-    }
-
-    /// `count` values of a read-back buffer from byte `offset` on if what writes them has finished; never waits.
-    pub fn read_ready<T: bytemuck::Pod>(
-        &self,
-        buffer: &Buffer,
-        offset: u64,
-        count: usize,
-        by: impl Into<Done>,
-    ) -> Result<Option<Vec<T>>> {
-        let done = match by.into() {
-            Done::Ticket(ticket) => self.is_done(ticket)?,
-            Done::Executed(_) => true,
-        };
-        if done { buffer.load(offset, count).map(Some) } else { Ok(None) }
     }
 
     /// Writes the beginning of a buffer, in order with everything submitted. Does not wait.
@@ -217,19 +183,6 @@ impl Gpu {
         let mut recorder = self.recorder("write")?;
         recorder.upload(buffer, 0, bytemuck::cast_slice(values))?;
         recorder.submit().map(|_| ())
-    }
-
-    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]: what is submitted from then on sees them. Waits for
-    /// the last submit that uses the buffer where that has not finished yet; nobody else may submit one meanwhile.
-    pub fn store(&self, buffer: &Buffer, bytes: &[u8]) -> Result<()> {
-        if buffer.memory() != Memory::Upload {
-            return Err(buffer.bad_range(0, bytes.len() as u64, "only memory for uploads is written straight"));
-        }
-        let last = Ticket(buffer.inner.last_use.load(Ordering::Acquire));
-        if !self.is_done(last)? {
-            self.wait(last)?;
-        }
-        buffer.store(0, bytes)
     }
 
     /// Counters since the device was opened.
@@ -251,9 +204,10 @@ impl Gpu {
 
     /// Times of a profiled recording, once, when its ticket has passed; `None` before, and for one that was not profiled.
     pub fn timings(&self, ticket: Ticket) -> Result<Option<Vec<PassTime>>> {
+        self.owns(ticket)?;
         self.retire()?;
         let mut state = lock(&self.inner.state);
-        let found = state.timings.iter().position(|(t, _)| *t == ticket.0);
+        let found = state.timings.iter().position(|(t, _)| *t == ticket.value());
         Ok(found.and_then(|i| state.timings.remove(i)).map(|(_, times)| times))
     }
 
@@ -269,8 +223,9 @@ impl Gpu {
 
     /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of them
     /// could be left out without the checker's objecting (none, if both are right).
-    pub fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
-        lock(&self.inner.state).missed_barriers(recorder)
+    pub fn missed_barriers(&self, recorder: &Recorder) -> Result<(usize, Vec<String>)> {
+        recorder.of(self.device())?;
+        Ok(lock(&self.inner.state).missed_barriers(recorder))
     }
 
     pub(super) fn submit(&self, recorder: Recorder) -> Result<Ticket> {
@@ -283,10 +238,16 @@ impl Gpu {
             let mut state = lock(&self.inner.state);
             let there = self.inner.there().named("vkQueueSubmit2");
             let done = there.and_then(|()| state.submit(&self.inner.device, self.inner.timeline, recorder, order));
-            let done = done.and_then(|()| self.inner.wait_for_queue(state.last));
-            done.map(|()| Ticket(state.last))
+            done.and_then(|unlocked| {
+                self.inner.wait_for_queue(state.last)?;
+                Ok((self.ticket(state.last), unlocked))
+            })
         };
-        result.map_err(|error| self.explain(error))
+        let (ticket, unlocked) = result.map_err(|error| self.explain(error))?;
+        match unlocked {
+            Ok(()) => Ok(ticket),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
     }
 
     /// A host-visible buffer for uploads of `bytes` bytes or more.
@@ -337,8 +298,13 @@ impl Gpu {
         self.inner.lost.store(true, Ordering::Release);
     }
 
+    /// The last submit that has finished.
+    pub(super) fn completed(&self) -> Result<u64> {
+        self.inner.completed().map_err(|error| self.explain(error))
+    }
+
     fn retire(&self) -> Result<()> {
-        let completed = self.inner.completed().map_err(|error| self.explain(error))?;
+        let completed = self.completed()?;
         let period = f64::from(self.caps().limits.timestamp_ns);
         // Dropping commands may free buffers, which is not done under the lock.
         let done = lock(&self.inner.state).retire(&self.inner.device, completed, period, self.inner.timestamp_mask);

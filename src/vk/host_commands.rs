@@ -3,30 +3,50 @@
 //! When and how often the host submits it is not known here, so nothing is inferred across its ends: it begins and ends with a
 //! barrier over everything. What lies between was inferred, and is checked, on its own.
 
+use std::sync::atomic::Ordering;
+
 use ash::vk;
 
 use super::barrier::Tracker;
 use super::buffer::Buffer;
+use super::device::Device;
 use super::encode::encode_for_host;
-use super::error::Result;
+use super::error::{Error, Result};
 use super::gpu::Gpu;
 use super::hazard::HazardChecker;
-use super::recorder::{Command, Recorder, Ticket};
+use super::memory::Memory;
+use super::recorder::{Command, Recorder};
 use super::slot::Slot;
 use super::submit::plan;
+use super::ticket::Ticket;
 
 /// Keeps alive what a command buffer of the host refers to: buffers, pipelines, descriptors, staged bytes.
 #[must_use = "the command buffer refers to what is freed with this"]
 pub struct HostRecording {
     gpu: Gpu,
     slot: Option<Slot>,
+    /// Buffers among those of the commands that the host sees.
+    lent: Vec<Buffer>,
     _commands: Vec<Command>,
     _staging: Vec<(Buffer, u64)>,
 }
 
 /// Says that a [`HostRecording`] has run.
 #[derive(Clone, Copy, Debug)]
-pub struct Executed(());
+pub struct Executed {
+    /// Number of the device.
+    device: u64,
+}
+
+impl Executed {
+    /// Checks that the recording was one of this device.
+    pub(super) fn of(self, device: &Device) -> Result<()> {
+        if self.device == device.id {
+            return Ok(());
+        }
+        Err(Error::Foreign { what: "the recording that a host has finished".into() })
+    }
+}
 
 /// Something whose end makes a read-back buffer readable: see [`Gpu::read_ready`].
 #[derive(Clone, Copy, Debug)]
@@ -74,19 +94,27 @@ impl Recorder {
             unsafe { slot.destroy(&device) };
             return Err(error);
         }
-        Ok(HostRecording { gpu, slot: Some(slot), _commands: self.commands, _staging: self.staging })
+        let seen = self.commands.iter().flat_map(Command::buffers).filter(|b| b.memory() != Memory::Device);
+        let lent: Vec<Buffer> = seen.cloned().collect();
+        {
+            // Whoever reads or writes them now holds the lock until that is done.
+            let _queue = gpu.state();
+            lent.iter().for_each(|buffer| _ = buffer.inner.lent.fetch_add(1, Ordering::AcqRel));
+        }
+        Ok(HostRecording { gpu, slot: Some(slot), lent, _commands: self.commands, _staging: self.staging })
     }
 }
 
 impl HostRecording {
     /// Gives back what the command buffer referred to, which by the promise of [`Recorder::record_into`] has run for the last time.
     pub fn finished(self) -> Executed {
-        Executed(())
+        Executed { device: self.gpu.device().id }
     }
 }
 
 impl Drop for HostRecording {
     fn drop(&mut self) {
+        self.lent.iter().for_each(|buffer| _ = buffer.inner.lent.fetch_sub(1, Ordering::AcqRel));
         let Some(mut slot) = self.slot.take() else { return };
         // SAFETY: the promise given to `record_into`: the device has executed the command buffer for the last time.
         match unsafe { slot.reset(self.gpu.device()) } {

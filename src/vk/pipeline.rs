@@ -11,6 +11,7 @@ use super::form::{Form, Reach};
 use super::kernel::{Kernel, TexelView};
 
 pub(super) struct PipelineInner {
+    device: Arc<Device>,
     pub(super) kernel: Kernel,
     values: Vec<u32>,
     workgroup_size: u32,
@@ -88,6 +89,14 @@ impl Pipeline {
         self.inner.kernel.name
     }
 
+    /// Checks that it is a pipeline of this device.
+    pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
+        if Arc::ptr_eq(&self.inner.device, device) {
+            return Ok(());
+        }
+        Err(Error::Foreign { what: format!("the pipeline of kernel {}", self.name()) })
+    }
+
     /// Makes the form that the device uses unless a buffer asks for another.
     pub(super) fn new(
         device: &Arc<Device>,
@@ -116,6 +125,7 @@ impl Pipeline {
             return Err(bad(format!("{} bytes of push constants", kernel.push_bytes)));
         }
         let inner = PipelineInner {
+            device: device.clone(),
             kernel: *kernel,
             values: values.to_vec(),
             workgroup_size,

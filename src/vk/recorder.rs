@@ -1,14 +1,18 @@
 //! The recorder: commands as data. Barriers, descriptors and the command buffer are made when it is submitted, in submission
 //! order, so that recorders may be filled side by side.
 
+use std::sync::Arc;
+
 use super::barrier::{BufferUse, Use};
 use super::buffer::{Buffer, BufferSlice};
 use super::caps::Addresses;
+use super::device::Device;
 use super::error::{Error, Result};
 use super::form::Reach;
 use super::gpu::Gpu;
 use super::kernel::Access;
 use super::pipeline::Pipeline;
+use super::ticket::Ticket;
 
 /// Workgroups along one axis that every device takes.
 const AXIS: u64 = 65_535;
@@ -133,10 +137,6 @@ impl Command {
     }
 }
 
-/// A finished submit's place on the timeline.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Ticket(pub(super) u64);
-
 /// Commands on their way to the device. They run in order, overlapping where no barrier is needed.
 pub struct Recorder {
     pub(super) gpu: Gpu,
@@ -166,6 +166,8 @@ impl Recorder {
 
     /// Copies bytes from one buffer to another, or within one where the ranges do not overlap.
     pub fn copy(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) -> Result<()> {
+        from.of(self.gpu.device())?;
+        to.of(self.gpu.device())?;
         from.inside(from_offset, bytes)?;
         to.inside(to_offset, bytes)?;
         let apart = from_offset + bytes <= to_offset || to_offset + bytes <= from_offset;
@@ -182,6 +184,7 @@ impl Recorder {
     /// Writes host bytes into a buffer. They are copied at once; the device sees them when the recorder's turn comes.
     pub fn upload(&mut self, to: &Buffer, to_offset: u64, bytes: &[u8]) -> Result<()> {
         let len = bytes.len() as u64;
+        to.of(self.gpu.device())?;
         to.inside(to_offset, len)?;
         if bytes.is_empty() {
             return Ok(());
@@ -224,6 +227,7 @@ impl Recorder {
     ) -> Result<()> {
         let kernel = pipeline.name();
         let bad = |what: String| Error::Interface { kernel, what };
+        pipeline.of(self.gpu.device())?;
         let bindings = pipeline.inner.kernel.bindings;
         if buffers.len() != bindings.len() {
             return Err(bad(format!("{} buffers for {} bindings", buffers.len(), bindings.len())));
@@ -258,6 +262,7 @@ impl Recorder {
             Groups::Items(items) => fold(items.div_ceil(size)).map(|(x, y)| Counts::Fixed(x, y)),
             Groups::Workgroups(groups) => fold(groups).map(|(x, y)| Counts::Fixed(x, y)),
             Groups::Indirect(buffer, offset) => {
+                buffer.of(self.gpu.device())?;
                 buffer.inside(offset, 12)?;
                 if offset % 4 != 0 {
                     return Err(buffer.bad_range(offset, 12, "indirect counts start at a multiple of 4"));
@@ -356,7 +361,16 @@ impl Recorder {
         self.omit_barrier = Some(n);
     }
 
+    /// Checks that it is a recorder of this device.
+    pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
+        if Arc::ptr_eq(self.gpu.device(), device) {
+            return Ok(());
+        }
+        Err(Error::Foreign { what: format!("recording {}", self.label) })
+    }
+
     fn inside(&self, buffer: &Buffer, offset: u64, bytes: u64) -> Result<()> {
+        buffer.of(self.gpu.device())?;
         // Up to the capacity: a whole buffer is bound and filled with its last word and its least size.
         match offset.checked_add(bytes) {
             Some(end) if end <= buffer.inner.capacity => Ok(()),

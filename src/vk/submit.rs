@@ -1,6 +1,7 @@
 //! From recorded commands to a submitted command buffer, and back when its ticket has passed.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use ash::vk;
@@ -8,7 +9,7 @@ use ash::vk;
 use super::barrier::{Barrier, BufferUse, Tracker, Use, gather};
 use super::buffer::Buffer;
 use super::device::Device;
-use super::encode::{encode, enqueue};
+use super::encode::{Handed, encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
 use super::memory::Memory;
@@ -31,6 +32,8 @@ pub(super) struct InFlight {
     commands: Vec<Command>,
     staging: Vec<(Buffer, u64)>,
     profiled: bool,
+    /// Ranges of memory for read-back that it uses.
+    landings: Vec<BufferUse>,
 }
 
 impl InFlight {
@@ -48,20 +51,21 @@ pub(super) struct State {
     pub(super) in_flight: VecDeque<InFlight>,
     pub(super) timings: VecDeque<(u64, Vec<PassTime>)>,
     pub(super) staging: Vec<Buffer>,
-    pub(super) tracker: Tracker,
+    tracker: Tracker,
     pub(super) checker: Option<HazardChecker>,
     /// Where breadcrumbs go.
     pub(super) crumbs: Option<Buffer>,
     commands: u32,
     slots: Vec<Slot>,
-    /// The barriers of an earlier submit did not reach the device: begin with one over everything.
+    /// The barriers of an earlier submit may not have reached the device: begin with one over everything.
     unsure: bool,
 }
 
-/// The barriers in front of every command, and those at the end for the host.
+/// The barriers in front of every command, those at the end for the host, and what the host may read.
 pub(super) struct Plan {
     pub(super) commands: Vec<Vec<Barrier>>,
     pub(super) end: Vec<Barrier>,
+    landings: Vec<BufferUse>,
 }
 
 impl State {
@@ -100,19 +104,22 @@ impl State {
         Ok(done)
     }
 
-    /// Submits a recording; the ticket is `self.last` afterwards.
+    /// Submits a recording; the ticket is `self.last` afterwards. A panic of the host's callbacks comes back as it is, to be resumed when
+    /// the lock on the state is released: in locking nothing was submitted, in unlocking the device has the commands.
     pub(super) fn submit(
         &mut self,
         device: &Device,
         timeline: vk::Semaphore,
         recorder: Recorder,
         order: SubmitOrder<'_>,
-    ) -> Result<()> {
+    ) -> Result<std::thread::Result<()>> {
         for id in std::mem::take(&mut *super::device::lock(&device.freed)) {
             self.tracker.forget(id);
             self.checker.iter_mut().for_each(|c| c.forget(id));
         }
-        if self.unsure {
+        // Until the device has the commands: what is inferred from here on holds for nothing if an error or a panic comes before.
+        let unsure = std::mem::replace(&mut self.unsure, true);
+        if unsure {
             self.tracker.clear();
             self.checker.iter_mut().for_each(HazardChecker::clear);
         }
@@ -123,18 +130,19 @@ impl State {
         let first = self.commands;
         let done = plan(&mut self.tracker, &mut self.checker, &recorder)
             .and_then(|plan| {
-                encode(device, &mut slot, &recorder, &plan, self.unsure, self.crumbs.as_ref().map(|b| (b, first)))?;
+                encode(device, &mut slot, &recorder, &plan, unsure, self.crumbs.as_ref().map(|b| (b, first)))?;
                 Ok(plan)
             })
-            .and_then(|plan| {
-                enqueue(device, slot.commands, timeline, self.last + 1, order)?;
-                Ok(plan)
-            });
-        let plan = match done {
-            Ok(plan) => plan,
-            Err(error) => {
-                self.unsure = true;
+            .and_then(|plan| Ok((plan, enqueue(device, slot.commands, timeline, self.last + 1, order)?)));
+        let (plan, unlocked) = match done {
+            Ok((plan, Handed::Over(unlocked))) => (plan, unlocked),
+            Ok((_, Handed::Not(panic))) => {
                 // SAFETY: nothing was submitted from the slot.
+                unsafe { slot.destroy(device) };
+                return Ok(Err(panic));
+            }
+            Err(error) => {
+                // SAFETY: as above.
                 unsafe { slot.destroy(device) };
                 return Err(error);
             }
@@ -143,6 +151,7 @@ impl State {
         self.last += 1;
         self.commands = self.commands.wrapping_add(recorder.commands.len() as u32);
         self.stats.submits += 1;
+        self.stats.barriers += u64::from(unsure);
         for (command, barriers) in recorder.commands.iter().zip(&plan.commands) {
             self.stats.dispatches += u64::from(matches!(command, Command::Dispatch { .. }));
             self.stats.by_address += u64::from(matches!(command, Command::Dispatch { table: Some(_), .. }));
@@ -164,8 +173,22 @@ impl State {
             commands: recorder.commands,
             staging: recorder.staging,
             profiled: recorder.profile,
+            landings: plan.landings,
         });
-        Ok(())
+        Ok(unlocked)
+    }
+
+    /// The state of every buffer behind what the device has; nothing is known where that is not sure.
+    pub(super) fn tracker(&self) -> Tracker {
+        if self.unsure { Tracker::default() } else { self.tracker.clone() }
+    }
+
+    /// Whether a submit after `completed` uses a range of memory for read-back.
+    pub(super) fn lands_later(&self, completed: u64, buffer: u64, range: &Range<u64>) -> bool {
+        let later = self.in_flight.iter().rev().take_while(|flight| flight.ticket > completed);
+        later
+            .flat_map(|flight| &flight.landings)
+            .any(|used| used.buffer == buffer && used.range.start < range.end && range.start < used.range.end)
     }
 
     /// A slot that no submit holds.
@@ -180,7 +203,7 @@ impl State {
 
     /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not missed.
     pub(super) fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
-        let mut tracker = self.tracker.clone();
+        let mut tracker = self.tracker();
         let steps = steps(recorder);
         let barriers = infer(&mut tracker, &steps);
         let (mut total, mut unmissed) = (0, Vec::new());
@@ -189,7 +212,7 @@ impl State {
                 total += 1;
                 let mut fewer = barriers.clone();
                 let gone = fewer[i].remove(j);
-                let mut checker = self.checker.clone().unwrap_or_default();
+                let mut checker = self.checker.clone().filter(|_| !self.unsure).unwrap_or_default();
                 let objected = steps
                     .iter()
                     .zip(&fewer)
@@ -205,7 +228,7 @@ impl State {
 
 /// Infers the barriers of a recording and has the checker look at them.
 pub(super) fn plan(tracker: &mut Tracker, checker: &mut Option<HazardChecker>, recorder: &Recorder) -> Result<Plan> {
-    let steps = steps(recorder);
+    let mut steps = steps(recorder);
     let mut commands = infer(tracker, &steps);
     if let Some(omitted) = recorder.omit_barrier {
         let mut number = 0;
@@ -222,7 +245,8 @@ pub(super) fn plan(tracker: &mut Tracker, checker: &mut Option<HazardChecker>, r
         }
     }
     let end = commands.pop().unwrap_or_default();
-    Ok(Plan { commands, end })
+    let landings = steps.pop().map(|(_, uses)| uses).unwrap_or_default();
+    Ok(Plan { commands, end, landings })
 }
 
 /// The barriers in front of each of `steps`.

@@ -8,9 +8,11 @@ mod common;
 #[path = "../../examples/embed.rs"]
 mod embed;
 mod examples;
+mod foreign;
 mod hooks;
 mod lending;
 mod order;
+mod panics;
 mod training;
 #[path = "../../examples/view_while_training.rs"]
 mod view_while_training;
