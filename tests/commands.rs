@@ -9,6 +9,8 @@ mod colmap_folder;
 mod common;
 #[path = "commands/compare.rs"]
 mod compare;
+#[path = "commands/drivers.rs"]
+mod drivers;
 #[path = "commands/faults.rs"]
 mod faults;
 #[path = "commands/fronts.rs"]

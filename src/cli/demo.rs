@@ -10,6 +10,7 @@ use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
 use super::demo_world::WorldArgs;
+use super::device;
 use super::exit::Failure;
 use super::progress::{counter, duration};
 use super::{train, train_run};
@@ -62,6 +63,10 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     let params = args.world.params()?;
+    if !args.no_train {
+        // Before the minutes that the scene takes.
+        device::probe(&args.device)?;
+    }
     make(args, &params, console)?;
     if args.no_train {
         return Ok(());

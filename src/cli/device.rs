@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use psrgs_vk::train::settings::DeviceChoice;
 use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
 
+use super::compiling;
 use super::console::Console;
 
 /// What the options and the environment ask for; options win.
@@ -22,6 +23,12 @@ pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> anyhow::Result<O
     Ok(options)
 }
 
+/// Whether the device can be opened at all.
+pub(crate) fn probe(choice: &DeviceChoice) -> anyhow::Result<()> {
+    Gpu::open(&options(choice, false)?)?;
+    Ok(())
+}
+
 /// Opens the device and says which it is.
 pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> anyhow::Result<Gpu> {
     open_with(&options(choice, validate)?, console)
@@ -33,6 +40,7 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
     if options.validation != Validation::Off {
         console.watch(gpu.messages());
     }
+    compiling::tell(&gpu, console);
     let caps = gpu.caps();
     console.say(format_args!("device: {} ({})", caps.device, caps.kind));
     for choice in &caps.choices {

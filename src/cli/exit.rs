@@ -11,6 +11,8 @@ use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
 use psrgs_vk::{bench, dataset, format, perceptual, stereo, train, vk};
 
+use super::driver_hint;
+
 /// Anything without a code of its own.
 const FAILURE: u8 = 1;
 /// Options or settings that make no sense.
@@ -187,6 +189,7 @@ fn of_settings(error: &SettingsError) -> u8 {
 fn of_device(error: &vk::Error) -> u8 {
     match error {
         vk::Error::NoVulkan(_)
+        | vk::Error::Unopened { .. }
         | vk::Error::NoDevice { .. }
         | vk::Error::MissingFeature { .. }
         | vk::Error::MissingLayer { .. } => DEVICE,
@@ -219,17 +222,14 @@ fn of_file(error: &format::Error) -> u8 {
 /// What to do about an error: as far as its code says, and as far as the command knows; a line each.
 pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
     let usual = match code(error) {
-        DEVICE => Some(
-            "`psrgs-vk info` lists the devices. Without a GPU, Mesa's software device will do; on Debian: \
-             apt-get install mesa-vulkan-drivers (and vulkan-validationlayers for --validate)",
-        ),
         MEMORY => Some("a smaller --max-side or a --max-splats needs less; checkpoints already saved are kept"),
         LOST => Some("a driver or its GPU has failed; with PSRGS_BREADCRUMBS=1 the message names the pass"),
         OUTPUT => Some("make room there, or choose another place; what stood there before is as it was"),
         _ => None,
     };
+    let device = driver_hint::remedies(error);
     let known = error.downcast_ref::<Remedy>().map(|remedy| remedy.0.clone());
-    usual.map(str::to_owned).into_iter().chain(known).collect()
+    usual.map(str::to_owned).into_iter().chain(device).chain(known).collect()
 }
 
 /// The error and its causes on one line, without a cause that the text before it already says, and without the remedy.
@@ -305,6 +305,9 @@ mod tests {
             || vk::Error::Vulkan { call: "vkCreateBuffer", result: vk::ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY };
         let wide = || vk::Error::BindingTooLarge { buffer: device(), bytes: 9, limit: 2 };
         assert_eq!(codes(|| vk::Error::NoVulkan(device())), [DEVICE; 3]);
+        let unopened =
+            || vk::Error::Unopened { device: device(), result: vk::ash::vk::Result::ERROR_INITIALIZATION_FAILED };
+        assert_eq!(codes(unopened), [DEVICE; 3]);
         assert_eq!(codes(|| vk::Error::NoDevice { wanted: device(), found: vec![] }), [DEVICE; 3]);
         assert_eq!(codes(|| vk::Error::MissingLayer { layer: "l" }), [DEVICE; 3]);
         assert_eq!(

@@ -20,7 +20,15 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let options = device::options(&args.device, false)?;
-    let found = devices()?;
+    let found = match devices() {
+        Ok(found) => found,
+        Err(error) => {
+            if args.json {
+                console::print(&json(&[], None)?)?;
+            }
+            return Err(error.into());
+        }
+    };
     let opened = Gpu::open(&options);
     let caps = opened.as_ref().ok().map(Gpu::caps);
     let text = if args.json { json(&found, caps)? } else { text(&found, caps) };

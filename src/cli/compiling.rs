@@ -1,0 +1,132 @@
+//! Telling that pipelines are being compiled: at a first start a driver may take minutes, during which nothing else is said.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use psrgs_vk::vk::{Gpu, PipelineEvent};
+
+use super::console::Console;
+use super::progress::duration;
+
+/// Nothing is said of less than this.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// A line at least this often.
+const OFTEN: Duration = Duration::from_secs(10);
+/// How often is looked.
+const TICK: Duration = Duration::from_millis(200);
+/// Pipelines that take longer are named to those who want to know more.
+const LONG: Duration = Duration::from_millis(500);
+
+/// What is known, and what was said of it.
+#[derive(Debug, Default)]
+struct Compiling {
+    made: u32,
+    /// Time spent on those that are made.
+    spent: Duration,
+    now: Option<(&'static str, Instant)>,
+    /// The time spent that was last told.
+    told: Option<Duration>,
+    /// The time spent when they were last said to be there.
+    closed: Duration,
+    ended: Option<Instant>,
+}
+
+impl Compiling {
+    fn note(&mut self, event: PipelineEvent, at: Instant) {
+        match event {
+            PipelineEvent::Begun { kernel } => {
+                self.now = Some((kernel, at));
+            }
+            PipelineEvent::Made { took, .. } => {
+                self.made += 1;
+                self.spent += took;
+                (self.now, self.ended) = (None, Some(at));
+            }
+        }
+    }
+
+    /// What is to be said at a moment, if anything.
+    fn line(&mut self, at: Instant) -> Option<String> {
+        let running = self.now.map_or(Duration::ZERO, |(_, since)| at.saturating_duration_since(since));
+        let spent = self.spent + running;
+        let idle = self.now.is_none() && self.ended.is_some_and(|end| at.saturating_duration_since(end) >= PATIENCE);
+        match self.told {
+            None if spent >= PATIENCE => {
+                self.told = Some(spent);
+                Some("compiling pipelines for this device, which takes longest at its first start".to_owned())
+            }
+            Some(told) if spent.saturating_sub(told) >= OFTEN => {
+                self.told = Some(spent);
+                let kernel = self.now.map(|(kernel, _)| format!(", now {kernel}")).unwrap_or_default();
+                Some(format!("compiling pipelines: {} done in {}{kernel}", self.made, duration(spent.as_secs_f64())))
+            }
+            Some(_) if idle && spent.saturating_sub(self.closed) >= PATIENCE => {
+                (self.told, self.closed) = (Some(spent), spent);
+                Some(format!("{} pipelines are compiled, in {}", self.made, duration(spent.as_secs_f64())))
+            }
+            _ => None,
+        }
+    }
+}
+
+fn lock(state: &Mutex<Compiling>) -> MutexGuard<'_, Compiling> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on tells of pipelines that take their time, as long as the device is open.
+pub(crate) fn tell(gpu: &Gpu, console: &Console) {
+    let state = Arc::new(Mutex::new(Compiling::default()));
+    let (watched, said) = (Arc::downgrade(&state), console.clone());
+    // It ends at the first look after the device is closed. Where no thread can be had, nothing is told.
+    let _ = thread::Builder::new().name("pipelines".into()).spawn(move || {
+        while let Some(state) = watched.upgrade() {
+            let line = lock(&state).line(Instant::now());
+            drop(state);
+            line.into_iter().for_each(|line| said.say(line));
+            thread::sleep(TICK);
+        }
+    });
+    let console = console.clone();
+    gpu.watch_pipelines(move |event| {
+        lock(&state).note(event, Instant::now());
+        if let PipelineEvent::Made { kernel, took } = event
+            && took >= LONG
+        {
+            console.detail(format_args!("  pipeline {kernel}: {:.1} s", took.as_secs_f64()));
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_pipelines_are_told_and_quick_ones_are_not() {
+        let begin = Instant::now();
+        let at = |seconds: f64| begin + Duration::from_secs_f64(seconds);
+        let mut state = Compiling::default();
+        let mut make = |state: &mut Compiling, from: f64, to: f64| {
+            state.note(PipelineEvent::Begun { kernel: "blend" }, at(from));
+            let told: Vec<String> =
+                (1..100).filter_map(|i| state.line(at(from + (to - from) * f64::from(i) / 100.0))).collect();
+            state.note(PipelineEvent::Made { kernel: "blend", took: Duration::from_secs_f64(to - from) }, at(to));
+            told
+        };
+        // Quick ones, far apart: nothing is said until they add up to a second.
+        for i in 0..9 {
+            assert!(make(&mut state, f64::from(i) * 5.0, f64::from(i) * 5.0 + 0.1).is_empty());
+            assert_eq!(state.line(at(f64::from(i) * 5.0 + 3.0)), None);
+        }
+        let told = make(&mut state, 50.0, 85.0);
+        assert!(told[0].starts_with("compiling pipelines for this device"), "{told:?}");
+        assert_eq!(told[1], "compiling pipelines: 9 done in 11 seconds, now blend");
+        assert_eq!(told.len(), 4, "one in ten seconds: {told:?}");
+        assert_eq!(state.line(at(85.5)), None, "others may follow");
+        assert_eq!(state.line(at(86.5)).unwrap(), "10 pipelines are compiled, in 36 seconds");
+        assert_eq!(state.line(at(90.0)), None);
+        assert!(make(&mut state, 100.0, 100.5).is_empty());
+        assert_eq!(state.line(at(110.0)), None, "half a second more is not worth a line");
+    }
+}

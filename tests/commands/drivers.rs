@@ -1,0 +1,84 @@
+//! Machines on which no Vulkan device can be used: every command that needs one says so with its own code, and what to do.
+
+use std::fs;
+use std::path::Path;
+
+use psrgs_vk::format::ply;
+use psrgs_vk::scene::{Frame, Gaussians};
+use psrgs_vk::world::{WorldParams, generate};
+
+use super::run::{command, stderr, text};
+
+/// Runs a command on a machine whose loader is told to use this driver and no other; must fail as for want of a device.
+#[track_caller]
+fn without_device(args: &[&str], driver: &Path) -> String {
+    let mut command = command(args);
+    for name in ["VK_LOADER_DRIVERS_SELECT", "VK_LOADER_DRIVERS_DISABLE", "VK_ADD_DRIVER_FILES"] {
+        command.env_remove(name);
+    }
+    let output =
+        command.envs(["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| (name, driver))).output().expect("a process");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(4), "{args:?} with {}: {said}", driver.display());
+    assert!(!said.contains("panicked"), "{said}");
+    for word in ["mesa-vulkan-drivers", text(driver), "Vulkan"] {
+        assert!(said.contains(word), "{args:?} does not say `{word}`: {said}");
+    }
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let manifest = |library: &str| {
+        format!(r#"{{"file_format_version": "1.0.0", "ICD": {{"library_path": "{library}", "api_version": "1.3.0"}}}}"#)
+    };
+    let library = folder.path().join("driver.so");
+    fs::write(&library, "no library").expect("written");
+    let mut drivers = vec![folder.path().join("nowhere.json")];
+    for (name, content) in [
+        ("empty.json", String::new()),
+        ("broken.json", "{ \"ICD\": ".to_owned()),
+        ("no-library.json", manifest("/nowhere/driver.so")),
+        ("bad-library.json", manifest(text(&library))),
+    ] {
+        let file = folder.path().join(name);
+        fs::write(&file, content).expect("written");
+        drivers.push(file);
+    }
+    // Drivers of GPUs that are not in this machine, where they are installed: the loader reads them, and they find no device.
+    let installed = ["radeon_icd.x86_64.json", "intel_icd.x86_64.json", "nouveau_icd.x86_64.json"];
+    let gpus = Path::new("/dev/dri").exists();
+    let installed = installed.map(|name| Path::new("/usr/share/vulkan/icd.d").join(name));
+    drivers.extend(installed.into_iter().filter(|file| !gpus && file.exists()));
+    for driver in drivers {
+        without_device(&["info"], &driver);
+        let json = without_device(&["info", "--json"], &driver);
+        let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        assert!(json["devices"].as_array().is_some_and(Vec::is_empty), "{json}");
+    }
+}
+
+#[test]
+fn every_command_that_needs_a_device_says_that_there_is_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, model, out) = (folder.path().join("scene"), folder.path().join("model.ply"), folder.path().join("out"));
+    let params = WorldParams { images: 3, max_side: 32, pixels_per_point: 64, offpath: 1, ..WorldParams::default() };
+    generate(&params, &data, &mut |_| ()).expect("a scene");
+    ply::save(&model, &Gaussians::zeros(3), &Frame::IDENTITY, true).expect("written");
+    let (data, model, out) = (text(&data), text(&model), text(&out));
+    let nowhere = Path::new("/nowhere/driver.json");
+    for args in [
+        &["train", data, "--out", out, "--iterations", "1"][..],
+        &["train", data, "--out", out, "--overwrite", "--init", model],
+        &["render", model, "--cameras", data, "--out", out],
+        &["eval", model, data],
+        &["stereo", data, "--out", out],
+        &["bench", data],
+        // Not only when the scene is made, minutes later.
+        &["demo", "--out", out, "--images", "60", "--max-side", "4000"],
+        &["compare", data, "--out", out, "--methods", "3dgs", "--seeds", "1", "--iterations", "1"],
+    ] {
+        without_device(args, nowhere);
+    }
+}
