@@ -9,23 +9,37 @@ const DEGENERATE: f64 = 1e-4;
 
 /// A camera so many times as far from the middle of all as half of them are has a pose that nobody flew to.
 const FAR: f64 = 30.0;
+/// A camera so many times as far as nine in ten of them stands apart: its pose is taken for wrong unless points bear it out.
+const APART: f64 = 4.0;
+/// Of fewer cameras none stands apart.
+const LEAST_CAMERAS: usize = 6;
 
 /// The cameras that are far from all others, with how many times as far as half of them, by the distances from their middle (the median
-/// along each axis); none where half of them are at one place.
-pub(super) fn far_cameras(centers: &[[f64; 3]]) -> Vec<(usize, f64)> {
-    let median = |mut values: Vec<f64>| {
+/// along each axis); none where half of them are at one place. `fits` says of a camera whether points bear its pose out.
+pub(super) fn far_cameras(centers: &[[f64; 3]], fits: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
+    let sorted = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        values
     };
-    let middle: [f64; 3] = std::array::from_fn(|k| median(centers.iter().map(|c| c[k]).collect()));
+    let median = |values: &[f64]| values.get(values.len() / 2).copied().unwrap_or(0.0);
+    let middle: [f64; 3] = std::array::from_fn(|k| median(&sorted(centers.iter().map(|c| c[k]).collect())));
     let distances: Vec<f64> = centers.iter().map(|c| distance(*c, middle)).collect();
-    let typical = median(distances.clone());
+    let ascending = sorted(distances.clone());
+    let typical = median(&ascending);
     let rounding = 1e-9 * middle.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
-    if centers.len() < 3 || typical <= rounding {
+    let n = centers.len();
+    if n < 3 || typical <= rounding {
         return Vec::new();
     }
-    let times = distances.into_iter().map(|d| d / typical).enumerate();
-    times.filter(|(_, times)| *times > FAR || times.is_nan()).collect()
+    let reach = match n < LEAST_CAMERAS {
+        true => f64::INFINITY,
+        false => ascending.get(n - 1 - (n / 10).max(1)).copied().unwrap_or(typical),
+    };
+    let is_far = |(at, d): &(usize, f64)| {
+        let times = d / typical;
+        times > FAR || times.is_nan() || (*d > APART * reach && !fits(*at))
+    };
+    distances.into_iter().enumerate().filter(is_far).map(|(at, d)| (at, d / typical)).collect()
 }
 
 /// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset units.

@@ -245,7 +245,7 @@ impl Dataset {
         let on = || views.iter().filter(|v| v.role == Role::Train);
         let all: Vec<[f64; 3]> = on().map(|v| v.camera.center()).collect();
         // One pose that is wrong would make the scene as large as its error.
-        let far = extent::far_cameras(&all);
+        let far = extent::far_cameras(&all, |_| false);
         let named = |(at, times): &(usize, f64)| {
             on().nth(*at).map(|view| Warning::CameraFarAway { name: view.name.clone(), times: *times })
         };
