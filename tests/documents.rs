@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use psrgs_vk::dataset::{Colourless, Format, NoColours, Warning};
+use psrgs_vk::dataset::{Colourless, Format, NoColours, PoseFault, Warning};
 
 /// Names of the test functions under `folder`, and of the cases of the twin tests.
 fn tests_under(folder: &Path, found: &mut Vec<String>) {
@@ -120,6 +120,10 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
     let all = [
         CamerasAtOnePlace { cameras: 3, extent: 2.5 },
         CameraFarAway { name: "a.jpg".into(), times: 1e6 },
+        PoseWrong { name: "a.jpg".into(), fault: PoseFault::FarAndBlind { times: 12.0 }, left_out: true },
+        PoseWrong { name: "a.jpg".into(), fault: PoseFault::OutOfView { points: 90, inside: 7 }, left_out: false },
+        PoseDoubtful { name: "a.jpg".into(), fault: PoseFault::Reprojection { points: 90, off: 0.01, usual: 0.0002 } },
+        PosesAgainstPoints { file: "images.bin".into(), wrong: 9, of: 12 },
         AllMasked { name: "a.jpg".into() },
         BrighterThanWhite { photographs: 2, pixels: 70 },
         TransparentLeftOut { photographs: 2, pixels: 70 },
@@ -146,6 +150,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
             | NothingHeldOut { .. }
             | NoPoints { .. }
             | PointsWithoutColours(_) => {}
+            PoseWrong { .. } | PoseDoubtful { .. } | PosesAgainstPoints { .. } => {}
             PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();

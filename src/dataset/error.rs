@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::colmap::SUPPORTED;
 use super::hint;
 use super::model::Format;
+use super::poses::WrongConvention;
 use crate::format;
 
 /// A dataset could not be loaded.
@@ -57,6 +58,14 @@ pub enum Error {
         file: PathBuf,
         /// The name.
         name: String,
+    },
+    /// All poses are the wrong way round, or of other axes.
+    #[error("{}: the poses are {what}", file.display())]
+    PosesInOtherConvention {
+        /// The file with the poses.
+        file: PathBuf,
+        /// What they are, and what to do.
+        what: WrongConvention,
     },
     /// No folder with photographs.
     #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images", folder.display())]

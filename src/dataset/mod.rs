@@ -22,6 +22,7 @@ mod photograph;
 mod picture_size;
 mod pixels;
 mod points_ply;
+mod poses;
 mod random_points;
 mod range;
 mod rotation;
@@ -47,6 +48,7 @@ pub use masks::{MaskIgnores, Masks};
 pub use model::{Format, Reference};
 pub use photograph::Photograph;
 pub use pixels::{Depth, Pixels};
+pub use poses::{Convention, PoseFault, WrongConvention};
 pub(crate) use random_points::in_view;
 pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
@@ -186,6 +188,7 @@ impl Dataset {
         sizing::check(sizing)?;
         let mut model = Model::read(path, options.format)?;
         check_names(&mut model)?;
+        let mut judged = poses::Judgement::of(&model)?;
         let mut warnings = std::mem::take(&mut model.warnings);
         if model.points.is_empty() {
             warnings.push(Warning::NoPoints { file: model.points_file.clone() });
@@ -238,20 +241,12 @@ impl Dataset {
             })
             .collect::<Vec<Result<View, Error>>>();
         // In the order of the names, so that of several problems always the same one is told.
-        let views = views.into_iter().collect::<Result<Vec<View>, Error>>()?;
+        let mut views = views.into_iter().collect::<Result<Vec<View>, Error>>()?;
 
         let masks = count_masks(&model, masks_folder, &views, &mut warnings);
 
-        let on = || views.iter().filter(|v| v.role == Role::Train);
-        let all: Vec<[f64; 3]> = on().map(|v| v.camera.center()).collect();
-        // One pose that is wrong would make the scene as large as its error.
-        let far = extent::far_cameras(&all, |_| false);
-        let named = |(at, times): &(usize, f64)| {
-            on().nth(*at).map(|view| Warning::CameraFarAway { name: view.name.clone(), times: *times })
-        };
-        warnings.extend(far.iter().filter_map(named));
-        let near = |at: &usize| far.iter().all(|(other, _)| other != at);
-        let centers: Vec<[f64; 3]> = (0..all.len()).filter(near).map(|at| all[at]).collect();
+        judged.apply(&mut views, &mut warnings);
+        let centers = poses::without_far(&judged, &mut views, &model.points, &mut warnings);
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         warnings.extend(degenerate);
         range::check_views(&model.file, &views, &frame)?;

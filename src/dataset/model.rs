@@ -73,6 +73,15 @@ pub struct Reference {
     pub altitude: f64,
 }
 
+/// Where a photograph shows a reconstructed point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Observation {
+    /// Pixels of the size that the lens was calibrated at.
+    pub(super) at: [f64; 2],
+    /// The point's id.
+    pub(super) point: u64,
+}
+
 /// One posed photograph.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
@@ -91,6 +100,8 @@ pub(super) struct Shot {
     pub(super) mask: Option<PathBuf>,
     /// What the dataset says it is for, where it does.
     pub(super) part: Option<Part>,
+    /// Some of the points that it shows, where the format says which.
+    pub(super) observations: Vec<Observation>,
 }
 
 /// Poses, lenses and points in the dataset's coordinates.

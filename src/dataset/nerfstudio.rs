@@ -117,7 +117,17 @@ fn shot(dataset: &Path, json: &Json, top: &Transforms, frame: &Frame, part: Opti
     let (model, lens) = lens(json, dataset, top, frame, &name)?;
     let (rotation, translation) = pose(json, frame)?;
     let mask = frame.mask_path.as_ref().map(|mask| dataset.join(mask));
-    Ok(Shot { name, camera: frame.file_path.clone(), model, lens, rotation, translation, mask, part })
+    Ok(Shot {
+        name,
+        camera: frame.file_path.clone(),
+        model,
+        lens,
+        rotation,
+        translation,
+        mask,
+        part,
+        observations: Vec::new(),
+    })
 }
 
 /// Paths may begin with `./`, and lack the extension.

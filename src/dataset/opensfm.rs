@@ -106,6 +106,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
             translation: shot.translation,
             mask: None,
             part: None,
+            observations: Vec::new(),
         });
     }
     let (points, colourless) = points(&part.points);

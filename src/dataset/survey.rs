@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Dataset, Samples, random_points};
+use super::{Dataset, Samples, Warning, random_points};
 
 /// Pairs of views are compared by at most this many points.
 const COMPARED: usize = 20_000;
@@ -57,8 +57,13 @@ impl Dataset {
         if self.points.is_empty() {
             return problems;
         }
+        // Of a wrong pose everything is said.
+        let told = |name: &str| {
+            self.warnings.iter().any(|w| matches!(w, Warning::PoseWrong { name: wrong, .. } if wrong == name))
+        };
         let named = |wanted: &dyn Fn(usize) -> bool| -> Vec<&str> {
-            self.views.iter().zip(sights).filter(|(_, s)| wanted(s.points)).map(|(v, _)| v.name.as_str()).collect()
+            let views = self.views.iter().zip(sights).filter(|(view, s)| wanted(s.points) && !told(&view.name));
+            views.map(|(view, _)| view.name.as_str()).collect()
         };
         for (names, what) in [
             (

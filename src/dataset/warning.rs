@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{Colourless, Format};
+use super::{Colourless, Format, PoseFault};
 
 /// Other models are named up to this many.
 const NAMED: usize = 5;
@@ -24,6 +24,31 @@ pub enum Warning {
         name: String,
         /// How many times as far from the middle of all cameras as half of them.
         times: f64,
+    },
+    /// The pose of a photograph is wrong.
+    PoseWrong {
+        /// The view.
+        name: String,
+        /// What speaks against the pose.
+        fault: PoseFault,
+        /// Whether the photograph is left out of training; held-out ones are scored all the same.
+        left_out: bool,
+    },
+    /// The pose of a photograph is worse than those of the others. The photograph is used all the same.
+    PoseDoubtful {
+        /// The view.
+        name: String,
+        /// What speaks against the pose.
+        fault: PoseFault,
+    },
+    /// Poses and points do not belong together.
+    PosesAgainstPoints {
+        /// The file with the poses.
+        file: PathBuf,
+        /// Photographs whose points are elsewhere.
+        wrong: usize,
+        /// Photographs that could be judged.
+        of: usize,
     },
     /// Every pixel of a photograph is masked: it is not used.
     AllMasked {
@@ -112,6 +137,27 @@ impl fmt::Display for Warning {
                 f,
                 "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its pose is probably \
                  wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from the others"
+            ),
+            Self::PoseWrong { name, fault, left_out: true } => write!(
+                f,
+                "'{name}' is left out of training, as its pose is wrong: {fault}. Mend the pose, or take the photograph out of the model"
+            ),
+            Self::PoseWrong { name, fault, left_out: false } => write!(
+                f,
+                "the pose of '{name}' is wrong, and so will be the score of this held-out photograph: {fault}. Mend the pose, or take the \
+                 photograph out of the model"
+            ),
+            Self::PoseDoubtful { name, fault } => {
+                write!(
+                    f,
+                    "the pose of '{name}' is in doubt: {fault}. If its pictures turn out blurred, leave the photograph out"
+                )
+            }
+            Self::PosesAgainstPoints { file, wrong, of } => write!(
+                f,
+                "{}: {wrong} of {of} poses do not agree with the points that their photographs observe: poses and points are of different \
+                 reconstructions, or in different coordinates. Export both from the same one",
+                file.display()
             ),
             Self::AllMasked { name } => write!(f, "'{name}': every pixel is masked; it is left out"),
             Self::BrighterThanWhite { photographs, pixels } => write!(

@@ -10,6 +10,7 @@ mod frame;
 mod lenses;
 mod masks;
 mod points;
+mod poses;
 mod supplies;
 
 use std::fs;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{binary_records, text_records, wrong};
+use crate::dataset::model::Observation;
 use crate::format::source::{Line, Lines, Source};
 use crate::format::{At, Error as FileError};
 
@@ -17,6 +18,8 @@ pub(crate) struct Pose {
     pub(crate) rotation: [[f64; 3]; 3],
     /// x_cam = rotation x + translation.
     pub(crate) translation: [f64; 3],
+    /// Some of the points that it shows.
+    pub(crate) observations: Vec<Observation>,
     /// Where the pose stands in its file.
     pub(crate) at: At,
 }
@@ -61,8 +64,11 @@ pub(crate) fn read_binary(file: &Path) -> Result<Vec<Pose>, FileError> {
             return Err(source.error(at, format_args!("name of image {i}"), "is empty"));
         }
         let keypoints = source.count(24, format_args!("number of keypoints of image '{name}'"))?;
-        source.skip(24 * keypoints as u64, format_args!("keypoints of image '{name}'"))?;
-        pose(file, At::Byte(start), name, [number, camera], values)
+        let some = keypoints.min(MOST_KEYPOINTS);
+        let bytes = source.bytes(24 * some as u64, format_args!("keypoints of image '{name}'"))?;
+        source.skip(24 * (keypoints - some) as u64, format_args!("keypoints of image '{name}'"))?;
+        let pose = pose(file, At::Byte(start), name, [number, camera], values)?;
+        Ok(Pose { observations: observations(bytes.chunks_exact(24).filter_map(keypoint)), ..pose })
     })
 }
 
@@ -86,15 +92,46 @@ pub(crate) fn read_text(file: &Path) -> Result<Vec<Pose>, FileError> {
         i += 1;
         pose(file, at, name, [number, camera], values)
     };
-    text_records(file, "images", first, Some(keypoints))
+    let mut seen = Vec::new();
+    let mut second = |line: Line<'_>| {
+        seen.push(keypoints(line)?);
+        Ok(())
+    };
+    let poses = text_records(file, "images", first, Some(&mut second))?;
+    let all = seen.into_iter().chain(std::iter::repeat(Vec::new()));
+    Ok(poses.into_iter().zip(all).map(|(pose, observations)| Pose { observations, ..pose }).collect())
 }
 
-fn keypoints(line: Line<'_>) -> Result<(), FileError> {
+fn keypoints(line: Line<'_>) -> Result<Vec<Observation>, FileError> {
     match line.left() {
-        n if n % 3 == 0 => Ok(()),
+        n if n % 3 == 0 => {
+            let words: Vec<&str> = line.rest().split_whitespace().take(3 * MOST_KEYPOINTS).collect();
+            let of = |three: &[&str]| {
+                let [x, y, point] = three else { return None };
+                Some(Observation { at: [x.parse().ok()?, y.parse().ok()?], point: point.parse().ok()? })
+            };
+            Ok(observations(words.chunks_exact(3).filter_map(of)))
+        }
         n => Err(line.error("keypoints", format_args!("{n} values are not a multiple of three (x, y, point)"))),
     }
 }
+
+/// A keypoint of `images.bin` that shows a point.
+fn keypoint(bytes: &[u8]) -> Option<Observation> {
+    let word = |k: usize| bytes.get(8 * k..8 * k + 8)?.try_into().ok();
+    let point = u64::from_le_bytes(word(2)?);
+    Some(Observation { at: [f64::from_le_bytes(word(0)?), f64::from_le_bytes(word(1)?)], point })
+}
+
+/// As many as a pose can be judged by.
+fn observations(all: impl Iterator<Item = Observation>) -> Vec<Observation> {
+    let shows = |seen: &Observation| seen.point != u64::MAX && seen.at.iter().all(|v| v.is_finite());
+    all.filter(shows).take(MOST_OBSERVATIONS).collect()
+}
+
+/// Keypoints of an image that are looked at, and those of them that are kept: enough to judge its pose by.
+const MOST_KEYPOINTS: usize = 8192;
+const MOST_OBSERVATIONS: usize = 256;
 
 const VALUES: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 
@@ -109,5 +146,5 @@ fn pose(file: &Path, at: At, name: String, [number, camera]: [u32; 2], v: [f64; 
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ];
-    Ok(Pose { name, number, camera, rotation, translation: [v[4], v[5], v[6]], at })
+    Ok(Pose { name, number, camera, rotation, translation: [v[4], v[5], v[6]], observations: Vec::new(), at })
 }

@@ -84,6 +84,7 @@ fn shot(
         translation: pose.translation,
         mask: None,
         part: None,
+        observations: pose.observations,
     })
 }
 
@@ -104,13 +105,16 @@ fn binary_records<T>(
     Ok(out)
 }
 
+/// What takes the second line of a record.
+type SecondLine<'a> = &'a mut dyn FnMut(Line<'_>) -> Result<(), FileError>;
+
 /// Reads a text file of one record per line, or per two lines when `second_line` is there to check the second; comments and
 /// empty lines between records are passed over. COLMAP writes the number of records into a comment; fewer than that many means a truncated file.
 fn text_records<T>(
     file: &Path,
     what: &str,
     mut record: impl FnMut(Line<'_>) -> Result<T, FileError>,
-    second_line: Option<fn(Line<'_>) -> Result<(), FileError>>,
+    mut second_line: Option<SecondLine<'_>>,
 ) -> Result<Vec<T>, FileError> {
     let mut lines = Lines::open(file)?;
     let mut out = Vec::new();
@@ -124,7 +128,7 @@ fn text_records<T>(
             continue;
         }
         out.push(record(line)?);
-        if let Some(check) = second_line {
+        if let Some(check) = &mut second_line {
             match lines.next()? {
                 Some(line) => check(line)?,
                 None if announced.is_some() => return Err(lines.error(what, "the last one lacks its second line")),

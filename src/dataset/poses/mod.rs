@@ -1,0 +1,204 @@
+//! Poses that the reconstruction's own points speak against.
+
+mod evidence;
+mod inverted;
+
+use std::fmt;
+
+use super::colmap::Point;
+use super::extent::far_cameras;
+use super::model::Model;
+use super::random_points::in_view;
+use super::{Error, Role, View, Warning};
+use crate::scene::Camera;
+use evidence::Evidence;
+pub use inverted::{Convention, WrongConvention};
+
+/// A pose is judged by so many points at least.
+const LEAST_POINTS: usize = 20;
+/// A pose is wrong where more of the points than this are elsewhere.
+const WRONG: f64 = 0.5;
+/// A pose is in doubt where the points lie off by more than this share of the longer side ...
+const DOUBTFUL_OFF: f64 = 0.005;
+/// ... and by so many times what is usual.
+const DOUBTFUL_TIMES: f64 = 10.0;
+
+/// What speaks against the pose of a photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PoseFault {
+    /// The points that it observes do not lie where it shows them.
+    Reprojection {
+        /// How many of them were looked at.
+        points: usize,
+        /// How far off they are (median), as a share of the picture's longer side; infinite where most lie behind the camera.
+        off: f64,
+        /// The same of all photographs.
+        usual: f64,
+    },
+    /// The points that it is said to observe are not in its picture.
+    OutOfView {
+        /// Those that it is said to observe.
+        points: usize,
+        /// Those of them that are in the picture.
+        inside: usize,
+    },
+    /// The camera is far from all others, and no point is in its picture.
+    FarAndBlind {
+        /// How many times as far from the middle of all cameras as half of them.
+        times: f64,
+    },
+}
+
+impl fmt::Display for PoseFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: f64| format!("{:.*} %", if share < 0.01 { 2 } else { 0 }, 100.0 * share);
+        match self {
+            Self::Reprojection { points, off, .. } if !off.is_finite() => {
+                write!(f, "most of {points} points that it observes lie behind its camera")
+            }
+            Self::Reprojection { points, off, usual } => write!(
+                f,
+                "{points} points that it observes lie {} of the picture's longer side away from where it shows them (usual: {})",
+                percent(*off),
+                percent(*usual)
+            ),
+            Self::OutOfView { points, inside } => {
+                write!(f, "of {points} points that it is said to observe {inside} are in its picture")
+            }
+            Self::FarAndBlind { times } => write!(
+                f,
+                "its camera is {times:.0} times as far from the others as they are from one another, and no point is in its picture"
+            ),
+        }
+    }
+}
+
+/// What the points say of the poses.
+#[derive(Default)]
+pub(super) struct Judgement {
+    /// Of each photograph whether the points bear its pose out.
+    fits: Vec<bool>,
+    /// Positions of photographs whose pose is wrong.
+    wrong: Vec<(usize, PoseFault)>,
+    /// Positions of photographs whose pose is in doubt.
+    doubtful: Vec<(usize, PoseFault)>,
+    warning: Option<Warning>,
+}
+
+impl Judgement {
+    /// Of poses and points as they were read. An error where all poses are written the wrong way round.
+    pub(super) fn of(model: &Model) -> Result<Self, Error> {
+        let mut all = evidence::by_observations(model);
+        if is_mostly_wrong(&all) {
+            inverted::refuse(model, &all, evidence::Kind::Observations)?;
+            // Pictures that were made smaller, with their cameras, have observations of another size.
+            all = evidence::by_tracks(model);
+        }
+        if is_mostly_wrong(&all) {
+            inverted::refuse(model, &all, evidence::Kind::Tracks)?;
+            let (wrong, of) = count(&all);
+            let warning = Some(Warning::PosesAgainstPoints { file: model.file.clone(), wrong, of });
+            return Ok(Self { warning, fits: vec![false; all.len()], ..Self::default() });
+        }
+        if all.iter().all(Option::is_none) {
+            inverted::refuse_by_sight(model)?;
+        }
+        let usual = usual(&all);
+        let mut out = Self { fits: vec![false; all.len()], ..Self::default() };
+        for (at, evidence) in all.iter().enumerate() {
+            let Some(evidence) = evidence else { continue };
+            let off = evidence.off.unwrap_or(0.0);
+            if evidence.misfit > WRONG {
+                out.wrong.push((at, evidence.fault(usual)));
+            } else if off > DOUBTFUL_OFF && off > DOUBTFUL_TIMES * usual {
+                out.doubtful.push((at, evidence.fault(usual)));
+            } else {
+                out.fits[at] = true;
+            }
+        }
+        Ok(out)
+    }
+
+    /// Whether the points bear the pose of a photograph out.
+    pub(super) fn fits(&self, at: usize) -> bool {
+        self.fits.get(at).copied().unwrap_or(false)
+    }
+
+    /// Leaves photographs with wrong poses out of training, and tells of these and of those in doubt. `views` are those of the model.
+    pub(super) fn apply(&mut self, views: &mut [View], warnings: &mut Vec<Warning>) {
+        warnings.extend(self.warning.take());
+        for (at, fault) in std::mem::take(&mut self.wrong) {
+            if let Some(view) = views.get_mut(at) {
+                leave_out(view, fault, warnings);
+            }
+        }
+        for (at, fault) in std::mem::take(&mut self.doubtful) {
+            if let Some(view) = views.get(at).filter(|view| view.role != Role::Unused) {
+                warnings.push(Warning::PoseDoubtful { name: view.name.clone(), fault });
+            }
+        }
+    }
+}
+
+/// Leaves a photograph with a wrong pose out of training, and tells of it.
+fn leave_out(view: &mut View, fault: PoseFault, warnings: &mut Vec<Warning>) {
+    let left_out = view.role == Role::Train;
+    if view.role != Role::Unused {
+        warnings.push(Warning::PoseWrong { name: view.name.clone(), fault, left_out });
+    }
+    if left_out {
+        view.role = Role::Unused;
+    }
+}
+
+/// Tells of training cameras that are far from all others though no points bear their poses out: where they see no point, and the others
+/// see theirs, the photographs are left out. Gives the centres of the cameras that the scene is as large as.
+pub(super) fn without_far(
+    judged: &Judgement,
+    views: &mut [View],
+    points: &[Point],
+    warnings: &mut Vec<Warning>,
+) -> Vec<[f64; 3]> {
+    let on: Vec<usize> = (0..views.len()).filter(|at| views[*at].role == Role::Train).collect();
+    let centers: Vec<[f64; 3]> = on.iter().map(|at| views[*at].camera.center()).collect();
+    // One pose that is wrong would make the scene as large as its error.
+    let far = far_cameras(&centers, |k| judged.fits(on[k]));
+    let is_far = |k: &usize| far.iter().any(|(other, _)| other == k);
+    let rest: Vec<usize> = (0..on.len()).filter(|k| !is_far(k)).collect();
+    let near: Vec<Camera> = rest.iter().map(|k| views[on[*k]].camera).collect();
+    let most = !far.is_empty() && !points.is_empty() && most_see(&near, points);
+    for (k, times) in &far {
+        let view = &mut views[on[*k]];
+        match most && !points.iter().any(|p| in_view(&view.camera, p.position)) {
+            true => leave_out(view, PoseFault::FarAndBlind { times: *times }, warnings),
+            false => warnings.push(Warning::CameraFarAway { name: view.name.clone(), times: *times }),
+        }
+    }
+    rest.into_iter().map(|k| centers[k]).collect()
+}
+
+/// Wrong poses, and all that can be judged.
+fn count(all: &[Option<Evidence>]) -> (usize, usize) {
+    let judged = || all.iter().flatten();
+    (judged().filter(|e| e.misfit > WRONG).count(), judged().count())
+}
+
+fn is_mostly_wrong(all: &[Option<Evidence>]) -> bool {
+    let (wrong, of) = count(all);
+    wrong > 0 && 2 * wrong >= of
+}
+
+/// The median of how far points lie off.
+fn usual(all: &[Option<Evidence>]) -> f64 {
+    let mut off: Vec<f64> = all.iter().flatten().filter_map(|e| e.off).collect();
+    off.sort_by(f64::total_cmp);
+    off.get(off.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Whether nearly all of these cameras have a good many points in their pictures, so that one without any is odd.
+fn most_see(cameras: &[Camera], points: &[Point]) -> bool {
+    let sees = |camera: &&Camera| {
+        points.iter().filter(|p| in_view(camera, p.position)).take(LEAST_POINTS).count() == LEAST_POINTS
+    };
+    10 * cameras.iter().filter(sees).count() >= 9 * cameras.len()
+}
