@@ -135,6 +135,7 @@ impl Work {
 /// | `project_backward_adam` | N (4 count + 24, or 16 with packed moments, per parameter that the step has: it and its moments read and written) + V (16 colour + 48 gradient); with `--visible-adam` V for N, and 8 V of the last step |
 /// | `project_backward` | N (4 + 236 gradients) + V (44 + 48 g + 16 colour + 48 gradient) |
 /// | `densify_stats` | 4 N + V (16 + 32) |
+/// | `densify_views` | 4 N + (N - V) (40 + 16) |
 /// | `adam` | 28 per parameter: gradient, parameter and moments read, the last three written |
 /// | `clear` | the tile ranges, and `grad2d` where there are no slots |
 pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
@@ -147,7 +148,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     let [at_once, in_blocks] = work.summed();
     // Longer names before those they begin with.
-    let families: [(&str, f64); 22] = [
+    let families: [(&str, f64); 23] = [
         (
             "project_backward_adam",
             work.splats_stepped() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped())
@@ -172,6 +173,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         ("blend_backward", lists + 36.0 * pixels + p * if slots { 4.0 + ROW_2D } else { 2.0 * ROW_2D }),
         ("slot_sum", v * (12.0 + ROW_2D) + ROW_2D * p),
         ("densify_stats", 4.0 * n + v * (16.0 + 32.0)),
+        ("densify_views", 4.0 * n + (n - v) * (40.0 + 16.0)),
         ("adam", 28.0 * parameters * n),
         ("clear", 8.0 * work.tile_capacity + if slots { 0.0 } else { ROW_2D * work.splat_capacity }),
     ];

@@ -23,6 +23,7 @@ pub mod densify_order;
 pub mod densify_sample;
 pub mod densify_scores;
 pub mod densify_stats;
+pub mod densify_views;
 pub mod emit;
 pub mod exposure;
 pub mod feature_distance;
@@ -124,6 +125,7 @@ pub const ALL: &[&Pass] = &[
     &densify_sample::PASS,
     &densify_scores::PASS,
     &densify_stats::PASS,
+    &densify_views::PASS,
     &emit::PASS,
     &emit::TOGETHER,
     &emit::TOGETHER_EMULATED,

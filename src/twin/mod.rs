@@ -21,6 +21,7 @@ pub mod densify_order;
 pub mod densify_sample;
 pub mod densify_scores;
 pub mod densify_stats;
+pub mod densify_views;
 pub mod emit;
 pub mod exposure;
 pub mod feature_distance;

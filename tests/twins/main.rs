@@ -21,6 +21,7 @@ mod convolution;
 mod crop;
 mod densify_order;
 mod densify_passes;
+mod densify_views;
 mod density;
 mod density_device;
 mod density_model;
@@ -82,6 +83,7 @@ cases! {
     densify_order: "densify_births" "densify_codes" "densify_flags" "densify_order";
     densify_passes: "densify_axes" "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_sample" "densify_scores" "densify_stats" "opacity_reset";
+    densify_views: "densify_views";
     emit: "emit" "emit_together_emulated" "emit_together_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
@@ -156,6 +158,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         crop::run,
         densify_order::run,
         densify_passes::run,
+        densify_views::run,
         emit::run,
         feature_distance::run,
         geometry::run,

@@ -1,8 +1,9 @@
 //! What density control wants to know of every splat, gathered step by step.
 
 use crate::dataset::Depth;
-use crate::pass::{densify_scores, densify_stats};
-use crate::raster::{Renderer, grown};
+use crate::pass::camera::CameraPush;
+use crate::pass::{densify_scores, densify_stats, densify_views};
+use crate::raster::{MEANS, Planes, QUATS, Renderer, SCALES, Shot, grown};
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::photographs::Shown;
@@ -13,6 +14,8 @@ use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 pub(in crate::train) struct Statistics {
     stats: Buffer,
     accumulate: Pipeline,
+    /// Where growth follows the rule of 3DGS, whose means are over more views than those that show a splat.
+    views: Option<Pipeline>,
     scores: Option<Scores>,
 }
 
@@ -26,7 +29,8 @@ struct Scores {
 /// What a step has shown.
 #[derive(Clone, Copy)]
 pub(in crate::train) struct Seen<'a> {
-    pub(in crate::train) camera: &'a Camera,
+    pub(in crate::train) model: &'a Planes,
+    pub(in crate::train) shot: &'a Shot,
     /// Rows of the image that this is a part of, or all of.
     pub(in crate::train) of_height: u32,
     pub(in crate::train) image: &'a Buffer,
@@ -48,10 +52,12 @@ impl Statistics {
                 error: settings.density.sample_error as f32,
             })
         };
+        let sampled = settings.density.growth == Growth::Sampled;
         Ok(Self {
             stats: gpu.buffer("stats", 16 * n, Memory::Device)?,
             accumulate: gpu.pipeline(&densify_stats::PASS.kernel, &[])?,
-            scores: (settings.density.growth == Growth::Sampled).then(scores).transpose()?,
+            views: (!sampled).then(|| gpu.pipeline(&densify_views::PASS.kernel, &[])).transpose()?,
+            scores: sampled.then(scores).transpose()?,
         })
     }
 
@@ -79,12 +85,23 @@ impl Statistics {
         seen: Seen<'_>,
     ) -> Result<(), vk::Error> {
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };
-        let Camera { width, height, .. } = *seen.camera;
+        let Camera { width, height, .. } = seen.shot.camera;
         let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * seen.of_height as f32 };
         let [counts, tile_counts, splat2d, stats] =
             slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
         let buffers = [counts, tile_counts, grad2d, stats];
         recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
+        if let Some(views) = &self.views {
+            let planes = seen.model.buffers();
+            let [means, quats, scales] = slices([&planes[MEANS], &planes[QUATS], &planes[SCALES]]);
+            let push = CameraPush::new(&seen.shot.camera, &seen.shot.projection);
+            recorder.dispatch(
+                views,
+                &[counts, tile_counts, means, quats, scales, stats],
+                &push,
+                renderer.per_splat(),
+            )?;
+        }
         let Some(scores) = &self.scores else { return Ok(()) };
         let pipeline = match (seen.photograph.depth, &scores.sixteen) {
             (Depth::Sixteen, Some(pipeline)) => pipeline,

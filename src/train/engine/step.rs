@@ -109,7 +109,8 @@ impl Engine {
         let gradients = ImageGradients { of_image, of_aux };
         renderer.record_blend_backward(recorder, &lists, gradients, &shot, &self.target)?;
         if plan.accumulate {
-            let seen = Seen { camera: &camera, of_height, image: shown, photograph: &photograph, saliency };
+            let seen =
+                Seen { model: &self.model, shot: &shot, of_height, image: shown, photograph: &photograph, saliency };
             self.statistics.record(recorder, renderer, seen)?;
         }
         if let Some((constrained, _)) = alone {
