@@ -1,16 +1,18 @@
 //! Models as PLY files in the layout of INRIA's 3DGS, which viewers and editors read.
 //!
 //! Per vertex `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian; `f_rest` has all
-//! coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations (w, x, y, z).
-//! Normals are zero. What the layout has no place for stands in comments that begin with `psrgs-vk`:
+//! coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations (w, x, y, z), of unit
+//! length in trained models. Normals are zero. What the layout has no place for stands in comments:
 //!
 //! ```text
 //! comment psrgs-vk version 0.1.0
-//! comment psrgs-vk antialias 0
+//! comment SplatRenderMode: default
 //! comment psrgs-vk offset 500000 4600000 100
 //! comment psrgs-vk constrained 12345
 //! ```
 //!
+//! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; viewers and converters of others read this line. In its
+//! place `antialiased 0` or `1` is read too, and `psrgs-vk antialias 0` or `1`; the last such line counts.
 //! The first so many splats as `constrained` says are those that were there at the end of the low-frequency stage.
 //! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
 
@@ -53,7 +55,7 @@ pub struct Model {
     pub version: Option<String>,
 }
 
-/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`].
+/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`], with quaternions of unit length.
 pub fn save(file: &Path, gaussians: &Gaussians, frame: &Frame, antialias: bool) -> Result<(), Error> {
     save_staged(file, gaussians, frame, antialias, None)
 }
@@ -67,8 +69,10 @@ pub fn save_staged(
     constrained: Option<usize>,
 ) -> Result<(), Error> {
     let shift = frame.shift();
+    let mut gaussians = frame.gaussians_to_dataset(gaussians, shift);
+    gaussians.normalise_quats();
     let model = Model {
-        gaussians: frame.gaussians_to_dataset(gaussians, shift),
+        gaussians,
         sh_degree: 3,
         shift,
         antialias: Some(antialias),

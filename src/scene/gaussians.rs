@@ -5,6 +5,9 @@ pub const SH_GROUPS: usize = 4;
 /// Floats of one splat in one SH group: coefficient-major, colour fastest.
 pub const SH_GROUP_FLOATS: usize = 12;
 
+/// Square of the length below which a quaternion counts as the identity, as in the projection.
+const SHORTEST_QUAT_SQUARED: f64 = 1e-24;
+
 /// A set of 3D Gaussians, one plane per attribute, in the units in which they are optimised. On the device every plane is a
 /// buffer of its own: groups of 48 bytes keep four times more splats under a descriptor limit than one SH buffer would.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +35,22 @@ impl Gaussians {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
+    }
+
+    /// Gives every quaternion unit length, as readers of files expect that do not normalise. One that is of unit length but for rounding keeps
+    /// its bits, one that is too short to have a direction becomes the identity.
+    pub fn normalise_quats(&mut self) {
+        for quat in self.quats.chunks_exact_mut(4) {
+            let squared: f64 = quat.iter().map(|q| f64::from(*q) * f64::from(*q)).sum();
+            if (squared - 1.0).abs() <= 4.0 * f64::from(f32::EPSILON) {
+                continue;
+            }
+            if squared < SHORTEST_QUAT_SQUARED {
+                quat.copy_from_slice(&[1.0, 0.0, 0.0, 0.0]);
+            } else {
+                quat.iter_mut().for_each(|q| *q = (f64::from(*q) / squared.sqrt()) as f32);
+            }
+        }
     }
 
     /// `n` splats with every value zero and ids 0..n.

@@ -30,6 +30,7 @@ pub(crate) fn splats(n: usize) -> Gaussians {
         g.scales[3] = -0.0;
         g.means[4] = f32::MIN_POSITIVE / 4.0;
     }
+    g.normalise_quats();
     g
 }
 

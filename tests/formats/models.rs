@@ -30,6 +30,45 @@ fn ply_comes_back_bit_for_bit_in_the_identity_frame() {
 }
 
 #[test]
+fn quaternions_of_any_length_are_written_with_unit_length() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let file = folder.path().join("point_cloud.ply");
+    let mut g = splats(4);
+    g.quats = vec![0.3, 0.4, 0.0, 0.0, 2e3, 0.0, 0.0, -2e3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-19, 0.0];
+    ply::save(&file, &g, &Frame::IDENTITY, false).expect("written");
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let want = [[0.6, 0.8, 0.0, 0.0], [half, 0.0, 0.0, -half], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
+    assert_eq!(ply::read(&file).expect("read").gaussians.quats, want.concat());
+}
+
+/// The lines that other programs write and read.
+#[test]
+fn comments_on_antialiasing_are_written_and_read_as_other_programs_do() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let file = folder.path().join("point_cloud.ply");
+    for (antialias, line) in [(true, "comment SplatRenderMode: mip\n"), (false, "comment SplatRenderMode: default\n")] {
+        ply::save(&file, &splats(1), &Frame::IDENTITY, antialias).expect("written");
+        let bytes = fs::read(&file).expect("read");
+        assert!(String::from_utf8_lossy(&bytes).contains(line));
+        for (comment, expected) in [
+            ("SplatRenderMode: mip", Some(true)),
+            ("SplatRenderMode: default", Some(false)),
+            ("SplatRenderMode: 2dgs", None),
+            ("antialiased 1", Some(true)),
+            ("antialiased 0", Some(false)),
+            ("antialiased 0\ncomment SplatRenderMode: mip", Some(true)),
+            ("psrgs-vk antialias 1", Some(true)),
+            ("not antialiased 1", None),
+        ] {
+            let at = bytes.windows(line.len()).position(|part| part == line.as_bytes()).expect("the line");
+            let other = [&bytes[..at], format!("comment {comment}\n").as_bytes(), &bytes[at + line.len()..]].concat();
+            fs::write(&file, other).expect("written");
+            assert_eq!(ply::read(&file).expect("read").antialias, expected, "{comment}");
+        }
+    }
+}
+
+#[test]
 fn the_first_splats_are_told_to_be_the_constrained_set() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let file = folder.path().join("point_cloud.ply");

@@ -303,9 +303,23 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Takes what this program writes into comments; other programs' comments are theirs.
+/// Whether a model is to be drawn with the anti-aliasing factor, where a comment of another program says it: Brush's `SplatRenderMode: mip`,
+/// Postshot's `antialiased 1`.
+fn render_mode(comment: &str) -> Option<bool> {
+    let (key, value) = comment.split_once([':', ' '])?;
+    match (key.trim(), value.trim_start_matches(':').trim()) {
+        ("SplatRenderMode", "mip") | ("antialiased", "1") => Some(true),
+        ("SplatRenderMode", "default") | ("antialiased", "0") => Some(false),
+        _ => None,
+    }
+}
+
+/// Takes what this program writes into comments, and how other programs say that a model is anti-aliased; their other comments are theirs.
 pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
     for (at, comment) in &header.comments {
+        if let Some(antialias) = render_mode(comment) {
+            model.antialias = Some(antialias);
+        }
         let mut words = comment.split_whitespace();
         if words.next() != Some("psrgs-vk") {
             continue;

@@ -47,12 +47,12 @@ pub(super) fn properties() -> Vec<String> {
 
 fn header(model: &Model) -> String {
     let mut out = String::from("ply\nformat binary_little_endian 1.0\n");
+    if let Some(antialias) = model.antialias {
+        out.push_str(&format!("comment SplatRenderMode: {}\n", if antialias { "mip" } else { "default" }));
+    }
     let mut comment = |key: &str, value: String| out.push_str(&format!("comment psrgs-vk {key} {value}\n"));
     if let Some(version) = &model.version {
         comment("version", version.clone());
-    }
-    if let Some(antialias) = model.antialias {
-        comment("antialias", u8::from(antialias).to_string());
     }
     if let Some(constrained) = model.constrained {
         comment("constrained", constrained.to_string());
