@@ -11,7 +11,6 @@ use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 use super::console::Console;
 use super::demo_world::WorldArgs;
 use super::device;
-use super::exit::Failure;
 use super::progress::{counter, duration};
 use super::{train, train_run};
 
@@ -90,15 +89,6 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
 }
 
 fn make(args: &Args, params: &WorldParams, console: &Console) -> anyhow::Result<Summary> {
-    // A folder that holds something else is left alone: photographs of another scene would be trained on.
-    let taken = args.out.join("images").exists() && !args.out.join("world.toml").exists();
-    if taken {
-        return Err(Failure::Usage(format!(
-            "{}: holds photographs that no demo made; choose another --out",
-            args.out.display()
-        ))
-        .into());
-    }
     let begin = Instant::now();
     console.say(format_args!("making a scene of {} m with {} photographs", params.extent, params.images));
     let bar = counter(console, params.images as usize, "photographs");

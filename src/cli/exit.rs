@@ -108,7 +108,10 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if let Some(world) = cause.downcast_ref::<WorldError>() {
         return Some(match world {
-            WorldError::Parameter { .. } | WorldError::EvenSupersample { .. } | WorldError::Lens => USAGE,
+            WorldError::Parameter { .. }
+            | WorldError::EvenSupersample { .. }
+            | WorldError::Lens
+            | WorldError::Taken { .. } => USAGE,
             _ => OUTPUT,
         });
     }

@@ -1,10 +1,14 @@
 //! The folder of a training run: one run at a time, no earlier result replaced unasked, settings beside the results.
 
-use std::fs::{self, File, TryLockError};
+mod ours;
+
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use psrgs_vk::format::disk::{Disk, System};
+use psrgs_vk::format::lock::Lock;
 use psrgs_vk::format::{atomic, checkpoint};
 use psrgs_vk::train::Settings;
 
@@ -32,34 +36,35 @@ pub(crate) struct RunFolder {
     path: PathBuf,
     /// What an earlier run has left, where it is to be replaced.
     old: Vec<PathBuf>,
-    /// The lock ends with the file: also when the process is killed.
-    _lock: File,
+    /// What the user should know of the place.
+    warnings: Vec<String>,
+    /// The lock ends with it: also when the process is killed.
+    _lock: Lock,
 }
 
 impl RunFolder {
     /// Makes the folder and takes it. Settings are written where no earlier run is there, so that what is killed before it begins can be
     /// gone on with too.
     pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
+        Self::open_on(plan, &System)
+    }
+
+    fn open_on(plan: &Plan, disk: &impl Disk) -> anyhow::Result<Self> {
         let path = plan.out.clone();
-        if !plan.resume && !plan.overwrite {
-            not_of_others(&path)?;
-        }
+        not_of_others(&path, plan)?;
         let checkpoints = path.join(CHECKPOINTS);
         // Who goes on with a run has not chosen the folder.
         let remedy = if plan.resume { "" } else { "; choose another --out" };
         let elsewhere = |e: &io::Error| Failure::Output(format!("{}: {e}{remedy}", checkpoints.display()));
         fs::create_dir_all(&checkpoints).map_err(|e| elsewhere(&e))?;
-        let lock_file = path.join(LOCK);
-        let lock = File::create(&lock_file).map_err(|e| unwritable(&lock_file, &e))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let remedy = if plan.resume { "wait for its end, or stop it" } else { "choose another --out" };
-                let text = format!("{}: another run is writing here; {remedy}", path.display());
-                return Err(Failure::Usage(text).into());
-            }
-            Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
-            Err(TryLockError::Error(e)) => return Err(unwritable(&lock_file, &e)),
+        let mut warnings = Vec::new();
+        let lock = take(&path, plan.resume, disk, &mut warnings)?;
+        if let Some(refusal) = atomic::unflushed(&path, disk) {
+            warnings.push(format!(
+                "{}: the file system does not flush folders to the disk ({refusal}): after a loss of power the newest files may be \
+                 missing or have their former content",
+                path.display()
+            ));
         }
         let old = if plan.resume { Vec::new() } else { results(&path)? };
         if let Some(left) = old.first().filter(|_| !plan.overwrite) {
@@ -70,11 +75,19 @@ impl RunFolder {
             ))
             .into());
         }
-        let folder = Self { path, old, _lock: lock };
+        if old.iter().any(|file| file.starts_with(&checkpoints)) {
+            not_through_a_link(&checkpoints)?;
+        }
+        let folder = Self { path, old, warnings, _lock: lock };
         if !plan.resume && folder.old.is_empty() {
             folder.write_settings(&plan.settings)?;
         }
         Ok(folder)
+    }
+
+    /// What the user should know of the place before long work.
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// To be called when all that training needs is there: what could fail before has cost an earlier run nothing. Its results go all at
@@ -88,7 +101,7 @@ impl RunFolder {
             }
         }
         for folder in [self.path.clone(), self.file(RENDERS)] {
-            atomic::remove_unfinished(&folder, "");
+            atomic::remove_unfinished(&folder);
         }
         self.write_settings(settings)
     }
@@ -127,10 +140,38 @@ impl RunFolder {
     }
 }
 
-/// Refuses a folder, before anything is made in it, that has files named as results and no settings: they are not of a run that could be
-/// gone on with, and would be replaced.
-fn not_of_others(folder: &Path) -> Result<(), Failure> {
-    if folder.join(SETTINGS).exists() {
+/// Takes the lock of a run's folder. A file system without locks costs a warning.
+fn take(path: &Path, resume: bool, disk: &impl Disk, warnings: &mut Vec<String>) -> anyhow::Result<Lock> {
+    let lock = Lock::ask(&path.join(LOCK), disk)
+        .map_err(|e| anyhow::Error::new(e).context(Failure::Output(path.display().to_string())))?;
+    match &lock {
+        Lock::Held(_) => {}
+        Lock::Taken => {
+            let remedy = if resume { "wait for its end, or stop it" } else { "choose another --out" };
+            let text = format!("{}: another run is writing here; {remedy}", path.display());
+            return Err(Failure::Usage(text).into());
+        }
+        Lock::Unsupported(refusal) => warnings.push(format!(
+            "{}: the file system has no locks ({refusal}): make sure that no other run writes here",
+            path.display()
+        )),
+    }
+    Ok(lock)
+}
+
+/// Refuses a folder, before anything is made in it, that has files which a run would replace and this program did not write, and one that
+/// has results without settings where they are not to be replaced: they are not of a run that could be gone on with.
+fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
+    let stray = || ours::first_stray(folder).filter(|_| !plan.resume);
+    if let Some(file) = ours::first_foreign(folder).or_else(stray) {
+        return Err(Failure::Usage(format!(
+            "{}: holds {}, which psrgs-vk did not write and which would be replaced; move that file elsewhere{}",
+            folder.display(),
+            file.strip_prefix(folder).unwrap_or(&file).display(),
+            if plan.resume { "" } else { ", or choose another --out" }
+        )));
+    }
+    if plan.resume || plan.overwrite || folder.join(SETTINGS).exists() {
         return Ok(());
     }
     // What cannot be listed is told when the folder is made.
@@ -144,6 +185,19 @@ fn not_of_others(folder: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// What a link leads to may be another run's.
+fn not_through_a_link(checkpoints: &Path) -> Result<(), Failure> {
+    if !checkpoints.is_symlink() {
+        return Ok(());
+    }
+    let to = fs::read_link(checkpoints).unwrap_or_default();
+    Err(Failure::Usage(format!(
+        "{}: a link to {}, which holds checkpoints; nothing is removed through a link: remove the link, or choose another --out",
+        checkpoints.display(),
+        to.display()
+    )))
+}
+
 /// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
 pub(crate) fn with_way_back(run: &Path, error: anyhow::Error) -> anyhow::Error {
     error.context(Remedy(format!("if the dataset has moved: psrgs-vk train DATA --resume {}", run.display())))
@@ -151,18 +205,11 @@ pub(crate) fn with_way_back(run: &Path, error: anyhow::Error) -> anyhow::Error {
 
 /// What an earlier run has left that would be lost or mistaken for the new run's.
 fn results(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let mut found: Vec<PathBuf> =
-        [MODEL, METRICS, REPORT].iter().map(|name| folder.join(name)).filter(|file| file.exists()).collect();
+    let files = [MODEL, METRICS, REPORT].iter().map(|name| folder.join(name));
+    let mut found: Vec<PathBuf> = files.filter(|file| ours::is_ours(file)).collect();
     let checkpoints = folder.join(CHECKPOINTS);
-    let entries = match fs::read_dir(&checkpoints) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(found),
-        entries => entries.map_err(|e| unwritable(&checkpoints, &e))?,
-    };
-    for entry in entries {
-        let file = entry.map_err(|e| unwritable(&checkpoints, &e))?.path();
-        if file.extension().is_some_and(|e| e == "ckpt") {
-            found.push(file);
-        }
+    if checkpoints.exists() {
+        found.extend(checkpoint::told_apart(&checkpoints)?.0);
     }
     Ok(found)
 }
@@ -202,8 +249,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let run = RunFolder::open(&plan(folder.path())).unwrap();
         let (model, checkpoint) = (run.file(MODEL), run.checkpoints().join("checkpoint-000100.ckpt"));
-        let own = run.file("notes.txt");
-        [&model, &checkpoint, &own].iter().for_each(|file| fs::write(file, "x").unwrap());
+        let own = ["notes.txt", ".notes.tmp", "checkpoints/other.ckpt", "renders/.x.tmp"].map(|name| run.file(name));
+        fs::create_dir(run.file(RENDERS)).unwrap();
+        own.iter().for_each(|file| fs::write(file, "x").unwrap());
+        [&model, &checkpoint].iter().for_each(|file| write_result(file));
         drop(run);
         let (code, text) = refused(&plan(folder.path()));
         assert!(code == 2 && text.contains("--overwrite") && text.contains("--resume"), "{code} {text}");
@@ -216,21 +265,112 @@ mod tests {
         let run = RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap();
         assert!(model.exists() && checkpoint.exists(), "nothing is lost before it begins");
         run.begin(&Settings::default()).unwrap();
-        assert!(!model.exists() && !checkpoint.exists() && own.exists() && run.file(SETTINGS).exists());
+        assert!(!model.exists() && !checkpoint.exists() && run.file(SETTINGS).exists());
+        assert!(own.iter().all(|file| file.exists()), "a file of the user is gone");
     }
 
-    /// A report of something else, say, or what a run has left whose settings are gone.
+    /// A file as this program writes it, as far as that is looked at.
+    fn write_result(file: &Path) {
+        let text = match file.extension().and_then(|e| e.to_str()) {
+            Some("ply") => "ply\nformat ascii 1.0\ncomment psrgs-vk version 0.1.0\nelement vertex 0\nend_header\n",
+            Some("ckpt") => "PSRGS-VK and more",
+            Some("json") => r#"{"method": "3dgs", "iterations": 1, "splats": 1, "seconds_per_iteration": 1}"#,
+            _ => r#"<html><meta name="generator" content="psrgs-vk"></html>"#,
+        };
+        fs::write(file, text).unwrap();
+    }
+
+    /// What a run has left whose settings are gone.
     #[test]
     fn what_is_of_no_run_is_not_called_one_and_left_as_it_is() {
         let folder = tempfile::tempdir().unwrap();
         let report = folder.path().join(REPORT);
-        fs::write(&report, "x").unwrap();
+        write_result(&report);
         let (code, text) = refused(&plan(folder.path()));
         assert!(code == 2 && text.contains("holds report.html") && text.contains("another --out"), "{code} {text}");
         assert!(!text.contains("--resume") && !text.contains("earlier run"), "{text}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was made");
         drop(RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap());
         assert!(report.exists(), "nothing is lost before it begins");
+    }
+
+    #[test]
+    fn a_file_of_another_program_under_the_name_of_a_result_is_never_replaced() {
+        let names = [
+            "point_cloud.ply",
+            "metrics.json",
+            "report.html",
+            "frame.json",
+            "exposures.json",
+            "sigma.json",
+            "settings.toml",
+        ];
+        let strays = ["checkpoints/checkpoint-000100.ckpt", "renders/holiday.png"];
+        for name in names.iter().chain(&strays) {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(&file, "theirs").unwrap();
+            for overwrite in [false, true] {
+                let (code, text) = refused(&Plan { overwrite, ..plan(folder.path()) });
+                assert!(code == 2 && text.contains(name) && text.contains("did not write"), "{code} {text}");
+                assert!(text.contains("another --out"), "{text}");
+            }
+            if names.contains(name) {
+                let (code, text) = refused(&Plan { resume: true, ..plan(folder.path()) });
+                assert!(code == 2 && text.contains("move that file") && !text.contains("--out"), "{code} {text}");
+            }
+            assert_eq!(fs::read(&file).unwrap(), b"theirs");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_removed_or_emptied_through_a_link() {
+        use std::os::unix::fs::symlink;
+        let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let theirs = other.path().join("checkpoint-000100.ckpt");
+        write_result(&theirs);
+        let link = folder.path().join(CHECKPOINTS);
+        symlink(other.path(), &link).unwrap();
+        let again = Plan { overwrite: true, ..plan(folder.path()) };
+        let (code, text) = refused(&again);
+        assert!(code == 2 && text.contains("remove the link") && theirs.exists(), "{code} {text}");
+        // A place elsewhere for the checkpoints is fine while nothing is there.
+        fs::remove_file(&theirs).unwrap();
+        drop(RunFolder::open(&again).unwrap());
+
+        let lock = folder.path().join(LOCK);
+        fs::remove_file(&lock).unwrap();
+        let thesis = other.path().join("thesis.txt");
+        fs::write(&thesis, "years of work").unwrap();
+        symlink(&thesis, &lock).unwrap();
+        let (code, text) = refused(&again);
+        assert!(code == 8 && text.contains(".lock") && text.contains("a link"), "{code} {text}");
+        assert_eq!(fs::read(&thesis).unwrap(), b"years of work");
+    }
+
+    /// As file systems over a network are.
+    #[cfg(unix)]
+    #[test]
+    fn a_file_system_without_locks_and_flushes_costs_warnings() {
+        struct Network;
+        impl Disk for Network {
+            fn flush_file(&self, _: &fs::File) -> io::Result<()> {
+                Ok(())
+            }
+            fn flush_folder(&self, _: &Path) -> io::Result<()> {
+                Err(io::Error::from_raw_os_error(rustix::io::Errno::INVAL.raw_os_error()))
+            }
+            fn try_lock(&self, _: &fs::File) -> Result<(), fs::TryLockError> {
+                Err(fs::TryLockError::Error(rustix::io::Errno::NOLCK.into()))
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::open_on(&plan(folder.path()), &Network).unwrap();
+        let [lock, flush] = run.warnings() else { panic!("{:?}", run.warnings()) };
+        assert!(lock.contains("no locks") && flush.contains("does not flush"), "{lock} {flush}");
+        assert!(RunFolder::open(&plan(folder.path())).unwrap().warnings().is_empty());
     }
 
     #[test]

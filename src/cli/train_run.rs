@@ -15,6 +15,7 @@ use super::console::Console;
 use super::device;
 use super::interrupt::Interrupt;
 use super::lpips::Lpips;
+use super::out_folder;
 use super::outputs::{self, Finished};
 use super::run_folder::{self, RunFolder};
 use super::train::Plan;
@@ -24,8 +25,12 @@ use beginning::Beginning;
 pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
     let interrupt = Interrupt::listen()?;
     let dataset = load(plan, console)?;
+    if !plan.resume {
+        out_folder::check(&plan.out, &dataset)?;
+    }
     // Not before: a wrong name of the dataset leaves no folder behind.
     let folder = RunFolder::open(plan)?;
+    folder.warnings().iter().for_each(|warning| console.warn(warning));
     told_before::dataset(&dataset, console);
     let mut lpips = Lpips::find(&plan.settings.scoring, console)?;
     let restart = resume::restart(plan, &folder, console)?;

@@ -20,7 +20,7 @@ pub use metrics::{
 };
 pub use quality::Quality;
 pub use report::{
-    Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, render_report,
+    Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report, render_report,
     write_report,
 };
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};

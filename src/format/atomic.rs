@@ -1,22 +1,47 @@
 //! Files that appear whole or not at all.
 
-use std::fs::File;
+use std::fs::{DirEntry, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::Error;
+use super::disk::{Disk, System, refuses_flush};
+
+/// What the name of a temporary file begins with. Its length does not depend on that of the file's name, which may be the longest there is.
+const PREFIX: &str = ".psrgs-vk-";
+/// Letters and digits drawn for the name.
+const DRAWN: usize = 12;
+const SUFFIX: &str = ".tmp";
 
 /// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new one: into a temporary
 /// file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file is removed and
-/// what stood there before stays.
+/// what stood there before stays. A link in the file's place is replaced, not followed. Where the file system does not flush
+/// folders, the file is written all the same ([`unflushed`] tells).
 pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+    write_on(&System, file, content)
+}
+
+fn write_on(
+    disk: &impl Disk,
+    file: &Path,
+    content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), Error> {
     let (folder, mut temporary) = beside(file)?;
     let mut out = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
     content(&mut out).and_then(|()| out.flush()).map_err(Error::io(file, "write"))?;
     drop(out);
-    temporary.as_file().sync_all().map_err(Error::io(file, "flush to the disk"))?;
+    disk.flush_file(temporary.as_file()).map_err(Error::io(file, "flush to the disk"))?;
     temporary.persist(file).map_err(|e| Error::io(file, "rename the temporary file to it")(e.error))?;
-    flush_folder(folder).map_err(Error::io(folder, "flush to the disk"))
+    match disk.flush_folder(folder) {
+        Err(e) if !refuses_flush(&e) => Err(Error::io(folder, "flush to the disk")(e)),
+        _ => Ok(()),
+    }
+}
+
+/// Why the file system of a folder does not flush the names in it, where that is so: after a loss of power the files written last may have
+/// their former content. For a warning before long work.
+pub fn unflushed(folder: &Path, disk: &impl Disk) -> Option<io::Error> {
+    disk.flush_folder(folder).err().filter(refuses_flush)
 }
 
 /// Whether [`write()`] finds a place for its temporary file, for who would learn at the end of long work that it does not.
@@ -33,44 +58,162 @@ fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let temporary =
-        temporary_file(folder, &format!(".{name}.")).map_err(Error::io(file, "create a temporary file beside it"))?;
+    let temporary = temporary_file(folder).map_err(Error::io(file, "create a temporary file beside it"))?;
     Ok((folder, temporary))
 }
 
-/// Removes what a process that was killed while it wrote a file has left in a folder, of files whose names begin with `prefix`: it takes
-/// room. Only for who alone writes there. Where it does not work, nothing is lost.
-pub fn remove_unfinished(folder: &Path, prefix: &str) {
-    let prefix = format!(".{prefix}");
+/// Removes what a process that was killed while it wrote a file has left in a folder: it takes room. A file that only looks like one of
+/// those, and one that a process is still writing, stays. Where it does not work, nothing is lost.
+pub fn remove_unfinished(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.starts_with(&prefix) && name.ends_with(".tmp") {
+        if is_temporary(&entry) && is_abandoned(&entry.path()) {
             // An error here is not worth stopping for.
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-fn temporary_file(folder: &Path, prefix: &str) -> io::Result<tempfile::NamedTempFile> {
+/// By its name, which [`temporary_file`] gives and nobody else; and it is a file itself and no link to one.
+fn is_temporary(entry: &DirEntry) -> bool {
+    let name = entry.file_name();
+    let drawn = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
+    drawn.is_some_and(|drawn| drawn.len() == DRAWN && drawn.bytes().all(|b| b.is_ascii_alphanumeric()))
+        && entry.file_type().is_ok_and(|kind| kind.is_file())
+}
+
+/// Whether no process holds the file, as far as the file system can tell.
+#[cfg(unix)]
+fn is_abandoned(file: &Path) -> bool {
+    File::open(file).is_ok_and(|opened| !matches!(opened.try_lock(), Err(std::fs::TryLockError::WouldBlock)))
+}
+
+#[cfg(not(unix))]
+fn is_abandoned(_: &Path) -> bool {
+    // A file that another process has open cannot be removed there.
+    true
+}
+
+fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(".tmp");
+    builder.prefix(PREFIX).rand_bytes(DRAWN).suffix(SUFFIX);
     // Temporary files are private by default; this one becomes an ordinary file, which the umask rules.
     #[cfg(unix)]
     let permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
     #[cfg(unix)]
     builder.permissions(permissions);
-    builder.tempfile_in(folder)
+    let temporary = builder.tempfile_in(folder)?;
+    // Shows others that it is not abandoned. Without locks it is as it was.
+    #[cfg(unix)]
+    let _ = temporary.as_file().try_lock();
+    Ok(temporary)
 }
 
-#[cfg(unix)]
-fn flush_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
-}
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::fs;
+    use std::fs::TryLockError;
 
-#[cfg(not(unix))]
-fn flush_folder(_: &Path) -> io::Result<()> {
-    // Folders cannot be opened there; the rename itself is journalled.
-    Ok(())
+    use super::*;
+
+    /// Notes what is asked of it in order; answers flushes of folders, and then of files, with errors of the system.
+    #[derive(Default)]
+    struct Watched {
+        asked: RefCell<Vec<String>>,
+        folder: Option<i32>,
+        file: Option<i32>,
+    }
+
+    impl Watched {
+        fn answer(&self, asked: String, code: Option<i32>) -> io::Result<()> {
+            self.asked.borrow_mut().push(asked);
+            code.map_or(Ok(()), |code| Err(io::Error::from_raw_os_error(code)))
+        }
+    }
+
+    impl Disk for Watched {
+        fn flush_file(&self, file: &File) -> io::Result<()> {
+            let bytes = file.metadata()?.len();
+            self.answer(format!("file of {bytes} bytes"), self.file)
+        }
+        fn flush_folder(&self, folder: &Path) -> io::Result<()> {
+            let names = fs::read_dir(folder)?.flatten().map(|entry| entry.file_name());
+            self.answer(format!("folder with {:?}", names.collect::<Vec<_>>()), self.folder)
+        }
+        fn try_lock(&self, _: &File) -> Result<(), TryLockError> {
+            Ok(())
+        }
+    }
+
+    /// All of the content before the name, and the name after.
+    #[test]
+    fn a_file_is_flushed_before_it_has_its_name_and_the_folder_after() {
+        let folder = tempfile::tempdir().unwrap();
+        let disk = Watched::default();
+        write_on(&disk, &folder.path().join("a"), |out| out.write_all(&[7; 300_000])).unwrap();
+        assert_eq!(*disk.asked.borrow(), ["file of 300000 bytes", "folder with [\"a\"]"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_cannot_be_flushed_is_no_error_and_a_broken_disk_is() {
+        use rustix::io::Errno;
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a");
+        for refusal in [Errno::INVAL, Errno::NOTSUP, Errno::OPNOTSUPP, Errno::NOSYS, Errno::ACCESS] {
+            let disk = Watched { folder: Some(refusal.raw_os_error()), ..Watched::default() };
+            write_on(&disk, &file, |out| write!(out, "{refusal}")).unwrap();
+            assert_eq!(fs::read_to_string(&file).unwrap(), refusal.to_string());
+            assert!(unflushed(folder.path(), &disk).is_some(), "{refusal}");
+        }
+        assert!(unflushed(folder.path(), &Watched::default()).is_none());
+        let broken = Some(Errno::IO.raw_os_error());
+        let disk = Watched { folder: broken, ..Watched::default() };
+        assert!(write_on(&disk, &file, |_| Ok(())).is_err() && unflushed(folder.path(), &disk).is_none());
+        let before = fs::read(&file).unwrap();
+        let disk = Watched { file: broken, ..Watched::default() };
+        let error = write_on(&disk, &file, |out| out.write_all(b"new")).unwrap_err().to_string();
+        assert!(error.contains("flush"), "{error}");
+        assert_eq!(fs::read(&file).unwrap(), before);
+    }
+
+    #[test]
+    fn the_longest_name_can_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("n".repeat(255));
+        write(&file, |out| out.write_all(b"x")).unwrap();
+        check(&file).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"x");
+    }
+
+    #[test]
+    fn temporary_files_of_others_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let left = at(".psrgs-vk-0123456789ab.tmp");
+        let others = [".notes.tmp", ".point_cloud.ply.x1Y2z3.tmp", ".psrgs-vk-.tmp", ".psrgs-vk-short.tmp", "a.tmp"];
+        others.iter().for_each(|name| fs::write(at(name), "theirs").unwrap());
+        fs::write(&left, "half a mod").unwrap();
+        fs::create_dir(at(".psrgs-vk-aaaaaaaaaaaa.tmp")).unwrap();
+        let writing = temporary_file(folder.path()).unwrap();
+        remove_unfinished(folder.path());
+        assert!(!left.exists());
+        assert!(others.iter().all(|name| at(name).exists()) && at(".psrgs-vk-aaaaaaaaaaaa.tmp").exists());
+        assert!(writing.path().exists(), "a file that is being written was removed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_in_place_of_a_file_is_replaced_and_its_target_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, link) = (folder.path().join("target"), folder.path().join("metrics.json"));
+        fs::write(&target, "theirs").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write(&link, |out| out.write_all(b"ours")).unwrap();
+        assert_eq!(
+            (fs::read_to_string(&target).unwrap(), fs::read_to_string(&link).unwrap()),
+            ("theirs".into(), "ours".into())
+        );
+        assert!(!link.is_symlink());
+    }
 }

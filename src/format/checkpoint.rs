@@ -15,7 +15,7 @@ use crc32fast::Hasher;
 use super::source::Source;
 use super::{Error, atomic};
 
-pub use store::{Latest, file_name, latest, newest, save};
+pub use store::{Latest, file_name, latest, newest, save, told_apart};
 
 const MAGIC: [u8; 8] = *b"PSRGS-VK";
 /// Version of the layout written; others are refused.

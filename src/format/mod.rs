@@ -3,11 +3,13 @@
 pub mod atomic;
 pub mod checkpoint;
 pub(crate) mod contain;
+pub mod disk;
 mod error;
 mod exposure_file;
 mod frame_file;
 pub mod image_out;
 pub mod las;
+pub mod lock;
 pub(crate) mod markup;
 pub mod ply;
 pub(crate) mod source;

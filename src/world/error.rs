@@ -28,6 +28,12 @@ pub enum WorldError {
         "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted picture twice, or not at all"
     )]
     Lens,
+    /// The place has a file that no world has left there and this one would replace.
+    #[error("{path}: no world made this file, and it would be replaced; choose another folder")]
+    Taken {
+        /// The file or folder.
+        path: PathBuf,
+    },
     /// A file or folder could not be written.
     #[error("cannot write {path}: {source}")]
     Write {

@@ -1,6 +1,7 @@
 //! Writes a world as a dataset.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
@@ -67,12 +68,12 @@ pub struct Summary {
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
 ///
-/// Where there is a `world.toml` already, what its world left in these folders is removed first.
+/// Where there is a `world.toml` already, what its world left in these folders is removed first; files of other names stay.
 pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Summary, WorldError> {
     let world = World::new(params)?;
     // What an earlier world left in a folder would be taken for a part of this one; photographs of others are left alone.
     let file = dir.join(PARAMETERS);
-    let again = file.is_file();
+    let again = has_world(dir)?;
     let tree = Tree::create(dir, true, again)?;
     let text = toml::to_string_pretty(params)?;
     atomic::write(&file, |out| out.write_all(text.as_bytes()))?;
@@ -138,6 +139,53 @@ struct Tree {
     normal: PathBuf,
 }
 
+/// Whether a world was written here before. A place with files that no world has left is refused.
+fn has_world(dir: &Path) -> Result<bool, WorldError> {
+    let parameters = dir.join(PARAMETERS);
+    let text = fs::read_to_string(&parameters);
+    if text.is_ok_and(|text| toml::from_str::<WorldParams>(&text).is_ok()) {
+        return Ok(true);
+    }
+    let written = [
+        PARAMETERS,
+        "images",
+        "sparse",
+        "depth",
+        "normal",
+        "clean",
+        "offpath",
+        "lidar.las",
+        "lidar.ply",
+        "surface.ply",
+    ];
+    match written.iter().map(|name| dir.join(name)).find(|path| path.symlink_metadata().is_ok()) {
+        Some(path) => Err(WorldError::Taken { path }),
+        None => Ok(false),
+    }
+}
+
+/// Removes from a folder the files that have the names of a world's. Everything else in it is somebody else's.
+fn remove_own(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_file() && is_own(&entry.file_name().to_string_lossy()) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a world's files have this name: `view_0007.jpg`, `off_0001.exr`, and those of its model.
+fn is_own(name: &str) -> bool {
+    let numbered = |start: &str| {
+        let (number, extension) = name.strip_prefix(start)?.split_once('.')?;
+        let digits = number.len() >= 4 && number.bytes().all(|b| b.is_ascii_digit());
+        (digits && ["jpg", "png", "exr"].contains(&extension)).then_some(())
+    };
+    let model = ["cameras.bin", "images.bin", "points3D.bin"];
+    model.contains(&name) || ["view_", "off_"].into_iter().find_map(numbered).is_some()
+}
+
 impl Tree {
     fn create(dir: &Path, clean: bool, empty: bool) -> Result<Self, WorldError> {
         let tree = Self {
@@ -150,7 +198,7 @@ impl Tree {
         for folder in [&tree.images, &tree.sparse, &tree.depth, &tree.normal].into_iter().chain(&also) {
             let failed = |source| WorldError::Write { path: folder.clone(), source };
             if empty && folder.is_dir() {
-                fs::remove_dir_all(folder).map_err(failed)?;
+                remove_own(folder).map_err(failed)?;
             }
             fs::create_dir_all(folder).map_err(failed)?;
         }

@@ -61,7 +61,7 @@ fn the_last_two_checkpoints_are_kept_and_the_newest_whole_one_is_taken() {
     };
     assert!(checkpoint::latest(path).expect("empty").is_none());
     fs::write(path.join("settings.toml"), "kept").expect("written");
-    fs::write(path.join(".checkpoint-000900.ckpt.abc.tmp"), "left by a crash").expect("written");
+    fs::write(path.join(".psrgs-vk-abcdef012345.tmp"), "left by a crash").expect("written");
     for step in [500, 1000, 1500, 1_000_000] {
         checkpoint::save(path, step, &checkpoint(step)).expect("saved");
     }
@@ -90,6 +90,23 @@ fn the_last_two_checkpoints_are_kept_and_the_newest_whole_one_is_taken() {
         error.contains("001500.ckpt: magic at byte 0") && error.contains("002000.ckpt: magic at byte 0"),
         "{error}"
     );
+}
+
+#[test]
+fn a_file_that_only_has_the_name_of_a_checkpoint_stays() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path();
+    let others = ["checkpoint-000100.ckpt", "checkpoint-9999999.ckpt", "model.ckpt", ".checkpoint-1.ckpt.a1b2c3.tmp"];
+    others.iter().for_each(|name| fs::write(path.join(name), "of another program").expect("written"));
+    for step in [500, 1000, 1500] {
+        checkpoint::save(path, step, &checkpoint(step)).expect("saved");
+    }
+    for name in others {
+        assert_eq!(fs::read(path.join(name)).expect("there"), b"of another program", "{name}");
+    }
+    let (ours, names_alone) = checkpoint::told_apart(path).expect("listed");
+    assert_eq!((ours.len(), names_alone.len()), (2, 2));
+    assert!(!path.join("checkpoint-000500.ckpt").exists());
 }
 
 #[test]

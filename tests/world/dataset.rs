@@ -156,3 +156,39 @@ fn dataset_is_consistent() {
         assert_eq!(image.dimensions(), (96, 72));
     }
 }
+
+/// A second world in the place of a first removes what the first has left and nothing else.
+#[test]
+fn files_of_others_in_the_folder_of_a_world_stay() {
+    let dir = tempfile::tempdir().unwrap();
+    let params = |images| WorldParams { images, max_side: 48, supersample: 1, offpath: 1, ..small() };
+    generate(&params(3), dir.path(), &mut |_| ()).unwrap();
+    let others = [
+        "images/mine.jpg",
+        "images/view_a.jpg",
+        "images/views/view_0000.jpg",
+        "depth/notes.txt",
+        "sparse/0/points3D.txt",
+    ];
+    for name in others {
+        std::fs::create_dir_all(dir.path().join(name).parent().unwrap()).unwrap();
+        std::fs::write(dir.path().join(name), "theirs").unwrap();
+    }
+    generate(&params(2), dir.path(), &mut |_| ()).unwrap();
+    assert!(others.iter().all(|name| std::fs::read(dir.path().join(name)).unwrap() == b"theirs"));
+    assert!(dir.path().join("images/view_0001.jpg").exists() && !dir.path().join("images/view_0002.jpg").exists());
+    assert!(!dir.path().join("depth/view_0002.exr").exists());
+}
+
+#[test]
+fn a_world_does_not_replace_what_no_world_has_left() {
+    for name in ["world.toml", "lidar.las", "images/a.jpg", "sparse/0/cameras.bin"] {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join(name);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(&file, "port = 80").unwrap();
+        let error = generate(&small(), dir.path(), &mut |_| ()).unwrap_err().to_string();
+        assert!(error.contains("no world made this") && error.contains("another folder"), "{name}: {error}");
+        assert_eq!(std::fs::read(&file).unwrap(), b"port = 80");
+    }
+}

@@ -164,6 +164,14 @@ pub fn write_report(data: &ReportData, path: &Path) -> Result<(), ReportError> {
     Ok(atomic::write(path, |out| out.write_all(page.as_bytes()))?)
 }
 
+/// Whether a page that begins so is a report of this program; those of earlier versions name no generator.
+pub fn is_report(page: &str) -> bool {
+    let head = page.split("</head>").next().unwrap_or_default();
+    let earlier =
+        "content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'\"";
+    head.contains("<meta name=\"generator\" content=\"psrgs-vk\">") || head.contains(earlier)
+}
+
 /// The page as text.
 pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
     for view in &data.views {

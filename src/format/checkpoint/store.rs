@@ -1,9 +1,10 @@
 //! The checkpoints of a folder: the last two are kept, the newest that can be read is taken.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::Checkpoint;
+use super::{Checkpoint, MAGIC};
 use crate::format::{Error, atomic};
 
 /// A checkpoint found in a folder.
@@ -25,12 +26,14 @@ pub fn file_name(step: u64) -> String {
 }
 
 /// Writes a checkpoint and then removes the others but the newest of the steps before it. A checkpoint of a later step goes
-/// too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. Gives the file.
+/// too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. A file that only has the name of a
+/// checkpoint stays. Gives the file.
 pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf, Error> {
     let file = folder.join(file_name(step));
-    atomic::remove_unfinished(folder, "checkpoint-");
+    atomic::remove_unfinished(folder);
     checkpoint.write(&file)?;
-    let others: Vec<(u64, PathBuf)> = list(folder)?.into_iter().filter(|(s, _)| *s != step).collect();
+    let others = list(folder)?.into_iter().filter(|(s, file)| *s != step && is_checkpoint(file));
+    let others: Vec<(u64, PathBuf)> = others.collect();
     let previous = others.iter().map(|(s, _)| *s).filter(|s| *s < step).max();
     for (_, old) in others.iter().filter(|(s, _)| Some(*s) != previous) {
         fs::remove_file(old).map_err(Error::io(old, "remove the old checkpoint"))?;
@@ -57,6 +60,18 @@ pub fn latest(folder: &Path) -> Result<Option<Latest>, Error> {
 /// Step and file of the newest checkpoint of a folder by its name; its content is not looked at.
 pub fn newest(folder: &Path) -> Option<(u64, PathBuf)> {
     list(folder).ok()?.into_iter().next()
+}
+
+/// The files of a folder that are checkpoints by name and by content, and those that are by name alone.
+pub fn told_apart(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
+    Ok(list(folder)?.into_iter().map(|(_, file)| file).partition(|file| is_checkpoint(file)))
+}
+
+/// Whether a file begins as a checkpoint does. A link is none: what it leads to may be another run's.
+fn is_checkpoint(file: &Path) -> bool {
+    let mut magic = [0; MAGIC.len()];
+    let regular = file.symlink_metadata().is_ok_and(|found| found.is_file());
+    regular && File::open(file).and_then(|mut opened| opened.read_exact(&mut magic)).is_ok() && magic == MAGIC
 }
 
 /// The checkpoints by descending step.

@@ -1,0 +1,79 @@
+//! What is asked of the file system beyond reading and writing: flushes and locks. File systems over a network refuse some of that.
+
+use std::fs::{File, TryLockError};
+use std::io;
+use std::path::Path;
+
+/// The file system as writers see it. A test puts another one in its place.
+pub trait Disk {
+    /// Flushes a file to the disk.
+    fn flush_file(&self, file: &File) -> io::Result<()>;
+    /// Flushes the names in a folder to the disk.
+    fn flush_folder(&self, folder: &Path) -> io::Result<()>;
+    /// Takes a file for this process alone, until the file is closed.
+    fn try_lock(&self, file: &File) -> Result<(), TryLockError>;
+}
+
+/// The file system of this machine.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct System;
+
+impl Disk for System {
+    fn flush_file(&self, file: &File) -> io::Result<()> {
+        file.sync_all()
+    }
+
+    #[cfg(unix)]
+    fn flush_folder(&self, folder: &Path) -> io::Result<()> {
+        File::open(folder)?.sync_all()
+    }
+
+    #[cfg(not(unix))]
+    fn flush_folder(&self, _: &Path) -> io::Result<()> {
+        // Folders cannot be opened there; the rename itself is journalled.
+        Ok(())
+    }
+
+    fn try_lock(&self, file: &File) -> Result<(), TryLockError> {
+        file.try_lock()
+    }
+}
+
+/// Whether a file system says by this error that flushes of folders are not among its services. An error of the disk is another matter.
+pub(crate) fn refuses_flush(error: &io::Error) -> bool {
+    let kinds = [io::ErrorKind::Unsupported, io::ErrorKind::InvalidInput, io::ErrorKind::PermissionDenied];
+    kinds.contains(&error.kind()) || is_one_of(error, unsupported::FLUSH)
+}
+
+/// Whether a file system says by this error that locks are not among its services.
+pub(crate) fn refuses_lock(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::Unsupported || is_one_of(error, unsupported::LOCK)
+}
+
+fn is_one_of(error: &io::Error, codes: &[i32]) -> bool {
+    error.raw_os_error().is_some_and(|code| codes.contains(&code))
+}
+
+#[cfg(unix)]
+mod unsupported {
+    use rustix::io::Errno;
+
+    pub(super) const FLUSH: &[i32] = &[
+        Errno::INVAL.raw_os_error(),
+        Errno::NOTSUP.raw_os_error(),
+        Errno::OPNOTSUPP.raw_os_error(),
+        Errno::NOSYS.raw_os_error(),
+    ];
+    pub(super) const LOCK: &[i32] = &[
+        Errno::NOLCK.raw_os_error(),
+        Errno::NOTSUP.raw_os_error(),
+        Errno::OPNOTSUPP.raw_os_error(),
+        Errno::NOSYS.raw_os_error(),
+    ];
+}
+
+#[cfg(not(unix))]
+mod unsupported {
+    pub(super) const FLUSH: &[i32] = &[];
+    pub(super) const LOCK: &[i32] = &[];
+}
