@@ -29,8 +29,12 @@ mod memory;
 mod newcomer;
 #[path = "commands/other_trainers.rs"]
 mod other_trainers;
+#[path = "commands/others_files.rs"]
+mod others_files;
 #[path = "commands/run.rs"]
 mod run;
+#[path = "commands/signals.rs"]
+mod signals;
 #[path = "commands/small_disk.rs"]
 mod small_disk;
 #[path = "../examples/train.rs"]

@@ -78,11 +78,11 @@ const SECONDS: &str = "process_seconds.txt";
 /// What a run was asked for, beside its metrics.
 const OPTIONS: &str = "options.txt";
 
-pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyhow::Result<()> {
     let runs = runs(args)?;
     let folder = args.out.join("runs");
     fs::create_dir_all(&folder).with_context(|| Failure::Output(folder.display().to_string()))?;
-    let interrupt = Interrupt::listen_and_say("stopping the training, which saves; once more to stop at once")?;
+    interrupt.work_begins("stopping the training, which saves; once more to stop at once");
     let mut finished: Vec<Finished> = Vec::new();
     for (number, run) in runs.iter().enumerate() {
         let at = folder.join(run.folder());
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         let options = options(args, run, &finished)?;
         same_as_before(&at, run, &options)?;
         if !at.join("metrics.json").is_file() {
-            train(run, &at, &options, &interrupt)?;
+            train(run, &at, &options, interrupt)?;
         }
         let one = read(run, &at)?;
         console.say(format_args!(

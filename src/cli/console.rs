@@ -2,7 +2,9 @@
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, Write as _};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use psrgs_vk::vk::Messages;
@@ -71,6 +73,20 @@ impl Console {
 /// A closed standard error is no reason to stop a training run, so the outcome of writing is dropped.
 fn line(text: &dyn Display) {
     let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a reader that reads no
+/// more not at all.
+pub(crate) fn say_within(text: String, longest: Duration) {
+    let (said, heard) = mpsc::channel();
+    let say = move || {
+        line(&text);
+        // Nobody may wait any more.
+        let _ = said.send(());
+    };
+    if thread::Builder::new().name("words".to_owned()).spawn(say).is_ok() && !longest.is_zero() {
+        let _ = heard.recv_timeout(longest);
+    }
 }
 
 /// Says why the command failed, at every level.

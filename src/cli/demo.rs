@@ -11,6 +11,7 @@ use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 use super::console::Console;
 use super::demo_world::WorldArgs;
 use super::device;
+use super::interrupt::Interrupt;
 use super::progress::{counter, duration};
 use super::{train, train_run};
 
@@ -60,7 +61,7 @@ pub(crate) struct Args {
     stepping: SteppingForms,
 }
 
-pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     let params = args.world.params()?;
     if !args.no_train {
         // Before the minutes that the scene takes.
@@ -81,6 +82,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
             preset: None,
             lose_device_at: None,
         },
+        interrupt,
         console,
         started,
     )?;

@@ -29,8 +29,8 @@ const LOST: u8 = 6;
 const CHECK: u8 = 7;
 /// An output could not be written.
 const OUTPUT: u8 = 8;
-/// Stopped by Ctrl-C or SIGTERM.
-const INTERRUPTED: u8 = 130;
+/// Stopped by Ctrl-C, SIGTERM or the end of the terminal.
+pub(super) const INTERRUPTED: u8 = 130;
 
 /// Failures that the commands themselves tell apart.
 #[derive(Debug, thiserror::Error)]

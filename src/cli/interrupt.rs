@@ -1,63 +1,92 @@
-//! Ctrl-C and SIGTERM: the first asks the work to stop where it can be taken up again, the second ends the process. While there is nothing
-//! to save, the first does.
+//! Ctrl-C, SIGTERM and the end of the terminal: while there is something to save, the first asks the work to stop where it can be taken up
+//! again, and the second ends the process. At any other time the first does.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use anyhow::Context as _;
 
-/// What a shell expects of a process that Ctrl-C has ended.
-const ENDED: i32 = 130;
+use super::console;
+use super::exit::{Failure, INTERRUPTED};
+
+/// The longest that an end waits for its last words: who reads standard error may be gone, or may read no more.
+const LAST_WORDS: Duration = Duration::from_millis(300);
 
 /// Whether the user wants to stop. Clones share the answer.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Interrupt(Arc<State>);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct State {
     asked: AtomicBool,
-    /// Whether there is something to save.
-    working: AtomicBool,
+    stage: Mutex<Stage>,
+}
+
+/// What a signal does.
+#[derive(Clone, Debug)]
+enum Stage {
+    /// Ends the process, with these words.
+    Ends(String),
+    /// Asks the work to stop, with these words.
+    Asks(&'static str),
 }
 
 impl Interrupt {
     /// Listens from now on: the process ends at once until [`Self::work_begins`]. To be called once in a process.
     pub(crate) fn listen() -> anyhow::Result<Self> {
-        Self::default().listening("stopping after this step and saving; once more to stop at once")
+        let interrupt = Self::new();
+        let shared = interrupt.clone();
+        signals::on_each(move || shared.hear()).context("cannot listen for Ctrl-C")?;
+        Ok(interrupt)
     }
 
-    /// Listens for work that has begun, with this answer to the user.
-    pub(crate) fn listen_and_say(answer: &'static str) -> anyhow::Result<Self> {
-        let interrupt = Self::default();
-        interrupt.work_begins();
-        interrupt.listening(answer)
+    fn new() -> Self {
+        Self(Arc::new(State { asked: AtomicBool::new(false), stage: Mutex::new(Stage::Ends("stopped".to_owned())) }))
     }
 
-    fn listening(self, answer: &'static str) -> anyhow::Result<Self> {
-        let shared = self.clone();
-        signals::on_each(move || shared.hear(answer)).context("cannot listen for Ctrl-C")?;
-        Ok(self)
-    }
-
-    fn hear(&self, answer: &str) {
-        if !self.0.working.load(Ordering::Acquire) {
-            eprintln!("\nstopped before the first step: there is nothing to save");
-            signals::end(ENDED);
+    /// On a thread of its own, which must come back whatever has become of standard error.
+    fn hear(&self) {
+        let stage = self.stage().clone();
+        match stage {
+            Stage::Ends(words) => {
+                console::say_within(format!("\n{words}"), LAST_WORDS);
+                signals::end(INTERRUPTED.into());
+            }
+            Stage::Asks(words) => {
+                if self.0.asked.swap(true, Ordering::SeqCst) {
+                    signals::end(INTERRUPTED.into());
+                }
+                console::say_within(format!("\n{words}"), Duration::ZERO);
+            }
         }
-        if self.0.asked.swap(true, Ordering::Relaxed) {
-            signals::end(ENDED);
-        }
-        eprintln!("\n{answer}");
     }
 
-    /// From now on there is something to save.
-    pub(crate) fn work_begins(&self) {
-        self.0.working.store(true, Ordering::Release);
+    fn stage(&self) -> MutexGuard<'_, Stage> {
+        self.0.stage.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From now on a signal ends the process at once, with these words: there is nothing to save, or all that there was is saved.
+    pub(crate) fn ends_at_once(&self, words: String) {
+        *self.stage() = Stage::Ends(words);
+    }
+
+    /// From now on there is something to save: the first signal asks for a stop, with this answer to the user.
+    pub(crate) fn work_begins(&self, answer: &'static str) {
+        *self.stage() = Stage::Asks(answer);
     }
 
     /// Whether a stop was asked for.
     pub(crate) fn asked(&self) -> bool {
-        self.0.asked.load(Ordering::Relaxed)
+        self.0.asked.load(Ordering::SeqCst)
+    }
+
+    /// Fails, with the words that an end at once would have, where a stop was asked for before.
+    pub(crate) fn end_if_asked(&self) -> Result<(), Failure> {
+        match &*self.stage() {
+            Stage::Ends(words) if self.asked() => Err(Failure::Interrupted(words.clone())),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -46,6 +46,7 @@ use std::time::Instant;
 use clap::{ArgAction, ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use console::{Console, Level};
+use interrupt::Interrupt;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -133,14 +134,15 @@ fn silent(console: &Console) -> anyhow::Result<()> {
 
 fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
     let own = matches.subcommand().map_or(matches, |(_, of)| of);
+    let interrupt = &Interrupt::listen()?;
     match command {
-        Command::Train(args) => train::run(args, own, console, started),
+        Command::Train(args) => train::run(args, own, interrupt, console, started),
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
-        Command::Demo(args) => demo::run(args, console, started),
+        Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),
-        Command::Compare(args) => compare::run(args, console),
+        Command::Compare(args) => compare::run(args, interrupt, console),
         Command::Saliency(args) => saliency::run(args, console),
         Command::Stereo(args) => stereo::run(args, console, started),
         Command::Info(args) => info::run(args, console),

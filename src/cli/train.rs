@@ -10,6 +10,7 @@ use psrgs_vk::train::settings::{LidarCloud, Method, Shortcuts};
 
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::interrupt::Interrupt;
 use super::{presets, run_folder};
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
@@ -227,10 +228,16 @@ fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<
     Ok(())
 }
 
-pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console, started: Instant) -> anyhow::Result<()> {
+pub(crate) fn run(
+    args: &Args,
+    matches: &clap::ArgMatches,
+    interrupt: &Interrupt,
+    console: &Console,
+    started: Instant,
+) -> anyhow::Result<()> {
     let plan = args.plan(matches)?;
     if args.print_settings {
         return console::print(&plan.settings.to_toml()?);
     }
-    super::train_run::train(&plan, console, started)
+    super::train_run::train(&plan, interrupt, console, started)
 }

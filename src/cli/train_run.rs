@@ -22,8 +22,8 @@ use super::train::Plan;
 use beginning::Beginning;
 
 /// Trains as planned; the process is counted from `started`.
-pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow::Result<()> {
-    let interrupt = Interrupt::listen()?;
+pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
+    interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
     let dataset = load(plan, console)?;
     if !plan.resume {
         out_folder::check(&plan.out, &dataset)?;
@@ -42,11 +42,21 @@ pub(crate) fn train(plan: &Plan, console: &Console, started: Instant) -> anyhow:
     let Beginning { settings, input, restart, host, stereo_seconds, .. } = beginning;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
-    interrupt.work_begins();
+    interrupt.work_begins("stopping after this step and saving; once more to stop at once");
+    trainer.give_up_scoring_when({
+        let interrupt = interrupt.clone();
+        move || interrupt.asked()
+    });
     folder.begin(&settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut to_the_end = || {
-        let training_seconds = follow::follow(&mut trainer, plan, &gpu, console, &interrupt, done)?;
+        let training_seconds = follow::follow(&mut trainer, plan, &gpu, console, interrupt, done)?;
+        // The last checkpoint has all of the training, and files appear whole or not at all.
+        let resume = plan.out.display();
+        interrupt.ends_at_once(format!(
+            "stopped before all results were written; the training is done and saved: psrgs-vk train --resume {resume} writes them"
+        ));
+        interrupt.end_if_asked()?;
         if let Some(streaming) = trainer.streaming() {
             console.detail(format_args!("photographs: {streaming}"));
         }

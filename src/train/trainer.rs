@@ -63,6 +63,7 @@ pub struct Trainer {
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
+    give_up_scoring: Box<dyn Fn() -> bool + Send + Sync>,
     history: History,
     last_splats: u32,
     pending_check: bool,
@@ -103,6 +104,11 @@ impl Trainer {
             Some(kept) => kept,
             None => chosen_variants(gpu, settings)?,
         };
+        let unscored = step > 0
+            && is_scored_after(step, settings, &schedule, input.held_out.len())
+            && !history.quality.iter().any(|(s, ..)| *s == step)
+            // What changed the model after the step is done.
+            && Event::of_step(step).next(&schedule).kind == Kind::Step;
         let first = streaming::first_views(&schedule, step, pacing);
         let engine = Engine::looking_at(gpu, &input, settings, variants, pacing, (state, &first))?;
         let last_splats = engine.initial_splats();
@@ -118,13 +124,14 @@ impl Trainer {
             next: Event::of_step(step + 1),
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
-            attended: step,
+            attended: if unscored { step - 1 } else { step },
             propagated: step,
             pruned: step,
             settled: step,
             skirted: step,
-            evaluated: step,
+            evaluated: if unscored { step - 1 } else { step },
             checkpoints: None,
+            give_up_scoring: Box::new(|| false),
             history,
             last_splats,
             pending_check: false,
@@ -170,7 +177,13 @@ impl Trainer {
     /// Scores the model after a step, all of which is done and nothing after it.
     fn score(&mut self, step: u32) -> Result<(), Error> {
         self.evaluated = step;
-        let quality = self.quality(step)?;
+        let given_up = std::mem::replace(&mut self.give_up_scoring, Box::new(|| false));
+        let scored = self.quality(step, &*given_up);
+        self.give_up_scoring = given_up;
+        let Some(quality) = scored? else {
+            self.tell(Message::ScoringGivenUp { step });
+            return Ok(());
+        };
         let (splats, seconds) = (self.last_splats, self.seconds());
         self.tell(Message::Evaluated { step, quality, splats, seconds });
         Ok(())
@@ -210,9 +223,14 @@ impl Trainer {
         self.checkpoints = Some(folder.to_owned());
     }
 
+    /// Scoring held-out photographs between two steps is given up as soon as this says so, between two of them: there may be many. Training
+    /// goes on without the score, unless its owner ends it.
+    pub fn give_up_scoring_when(&mut self, asked: impl Fn() -> bool + Send + Sync + 'static) {
+        self.give_up_scoring = Box::new(asked);
+    }
+
     fn evaluates_at(&self, step: u32) -> bool {
-        let every = self.settings.run.eval_every;
-        !self.held_out.is_empty() && (step == self.schedule.iterations || (every > 0 && step.is_multiple_of(every)))
+        is_scored_after(step, &self.settings, &self.schedule, self.held_out.len())
     }
 
     fn saves_at(&self, step: u32) -> bool {
@@ -291,10 +309,10 @@ impl Trainer {
     /// Renders the held-out views and compares them with their photographs, 8 bits both.
     pub fn evaluate(&mut self) -> Result<crate::eval::Quality, Error> {
         let step = self.settle()?;
-        self.quality(step)
+        Ok(self.quality(step, &|| false)?.unwrap_or_else(|| crate::eval::Quality::of(Vec::new())))
     }
 
-    fn quality(&mut self, step: u32) -> Result<crate::eval::Quality, Error> {
+    fn quality(&mut self, step: u32, given_up: &dyn Fn() -> bool) -> Result<Option<crate::eval::Quality>, Error> {
         let plan = self.schedule.step(step.max(1));
         let exposures = self.learned()?;
         evaluate::quality(
@@ -304,6 +322,7 @@ impl Trainer {
             plan.sh_degree,
             self.settings.model.background.evaluated(),
             exposures.as_ref(),
+            given_up,
         )
     }
 
@@ -412,4 +431,10 @@ impl Trainer {
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
+}
+
+/// Whether so many held-out photographs are scored after a step.
+fn is_scored_after(step: u32, settings: &Settings, schedule: &Schedule, held_out: usize) -> bool {
+    let every = settings.run.eval_every;
+    held_out > 0 && (step == schedule.iterations || (every > 0 && step.is_multiple_of(every)))
 }

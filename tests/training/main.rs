@@ -16,6 +16,9 @@ mod pruning;
 mod skirt;
 mod visible_adam;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use common::plane_scene;
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::{Gaussians, SplatOrder};
@@ -374,4 +377,43 @@ fn a_step_is_scored_before_its_density_change_and_opacity_reset() {
     // Every fifth step once, 15, 30, 45 (density changes) and 40 (a reset) among them.
     assert_eq!(scores.iter().map(|(step, _)| *step).collect::<Vec<_>>(), (1..=12).map(|k| 5 * k).collect::<Vec<_>>());
     assert!(done.contains(&30) && done.contains(&40), "{done:?}");
+}
+
+/// As somebody who wants to stop asks for: what is saved then is scored when it goes on, and the curves are those of a run that nobody
+/// disturbed.
+#[test]
+fn scoring_that_is_given_up_is_done_when_the_training_goes_on() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut settings = settings(20);
+    settings.run.eval_every = 5;
+    let trainer = |restart| {
+        let input = plane_scene::input(6, 64, 48, 300);
+        Trainer::new(&gpu, input, &settings, Pacing::default(), restart).expect("trainer")
+    };
+    let to_the_end = |mut trainer: Trainer| {
+        while trainer.next_message().expect("message").is_some() {}
+        (trainer.history().quality.clone(), trainer.snapshot().expect("snapshot").state)
+    };
+    let (scores, end) = to_the_end(trainer(None));
+    // In the midst of it, and after the last step.
+    for stop in [10, 20] {
+        let asked = Arc::new(AtomicBool::new(false));
+        let mut first = trainer(None);
+        let heard = asked.clone();
+        first.give_up_scoring_when(move || heard.load(Ordering::SeqCst));
+        loop {
+            match first.next_message().expect("message").expect("no end yet") {
+                Message::Step { step, .. } if step == stop => asked.store(true, Ordering::SeqCst),
+                Message::ScoringGivenUp { step } => break assert_eq!(step, stop),
+                Message::Evaluated { step, .. } => assert!(step < stop, "scored after all"),
+                _ => {}
+            }
+        }
+        let restart = first.snapshot().expect("snapshot");
+        assert_eq!(restart.step, stop);
+        let (again, state) = to_the_end(trainer(Some(restart)));
+        let points = |all: &[(u32, f64, f64, f64)]| all.iter().map(|q| (q.0, q.1, q.2)).collect::<Vec<_>>();
+        assert_eq!(points(&again), points(&scores), "stopped at {stop}");
+        assert_same(&end, &state, "given up");
+    }
 }

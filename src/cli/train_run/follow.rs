@@ -37,6 +37,10 @@ pub(super) fn follow(
                     return Err(stopped(trainer, plan)?.into());
                 }
             }
+            Message::ScoringGivenUp { .. } => {
+                progress.finish();
+                return Err(stopped(trainer, plan)?.into());
+            }
             Message::Finished { seconds: now, .. } => seconds = now,
             _ => {}
         }
@@ -86,6 +90,6 @@ fn tell(message: &Message, progress: &mut Progress) {
             progress.detail(format_args!("step {step}: saved {}", path.display()));
         }
         Message::Warning(text) => progress.warn(text),
-        Message::Finished { .. } => {}
+        Message::ScoringGivenUp { .. } | Message::Finished { .. } => {}
     }
 }

@@ -10,7 +10,8 @@ use crate::train::engine::Engine;
 use crate::train::input::View;
 use crate::train::photographs::Feed;
 
-/// Renders every view, exposed as is expected of its photograph, and compares it with that, both rounded to 8 bits.
+/// Renders every view, exposed as is expected of its photograph, and compares it with that, both rounded to 8 bits. Nothing where `given_up`
+/// says so on the way.
 pub(super) fn quality(
     engine: &mut Engine,
     views: &[View],
@@ -18,9 +19,14 @@ pub(super) fn quality(
     sh_degree: u32,
     background: [f32; 3],
     exposures: Option<&Exposures>,
-) -> Result<Quality, Error> {
+    given_up: &dyn Fn() -> bool,
+) -> Result<Option<Quality>, Error> {
     let mut images = Vec::with_capacity(views.len());
     for (i, view) in views.iter().enumerate() {
+        if given_up() {
+            photographs.look_ahead(&[]);
+            return Ok(None);
+        }
         photographs.look_ahead(&(i..views.len().min(i + photographs.ahead())).collect::<Vec<_>>());
         let picture = engine.picture(&view.camera, sh_degree, background, false)?;
         let picture = match exposures {
@@ -31,7 +37,7 @@ pub(super) fn quality(
     }
     // Nothing stays decoded until the next time.
     photographs.look_ahead(&[]);
-    Ok(Quality::of(images))
+    Ok(Some(Quality::of(images)))
 }
 
 /// Compares 8-bit RGB with a view's photograph, rounded to 8 bits as well, where that is not masked.

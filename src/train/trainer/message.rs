@@ -104,6 +104,12 @@ pub enum Message {
         /// Seconds since training began.
         seconds: f64,
     },
+    /// Scoring was given up, as [`super::Trainer::give_up_scoring_when`] had it; a run that goes on from a checkpoint of this step does
+    /// it.
+    ScoringGivenUp {
+        /// Step.
+        step: u32,
+    },
     /// A checkpoint is on disk.
     Checkpoint {
         /// Step.
