@@ -15,7 +15,7 @@ const RANGE: u64 = 64 << 10;
 fn gpu(change: impl FnOnce(&mut OpenOptions)) -> Option<Gpu> {
     let gpu = common::gpu_with(change)?;
     if gpu.caps().addresses == Addresses::Never {
-        println!("skipped: buffers cannot be reached by address on this device");
+        common::left_out("buffers cannot be reached by address on this device");
         return None;
     }
     Some(gpu)
@@ -85,7 +85,7 @@ fn rows_beyond_a_descriptor_are_read_as_texels() {
     use psrgs_vk::pass::{ALL, slot_sum};
     let Some(gpu) = gpu(|o| (o.storage_range, o.addresses, o.texels) = (Some(RANGE), None, Some(true))) else { return };
     if !gpu.caps().texels {
-        println!("skipped: the device has no texels of the formats");
+        common::left_out("the device has no texels of the formats");
         return;
     }
     let views = slot_sum::PASS.kernel.spirv.texels_by_address.expect("its rows are only read").views;

@@ -1,5 +1,8 @@
 //! The command line as a user meets it: help, settings, exit codes.
 
+#[path = "common/skips.rs"]
+mod skips;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -331,7 +334,7 @@ fn a_reader_that_goes_away_is_no_failure() {
 fn devices_are_described_and_a_wrong_one_has_its_code() {
     let info = psrgs(&["info", "--json"]);
     if info.status.code() == Some(4) {
-        eprintln!("skipped: no Vulkan device ({})", stderr(&info).trim());
+        skips::skipped(format_args!("no Vulkan device ({})", stderr(&info).trim()));
         return;
     }
     let json: serde_json::Value = serde_json::from_str(&stdout(&info)).expect("JSON");

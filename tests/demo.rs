@@ -2,6 +2,8 @@
 
 #[path = "demo/lens.rs"]
 mod lens;
+#[path = "common/skips.rs"]
+mod skips;
 
 use std::path::Path;
 use std::process::Command;
@@ -18,7 +20,7 @@ fn psrgs(args: &[&str]) -> Option<()> {
     let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(args).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
     if output.status.code() == Some(4) && stderr.contains("no Vulkan") {
-        println!("skipped: {stderr}");
+        skips::skipped(stderr);
         return None;
     }
     assert!(output.status.success(), "{stderr}");

@@ -217,3 +217,29 @@ fn options_are_those_of_the_program() {
     let differs = printed.lines().zip(kept.lines()).find(|(printed, kept)| printed != kept);
     assert!(printed == kept, "write it anew with `psrgs-vk options > docs/OPTIONS.md`; first difference: {differs:?}");
 }
+
+/// Text of all files under a folder that end so.
+fn sources(folder: &Path, ending: &str, found: &mut Vec<(PathBuf, String)>) {
+    for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        if path.is_dir() {
+            sources(&path, ending, found);
+        } else if path.extension().is_some_and(|e| e == ending) {
+            let text = fs::read_to_string(&path).unwrap();
+            found.push((path, text));
+        }
+    }
+}
+
+/// Cargo hides what a test prints that passes: only `tests/common/skips.rs` is heard, and can be told that nothing may be skipped.
+#[test]
+fn tests_that_cannot_run_say_so_where_it_is_heard() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    sources(&root.join("tests"), "rs", &mut found);
+    let printed = ["println!(\"skip", "print!(\"skip", "println!(\"left out"];
+    for (path, text) in found.iter().filter(|(path, _)| !path.ends_with("tests/documents.rs")) {
+        assert!(!printed.iter().any(|words| text.contains(words)), "{} skips a test by itself", path.display());
+    }
+    let ci = fs::read_to_string(root.join(".ci/run")).unwrap();
+    assert!(ci.contains("export PSRGS_REQUIRE_ALL="), "CI would pass without a driver");
+}

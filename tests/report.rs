@@ -351,7 +351,7 @@ fn browse(chromium: &Path, page: &Path, width: u32, extra: &[&str]) -> (String, 
 #[test]
 fn page_works_in_a_browser() {
     let Some(chromium) = chromium() else {
-        eprintln!("skipped: no chromium in PATH");
+        common::skipped("no chromium in PATH");
         return;
     };
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("report");

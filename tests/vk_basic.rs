@@ -139,3 +139,27 @@ fn misuse_is_refused_with_names() {
     assert!(gpu.pipeline(&fill::PASS.kernel, &[("NOPE", 1)]).unwrap_err().to_string().contains("NOPE"));
     assert!(rec.is_empty());
 }
+
+/// Without a driver every test of a device would say "ok".
+#[test]
+fn without_a_driver_a_test_says_that_it_is_skipped_or_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join("skipped.txt");
+    let run = |all: &str| {
+        let mut test = std::process::Command::new(std::env::current_exe().unwrap());
+        test.args(["--exact", "fill_writes_its_words_and_no_others"]);
+        for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+            test.env(name, folder.path().join("nowhere.json"));
+        }
+        test.env("PSRGS_REQUIRE_ALL", all).env("PSRGS_SKIPPED", &list);
+        let output = test.output().unwrap();
+        let said = [&output.stdout[..], &output.stderr].concat();
+        (output.status.success(), String::from_utf8_lossy(&said).into_owned())
+    };
+    let told = "skipped: fill_writes_its_words_and_no_others: no Vulkan driver";
+    let (passes, said) = run("0");
+    assert!(passes && said.contains(told), "{said}");
+    assert!(std::fs::read_to_string(&list).unwrap().starts_with(told));
+    let (passes, said) = run("1");
+    assert!(!passes && said.contains("no Vulkan driver"), "{said}");
+}

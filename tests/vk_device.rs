@@ -54,7 +54,7 @@ fn every_choice_has_a_reason_and_can_be_forced() {
 fn hardware_subgroups_have_the_width_that_was_picked() {
     let Some(gpu) = common::gpu_with(|o| o.emulate_subgroup = None) else { return };
     let Subgroup::Hardware(width) = gpu.caps().subgroup else {
-        println!("skipped: subgroups are emulated on this device");
+        common::left_out("subgroups are emulated on this device");
         return;
     };
     assert!(width.is_power_of_two());
@@ -90,7 +90,7 @@ fn a_binding_past_the_devices_range_is_refused() {
     let Some(gpu) = common::gpu_with(|o| o.addresses = Some(false)) else { return };
     let limit = gpu.caps().limits.storage_range;
     if limit > 1 << 30 {
-        println!("skipped: one binding of this device holds {limit} bytes");
+        common::left_out(format_args!("one binding of this device holds {limit} bytes"));
         return;
     }
     let large = gpu.buffer("large", limit + 64, Memory::Device).unwrap();
@@ -129,7 +129,7 @@ fn times_come_by_pass_and_waits_are_counted() {
     gpu.wait(Ticket::default()).unwrap();
     assert_eq!(gpu.stats().host_waits, 1);
     if gpu.caps().limits.timestamp_ns == 0.0 {
-        println!("skipped: no timestamps on this device");
+        common::left_out("no timestamps on this device");
         return;
     }
     let times = gpu.timings(first).unwrap().unwrap();

@@ -14,7 +14,7 @@ fn watched(check_hazards: bool) -> Option<Gpu> {
     match Gpu::open(&options) {
         Ok(gpu) => Some(gpu),
         Err(Error::NoVulkan(why)) => {
-            println!("skipped: no Vulkan driver: {why}");
+            common::skipped(format_args!("no Vulkan driver: {why}"));
             None
         }
         Err(error) => panic!("{error}"),
@@ -31,7 +31,7 @@ fn gpu_assisted_layer_reports_an_address_past_a_buffer() {
     };
     let gpu = match Gpu::open(&options) {
         Ok(gpu) => gpu,
-        Err(Error::NoVulkan(why)) => return println!("skipped: no Vulkan driver: {why}"),
+        Err(Error::NoVulkan(why)) => return common::skipped(format_args!("no Vulkan driver: {why}")),
         Err(error) => panic!("{error}"),
     };
     let fill = gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();

@@ -107,7 +107,7 @@ mod tests {
         let begin = Instant::now();
         let at = |seconds: f64| begin + Duration::from_secs_f64(seconds);
         let mut state = Compiling::default();
-        let mut make = |state: &mut Compiling, from: f64, to: f64| {
+        let make = |state: &mut Compiling, from: f64, to: f64| {
             state.note(PipelineEvent::Begun { kernel: "blend" }, at(from));
             let told: Vec<String> =
                 (1..100).filter_map(|i| state.line(at(from + (to - from) * f64::from(i) / 100.0))).collect();

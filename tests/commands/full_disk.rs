@@ -8,6 +8,7 @@ use std::process::Command;
 
 use psrgs_vk::format::checkpoint;
 
+use crate::common;
 use crate::run::{Running, command, content, copy_folder, fails, psrgs, shared, stderr, strs, text, works};
 use crate::small_disk::{Disk, PAGE, on_disk};
 use crate::training::same_model;
@@ -102,7 +103,7 @@ fn a_file_that_may_not_grow_ends_the_training() {
     };
     // A command that writes no file.
     if limited(&["eval", text(&shared.model()), text(&shared.data())]).status.code().is_none() {
-        return println!("skipped: the driver keeps its memory in files, and does not survive a limit on their size");
+        return common::left_out("the driver keeps its memory in files, and does not survive a limit on their size");
     }
     let output = limited(&strs(&args));
     let said = stderr(&output);
@@ -137,7 +138,7 @@ fn a_read_only_disk_is_told_and_left_as_it_is() {
 #[test]
 fn a_standard_output_that_takes_nothing_is_told() {
     let Ok(full) = fs::OpenOptions::new().write(true).open("/dev/full") else {
-        println!("skipped: there is no /dev/full");
+        common::left_out("there is no /dev/full");
         return;
     };
     let output = command(&["passes"]).stdout(full).output().expect("the command starts");

@@ -6,6 +6,7 @@ use std::path::Path;
 use psrgs_vk::format::ply;
 use psrgs_vk::scene::{Gaussians, Similarity};
 
+use crate::common;
 use crate::run::{fails, shared, text, works};
 use crate::viewing::{json, moved, psnr_bound, rgb};
 
@@ -178,7 +179,7 @@ fn the_comparison_script_alternates_scores_and_writes_a_table() {
     let Some(shared) = shared() else { return };
     let have = |program: &str| std::process::Command::new(program).arg("--version").output().is_ok();
     if !have("bash") || !have("python3") {
-        println!("skipped: bash or python3 is not there");
+        common::skipped("bash or python3 is not there");
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -6,6 +6,8 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
+use crate::common;
+
 /// What a disk counts in.
 pub const PAGE: u64 = 4096;
 
@@ -23,7 +25,7 @@ impl Disk {
     pub fn of(bytes: u64) -> Option<Self> {
         let found = Self::try_of(bytes);
         if found.is_none() {
-            println!("skipped: this machine lets nobody mount a file system in a namespace (unshare -rm)");
+            common::left_out("this machine lets nobody mount a file system in a namespace (unshare -rm)");
         }
         found
     }

@@ -3,27 +3,14 @@
 
 pub mod guards;
 pub mod plane_scene;
+pub mod skips;
 pub mod splats;
 
-use std::fs;
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use psrgs_vk::vk::{Error, Gpu, OpenOptions};
 
-/// Says why a test is skipped, on its own output and in `skipped.txt` of cargo's folder for tests, which `tools/test` prints: cargo hides
-/// what a test says that passes. With `PSRGS_REQUIRE_ALL=1` nothing may be skipped.
-#[track_caller]
-pub fn skipped(why: impl std::fmt::Display) {
-    assert!(std::env::var_os("PSRGS_REQUIRE_ALL").is_none_or(|all| all != "1"), "skipped: {why}");
-    println!("skipped: {why}");
-    let name = std::thread::current().name().unwrap_or("a test").to_owned();
-    let list = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("skipped.txt");
-    // That it cannot be told there fails no test.
-    if let Ok(mut list) = fs::OpenOptions::new().create(true).append(true).open(list) {
-        let _ = writeln!(list, "{name}: {why}");
-    }
-}
+pub use skips::{left_out, skipped};
 
 /// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a printed
 /// reason, only where there is no Vulkan driver at all.
@@ -59,7 +46,7 @@ pub fn layer_assists() -> bool {
     let found = psrgs_vk::vk::validation_layer().ok().flatten();
     let able = found.is_some_and(|version| version >= ABLE_TO_ASSIST);
     if !able {
-        skipped(format_args!(
+        left_out(format_args!(
             "GPU-assisted validation of all shaders needs layer {ABLE_TO_ASSIST:?} or later, not {found:?}"
         ));
     }

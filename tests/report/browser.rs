@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use psrgs_vk::eval::write_report;
 use serde_json::{Value, json};
 
-use super::{chromium, example};
+use super::{chromium, common, example};
 
 /// A headless browser at the end of two pipes (the protocol of its developer tools: JSON, ended by zeros).
 struct Browser {
@@ -113,7 +113,7 @@ impl Drop for Browser {
 #[test]
 fn sliders_are_moved_by_keyboard_and_by_mouse() {
     let Some(chromium) = chromium() else {
-        eprintln!("skipped: no chromium in PATH");
+        common::skipped("no chromium in PATH");
         return;
     };
     let folder = tempfile::tempdir().expect("a temporary folder");

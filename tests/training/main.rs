@@ -111,7 +111,7 @@ fn fused_and_separate_optimiser_steps_are_bit_equal() {
     let Some(gpu) = common::gpu() else { return };
     let Some(lesser) = common::gpu_with(|o| o.max_storage_buffers = Some(24)) else { return };
     if gpu.caps().kind != DeviceKind::Cpu {
-        println!("skipped: a GPU's compiler may round the gradients of the two forms differently");
+        common::left_out("a GPU's compiler may round the gradients of the two forms differently");
         return;
     }
     let input = plane_scene::input(5, 64, 48, 300);

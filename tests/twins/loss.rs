@@ -8,14 +8,14 @@ use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
 use super::common::guards::Guards;
 use super::harness::{self, Random, bytes, garbage};
 
-struct Pictures {
-    name: &'static str,
-    width: usize,
-    height: usize,
-    image: Vec<[f32; 4]>,
-    target: Vec<u32>,
+pub struct Pictures {
+    pub name: &'static str,
+    pub width: usize,
+    pub height: usize,
+    pub image: Vec<[f32; 4]>,
+    pub target: Vec<u32>,
     /// Of a channel of the target.
-    bits: u32,
+    pub bits: u32,
 }
 
 impl Pictures {
@@ -50,7 +50,7 @@ fn pictures(
 
 /// The subgroup's width, and the hardware's passes or the emulated ones, which run everywhere.
 #[derive(Clone, Copy, PartialEq)]
-enum With {
+pub enum With {
     Hardware(u32),
     /// Three rows a turn.
     Three(u32),
@@ -60,7 +60,7 @@ enum With {
 }
 
 impl With {
-    fn all(gpu: &Gpu) -> Vec<Self> {
+    pub fn all(gpu: &Gpu) -> Vec<Self> {
         let mut all = vec![Self::Emulated(64), Self::Emulated(32), Self::Emulated(8)];
         if let Subgroup::Hardware(width) = gpu.caps().subgroup {
             all.extend([Self::Hardware(width), Self::Three(width), Self::Apart(width)]);
@@ -69,7 +69,7 @@ impl With {
     }
 
     /// Every set of constants is a pipeline, which takes long to make: 16 bits are tried with the widths of training.
-    fn is_of_training(self) -> bool {
+    pub fn is_of_training(self) -> bool {
         !matches!(self, Self::Emulated(width) if width != passes::EMULATED_LANES)
     }
 
@@ -112,10 +112,10 @@ impl With {
 }
 
 /// Weights of saliency 0 and 1, where pixels have any.
-type Weights = Option<[f32; 2]>;
+pub type Weights = Option<[f32; 2]>;
 
 /// The whole loss on the device, as training records it.
-fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weights) -> (Vec<f32>, Vec<f32>) {
+pub fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weights) -> (Vec<f32>, Vec<f32>) {
     let layout = with.layout(p.width, p.height, 16);
     let (width, height) = (layout.width, layout.height);
     let make = |name: &str, content: &[u8]| {

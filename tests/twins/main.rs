@@ -48,6 +48,7 @@ mod radix;
 mod saliency_plane;
 mod scan;
 mod slot_sum;
+mod ssim_table;
 mod stereo;
 mod subgroup_probe;
 mod tile_ranges;

@@ -110,7 +110,9 @@ fn embedded_run() {
 #[test]
 #[ignore = "a part of examples_leave_the_device_clean_and_the_layer_silent"]
 fn watched_training() {
-    let Some(host) = view_while_training::host::Host::new().unwrap() else { return };
+    let Some(host) = view_while_training::host::Host::new().unwrap() else {
+        return common::skipped("no Vulkan driver");
+    };
     // Without an allocator this time, and with buffers that have to grow.
     let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
     let outcome = training::watch(&host, host.describe(None), pacing);

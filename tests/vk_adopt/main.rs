@@ -22,9 +22,14 @@ use psrgs_vk::vk::ash::vk;
 use psrgs_vk::vk::{Addresses, Error, Features, Gpu, Groups, Memory, OpenOptions, REQUIRED, required_features};
 
 fn host() -> Option<embed::host::Host> {
-    let host = embed::host::Host::new().unwrap();
+    host_with(required_features())
+}
+
+/// The same with more features.
+fn host_with(features: Features) -> Option<embed::host::Host> {
+    let host = embed::host::Host::with(features).unwrap();
     if host.is_none() {
-        println!("skipped: no Vulkan driver");
+        common::skipped("no Vulkan driver");
     }
     host
 }
@@ -93,7 +98,7 @@ fn features_that_the_host_does_not_state_are_not_used() {
 #[test]
 fn buffers_go_by_address_only_where_the_host_enabled_it() {
     let features = Features { buffer_device_address: true, ..required_features() };
-    let Some(host) = embed::host::Host::with(features).unwrap() else { return };
+    let Some(host) = host_with(features) else { return };
     let options = OpenOptions { addresses: Some(true), ..OpenOptions::default() };
     for (stated, picked) in [(true, Addresses::Always), (false, Addresses::Never)] {
         let allocator = embed::host::memory::Allocator::new(&host);
