@@ -246,10 +246,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     settings.run.iterations = args.next().map_or(Ok(500), |steps| steps.parse())?;
     settings.run.scale_schedule = true;
     settings.check()?;
-    let dataset = Dataset::load(
-        Path::new(&data),
-        &prepare::load_options(&settings.photographs, settings.model.background.evaluated()),
-    )?;
+    let dataset = Dataset::load(Path::new(&data), &prepare::load_options_of(&settings))?;
     let input = prepare::input(&dataset, &settings)?;
     let camera = input.held_out.first().or(input.train.first()).ok_or("no photograph")?.camera;
     let allocator = Allocator::new(&host);

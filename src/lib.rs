@@ -70,6 +70,7 @@ pub mod compare;
 pub mod dataset;
 pub mod eval;
 pub mod format;
+mod host_memory;
 pub mod losses;
 pub mod pass;
 pub mod perceptual;

@@ -211,8 +211,19 @@ fn jpeg_photographs() {
         let dataset = Dataset::load(root.path(), &LoadOptions::default()).map_err(|e| e.to_string())?;
         dataset.photographs(Role::Train).map_err(|e| e.to_string())
     };
-    read().expect("whole");
-    truncated_everywhere(&file, read);
+    let (whole, picture) = (fs::read(&file).expect("file"), read().expect("whole"));
+    for length in 0..whole.len() {
+        replace(&file, &whole[..length]);
+        match read() {
+            // Only the mark of the end is missing.
+            Ok(found) => assert!(found == picture && length >= whole.len() - 2, "the first {length} bytes were read"),
+            Err(message) => {
+                assert!(names_the_place(&message, &file), "{length} bytes: {message}");
+                assert!(length < whole.len() - 2, "{length} bytes: {message}");
+            }
+        }
+    }
+    replace(&file, whole);
     damaged_everywhere(&file, read);
     foreign(&file, read);
 }

@@ -9,7 +9,7 @@ use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role};
 use psrgs_vk::train::settings::{
     BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
 };
-use psrgs_vk::train::{Settings, prepare};
+use psrgs_vk::train::{self, Settings, prepare};
 
 use super::console::{self, Console};
 use super::exit::Failure;
@@ -29,7 +29,7 @@ Points count as in view where they fall inside the picture, hidden by something 
 points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options; \
 for the time a few steps are taken on two of the photographs, and \
 the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are listed, and training \
-would begin all the same; 3: it could not begin.")]
+would begin all the same; 3: it could not begin; 5: nor for want of memory.")]
 pub(crate) struct Args {
     /// Dataset
     pub(crate) data: PathBuf,
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         settings.density.lidar = Some(LidarCloud::Mvs);
     }
     settings.check()?;
-    let mut options = prepare::load_options(&settings.photographs, settings.model.background.evaluated());
+    let mut options = prepare::load_options_of(&settings);
     let (dataset, missing) = match Dataset::load(&args.data, &options) {
         Ok(dataset) => (dataset, None),
         Err(error @ (dataset::Error::MissingPhotographs { .. } | dataset::Error::NoPhotographs { .. })) => {
@@ -120,14 +120,19 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         Err(error) => return Err(error.into()),
     };
     let mut found = found(&dataset, &settings);
-    let missing = match missing {
+    let mut missing = match missing {
         Some(error) => Some(error.into()),
         None => unusable(&dataset, &settings),
     };
+    if missing.is_none() {
+        match training::plan(&dataset, &settings, &mut found.problems, console) {
+            Ok(training) => found.training = training,
+            Err(error) if error.is::<train::Error>() => missing = Some(error),
+            Err(error) => return Err(error),
+        }
+    }
     if let Some(error) = &missing {
         found.problems.insert(0, error.to_string());
-    } else {
-        found.training = training::plan(&dataset, &settings, &mut found.problems, console)?;
     }
     if let Some(preset) = preset {
         console.say(preset);

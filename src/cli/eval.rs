@@ -76,6 +76,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     may_be_written(args)?;
     let model = model_with_splats(args, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
+    let options = LoadOptions { host_memory: args.host.host_memory.map(|bytes| bytes.0), ..options };
     let dataset = dataset_with_held_out(args, &options)?;
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
     let views = held_out_views(args, &dataset, console)?;

@@ -21,7 +21,7 @@ const USAGE: u8 = 2;
 const INPUT: u8 = 3;
 /// No Vulkan device, or none that can do the work.
 const DEVICE: u8 = 4;
-/// Out of device memory.
+/// Out of memory of the device, or of the host's that may be used.
 const MEMORY: u8 = 5;
 /// The device was lost.
 const LOST: u8 = 6;
@@ -177,7 +177,9 @@ fn of_training(error: &train::Error) -> u8 {
         | train::Error::OtherPhotographs { .. }
         | train::Error::Checkpoint { .. }
         | train::Error::CheckpointText(_) => INPUT,
-        train::Error::TooMany { .. } | train::Error::MemoryLimit { .. } => MEMORY,
+        train::Error::TooMany { .. } | train::Error::MemoryLimit { .. } | train::Error::HostMemoryLimit { .. } => {
+            MEMORY
+        }
         _ => FAILURE,
     }
 }
@@ -210,6 +212,9 @@ fn of_device(error: &vk::Error) -> u8 {
 fn of_dataset(error: &dataset::Error) -> u8 {
     match error {
         dataset::Error::ZeroMaxSide | dataset::Error::BadSize => USAGE,
+        // Beyond what was asked for; a picture that no machine should decode is bad input.
+        dataset::Error::PictureTooLarge { limit, .. } if limit.asked => MEMORY,
+        dataset::Error::NoMemoryForPicture { .. } => MEMORY,
         _ => INPUT,
     }
 }
@@ -232,7 +237,18 @@ pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
     };
     let device = driver_hint::remedies(error);
     let known = error.downcast_ref::<Remedy>().map(|remedy| remedy.0.clone());
-    usual.map(str::to_owned).into_iter().chain(device).chain(known).collect()
+    let host = error.chain().any(is_of_host_memory).then(|| "--host-memory says what may be used".to_owned());
+    usual.map(str::to_owned).into_iter().chain(device).chain(host).chain(known).collect()
+}
+
+/// Whether an error says that the host's memory does not do.
+fn is_of_host_memory(cause: &(dyn Error + 'static)) -> bool {
+    let picture = |error: &dataset::Error| matches!(error, dataset::Error::PictureTooLarge { .. });
+    match (cause.downcast_ref::<train::Error>(), cause.downcast_ref::<dataset::Error>()) {
+        (Some(train::Error::Dataset(error)), _) | (None, Some(error)) => picture(error),
+        (Some(error), _) => matches!(error, train::Error::HostMemoryLimit { .. }),
+        (None, None) => false,
+    }
 }
 
 /// The error and its causes on one line, without a cause that the text before it already says, and without the remedy.
@@ -336,6 +352,16 @@ mod tests {
         assert_eq!(codes(section), [INPUT; 3]);
         assert_eq!(codes(|| dataset::Error::ZeroMaxSide), [USAGE; 3]);
         assert_eq!(codes(|| dataset::Error::NoImages { file: file.clone() }), [INPUT; 3]);
+        let large = |asked| {
+            let limit = dataset::DecodeLimit { most: 1, asked };
+            dataset::Error::PictureTooLarge { file: file.clone(), size: (9, 9), needed: 2, limit }
+        };
+        assert_eq!((codes(|| large(true)), codes(|| large(false))), ([MEMORY; 3], [INPUT; 3]));
+        assert!(
+            remedies(&train::Error::from(large(true)).into()).iter().any(|remedy| remedy.contains("--host-memory"))
+        );
+        let no_room = || train::Error::HostMemoryLimit { needed: 2, most: 1, in_use: 1, asked: true };
+        assert_eq!((code(&no_room().into()), remedies(&no_room().into()).len()), (MEMORY, 2));
         assert_eq!(codes(|| dataset::Error::from(section())), [INPUT; 3]);
         assert_eq!(codes(|| psrgs_vk::scene::init::InitError::NoPoints)[2], INPUT);
         assert_eq!(codes(|| SettingsError::Value { key: "iterations", want: "1" }), [USAGE; 3]);

@@ -125,7 +125,7 @@ fn compare(
 
 /// Compares the model with the ground truth beside the dataset, if there is any.
 fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
-    let options = prepare::load_options(&run.settings.photographs, run.settings.model.background.evaluated());
+    let options = prepare::load_options_of(run.settings);
     let truth = GeometryTruth::find(run.dataset, &options)?;
     if truth.is_empty() {
         return Ok(Geometry::default());

@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use indicatif::HumanCount;
-use psrgs_vk::dataset::{Dataset, Format, HostShare, LoadOptions, Role, Split, View};
+use psrgs_vk::dataset::{Dataset, DecodeLimit, Format, HostShare, LoadOptions, Role, Split, View};
 use psrgs_vk::eval::peak_host_bytes;
-use psrgs_vk::format::image_out::{read_depth, read_normals, write_depth, write_luminance, write_normals};
+use psrgs_vk::format::image_out::{
+    read_depth_within, read_normals_within, write_depth, write_luminance, write_normals,
+};
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
@@ -118,13 +120,14 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         split: args.split,
         format: args.format,
         images_folder: args.images.clone(),
+        host_memory: args.host.host_memory.map(|bytes| bytes.0),
         ..LoadOptions::default()
     };
     let dataset = Dataset::load(&args.data, &options)?;
     out_folder::check(&args.out, &dataset)?;
     dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
-    let share = host_share(&gpu, &dataset, &settings, args, console);
+    let share = host_share(&gpu, &dataset, &settings, args, console)?;
     let mut scene = Scene::of(&dataset, &settings, &share, View::photograph)?;
     if args.random_start {
         scene.views.iter_mut().for_each(|view| view.start = Start::Random);
@@ -165,7 +168,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
              keep nothing"
         ));
     }
-    compare(&dataset, &scene, &priors, console)?;
+    compare(&dataset, &scene, &priors, DecodeLimit::new(options.host_memory), console)?;
     let peak = peak_host_bytes().map_or(String::new(), |bytes| format!(", {} of host memory at most", mib(bytes)));
     console.detail(format_args!("{} in all{peak}", progress::duration(started.elapsed().as_secs_f64())));
     Ok(())
@@ -176,12 +179,19 @@ fn mib(bytes: u64) -> String {
 }
 
 /// What photographs may take of the host's memory while they are decoded.
-fn host_share(gpu: &Gpu, dataset: &Dataset, settings: &Settings, args: &Args, console: &Console) -> HostShare {
+fn host_share(
+    gpu: &Gpu,
+    dataset: &Dataset,
+    settings: &Settings,
+    args: &Args,
+    console: &Console,
+) -> anyhow::Result<HostShare> {
     let views = || dataset.views_of(Role::Train).map(|(_, view)| view);
     let room = Room::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
     let matching = room.host + if shares_memory(gpu) { room.device } else { 0 };
     let memory = HostMemory::new(args.host.host_memory.map(|bytes| bytes.0)).after(matching);
     let share = memory.share(views().map(View::decoding_bytes).max().unwrap_or(0));
+    memory.check(&share)?;
     let short = memory.short_by(&share);
     let told = format!(
         "host memory: of the {} that may be used {} are in use or set aside for matching; {} for decoding, on {} thread{}",
@@ -193,11 +203,9 @@ fn host_share(gpu: &Gpu, dataset: &Dataset, settings: &Settings, args: &Args, co
     );
     match short {
         0 => console.detail(told),
-        _ => {
-            console.warn(format_args!("{told}; that is {} more than may be used, and the least that works", mib(short)))
-        }
+        _ => console.warn(format_args!("{told}; that is {} more than half of what is free", mib(short))),
     }
-    share
+    Ok(share)
 }
 
 /// Where a map of a view belongs, its folder made.
@@ -225,13 +233,16 @@ fn write(args: &Args, dataset: &Dataset, scene: &Scene, priors: &[Prior]) -> any
 }
 
 /// The true depth and normals of a view, where they lie beside the dataset.
-fn known(dataset: &Dataset, name: &str) -> anyhow::Result<Option<Known>> {
+fn known(dataset: &Dataset, name: &str, limit: DecodeLimit) -> anyhow::Result<Option<Known>> {
     let file = |kind: &str| dataset.path.join(kind).join(Path::new(name).with_extension("exr"));
     if !file("depth").is_file() {
         return Ok(None);
     }
-    let depth = read_depth(&file("depth"))?;
-    let normals = if file("normal").is_file() { read_normals(&file("normal"))?.values } else { Vec::new() };
+    let depth = read_depth_within(&file("depth"), limit)?;
+    let normals = match file("normal") {
+        file if file.is_file() => read_normals_within(&file, limit)?.values,
+        _ => Vec::new(),
+    };
     Ok(Some(Known {
         width: depth.width,
         height: depth.height,
@@ -240,8 +251,14 @@ fn known(dataset: &Dataset, name: &str) -> anyhow::Result<Option<Known>> {
     }))
 }
 
-fn compare(dataset: &Dataset, scene: &Scene, priors: &[Prior], console: &Console) -> anyhow::Result<()> {
-    let truths = scene.names.iter().map(|name| known(dataset, name)).collect::<anyhow::Result<Vec<_>>>()?;
+fn compare(
+    dataset: &Dataset,
+    scene: &Scene,
+    priors: &[Prior],
+    limit: DecodeLimit,
+    console: &Console,
+) -> anyhow::Result<()> {
+    let truths = scene.names.iter().map(|name| known(dataset, name, limit)).collect::<anyhow::Result<Vec<_>>>()?;
     let percent = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{:.2} %", 100.0 * v));
     if truths.iter().any(Option::is_some) {
         let found = Accuracy::of(&scene.views, priors, &truths);

@@ -6,7 +6,9 @@ use super::colmap::SUPPORTED;
 use super::hint;
 use super::model::Format;
 use super::poses::WrongConvention;
+use crate::byte_size::readable;
 use crate::format;
+use crate::host_memory::DecodeLimit;
 
 /// A dataset could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -109,8 +111,10 @@ pub enum Error {
     },
     /// A mask has not the shape of its photograph.
     #[error(
-        "{}: the mask is {}x{}, its photograph {}x{}, which is another aspect ratio",
-        file.display(), mask.0, mask.1, photograph.0, photograph.1
+        "{}: the mask is {}x{}, its photograph {}x{}, which is another aspect ratio{}",
+        file.display(), mask.0, mask.1, photograph.0, photograph.1,
+        if *turned { "; turned by 90 degrees the mask would fit: orientation tags of EXIF are not applied" }
+        else { "; make the mask anew from this photograph, or take it out of the folder" }
     )]
     MaskSize {
         /// The mask.
@@ -119,6 +123,37 @@ pub enum Error {
         mask: (u32, u32),
         /// The photograph's.
         photograph: (u32, u32),
+        /// Whether it would fit turned by 90 degrees.
+        turned: bool,
+    },
+    /// Decoding a picture would take more memory than it may.
+    #[error(
+        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, of which {} may be used; store a smaller picture, or {}",
+        file.display(), size.0, size.1, readable(*needed), readable(limit.most),
+        if limit.asked { "allow more host memory" } else { "use a machine with more memory" }
+    )]
+    PictureTooLarge {
+        /// The picture.
+        file: PathBuf,
+        /// Its width and height.
+        size: (u32, u32),
+        /// Bytes that decoding takes.
+        needed: u64,
+        /// What it may take.
+        limit: DecodeLimit,
+    },
+    /// The system gives no memory for decoding a picture.
+    #[error(
+        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, which the system does not give; store a smaller picture, \
+         or free memory", file.display(), size.0, size.1, readable(*needed)
+    )]
+    NoMemoryForPicture {
+        /// The picture.
+        file: PathBuf,
+        /// Its width and height.
+        size: (u32, u32),
+        /// Bytes that decoding takes.
+        needed: u64,
     },
     /// The photograph cannot be decoded.
     #[error("{}: {field} at byte {at}: {problem}", file.display())]

@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use image::GrayImage;
+use image::DynamicImage;
 
 use super::error::Error;
 use super::photograph;
+use super::picture_file::{header_within, picture, read, whole};
 use super::pixels::Sample;
+use crate::host_memory::DecodeLimit;
 
 /// The folder of masks, beside that of the photographs.
 pub(super) const FOLDER: &str = "masks";
@@ -41,30 +43,192 @@ pub(super) fn beside(folder: &Path, name: &str) -> Option<PathBuf> {
     [appended, replaced, folder.join(name)].into_iter().find(|file| file.is_file())
 }
 
-/// Refuses a mask whose shape is not that of its photograph; one of another size but of the same shape is resized.
-pub(super) fn check_size(file: &Path, photograph: (u32, u32)) -> Result<(), Error> {
-    let mask = photograph::header(file)?.size;
+/// Refuses a mask whose shape is not that of its photograph, or that takes too much memory; one of another size but of the same shape is
+/// resized.
+pub(super) fn check_size(file: &Path, photograph: (u32, u32), limit: DecodeLimit) -> Result<(), Error> {
+    fits(file, header_within(file, limit)?.size, photograph)
+}
+
+fn fits(file: &Path, mask: (u32, u32), photograph: (u32, u32)) -> Result<(), Error> {
     if photograph::same_shape(mask, photograph) {
         return Ok(());
     }
-    Err(Error::MaskSize { file: file.to_owned(), mask, photograph })
+    let turned = photograph::same_shape((mask.1, mask.0), photograph);
+    Err(Error::MaskSize { file: file.to_owned(), mask, photograph, turned })
 }
 
-/// Makes the pixels of a photograph (RGBA) transparent that a mask leaves out. What is brighter than half of the mask's
-/// brightest value is white: masks of 0 and 1 are as common as those of 0 and 255.
-pub(super) fn apply<T: Sample>(rgba: &mut [T], width: u32, height: u32, mask: &GrayImage, ignores: MaskIgnores) {
-    let brightest = mask.pixels().map(|p| p.0[0]).max().unwrap_or(0);
-    let nearest = |at: u32, size: u32, of: u32| {
-        // The mask's pixel that holds the centre of the photograph's.
-        let at = (2 * u64::from(at) + 1) * u64::from(of) / (2 * u64::from(size));
-        (at as u32).min(of - 1)
-    };
-    for (k, pixel) in rgba.chunks_exact_mut(4).enumerate() {
-        let (x, y) = (k as u32 % width, k as u32 / width);
-        let value = mask.get_pixel(nearest(x, width, mask.width()), nearest(y, height, mask.height())).0[0];
-        let white = value > brightest / 2;
-        if white == (ignores == MaskIgnores::White) {
-            pixel[3] = T::default();
+/// What the mask of a photograph does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaskUse {
+    /// Pixels of the mask that leave out.
+    pub left_out: u64,
+    /// Pixels of the mask.
+    pub pixels: u64,
+    /// Whether the transparency says which, as the colour does not.
+    pub by_alpha: bool,
+}
+
+/// A mask that was read.
+pub(super) struct Mask {
+    width: u32,
+    height: u32,
+    /// Of each pixel, whether it is left out.
+    left_out: Vec<bool>,
+    by_alpha: bool,
+}
+
+impl Mask {
+    /// Reads a mask.
+    pub(super) fn read(file: &Path, ignores: MaskIgnores, limit: DecodeLimit) -> Result<Self, Error> {
+        let bytes = read(file)?;
+        Ok(Self::of(&picture(file, &whole(file, &bytes, limit)?, limit)?, ignores))
+    }
+
+    /// What is brighter than half of the mask's brightest value is white: masks of 0 and 1 are as common as those of 0 and 255. Where the
+    /// colour says nothing, the opacity takes the place of the brightness.
+    fn of(image: &DynamicImage, ignores: MaskIgnores) -> Self {
+        let luma = luma(image);
+        let alpha = alpha(image).filter(|alpha| says_more(alpha, &luma));
+        let values = alpha.as_ref().unwrap_or(&luma);
+        let half = values.iter().max().map_or(0, |brightest| brightest / 2);
+        let left_out = values.iter().map(|value| (*value > half) == (ignores == MaskIgnores::White)).collect();
+        Self { width: image.width(), height: image.height(), left_out, by_alpha: alpha.is_some() }
+    }
+
+    /// The same for a photograph, whose shape it must have.
+    pub(super) fn for_photograph(self, file: &Path, photograph: (u32, u32)) -> Result<Self, Error> {
+        fits(file, (self.width, self.height), photograph)?;
+        Ok(self)
+    }
+
+    /// What it does.
+    pub(super) fn used(&self) -> MaskUse {
+        let left_out = self.left_out.iter().filter(|left_out| **left_out).count() as u64;
+        MaskUse { left_out, pixels: self.left_out.len() as u64, by_alpha: self.by_alpha }
+    }
+
+    /// Makes the pixels of a photograph (RGBA) transparent that are left out.
+    pub(super) fn apply<T: Sample>(&self, rgba: &mut [T], (width, height): (u32, u32)) {
+        let nearest = |at: u32, size: u32, of: u32| {
+            // The mask's pixel that holds the centre of the photograph's.
+            let at = (2 * u64::from(at) + 1) * u64::from(of) / (2 * u64::from(size));
+            (at as u32).min(of - 1) as usize
+        };
+        for (k, pixel) in rgba.chunks_exact_mut(4).enumerate() {
+            let (x, y) = (k as u32 % width, k as u32 / width);
+            let at = nearest(y, height, self.height) * self.width as usize + nearest(x, width, self.width);
+            if self.left_out[at] {
+                pixel[3] = T::default();
+            }
         }
+    }
+}
+
+/// The brightness of each pixel, with all of its bits: masks of 0 and 1 have 16 bits too.
+fn luma(image: &DynamicImage) -> Vec<u16> {
+    match image.color().bytes_per_pixel() / image.color().channel_count().max(1) {
+        1 => image.to_luma8().into_raw().into_iter().map(u16::from).collect(),
+        2 => image.to_luma16().into_raw(),
+        _ => {
+            let values = image.to_luma32f().into_raw();
+            let brightest = values.iter().copied().filter(|v| v.is_finite()).fold(f32::MIN_POSITIVE, f32::max);
+            let white = f32::from(u16::MAX);
+            values.into_iter().map(|v| (v / brightest * white).round().clamp(0.0, white) as u16).collect()
+        }
+    }
+}
+
+/// The opacity of each pixel, where the picture has one.
+fn alpha(image: &DynamicImage) -> Option<Vec<u16>> {
+    Some(match image {
+        DynamicImage::ImageLumaA8(picture) => picture.pixels().map(|p| u16::from(p.0[1])).collect(),
+        DynamicImage::ImageRgba8(picture) => picture.pixels().map(|p| u16::from(p.0[3])).collect(),
+        DynamicImage::ImageLumaA16(picture) => picture.pixels().map(|p| p.0[1]).collect(),
+        DynamicImage::ImageRgba16(picture) => picture.pixels().map(|p| p.0[3]).collect(),
+        DynamicImage::ImageRgba32F(picture) => {
+            let white = f32::from(u16::MAX);
+            picture.pixels().map(|p| (p.0[3] * white).round().clamp(0.0, white) as u16).collect()
+        }
+        _ => return None,
+    })
+}
+
+/// Share of the opaque pixels that are neither dark nor bright from which on a mask with transparent parts is a photograph that was cut out.
+const CUT_OUT: f64 = 0.25;
+
+/// Whether the opacity says more than the brightness: there is some of it, and the brightness is the same all over, or that of a
+/// photograph that was cut out.
+fn says_more(alpha: &[u16], luma: &[u16]) -> bool {
+    let range = |values: &[u16]| (values.iter().min().copied().unwrap_or(0), values.iter().max().copied().unwrap_or(0));
+    let ((clear, opaque), (dark, bright)) = (range(alpha), range(luma));
+    if clear == opaque {
+        return false;
+    }
+    // Lossy files do not keep one colour to the bit.
+    if bright - dark <= bright / 16 {
+        return true;
+    }
+    let seen = || alpha.iter().zip(luma).filter(|(a, _)| **a > opaque / 2);
+    let between = seen().filter(|(_, l)| **l > bright / 8 && **l < bright - bright / 8).count();
+    clear <= opaque / 2 && between as f64 > CUT_OUT * seen().count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{GrayImage, ImageBuffer, Luma, Rgba, RgbaImage};
+
+    use super::*;
+
+    fn kept(image: DynamicImage) -> (Vec<bool>, bool) {
+        let mask = Mask::of(&image, MaskIgnores::Black);
+        (mask.left_out.iter().map(|left_out| !left_out).collect(), mask.by_alpha)
+    }
+
+    fn grey(values: &[u8]) -> Vec<bool> {
+        let image = GrayImage::from_raw(values.len() as u32, 1, values.to_vec()).unwrap();
+        let (black, by_alpha) = kept(image.clone().into());
+        let white = Mask::of(&image.into(), MaskIgnores::White).left_out;
+        assert_eq!((&white, by_alpha), (&black, false), "the other polarity leaves out what this one keeps");
+        black
+    }
+
+    #[test]
+    fn grey_is_white_from_half_of_the_brightest_value_on() {
+        assert_eq!(grey(&[0, 1, 126, 127, 128, 129, 255]), [false, false, false, false, true, true, true]);
+        assert_eq!(grey(&[0, 99, 100, 101, 200]), [false, false, false, true, true]);
+        assert_eq!(grey(&[0, 1]), [false, true]);
+        assert_eq!(grey(&[0, 0]), [false, false]);
+        assert_eq!(grey(&[9, 9]), [true, true], "one grey is white");
+    }
+
+    #[test]
+    fn sixteen_bits_and_floats_keep_their_values() {
+        let deep = |values: &[u16]| {
+            let image = ImageBuffer::<Luma<u16>, _>::from_raw(values.len() as u32, 1, values.to_vec()).unwrap();
+            kept(image.into()).0
+        };
+        assert_eq!(deep(&[0, 1]), [false, true], "labels");
+        assert_eq!(deep(&[0, 32767, 32768, 65535]), [false, false, true, true]);
+        let floats =
+            ImageBuffer::<image::Rgb<f32>, _>::from_fn(3, 1, |x, _| image::Rgb([[0.0, 1.8, 4.0][x as usize]; 3]));
+        assert_eq!(kept(floats.into()).0, [false, false, true]);
+    }
+
+    #[test]
+    fn opacity_counts_where_the_colour_says_nothing() {
+        let rgba =
+            |pixels: &[[u8; 4]]| kept(RgbaImage::from_raw(pixels.len() as u32, 1, pixels.concat()).unwrap().into());
+        let white = |alpha| [255, 255, 255, alpha];
+        assert_eq!(rgba(&[white(0), white(127), white(128), white(255)]), (vec![false, false, true, true], true));
+        assert_eq!(rgba(&[[0, 0, 0, 0], [0, 0, 0, 255]]), (vec![false, true], true), "of any colour");
+        assert_eq!(rgba(&[[251, 252, 250, 0], white(255)]), (vec![false, true], true), "as lossy files have it");
+        // The brightness says something: transparency does not.
+        assert_eq!(rgba(&[[0, 0, 0, 255], white(0), white(255)]), (vec![false, true, true], false));
+        assert_eq!(rgba(&[white(255), white(255)]), (vec![true, true], false));
+        // A photograph that was cut out.
+        let cut_out = [[90, 120, 60, 255], [140, 110, 90, 255], [0, 0, 0, 0], [250, 240, 250, 255]];
+        assert_eq!(rgba(&cut_out), (vec![true, true, false, true], true));
+        let deep = ImageBuffer::<Rgba<u16>, _>::from_fn(2, 1, |x, _| Rgba([65535, 65535, 65535, x as u16 * 65535]));
+        assert_eq!(kept(deep.into()), (vec![false, true], true));
     }
 }

@@ -19,6 +19,7 @@ mod model;
 mod nerfstudio;
 mod opensfm;
 mod photograph;
+mod picture_file;
 mod picture_size;
 mod pixels;
 mod points_ply;
@@ -44,7 +45,7 @@ pub use colmap::Point;
 pub use colourless::{Colourless, NoColours};
 pub use error::Error;
 pub use folder::ImagesFolder;
-pub use masks::{MaskIgnores, Masks};
+pub use masks::{MaskIgnores, MaskUse, Masks};
 pub use model::{Format, Reference};
 pub use photograph::Photograph;
 pub use pixels::{Depth, Pixels};
@@ -59,11 +60,12 @@ pub use tone::{Samples, Tone, Transfer};
 pub use tracks::Tracks;
 pub use warning::Warning;
 
+pub use crate::host_memory::DecodeLimit;
 use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
-use photograph::Header;
+use picture_file::Header;
 
 /// What to load and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,6 +89,9 @@ pub struct LoadOptions {
     pub behind: Option<[f32; 3]>,
     /// What the numbers of photographs with more than 8 bits per channel mean.
     pub tone: Tone,
+    /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is refused. Without a limit
+    /// half of what is free is the most.
+    pub host_memory: Option<u64>,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
 }
@@ -103,6 +108,7 @@ impl Default for LoadOptions {
             mask_ignores: MaskIgnores::Black,
             behind: None,
             tone: Tone::default(),
+            host_memory: None,
             photographs: true,
         }
     }
@@ -141,6 +147,8 @@ pub struct View {
     pub samples: Samples,
     /// What they mean.
     pub tone: Tone,
+    /// What decoding the photograph or its mask may take of the memory.
+    pub limit: DecodeLimit,
     /// What the view is used for.
     pub role: Role,
 }
@@ -199,6 +207,7 @@ impl Dataset {
             if options.photographs { Some(find_photographs(path, options, &model, &mut warnings)?) } else { None };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
+        let limit = DecodeLimit::new(options.host_memory);
         let roles = roles(options.split, &model.shots, &mut warnings);
         let views = model
             .shots
@@ -207,7 +216,7 @@ impl Dataset {
             .map(|(shot, role)| {
                 let photograph = images.as_ref().map(|folder| folder.path.join(&shot.name));
                 let header = match &photograph {
-                    Some(file) => photograph::header(file)?,
+                    Some(file) => picture_file::header_within(file, limit)?,
                     None => {
                         Header { size: (shot.lens.size[0], shot.lens.size[1]), samples: Samples::Bits8, jpeg: false }
                     }
@@ -220,7 +229,7 @@ impl Dataset {
                 let beside = || masks_folder.as_deref().and_then(|folder| masks::beside(folder, &shot.name));
                 let mask = images.as_ref().and_then(|_| shot.mask.clone().or_else(beside));
                 if let Some(mask) = &mask {
-                    masks::check_size(mask, size_on_disk)?;
+                    masks::check_size(mask, size_on_disk, limit)?;
                 }
                 let (name, model, mask_ignores) = (shot.name.clone(), shot.model.clone(), options.mask_ignores);
                 Ok(View {
@@ -236,6 +245,7 @@ impl Dataset {
                     jpeg,
                     samples,
                     tone,
+                    limit,
                     role,
                 })
             })

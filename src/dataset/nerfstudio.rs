@@ -14,7 +14,7 @@ use super::json::Json;
 use super::lens::{Distortion, Lens};
 use super::model::{Format, Model, Shot};
 use super::split::Part;
-use super::{Tracks, folder, photograph, points_ply, rotation};
+use super::{Tracks, folder, picture_file, points_ply, rotation};
 use crate::format::Error as FileError;
 
 const FILE: &str = "transforms.json";
@@ -171,7 +171,7 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
             Some(side) => return Err(wrong(key, format!("is {side}")).into()),
             // instant-ngp's files for made-up scenes leave the size to the photographs.
             None => {
-                let found = photograph::header(&dataset.join(name))?.size;
+                let found = picture_file::header(&dataset.join(name))?.size;
                 [found.0, found.1][axis]
             }
         };

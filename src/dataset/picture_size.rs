@@ -1,10 +1,24 @@
-//! Whether a file can hold the picture that its header speaks of, before memory is taken for it.
+//! The memory that a picture takes, as its header tells, before any is taken: whether the file can hold the picture, and whether decoding
+//! stays within a limit.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::meta::{BlockDescription, MetaData};
+use image::ImageFormat;
+
+use super::error::Error;
+use super::tone::Samples;
+use crate::format::contain::contained;
+use crate::host_memory::{DecodeLimit, NoRoom};
 
 /// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG, a bit for a
 /// block of 64 pixels at the least, at 512.
 const MOST: u64 = 1100;
 /// What PNG files begin with, up to the sides in their header.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
+/// Rows that OpenEXR compresses together at most.
+const EXR_ROWS: u64 = 256;
 
 /// Bits that a pixel has before it is compressed, as far as the beginning of a file tells: of a PNG file what its header says (a mask
 /// may have 1), of others those that the least have.
@@ -25,13 +39,71 @@ pub(super) fn stored_bits(begin: &[u8]) -> u64 {
 }
 
 /// What is wrong with a size for a file of so many bytes.
-pub(super) fn problem((width, height): (u32, u32), bits: u64, bytes: u64) -> Option<String> {
+pub(super) fn problem(
+    (width, height): (u32, u32),
+    format: Option<ImageFormat>,
+    bits: u64,
+    bytes: u64,
+) -> Option<String> {
     if width == 0 || height == 0 {
         return Some(format!("the size is {width}x{height}"));
+    }
+    // One colour all over takes next to nothing in these, whatever the size.
+    if matches!(format, Some(ImageFormat::WebP | ImageFormat::Tiff)) {
+        return None;
     }
     let stored = u128::from(width) * u128::from(height) * u128::from(bits) / 8;
     let held = u128::from(MOST) * u128::from(bytes);
     (stored > held).then(|| format!("{width}x{height} pixels cannot be in a file of {bytes} bytes"))
+}
+
+/// Bytes of a pixel while a picture is decoded: as the decoder has it, and as it is kept.
+pub(super) fn decoding_bytes_per_pixel(samples: Samples) -> u64 {
+    match samples {
+        Samples::Bits8 => 3 + 4,
+        Samples::Bits16 => 6 + 8,
+        Samples::Float => 16 + 8 + 8,
+    }
+}
+
+/// Bytes that decoding a picture takes at its full size, about: the file (taken to have a byte for a pixel), and its pixels in two forms.
+pub(super) fn decoding_bytes((width, height): (u32, u32), samples: Samples) -> u64 {
+    (u64::from(width) * u64::from(height)).saturating_mul(1 + decoding_bytes_per_pixel(samples))
+}
+
+/// Bytes that a decoder of OpenEXR takes for what the picture does not show: pixels outside of the display window, further channels, and
+/// tiles, of which one alone may be as large as all.
+pub(super) fn hidden_bytes(bytes: &[u8]) -> u64 {
+    let read = contained(|| MetaData::read_from_buffered(Cursor::new(bytes), false).ok());
+    let Ok(Some(meta)) = read else { return 0 };
+    let of = |header: &exr::meta::header::Header| {
+        let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
+        let channels = header.channels.list.len().max(1) as u64;
+        let rows = match header.blocks {
+            BlockDescription::ScanLines => height.min(EXR_ROWS),
+            BlockDescription::Tiles(_) => height,
+        };
+        2_u64.saturating_mul(width).saturating_mul(rows).saturating_mul(4 * channels)
+    };
+    meta.headers.iter().map(of).fold(0, u64::saturating_add)
+}
+
+/// Refuses a picture whose decoding takes more than it may.
+pub(super) fn check(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit) -> Result<(), Error> {
+    limit.allows(needed).map_err(|reason| refusal(file, size, needed, limit, reason))
+}
+
+/// The same, and a picture for which the system has no memory left.
+pub(super) fn check_now(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit) -> Result<(), Error> {
+    limit.has_room_for(needed).map_err(|reason| refusal(file, size, needed, limit, reason))
+}
+
+fn refusal(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit, reason: NoRoom) -> Error {
+    let file = file.to_owned();
+    match reason {
+        NoRoom::Beyond => Error::PictureTooLarge { file, size, needed, limit },
+        NoRoom::Refused => Error::NoMemoryForPicture { file, size, needed },
+    }
 }
 
 #[cfg(test)]
@@ -47,9 +119,26 @@ mod tests {
         assert_eq!(stored_bits(&png), 64);
         assert_eq!((stored_bits(&png[..25]), stored_bits(b"\xff\xd8\xff")), (8, 8));
         // 2^28 pixels of one bit are 32 MiB, which deflate brings to 32 KiB and a little.
-        assert_eq!(problem((1 << 14, 1 << 14), 1, 33_000), None);
-        assert!(problem((1 << 14, 1 << 14), 1, 30_000).is_some());
-        assert!(problem((u32::MAX, u32::MAX), 64, 1 << 40).is_some());
-        assert!(problem((0, 5), 8, 1 << 20).is_some_and(|p| p.contains("0x5")));
+        let of = |size, bits, bytes| problem(size, Some(ImageFormat::Png), bits, bytes);
+        assert_eq!(of((1 << 14, 1 << 14), 1, 33_000), None);
+        assert!(of((1 << 14, 1 << 14), 1, 30_000).is_some());
+        assert!(of((u32::MAX, u32::MAX), 64, 1 << 40).is_some());
+        assert!(of((0, 5), 8, 1 << 20).is_some_and(|p| p.contains("0x5")));
+        // A lossless WebP of one colour has 26 bytes at any size; of a blank page, Group 4 has a bit for a row.
+        for format in [ImageFormat::WebP, ImageFormat::Tiff] {
+            assert_eq!(problem((1 << 14, 1 << 14), Some(format), 8, 26), None);
+        }
+    }
+
+    #[test]
+    fn decoding_is_held_against_the_limit() {
+        let file = Path::new("a.exr");
+        let needed = decoding_bytes((60_000, 60_000), Samples::Float);
+        assert!(needed > 100 << 30, "{needed}");
+        let limit = DecodeLimit { most: 8 << 30, asked: false };
+        let error = check(file, (60_000, 60_000), needed, limit).expect_err("too large").to_string();
+        assert!(error.contains("a.exr") && error.contains("60000x60000") && error.contains("8.00 GiB"), "{error}");
+        assert!(check_now(file, (1, 1), 1 << 20, limit).is_ok());
+        assert!(decoding_bytes((u32::MAX, u32::MAX), Samples::Float) > 1 << 62);
     }
 }

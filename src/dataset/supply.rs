@@ -1,6 +1,7 @@
 //! Photographs that are asked for again and again, kept within a share of the host's memory: decoded where all fit, else
 //! compressed as far as they fit, else read again.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,9 +10,10 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
 
 use super::error::Error;
+use super::masks::MaskUse;
 use super::photograph::{self, Photograph};
 use super::pixels::{Depth, Pixels};
-use super::{Dataset, Role, Samples, View, jpeg_reduced};
+use super::{Dataset, Role, Samples, View, jpeg_reduced, picture_file, picture_size};
 
 /// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted size
 /// rather than as their file: decoding them again would cost as much again.
@@ -55,6 +57,7 @@ struct Inner {
     masked: u32,
     clipped: u64,
     transparent: u64,
+    mask: Option<MaskUse>,
     checksum: u32,
 }
 
@@ -82,6 +85,7 @@ impl Supply {
                 masked,
                 clipped: 0,
                 transparent: 0,
+                mask: None,
                 checksum,
             }),
         }
@@ -130,6 +134,11 @@ impl Supply {
         self.inner.transparent
     }
 
+    /// What its mask does, where it has one.
+    pub fn mask(&self) -> Option<MaskUse> {
+        self.inner.mask
+    }
+
     /// CRC-32 of its file, or of the pixels where these were given: another one is another photograph.
     pub fn checksum(&self) -> u32 {
         self.inner.checksum
@@ -170,11 +179,7 @@ impl View {
     pub fn decoding_bytes(&self) -> u64 {
         let divisor = jpeg_reduced::divisor(self);
         let (width, height) = (u64::from(self.size_on_disk.0 / divisor), u64::from(self.size_on_disk.1 / divisor));
-        let per_pixel = match self.samples {
-            Samples::Bits8 => 3 + 4,
-            Samples::Bits16 => 6 + 8,
-            Samples::Float => 16 + 8 + 8,
-        };
+        let per_pixel = picture_size::decoding_bytes_per_pixel(self.samples);
         let file = u64::from(self.size_on_disk.0) * u64::from(self.size_on_disk.1);
         let pixels = file + per_pixel * width * height;
         let same = (width, height) == (u64::from(self.camera.width), u64::from(self.camera.height));
@@ -214,16 +219,21 @@ struct Intake {
 
 impl Intake {
     fn one(&self, view: &View) -> Result<Option<Supply>, Error> {
-        let file = photograph::read(&view.path)?;
-        let Photograph { mut pixels, clipped, transparent, .. } = photograph::decode_bytes(view, &file)?;
+        let stored = picture_file::read(&view.path)?;
+        let checksum = checksum(&stored, view)?;
+        // Once: what is kept of it is decoded again and again.
+        let file = match picture_file::whole(&view.path, &stored, view.limit)? {
+            Cow::Borrowed(_) => stored,
+            Cow::Owned(mended) => mended,
+        };
+        let Photograph { mut pixels, clipped, transparent, mask, .. } = photograph::decode_bytes(view, &file)?;
         pixels.harden_alpha();
         let (depth, masked) = (pixels.depth(), pixels.masked());
         if masked as usize == pixels.len() {
             return Ok(None);
         }
-        let checksum = checksum(&file, view)?;
         let place = self.place(view, file, pixels);
-        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, transparent, checksum }) }))
+        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, transparent, mask, checksum }) }))
     }
 
     fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {
@@ -262,7 +272,7 @@ fn checksum(file: &[u8], view: &View) -> Result<u32, Error> {
     let mut all = crc32fast::Hasher::new();
     all.update(file);
     if let Some(mask) = &view.mask {
-        all.update(&photograph::read(mask)?);
+        all.update(&picture_file::read(mask)?);
     }
     Ok(all.finalize())
 }

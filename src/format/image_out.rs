@@ -9,7 +9,10 @@ use super::{Error, atomic};
 
 mod open_exr;
 
-pub use open_exr::{DepthMap, NormalMap, read_depth, read_normals, write_depth, write_luminance, write_normals};
+pub use open_exr::{
+    DepthMap, NormalMap, read_depth, read_depth_within, read_normals, read_normals_within, write_depth,
+    write_luminance, write_normals,
+};
 
 /// A value from 0 to 1 as 8 bits, rounded to the nearest as evaluation does; what is not a number becomes 0.
 pub fn to_u8(value: f32) -> u8 {

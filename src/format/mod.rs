@@ -6,6 +6,7 @@ pub(crate) mod contain;
 pub mod disk;
 mod error;
 mod exposure_file;
+pub(crate) mod foreign;
 mod frame_file;
 pub mod image_out;
 pub mod las;

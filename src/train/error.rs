@@ -137,6 +137,23 @@ pub enum Error {
         /// Where the training so far was saved.
         saved: Option<PathBuf>,
     },
+    /// What training needs does not fit the host's memory that may be used.
+    #[error(
+        "out of host memory: {} are needed at the least, {} of them in use now, and {} may be used, {}; allow more host memory, or need \
+         less with smaller photographs or fewer splats",
+        readable(*needed), readable(*in_use), readable(*most),
+        if *asked { "as was asked for" } else { "which is all that is free" }
+    )]
+    HostMemoryLimit {
+        /// Bytes in all that the least takes.
+        needed: u64,
+        /// Bytes that may be used.
+        most: u64,
+        /// Bytes in use when this was found.
+        in_use: u64,
+        /// Whether the limit was asked for.
+        asked: bool,
+    },
     /// A run cannot go on with photographs that it has not been trained on.
     #[error(
         "the dataset is not the one that the run was trained on: {what}. Put that one back, or train anew with another --out"

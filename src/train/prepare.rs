@@ -37,6 +37,12 @@ pub fn load_options(photographs: &settings::Photographs, background: [f32; 3]) -
     }
 }
 
+/// The same for all settings of a training, its limit of the host's memory among them.
+pub fn load_options_of(settings: &Settings) -> LoadOptions {
+    let host_memory = settings.host.host_memory.map(|bytes| bytes.0);
+    LoadOptions { host_memory, ..load_options(&settings.photographs, settings.model.background.evaluated()) }
+}
+
 /// The views of a role with their photographs, cameras in scene coordinates. Every photograph is decoded once and kept as `share`
 /// allows, which what is kept is taken off. Pixels less than half opaque are masked; a photograph without any other is left out:
 /// see [`left_out`].

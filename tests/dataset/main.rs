@@ -9,6 +9,7 @@ mod formats;
 mod frame;
 mod lenses;
 mod masks;
+mod pictures;
 mod points;
 mod poses;
 mod supplies;

@@ -49,8 +49,7 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
         }
     };
     settings.check()?;
-    let dataset =
-        Dataset::load(&data, &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
+    let dataset = Dataset::load(&data, &prepare::load_options_of(&settings))?;
     let mut tables = Vec::new();
     let mut model = match &args.init {
         Some(file) => {

@@ -5,8 +5,8 @@ use psrgs_vk::dataset::{Dataset, Role, Supply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::stereo::surface_of_points;
 use psrgs_vk::train::{
-    Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants, longer_side,
-    prepare, splats_on_surfaces,
+    Error, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
+    longer_side, prepare, splats_on_surfaces,
 };
 use psrgs_vk::vk::{self, Gpu};
 
@@ -32,7 +32,8 @@ pub(super) struct Training {
     text: [String; 2],
 }
 
-/// Plans the training. What would keep it from beginning is added to the problems; `None` where there is no device to ask.
+/// Plans the training. What is wrong with it is added to the problems; an error is what keeps it from beginning. `None` where there is no
+/// device to ask.
 pub(super) fn plan(
     dataset: &Dataset,
     settings: &Settings,
@@ -49,6 +50,9 @@ pub(super) fn plan(
     };
     match planned(&gpu, dataset, settings, problems) {
         Ok(training) => Ok(Some(training)),
+        Err(error @ (Error::HostMemoryLimit { .. } | Error::MemoryLimit { .. } | Error::TooMany { .. })) => {
+            Err(error.into())
+        }
         Err(error) => {
             problems.push(error.to_string());
             Ok(None)
@@ -56,12 +60,7 @@ pub(super) fn plan(
     }
 }
 
-fn planned(
-    gpu: &Gpu,
-    dataset: &Dataset,
-    settings: &Settings,
-    problems: &mut Vec<String>,
-) -> Result<Training, psrgs_vk::train::Error> {
+fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec<String>) -> Result<Training, Error> {
     let memory = HostMemory::new(settings.host.host_memory.map(|bytes| bytes.0));
     let points = prepare::initial(dataset, settings)?;
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
@@ -75,6 +74,7 @@ fn planned(
     let initial = bench::resized(&points, first, settings.run.seed);
     let plan = plan(initial.len() as u32)?;
     let host = HostPlan::new(gpu, memory, dataset, &outline, &plan, settings);
+    host.check()?;
     if host.short_by > 0 {
         problems.push(host.to_string());
     }

@@ -71,6 +71,7 @@ impl Beginning {
         };
         let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
         let host = host_plan(gpu, dataset, settings, splats)?;
+        host.check()?;
         console.say(host);
         let mut input = prepare::input_within(dataset, initial, host.share)?;
         if let (Some(points), None) = (uncoloured, &restart) {

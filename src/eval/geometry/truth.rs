@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::Closest;
-use crate::dataset::{self, Dataset, LoadOptions, Photograph, Role, Split};
+use crate::dataset::{self, Dataset, DecodeLimit, LoadOptions, Photograph, Role, Split};
 use crate::format;
-use crate::format::image_out::{read_depth, read_normals};
+use crate::format::image_out::{read_depth_within, read_normals_within};
 use crate::format::ply::Mesh;
 use crate::scene::{Camera, Frame};
 
@@ -37,6 +37,7 @@ pub(super) struct Maps {
     camera: Camera,
     depth: PathBuf,
     normals: Option<PathBuf>,
+    limit: DecodeLimit,
 }
 
 /// A view that is not of the dataset itself.
@@ -83,10 +84,11 @@ impl GeometryTruth {
         let beside = |root: &Path, kind: &str, name: &str| {
             Some(root.join(kind).join(Path::new(name).with_extension("exr"))).filter(|file| file.is_file())
         };
+        let limit = DecodeLimit::new(options.host_memory);
         let maps = |root: &Path, view: &dataset::View| {
             let camera = dataset.frame.camera_to_scene(&view.camera);
             let depth = beside(root, "depth", &view.name)?;
-            Some(Maps { camera, depth, normals: beside(root, "normal", &view.name) })
+            Some(Maps { camera, depth, normals: beside(root, "normal", &view.name), limit })
         };
         let folder = dataset.path.join("offpath");
         let mut offpath = Vec::new();
@@ -122,12 +124,12 @@ impl GeometryTruth {
 impl Maps {
     /// Reads them.
     pub(super) fn read(&self) -> Result<Known, GeometryError> {
-        let depth = read_depth(&self.depth)?;
+        let depth = read_depth_within(&self.depth, self.limit)?;
         let size = (depth.width, depth.height);
         let camera = at_size(&self.camera, &self.depth, size)?;
         let mut normals = None;
         if let Some(file) = &self.normals {
-            let read = read_normals(file)?;
+            let read = read_normals_within(file, self.limit)?;
             let got = (read.width, read.height);
             if got != size {
                 return Err(GeometryError::Shape { file: file.clone(), got, view: size });

@@ -1,6 +1,6 @@
 //! OpenEXR, lossless f32: depth in the channel `Z`, as compositing programs expect it, normals in `N.X`, `N.Y`, `N.Z`.
 
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use exr::meta::MetaData;
@@ -10,8 +10,13 @@ use exr::prelude::{
 };
 
 use super::check_size;
+use crate::byte_size::readable;
 use crate::format::contain::contained;
-use crate::format::{At, Error, atomic};
+use crate::format::{At, Error, atomic, foreign, source};
+use crate::host_memory::{DecodeLimit, NoRoom};
+
+/// What OpenEXR files begin with.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Depths row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,29 +74,51 @@ pub struct NormalMap {
     pub values: Vec<[f32; 3]>,
 }
 
-/// Reads the channel `Z` of a file, or its only channel.
+/// Reads the channel `Z` of a file, or its only channel, within half of the memory that is free.
 pub fn read_depth(file: &Path) -> Result<DepthMap, Error> {
-    let (width, height, mut channels) = read(file, &["Z"])?;
+    read_depth_within(file, DecodeLimit::new(None))
+}
+
+/// The same within a limit.
+pub fn read_depth_within(file: &Path, limit: DecodeLimit) -> Result<DepthMap, Error> {
+    let (width, height, mut channels) = read(file, &["Z"], limit)?;
     Ok(DepthMap { width, height, values: channels.remove(0) })
 }
 
-/// Reads the channels `N.X`, `N.Y` and `N.Z` of a file.
+/// Reads the channels `N.X`, `N.Y` and `N.Z` of a file, within half of the memory that is free.
 pub fn read_normals(file: &Path) -> Result<NormalMap, Error> {
-    let (width, height, channels) = read(file, &["N.X", "N.Y", "N.Z"])?;
+    read_normals_within(file, DecodeLimit::new(None))
+}
+
+/// The same within a limit.
+pub fn read_normals_within(file: &Path, limit: DecodeLimit) -> Result<NormalMap, Error> {
+    let (width, height, channels) = read(file, &["N.X", "N.Y", "N.Z"], limit)?;
     let values = (0..channels[0].len()).map(|i| [0, 1, 2].map(|k| channels[k][i])).collect();
     Ok(NormalMap { width, height, values })
 }
 
 /// Width, height, and the values of the channels of these names, or of the only channel where one is asked for.
-fn read(file: &Path, names: &[&str]) -> Result<(u32, u32, Vec<Vec<f32>>), Error> {
-    let bytes = std::fs::read(file).map_err(Error::io(file, "read"))?;
+fn read(file: &Path, names: &[&str], limit: DecodeLimit) -> Result<(u32, u32, Vec<Vec<f32>>), Error> {
+    let (mut opened, length) = source::open(file)?;
+    let mut bytes = Vec::new();
+    opened.read_to_end(&mut bytes).map_err(Error::io(file, "read"))?;
+    let begin = &bytes[..bytes.len().min(foreign::LOOKED_AT)];
+    if !begin.starts_with(&MAGIC)
+        && let Some(problem) = foreign::described(file, length, begin)
+    {
+        return Err(Error::malformed(file, "header", At::Byte(0), problem));
+    }
     let mut cursor = Cursor::new(bytes.as_slice());
     let header = contained(|| MetaData::read_from_buffered(&mut cursor, false).map_err(|e| e.to_string()));
     let fail = |field: &str, at: u64, problem: String| Error::malformed(file, field, At::Byte(at), problem);
     let header = header.flatten().map_err(|problem| fail("header", cursor.position(), problem))?;
+    let mut samples = 0_u64;
     for layer in &header.headers {
-        check_memory(file, layer.layer_size.0, layer.layer_size.1, layer.channels.list.len(), bytes.len())?;
+        let (size, channels) = (layer.layer_size, layer.channels.list.len());
+        check_memory(file, size.0, size.1, channels, bytes.len())?;
+        samples = samples.saturating_add((size.0 * size.1 * channels.max(1)) as u64);
     }
+    check_limit(file, samples, limit)?;
     cursor.set_position(0);
     let image = contained(|| {
         let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
@@ -128,5 +155,26 @@ fn check_memory(file: &Path, width: usize, height: usize, channels: usize, bytes
         return Ok(());
     }
     let problem = format!("{width}x{height} pixels of {channels} channels cannot be in {bytes} bytes");
+    Err(Error::malformed(file, "size", At::Byte(0), problem))
+}
+
+/// Bytes of a sample while a file is decoded: as it is stored, unpacked, in its channel, and as the map that is made of it.
+const SAMPLE_BYTES: u64 = 16;
+
+/// Refuses what takes more memory than it may, and what the system has none for.
+fn check_limit(file: &Path, samples: u64, limit: DecodeLimit) -> Result<(), Error> {
+    let needed = samples.saturating_mul(SAMPLE_BYTES);
+    let problem = match limit.has_room_for(needed) {
+        Ok(()) => return Ok(()),
+        Err(NoRoom::Beyond) => format!(
+            "decoding it takes {} of memory, of which {} may be used; store a smaller picture, or {}",
+            readable(needed),
+            readable(limit.most),
+            if limit.asked { "allow more host memory" } else { "use a machine with more memory" }
+        ),
+        Err(NoRoom::Refused) => {
+            format!("decoding it takes {} of memory, which the system does not give; free memory", readable(needed))
+        }
+    };
     Err(Error::malformed(file, "size", At::Byte(0), problem))
 }

@@ -3,7 +3,7 @@
 use std::io::BufRead;
 use std::path::Path;
 
-use crate::format::{At, Error};
+use crate::format::{At, Error, foreign};
 
 /// Longer headers are not those of models.
 const MAX_HEADER: u64 = 1 << 20;
@@ -108,11 +108,15 @@ pub(super) struct Header {
     pub(super) lines: u64,
 }
 
-/// Reads up to and including `end_header`.
-pub(super) fn read(file: &Path, reader: &mut impl BufRead) -> Result<Header, Error> {
+/// Reads up to and including `end_header` of a file of so many bytes.
+pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result<Header, Error> {
     let mut header =
         Header { encoding: Encoding::Ascii, comments: Vec::new(), elements: Vec::new(), bytes: 0, lines: 0 };
     let mut format_seen = false;
+    let begin = reader.fill_buf().map_err(Error::io(file, "read"))?;
+    if !begin.starts_with(b"ply") {
+        return Err(Error::malformed(file, "magic", At::Byte(0), no_ply(file, bytes, begin)));
+    }
     loop {
         let at = header.bytes;
         let fail = |field: &str, problem: String| Error::malformed(file, field, At::Byte(at), problem);
@@ -175,6 +179,13 @@ pub(super) fn read(file: &Path, reader: &mut impl BufRead) -> Result<Header, Err
             return Err(fail("header", format!("it has no end in the first {MAX_HEADER} bytes")));
         }
     }
+}
+
+/// What a file is that begins otherwise.
+fn no_ply(file: &Path, bytes: u64, begin: &[u8]) -> String {
+    let begin = &begin[..begin.len().min(foreign::LOOKED_AT)];
+    let known = foreign::described(file, bytes, begin);
+    known.unwrap_or_else(|| "a PLY file begins with a line 'ply'".to_owned())
 }
 
 fn next_line(file: &Path, reader: &mut impl BufRead, at: u64) -> Result<String, Error> {

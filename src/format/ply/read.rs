@@ -29,7 +29,7 @@ pub fn read(file: &Path) -> Result<Model, Error> {
 pub(super) fn open(file: &Path) -> Result<(Header, usize, Rows<'_>), Error> {
     let (opened, len) = source::open(file)?;
     let mut reader = BufReader::with_capacity(1 << 18, opened);
-    let header = header::read(file, &mut reader)?;
+    let header = header::read(file, len, &mut reader)?;
     let Some(vertices) = header.elements.iter().position(|e| e.name == "vertex") else {
         return Err(Error::malformed(file, "header", At::Byte(header.bytes), "there is no element 'vertex'"));
     };

@@ -17,19 +17,22 @@ pub use maps::maps;
 
 use super::Error;
 use crate::dataset::Dataset;
-use crate::format::{At, Error as FileError, las, ply};
+use crate::format::{At, Error as FileError, foreign, las, ply};
 
 /// The positions in a PLY, LAS or LAZ file, told apart by how they begin.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, FileError> {
     let mut opened = File::open(file).map_err(FileError::io(file, "open"))?;
     let mut begins = Vec::new();
-    opened.by_ref().take(4).read_to_end(&mut begins).map_err(FileError::io(file, "read"))?;
+    opened.by_ref().take(foreign::LOOKED_AT as u64).read_to_end(&mut begins).map_err(FileError::io(file, "read"))?;
     match begins.as_slice() {
-        magic if *magic == las::MAGIC => las::read(file),
+        begin if begin.starts_with(&las::MAGIC) => las::read(file),
         [b'p', b'l', b'y', ..] => Ok(ply::Cloud::read(file)?.positions),
         _ => {
-            let problem =
-                "neither a PLY file, which begins with 'ply', nor a LAS or LAZ file, which begins with 'LASF'";
+            let bytes = opened.metadata().map_err(FileError::io(file, "read"))?.len();
+            let problem = foreign::described(file, bytes, &begins).unwrap_or_else(|| {
+                "neither a PLY file, which begins with 'ply', nor a LAS or LAZ file, which begins with 'LASF'"
+                    .to_owned()
+            });
             Err(FileError::malformed(file, "signature", At::Byte(0), problem))
         }
     }

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::MemoryPlan;
+use super::{Error, MemoryPlan};
 use crate::byte_size::readable;
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
+use crate::host_memory::{FREE_UNKNOWN, free, resident};
 use crate::stereo::Room;
 use crate::train::input::Outline;
 use crate::train::pacing::Pacing;
@@ -13,8 +14,6 @@ use crate::train::photographs::{LANDINGS, Residency};
 use crate::train::settings::{DepthPrior, LidarCloud, Settings};
 use crate::vk::{DeviceKind, Gpu};
 
-/// Where nothing can be found out.
-const FREE_UNKNOWN: u64 = 4 << 30;
 /// Set aside for what nobody counts: compiled passes, the driver, pictures of the report.
 const SLACK: u64 = 128 << 20;
 /// Photographs that are being decoded, and those decoded ahead, each take at most this share of what is left.
@@ -36,13 +35,16 @@ pub struct HostMemory {
     pub budget: u64,
     /// Bytes that it takes now.
     pub in_use: u64,
+    /// Bytes beyond which nothing is begun: those that were asked for, or all that the machine has for it.
+    pub most: u64,
 }
 
 impl HostMemory {
     /// As asked for (`--host-memory`), else half of what is free.
     pub fn new(asked: Option<u64>) -> Self {
-        let in_use = resident().unwrap_or(0);
-        Self { budget: asked.unwrap_or_else(|| in_use + free().unwrap_or(FREE_UNKNOWN) / 2), in_use }
+        let (in_use, free) = (resident().unwrap_or(0), free().unwrap_or(FREE_UNKNOWN));
+        let machine = in_use.saturating_add(free);
+        Self { budget: asked.unwrap_or(in_use + free / 2), in_use, most: asked.unwrap_or(machine).min(machine) }
     }
 
     /// When so many bytes more are in use.
@@ -53,6 +55,19 @@ impl HostMemory {
     /// Bytes that decoding takes beyond what may be used.
     pub fn short_by(self, share: &HostShare) -> u64 {
         self.in_use.saturating_add(SLACK).saturating_add(share.decoding).saturating_sub(self.budget)
+    }
+
+    /// Refuses work that takes these bytes in all, what is in use included, where it may not have them.
+    fn allows(self, needed: u64) -> Result<(), Error> {
+        if needed <= self.most {
+            return Ok(());
+        }
+        Err(Error::HostMemoryLimit { needed, most: self.most, in_use: self.in_use, asked: self.most == self.budget })
+    }
+
+    /// Refuses decoding that takes more than the process may have.
+    pub fn check(self, share: &HostShare) -> Result<(), Error> {
+        self.allows(self.in_use.saturating_add(SLACK).saturating_add(share.decoding))
     }
 
     /// What photographs may take where nothing is trained.
@@ -91,11 +106,18 @@ pub struct HostPlan {
     pub ahead: u64,
     /// Where photographs are, and how many are decoded ahead.
     pub pacing: Pacing,
+    /// Bytes that it takes at the least, what is in use included.
+    pub needed: u64,
     /// Bytes that are missing even so.
     pub short_by: u64,
 }
 
 impl HostPlan {
+    /// Refuses a training that does not fit what the process may have at most.
+    pub fn check(&self) -> Result<(), Error> {
+        self.memory.allows(self.needed)
+    }
+
     /// For the training that `plan` tells the device memory of.
     pub fn new(
         gpu: &Gpu,
@@ -153,14 +175,18 @@ impl HostPlan {
         let room = left.saturating_sub(least);
         // What is kept decoded is not decoded ahead.
         let keep = if decoded <= room { room } else { room.saturating_sub(ahead) };
+        let fitting = decoded <= room;
+        let least = if fitting { least } else { least + ahead };
+        let needed = memory.in_use.saturating_add(SLACK).saturating_add(model).saturating_add(least);
         Self {
             memory,
             training: model + uploads,
             decoded,
             share: HostShare { keep, decoding, threads },
-            ahead: if decoded <= room { 0 } else { ahead },
+            ahead: if fitting { 0 } else { ahead },
             pacing,
-            short_by: if decoded <= room { 0 } else { (least + ahead).saturating_sub(left) },
+            needed,
+            short_by: needed.saturating_sub(memory.budget),
         }
     }
 }
@@ -187,30 +213,10 @@ impl fmt::Display for HostPlan {
             if self.pacing.decoders == 1 { "" } else { "s" }
         )?;
         if self.short_by > 0 {
-            write!(f, "; that is {} more than may be used, and the least that works", readable(self.short_by))?;
+            write!(f, "; that is {} more than half of what is free", readable(self.short_by))?;
         }
         Ok(())
     }
-}
-
-/// Bytes of memory that this process holds (`VmRSS` of Linux).
-fn resident() -> Option<u64> {
-    kib(&std::fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
-}
-
-/// Bytes that can be allocated without swapping: the machine's, or the control group's if that has less.
-fn free() -> Option<u64> {
-    let machine = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| kib(&text, "MemAvailable:"));
-    let number = |file| std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok();
-    let group = number("/sys/fs/cgroup/memory.max")
-        .zip(number("/sys/fs/cgroup/memory.current"))
-        .map(|(most, now)| most.saturating_sub(now));
-    machine.into_iter().chain(group).min()
-}
-
-fn kib(text: &str, key: &str) -> Option<u64> {
-    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 #[cfg(test)]
@@ -244,7 +250,7 @@ mod tests {
     }
 
     fn planned(budget: u64, views: usize, shared: bool) -> HostPlan {
-        let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB };
+        let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB, most: budget * MIB };
         HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, Room::default()), (shared, 1))
     }
 
@@ -279,12 +285,27 @@ mod tests {
     fn too_little_is_told_with_what_is_missing() {
         let plan = planned(150, 100, true);
         assert!(plan.short_by > 0 && plan.share.threads == 1 && plan.pacing.decoded_ahead == 2, "{plan:?}");
-        assert!(plan.to_string().contains("the least that works"), "{plan}");
+        let Err(Error::HostMemoryLimit { needed, most, asked: true, .. }) = plan.check() else { panic!("{plan}") };
+        assert_eq!((needed, most), (plan.short_by + 150 * MIB, 150 * MIB));
+        // More than half of what is free, and less than all of it.
+        let memory = HostMemory { most: needed, ..plan.memory };
+        let plan = HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, Room::default()), (true, 1));
+        assert!(plan.check().is_ok() && plan.to_string().contains("more than half of what is free"), "{plan}");
+        assert!(HostPlan { memory: HostMemory { most: needed - 1, ..memory }, ..plan }.check().is_err());
+    }
+
+    #[test]
+    fn one_photograph_that_takes_more_than_the_machine_has_is_refused() {
+        let decoding = 100 << 30;
+        let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 2000 * MIB };
+        let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, Room::default()), (true, 1));
+        assert!(plan.check().is_err(), "{plan}");
+        assert!(memory.check(&memory.share(decoding)).is_err() && memory.check(&memory.share(MIB)).is_ok());
     }
 
     #[test]
     fn what_is_matched_before_the_training_is_part_of_the_plan() {
-        let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB };
+        let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 1000 * MIB };
         let with = |host, device, results, shared| {
             let room = Room { host: host * MIB, device: device * MIB, results: results * MIB };
             HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), (shared, 1)).training
@@ -300,13 +321,14 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_the_system_are_read() {
-        assert_eq!(kib("MemTotal:  8 kB\nMemAvailable:    6 kB\n", "MemAvailable:"), Some(6144));
-        assert_eq!(kib("MemAvailable: many kB\n", "MemAvailable:"), None);
+    fn what_is_asked_for_is_the_budget_and_the_machine_its_bound() {
         let now = HostMemory::new(Some(5));
-        assert_eq!(now.budget, 5);
+        assert_eq!((now.budget, now.most), (5, 5));
+        let vast = HostMemory::new(Some(u64::MAX));
+        assert!(vast.most < u64::MAX, "no machine has so much");
         if cfg!(target_os = "linux") {
-            assert!(now.in_use > MIB && HostMemory::new(None).budget > now.in_use);
+            let free = HostMemory::new(None);
+            assert!(free.in_use > MIB && free.budget > free.in_use && free.most > free.budget);
         }
     }
 }
