@@ -78,7 +78,11 @@ fn foreign<T>(file: &Path, read: impl Fn() -> Result<T, String>) {
 }
 
 fn load(root: &Path) -> Result<Dataset, String> {
-    let options = LoadOptions { photographs: false, ..LoadOptions::default() };
+    load_as(root, false)
+}
+
+fn load_as(root: &Path, strict: bool) -> Result<Dataset, String> {
+    let options = LoadOptions { photographs: false, strict, ..LoadOptions::default() };
     Dataset::load(root, &options).map_err(|e| e.to_string())
 }
 
@@ -117,20 +121,24 @@ fn colmap_text() {
     let root = tempfile::tempdir().expect("temporary folder");
     folder.write(root.path(), &folder.text());
     let whole = load(root.path()).expect("loads");
+    let seen = |dataset: &Dataset| dataset.points.iter().map(|p| (p.position, p.color)).collect::<Vec<_>>();
+    let same = |dataset: &Dataset| dataset.views == whole.views && seen(dataset) == seen(&whole);
     for (name, bytes) in folder.text() {
         let file = root.path().join("sparse/0").join(name);
-        let first = bytes.windows(9).position(|w| w == b"# Number ").expect("comment");
+        let last = bytes.trim_ascii_end().iter().rposition(|b| b.is_ascii_whitespace()).expect("words") + 2;
         for length in 0..bytes.len() {
             replace(&file, &bytes[..length]);
             match load(root.path()) {
-                // Nothing is left of the points, not even how many there should be: the warning says it.
+                // Without its last line end, or a digit of its last number, a text is whole; so it is without what is not used.
+                Ok(dataset) if length >= last || same(&dataset) => {}
+                // That the last name is cut is told by the photograph that is not there.
+                Ok(dataset) if dataset.views.len() == 3 && dataset.views[2].name != "d e.png" => {}
+                // Nothing is left of the points, or the comment at the top has more of them: the warning says it.
                 Ok(dataset) => {
                     let empty = Warning::NoPoints { file: Some(file.clone()) };
-                    assert!(
-                        name == "points3D.txt" && length < first + 22,
-                        "{name}: the first {length} bytes were read"
-                    );
-                    assert!(dataset.warnings.contains(&empty), "{:?}", dataset.warnings);
+                    let fewer = |w: &Warning| matches!(w, Warning::CountDiffers { file: cut, .. } if *cut == file);
+                    let told = dataset.warnings.iter().any(|warning| *warning == empty || fewer(warning));
+                    assert!(told, "{name}: the first {length} bytes were read: {:?}", dataset.warnings);
                 }
                 Err(message) => assert!(message.contains(name), "{length} bytes of {name}: {message}"),
             }
@@ -162,7 +170,7 @@ fn colmap_text_names_the_line_and_the_field() {
         ("cameras.txt", "PINHOLE", "EUCLID", "'EUCLID' is unknown; supported are SIMPLE_PINHOLE, PINHOLE,"),
         ("cameras.txt", "8.75", "8.75 1", "parameters of camera 1 at line 4: 1 more than PINHOLE has"),
         ("images.txt", "0 1 0 0 -2", "0 0 0 0 -2", "rotation of image 'a.png' at line 3: the quaternion is zero"),
-        ("images.txt", "0 1 0 0 -2", "0 1 0 zero -2", "qz of image 0 at line 3: 'zero' is not a number"),
+        ("images.txt", "0 1 0 0 -2", "0 1 0 zero -2", "qz of image 'a.png' at line 3: 'zero' is not a number"),
         ("images.txt", "1 a.png", "77 a.png", "camera of image 'a.png' at line 3: there is no camera 77"),
         ("images.txt", " 1 a.png", " 1", "name of image 0 at line 3: is missing"),
         ("points3D.txt", "98 ", "98 NaN ", "x of point 98 at line 5: is NaN"),
@@ -173,7 +181,7 @@ fn colmap_text_names_the_line_and_the_field() {
         let text = fs::read_to_string(&file).expect("text");
         assert!(text.contains(from), "{name} has {from}: {text}");
         replace(&file, text.replacen(from, to, 1));
-        let error = load(root.path()).expect_err(to);
+        let error = load_as(root.path(), true).expect_err(to);
         assert!(error.contains(name) && error.contains(place), "{error}");
     }
 }
@@ -257,7 +265,7 @@ fn models() {
         ("format binary_little_endian", "format binary_middle_endian", "'binary_middle_endian' is unknown"),
         ("format binary_little_endian 1.0\n", "", "it names no format"),
         ("offset 500000", "offset north", "comment at byte"),
-        ("antialias 1", "antialias maybe", "comment at byte"),
+        ("SplatRenderMode: mip", "psrgs-vk antialias maybe", "comment at byte"),
         ("end_header\n", "", "point_cloud.ply: header at byte"),
     ] {
         assert!(text.contains(from), "{from}");

@@ -134,6 +134,17 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         NothingHeldOut { views: 1 },
         NoPoints { file: None },
         PointsWithoutColours(Colourless { file: "points3D.bin".into(), why: NoColours::OneColour([0; 3]) }),
+        LeftOut(psrgs_vk::format::LeftOut {
+            file: "images.bin".into(),
+            what: "images",
+            count: 2,
+            of: 50,
+            first: "'a.jpg'".to_owned(),
+            problem: "qw is NaN".to_owned(),
+        }),
+        CountDiffers { file: "images.txt".into(), what: "images", announced: 9, found: 8 },
+        SharedNumber { number: 7, images: 2 },
+        UnknownObservers { file: "points3D.bin".into(), points: 3, point: 8, image: 9 },
         PhotographsWithoutPose { photographs: 4 },
     ];
     let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/GUIDE.md")).unwrap();
@@ -151,6 +162,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
             | NoPoints { .. }
             | PointsWithoutColours(_) => {}
             PoseWrong { .. } | PoseDoubtful { .. } | PosesAgainstPoints { .. } => {}
+            LeftOut(_) | CountDiffers { .. } | SharedNumber { .. } | UnknownObservers { .. } => {}
             PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();

@@ -68,6 +68,9 @@ pub(crate) struct Args {
     /// The cloud for rsgs, as in `train` [default: the dataset's lidar.las, lidar.laz or lidar.ply, else mvs]
     #[arg(long, value_name = "FILE")]
     lidar: Option<LidarCloud>,
+    /// Refuse datasets with a record that cannot be used, as in `train`
+    #[arg(long)]
+    strict: bool,
     /// Options of `train` for all runs
     #[arg(last = true, value_name = "OPTIONS")]
     options: Vec<String>,
@@ -196,6 +199,7 @@ fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<
     if let Size::Percent(share) = run.size {
         add("--max-splats", allowed(run, share, finished)?.to_string());
     }
+    options.extend(args.strict.then(|| "--strict".to_owned()));
     options.extend(run.options.iter().chain(&args.options).cloned());
     Ok(options)
 }
@@ -268,7 +272,7 @@ fn seconds(at: &Path) -> Option<f64> {
 
 fn read(run: &Run, at: &Path) -> anyhow::Result<Finished> {
     let file = at.join("metrics.json");
-    let text = fs::read_to_string(&file).with_context(|| Failure::Input(file.display().to_string()))?;
+    let text = psrgs_vk::format::read_text(&file).with_context(|| Failure::Input(file.display().to_string()))?;
     let metrics: Metrics = serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;
     let seconds = seconds(at).unwrap_or(metrics.seconds);
     Ok(Finished { run: run.clone(), metrics, seconds })

@@ -73,7 +73,7 @@ impl WorldArgs {
         let mut p = match &self.world {
             Some(file) => {
                 let failed = || Failure::Usage(format!("{}: no parameters of a world", file.display()));
-                let text = std::fs::read_to_string(file).with_context(failed)?;
+                let text = psrgs_vk::format::read_text(file).with_context(failed)?;
                 toml::from_str(&text).with_context(failed)?
             }
             None => WorldParams { images: IMAGES, ..WorldParams::default() },

@@ -129,7 +129,7 @@ fn may_be_written(args: &Args) -> anyhow::Result<()> {
 
 /// The model, which has something to score.
 fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?;
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.photographs.strict, console)?;
     if model.splats() == 0 {
         let text = format!("{}: the model has no splats: there is nothing to score", args.model.display());
         return Err(Failure::Input(text).into());

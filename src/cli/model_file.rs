@@ -61,14 +61,21 @@ impl ModelFile {
     /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's. Editors drop
     /// the comments of a file: then the shift of its coordinates is that of `frame.json` beside it. `antialias` is what the user
     /// asked for; without it the file decides.
-    pub(crate) fn read(file: &Path, antialias: bool, frame: &FrameArgs, console: &Console) -> anyhow::Result<Self> {
+    pub(crate) fn read(
+        file: &Path,
+        antialias: bool,
+        frame: &FrameArgs,
+        strict: bool,
+        console: &Console,
+    ) -> anyhow::Result<Self> {
         if file.is_dir() {
             let instead = file.join(MODEL);
             let remedy =
                 if instead.is_file() { format!("; its model is {}", instead.display()) } else { String::new() };
             return Err(Failure::Input(format!("{}: a folder, and a model is a file{remedy}", file.display())).into());
         }
-        let mut model = ply::read(file)?;
+        let mut model = ply::read_with(file, strict)?;
+        model.left_out.iter().for_each(|left_out| console.warn(left_out));
         let given = frame.read()?;
         let mut known_from = if model.version.is_some() { "written by psrgs-vk" } else { "assumed; else give --frame" };
         if given.is_none()

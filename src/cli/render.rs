@@ -49,6 +49,9 @@ pub(crate) struct Args {
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
+    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
+    #[arg(long)]
+    pub(crate) strict: bool,
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
     #[command(flatten)]
@@ -78,9 +81,12 @@ impl Views {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, console)?.of_set(args.set, &args.model)?;
-    let options = LoadOptions { max_side: Some(args.max_side), photographs: false, ..LoadOptions::default() };
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
+    let model = model.of_set(args.set, &args.model)?;
+    let (max_side, strict) = (Some(args.max_side), args.strict);
+    let options = LoadOptions { max_side, strict, photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
+    dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
     out_folder::check(&args.out, &dataset)?;
     let wanted: Vec<(&str, Camera)> = dataset
         .views

@@ -48,6 +48,9 @@ pub(crate) struct Args {
     /// Also write the photograph in two by its mask: NAME.low.png and NAME.high.png
     #[arg(long)]
     pub(crate) split: bool,
+    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
+    #[arg(long)]
+    pub(crate) strict: bool,
 }
 
 /// Something to look at.
@@ -114,10 +117,16 @@ fn sources(args: &Args, console: &Console) -> anyhow::Result<Vec<Source>> {
         return Ok(vec![Source::File(args.input.clone())]);
     }
     // Of the whole photograph: the map is reduced, not what it is made of.
-    let dataset = Dataset::load(&args.input, &LoadOptions { max_side: None, ..LoadOptions::default() })?;
+    let options = LoadOptions { max_side: None, strict: args.strict, ..LoadOptions::default() };
+    let dataset = Dataset::load(&args.input, &options)?;
     out_folder::check(&args.out, &dataset)?;
-    // Of points and poses, which have no part in this.
-    dataset.warnings.iter().for_each(|warning| console.detail(warning));
+    for warning in &dataset.warnings {
+        match warning.is_of_files() {
+            true => console.warn(warning),
+            // Of points and poses, which have no part in this.
+            false => console.detail(warning),
+        }
+    }
     Ok(dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect())
 }
 

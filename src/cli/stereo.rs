@@ -87,6 +87,9 @@ pub(crate) struct Args {
     /// Folder of the photographs inside DATA [default: images, or the images_N that fits --max-side]
     #[arg(long, value_name = "FOLDER")]
     pub(crate) images: Option<PathBuf>,
+    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
+    #[arg(long)]
+    pub(crate) strict: bool,
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
     #[command(flatten)]
@@ -121,6 +124,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         format: args.format,
         images_folder: args.images.clone(),
         host_memory: args.host.host_memory.map(|bytes| bytes.0),
+        strict: args.strict,
         ..LoadOptions::default()
     };
     let dataset = Dataset::load(&args.data, &options)?;

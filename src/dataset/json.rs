@@ -1,11 +1,13 @@
 //! JSON files whose complaints name the key and the line.
 
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
+use serde::Deserialize;
+use serde::de::{MapAccess, Visitor};
+use serde_json::value::RawValue;
 
-use crate::format::{At, Error};
+use crate::format::{At, Error, decode};
 
 /// The text of a file.
 pub(super) struct Json {
@@ -16,33 +18,46 @@ pub(super) struct Json {
 impl Json {
     pub(super) fn open(file: &Path) -> Result<Self, Error> {
         let bytes = std::fs::read(file).map_err(Error::io(file, "read"))?;
-        match String::from_utf8(bytes) {
-            Ok(text) => Ok(Self { file: file.to_owned(), text }),
-            Err(e) => {
-                let at = At::Byte(e.utf8_error().valid_up_to() as u64);
-                Err(Error::malformed(file, "text", at, "is not UTF-8"))
-            }
+        match decode(bytes) {
+            Ok(text) => Ok(Self { file: file.to_owned(), text: quote_no_numbers(text) }),
+            Err(at) => Err(Error::malformed(file, "text", At::Byte(at as u64), "is not UTF-8")),
         }
     }
 
-    pub(super) fn parse<T: DeserializeOwned>(&self) -> Result<T, Error> {
-        serde_json::from_str(&self.text).map_err(|e| {
+    /// The whole text.
+    pub(super) fn parse<'a, T: Deserialize<'a>>(&'a self) -> Result<T, Error> {
+        self.parse_part(&self.text)
+    }
+
+    /// A part of the text.
+    pub(super) fn parse_part<'a, T: Deserialize<'a>>(&'a self, part: &'a str) -> Result<T, Error> {
+        serde_json::from_str(part).map_err(|e| {
             let said = e.to_string();
             // The place is told apart.
             let problem = said.split(" at line ").next().unwrap_or(&said);
-            let line = e.line().max(1) as u64;
+            let before: usize = part.split_inclusive('\n').take(e.line().saturating_sub(1)).map(str::len).sum();
+            let end = self.place(part) + (before + e.column()).min(part.len());
             let field = match problem.split('`').nth(1) {
                 Some(missing) if problem.starts_with("missing field") => missing.to_owned(),
-                _ => self.key_before(e.line(), e.column()).unwrap_or_else(|| "JSON".to_owned()),
+                _ => self.key_before(end).unwrap_or_else(|| "JSON".to_owned()),
             };
-            Error::malformed(&self.file, field, At::Line(line), problem)
+            let lines = self.lines_before(self.place(part));
+            Error::malformed(&self.file, field, At::Line(lines + e.line().max(1) as u64), problem)
         })
     }
 
-    /// The key whose value the text is in at a line and a column, both counted from 1.
-    fn key_before(&self, line: usize, column: usize) -> Option<String> {
-        let start: usize = self.text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
-        let bytes = self.text.as_bytes().get(..(start + column).min(self.text.len()))?;
+    /// Bytes of the text before a part of it.
+    fn place(&self, part: &str) -> usize {
+        (part.as_ptr() as usize).saturating_sub(self.text.as_ptr() as usize).min(self.text.len())
+    }
+
+    fn lines_before(&self, at: usize) -> u64 {
+        self.text.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() as u64
+    }
+
+    /// The key whose value the byte before `end` is in.
+    fn key_before(&self, end: usize) -> Option<String> {
+        let bytes = self.text.as_bytes().get(..end)?;
         let mut end = bytes.len();
         loop {
             let colon = bytes[..end].iter().rposition(|b| *b == b':')?;
@@ -59,7 +74,79 @@ impl Json {
     pub(super) fn error(&self, entry: &str, field: impl Display, problem: impl Display) -> Error {
         let quoted = serde_json::to_string(entry).unwrap_or_default();
         let at = self.text.find(&quoted).or_else(|| self.text.find(entry)).unwrap_or(0);
-        let line = self.text.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() as u64 + 1;
-        Error::malformed(&self.file, field, At::Line(line), problem)
+        Error::malformed(&self.file, field, At::Line(self.lines_before(at) + 1), problem)
+    }
+}
+
+/// Values by their names, in the order of the file, also where a name occurs twice.
+#[derive(Default)]
+pub(super) struct Entries<'a>(pub(super) Vec<(String, &'a RawValue)>);
+
+impl<'de: 'a, 'a> Deserialize<'de> for Entries<'a> {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Each;
+        impl<'de> Visitor<'de> for Each {
+            type Value = Entries<'de>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a map")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut all = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    all.push(entry);
+                }
+                Ok(Entries(all))
+            }
+        }
+        from.deserialize_map(Each)
+    }
+}
+
+/// JSON has no NaN and no infinity, and programs write them all the same. In quotation marks they are wrong where they stand, and the
+/// rest can be read.
+fn quote_no_numbers(text: String) -> String {
+    let may = |letter: u8| matches!(letter, b'N' | b'n' | b'I' | b'i');
+    let (bytes, mut out) = (text.as_bytes(), String::new());
+    let (mut quoted, mut copied, mut at) = (false, 0, 0);
+    while at < bytes.len() {
+        match bytes[at] {
+            b'\\' if quoted => at += 1,
+            b'"' => quoted = !quoted,
+            letter if !quoted && (letter == b'-' || may(letter)) => {
+                let end = at + 1 + bytes[at + 1..].iter().take_while(|b| b.is_ascii_alphabetic()).count();
+                let word = &text[at..end];
+                if ["nan", "inf", "infinity"].contains(&word.trim_start_matches('-').to_ascii_lowercase().as_str()) {
+                    out.push_str(&text[copied..at]);
+                    out.push_str(&format!("\"{word}\""));
+                    copied = end;
+                }
+                at = end - 1;
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    if copied == 0 {
+        return text;
+    }
+    out.push_str(&text[copied..]);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quote_no_numbers;
+
+    #[test]
+    fn numbers_that_are_none_are_put_in_quotation_marks() {
+        for (text, want) in [
+            (r#"{"a": NaN, "b": [-Infinity,inf,-nan]}"#, r#"{"a": "NaN", "b": ["-Infinity","inf","-nan"]}"#),
+            (r#"{"NaN \" NaN": null, "n": [1e-5, -2, true]}"#, r#"{"NaN \" NaN": null, "n": [1e-5, -2, true]}"#),
+            ("NaN", "\"NaN\""),
+            ("\"\\", "\"\\"),
+            ("-", "-"),
+        ] {
+            assert_eq!(quote_no_numbers(text.to_owned()), want);
+        }
     }
 }

@@ -35,6 +35,7 @@ mod tone;
 mod tracks;
 mod turns;
 mod undistort;
+mod usable;
 mod warning;
 
 use std::path::{Path, PathBuf};
@@ -60,6 +61,7 @@ pub use tone::{Samples, Tone, Transfer};
 pub use tracks::Tracks;
 pub use warning::Warning;
 
+use crate::format::{LeftOut, few};
 pub use crate::host_memory::DecodeLimit;
 use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Frame, Gaussians};
@@ -92,6 +94,8 @@ pub struct LoadOptions {
     /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is refused. Without a limit
     /// half of what is free is the most.
     pub host_memory: Option<u64>,
+    /// Whether a record that cannot be used is an error. Otherwise a few (one of ten) are left out, with a [`Warning::LeftOut`].
+    pub strict: bool,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
 }
@@ -109,6 +113,7 @@ impl Default for LoadOptions {
             behind: None,
             tone: Tone::default(),
             host_memory: None,
+            strict: false,
             photographs: true,
         }
     }
@@ -194,21 +199,18 @@ impl Dataset {
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let sizing = options.sizing();
         sizing::check(sizing)?;
-        let mut model = Model::read(path, options.format)?;
-        check_names(&mut model)?;
-        let mut judged = poses::Judgement::of(&model)?;
-        let mut warnings = std::mem::take(&mut model.warnings);
+        let mut model = Model::read(path, options.format, options.strict)?;
+        usable::names(&mut model, options.strict)?;
         if model.points.is_empty() {
-            warnings.push(Warning::NoPoints { file: model.points_file.clone() });
+            model.warnings.push(Warning::NoPoints { file: model.points_file.clone() });
         }
         let colourless = colourless(&mut model);
-        warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
-        let images =
-            if options.photographs { Some(find_photographs(path, options, &model, &mut warnings)?) } else { None };
+        model.warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
+        let images = if options.photographs { Some(find_photographs(path, options, &mut model)?) } else { None };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
-        let limit = DecodeLimit::new(options.host_memory);
-        let roles = roles(options.split, &model.shots, &mut warnings);
+        let (file, limit) = (model.file.clone(), DecodeLimit::new(options.host_memory));
+        let roles = roles(options.split, &model.shots, &mut model.warnings);
         let views = model
             .shots
             .par_iter()
@@ -232,7 +234,7 @@ impl Dataset {
                     masks::check_size(mask, size_on_disk, limit)?;
                 }
                 let (name, model, mask_ignores) = (shot.name.clone(), shot.model.clone(), options.mask_ignores);
-                Ok(View {
+                let view = View {
                     name,
                     path,
                     camera,
@@ -247,20 +249,19 @@ impl Dataset {
                     tone,
                     limit,
                     role,
-                })
+                };
+                range::check_camera(&file, &view).map(|()| view)
             })
             .collect::<Vec<Result<View, Error>>>();
-        // In the order of the names, so that of several problems always the same one is told.
-        let mut views = views.into_iter().collect::<Result<Vec<View>, Error>>()?;
+        let mut views = usable::views(&mut model, views, options.strict)?;
+        let masks = count_masks(&mut model, masks_folder, &views);
 
-        let masks = count_masks(&model, masks_folder, &views, &mut warnings);
-
-        judged.apply(&mut views, &mut warnings);
-        let centers = poses::without_far(&judged, &mut views, &model.points, &mut warnings);
+        let mut judged = poses::Judgement::of(&model)?;
+        judged.apply(&mut views, &mut model.warnings);
+        let centers = poses::without_far(&judged, &mut views, &model.points, &mut model.warnings);
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
-        warnings.extend(degenerate);
-        range::check_views(&model.file, &views, &frame)?;
-        range::check_points(model.points_file.as_deref().unwrap_or(&model.file), &model.points, &frame)?;
+        model.warnings.extend(degenerate);
+        usable::placed(&mut model, &mut views, &frame, options.strict)?;
         Ok(Self {
             path: path.to_owned(),
             format: model.format,
@@ -273,7 +274,7 @@ impl Dataset {
             tracks: model.tracks,
             frame,
             extent,
-            warnings,
+            warnings: model.warnings,
         })
     }
 
@@ -317,28 +318,7 @@ fn colourless(model: &mut Model) -> Option<Colourless> {
     Some(Colourless { file: model.points_file.clone().unwrap_or_else(|| model.file.clone()), why })
 }
 
-/// Sorts the poses by name and refuses names that cannot be.
-fn check_names(model: &mut Model) -> Result<(), Error> {
-    let file = &model.file;
-    if model.shots.is_empty() {
-        return Err(Error::NoImages { file: file.clone() });
-    }
-    model.shots.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = model.shots.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        return Err(Error::DuplicateName { file: file.clone(), name: pair[0].name.clone() });
-    }
-    match model.shots.iter().find(|shot| !folder::stays_inside(&shot.name)) {
-        Some(shot) => Err(Error::NameOutside { file: file.clone(), name: shot.name.clone() }),
-        None => Ok(()),
-    }
-}
-
-fn find_photographs(
-    path: &Path,
-    options: &LoadOptions,
-    model: &Model,
-    warnings: &mut Vec<Warning>,
-) -> Result<ImagesFolder, Error> {
+fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Result<ImagesFolder, Error> {
     let names: Vec<&str> = model.shots.iter().map(|s| s.name.as_str()).collect();
     let longest = model.shots.iter().map(|s| s.lens.size[0].max(s.lens.size[1])).max().unwrap_or(1);
     let wanted = options.sizing().longest(longest);
@@ -346,33 +326,36 @@ fn find_photographs(
         (Some(folder), None) => ImagesFolder { path: folder.clone(), reduction: 1, automatic: true },
         (_, asked) => folder::choose(path, asked.as_deref(), longest, wanted, &names)?,
     };
-    let missing: Vec<&&str> = names.iter().filter(|name| !images.path.join(name).is_file()).collect();
-    if let Some(first) = missing.first() {
-        folder::allowed(&images.path.join(first))?;
-        return Err(Error::MissingPhotographs {
-            folder: images.path,
-            count: missing.len(),
-            total: names.len(),
-            first: (**first).to_owned(),
-        });
+    let there: Vec<bool> = names.iter().map(|name| images.path.join(name).is_file()).collect();
+    let (missing, total) = (there.iter().filter(|there| !**there).count(), names.len());
+    if let Some(first) = names.iter().zip(&there).find(|(_, there)| !**there).map(|(name, _)| (*name).to_owned()) {
+        folder::allowed(&images.path.join(&first))?;
+        if options.strict || !few(missing as u64, total as u64) {
+            return Err(Error::MissingPhotographs { folder: images.path, count: missing, total, first });
+        }
+        let (file, problem) = (images.path.clone(), "there is no such file".to_owned());
+        let first = format!("'{first}'");
+        let left_out = LeftOut { file, what: "photographs", count: missing, of: total, first, problem };
+        model.warnings.push(Warning::LeftOut(left_out));
+        model.keep_shots(&there);
     }
     // A dataset's own folder holds masks and depth too: what is in it says nothing.
     let unposed = match &model.images {
         Some(_) => 0,
-        None => folder::count_photographs(&images.path).saturating_sub(names.len()),
+        None => folder::count_photographs(&images.path).saturating_sub(model.shots.len()),
     };
     if unposed > 0 {
-        warnings.push(Warning::PhotographsWithoutPose { photographs: unposed });
+        model.warnings.push(Warning::PhotographsWithoutPose { photographs: unposed });
     }
     Ok(images)
 }
 
 /// How many photographs have masks; a word when there is a folder of masks for nothing.
-fn count_masks(model: &Model, folder: Option<PathBuf>, views: &[View], warnings: &mut Vec<Warning>) -> Option<Masks> {
+fn count_masks(model: &mut Model, folder: Option<PathBuf>, views: &[View]) -> Option<Masks> {
     let (matched, of) = (views.iter().filter(|view| view.mask.is_some()).count(), views.len());
     match folder {
         Some(folder) if matched == 0 => {
-            warnings.push(Warning::NoMaskMatches { folder });
+            model.warnings.push(Warning::NoMaskMatches { folder });
             None
         }
         Some(place) => Some(Masks { place, matched, of }),

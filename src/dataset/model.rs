@@ -125,8 +125,9 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// Reads a dataset in the format asked for, else in the first whose files are there.
-    pub(super) fn read(dataset: &Path, asked: Option<Format>) -> Result<Self, Error> {
+    /// Reads a dataset in the format asked for, else in the first whose files are there. Records that cannot be used are left out, or
+    /// where it is `strict` an error.
+    pub(super) fn read(dataset: &Path, asked: Option<Format>, strict: bool) -> Result<Self, Error> {
         let found: Vec<Format> = Format::ALL.into_iter().filter(|format| format.is_in(dataset)).collect();
         let format = match asked {
             Some(format) if found.contains(&format) => format,
@@ -140,14 +141,52 @@ impl Model {
             }
         };
         let mut model = match format {
-            Format::Colmap => colmap::read(dataset)?,
-            Format::Nerfstudio => nerfstudio::read(dataset)?,
-            Format::Opensfm => opensfm::read(dataset)?,
+            Format::Colmap => colmap::read(dataset, strict)?,
+            Format::Nerfstudio => nerfstudio::read(dataset, strict)?,
+            Format::Opensfm => opensfm::read(dataset, strict)?,
         };
         let others: Vec<Format> = found.into_iter().filter(|other| *other != format).collect();
         if asked.is_none() && !others.is_empty() {
             model.warnings.push(Warning::SeveralFormats { used: format, others });
         }
         Ok(model)
+    }
+
+    /// Puts the poses into the order of their names.
+    pub(super) fn sort(&mut self) {
+        let mut order: Vec<usize> = (0..self.shots.len()).collect();
+        if self.shots.is_sorted_by(|a, b| a.name <= b.name) {
+            return;
+        }
+        order.sort_by(|a, b| self.shots[*a].name.cmp(&self.shots[*b].name));
+        let mut places = vec![None; order.len()];
+        for (place, old) in order.iter().enumerate() {
+            places[*old] = Some(place as u32);
+        }
+        self.tracks = self.tracks.kept(&vec![true; self.points.len()], &places);
+        self.shots.sort_by(|a, b| a.name.cmp(&b.name));
+    }
+
+    /// Keeps the poses for which `kept` is true.
+    pub(super) fn keep_shots(&mut self, kept: &[bool]) {
+        if kept.iter().all(|kept| *kept) {
+            return;
+        }
+        let mut next = 0..;
+        let places: Vec<Option<u32>> = kept.iter().map(|kept| if *kept { next.next() } else { None }).collect();
+        self.tracks = self.tracks.kept(&vec![true; self.points.len()], &places);
+        let mut each = kept.iter();
+        self.shots.retain(|_| each.next().copied().unwrap_or(true));
+    }
+
+    /// Keeps the points for which `kept` is true.
+    pub(super) fn keep_points(&mut self, kept: &[bool]) {
+        if kept.iter().all(|kept| *kept) {
+            return;
+        }
+        let places: Vec<Option<u32>> = (0..self.shots.len() as u32).map(Some).collect();
+        self.tracks = self.tracks.kept(kept, &places);
+        let mut each = kept.iter();
+        self.points.retain(|_| each.next().copied().unwrap_or(true));
     }
 }

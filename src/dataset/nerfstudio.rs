@@ -8,14 +8,16 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde_json::value::RawValue;
 
 use super::error::Error;
 use super::json::Json;
-use super::lens::{Distortion, Lens};
+use super::lens::{Distortion, Lens, names};
 use super::model::{Format, Model, Shot};
+use super::points_ply::Points;
 use super::split::Part;
-use super::{Tracks, folder, picture_file, points_ply, rotation};
-use crate::format::Error as FileError;
+use super::{Tracks, Warning, folder, picture_file, points_ply, rotation};
+use crate::format::{Error as FileError, Tally};
 
 const FILE: &str = "transforms.json";
 /// The camera model that instant-ngp's `is_fisheye` stands for.
@@ -53,9 +55,15 @@ macro_rules! with_camera_keys {
 
 with_camera_keys! {
     struct Transforms {
-        frames: Vec<Frame>,
         ply_file_path: Option<String>,
     }
+}
+
+/// The frames, each to be read alone.
+#[derive(Deserialize)]
+struct Frames<'a> {
+    #[serde(borrow)]
+    frames: Vec<&'a RawValue>,
 }
 
 with_camera_keys! {
@@ -71,19 +79,25 @@ pub(super) fn is_in(dataset: &Path) -> bool {
     dataset.join(FILE).is_file() || dataset.join(PARTS[0].0).is_file()
 }
 
-pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
+pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let files: Vec<(PathBuf, Option<Part>)> = match dataset.join(FILE) {
         file if file.is_file() => vec![(file, None)],
         _ => PARTS.iter().map(|(file, part)| (dataset.join(file), Some(*part))).collect(),
     };
-    let mut shots = Vec::new();
+    let (mut shots, mut warnings) = (Vec::new(), Vec::new());
     let mut points_file = None;
     for (file, part) in files.iter().filter(|(file, part)| part.is_none_or(|p| p == Part::Train) || file.is_file()) {
         let json = Json::open(file)?;
         let top: Transforms = json.parse()?;
-        for frame in &top.frames {
-            shots.push(shot(dataset, &json, &top, frame, *part)?);
+        let (before, mut tally) = (shots.len(), Tally::new(strict));
+        for (i, text) in json.parse::<Frames<'_>>()?.frames.into_iter().enumerate() {
+            let (name, shot) = match json.parse_part::<Frame>(text.get()) {
+                Ok(frame) => (format!("'{}'", frame.file_path), shot(dataset, &json, &top, &frame, *part)),
+                Err(error) => (format!("frame {i}"), Err(error.into())),
+            };
+            shots.extend(tally.take(name, shot)?);
         }
+        warnings.extend(tally.end(file, "frames", shots.len() - before)?.map(Warning::LeftOut));
         points_file = points_file.or(top.ply_file_path.map(|file| dataset.join(file)));
     }
     // The usual folder is left out of the names, so that its reduced copies can stand in for it.
@@ -93,7 +107,9 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
             shot.name.drain(..USUAL.len());
         }
     }
-    let (points, colourless) = points_file.as_deref().map(points_ply::read).transpose()?.unwrap_or_default();
+    let read = points_file.as_deref().map(|file| points_ply::read(file, strict)).transpose()?;
+    let Points { list: points, colourless, left_out } = read.unwrap_or_default();
+    warnings.extend(left_out.map(Warning::LeftOut));
     Ok(Model {
         format: Format::Nerfstudio,
         file: files.into_iter().next().map(|(file, _)| file).unwrap_or_default(),
@@ -104,7 +120,7 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         points_file,
         images: (!usual).then(|| dataset.to_owned()),
         reference: None,
-        warnings: Vec::new(),
+        warnings,
     })
 }
 
@@ -152,7 +168,7 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
     let wrong = |key: &str, problem: String| {
         json.error(&frame.file_path, format_args!("{key} of frame '{}'", frame.file_path), problem)
     };
-    let named = frame.camera_model.as_deref().or(top.camera_model.as_deref());
+    let named = frame.camera_model.as_deref().or(top.camera_model.as_deref()).map(kind);
     // instant-ngp names no models, and says this of its cameras.
     let model = match (named, frame.is_fisheye.or(top.is_fisheye)) {
         (Some(model), Some(fisheye)) if fisheye != (model == FISHEYE) => {
@@ -196,11 +212,29 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
         }
         FISHEYE => Distortion::Fisheye { k },
         other => {
-            let problem = format!("is {other}; known are PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and OPENCV_FISHEYE");
+            let known = "known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and OPENCV_FISHEYE";
+            let problem = match names::is_panorama(other) {
+                true => format!("is {other}: {}", names::PANORAMA),
+                false => format!("is {other}; {known}"),
+            };
             return Err(wrong("camera_model", problem).into());
         }
     };
     Ok((model.to_owned(), Lens::new(focal, center, size, distortion)))
+}
+
+/// The name that a camera model has here, of any usual spelling.
+fn kind(name: &str) -> &str {
+    match names::key(name).as_str() {
+        "SIMPLEPINHOLE" => "SIMPLE_PINHOLE",
+        "PINHOLE" => "PINHOLE",
+        "SIMPLERADIAL" => "SIMPLE_RADIAL",
+        "RADIAL" => "RADIAL",
+        // What other programs call a perspective camera with these coefficients, all of which may be zero.
+        "OPENCV" | "PERSPECTIVE" | "BROWN" | "BROWNCONRADY" => "OPENCV",
+        "OPENCVFISHEYE" | "FISHEYE" | "EQUIDISTANT" => FISHEYE,
+        _ => name,
+    }
 }
 
 /// World to camera, with the camera's y down and z forwards.
@@ -215,8 +249,10 @@ fn pose(json: &Json, frame: &Frame) -> Result<([[f64; 3]; 3], [f64; 3]), FileErr
     let columns = [1.0, -1.0, -1.0];
     // The transpose: from the world's axes to the camera's.
     let turned: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i] * columns[i]));
-    let rotation =
-        rotation::nearest(&turned).ok_or_else(|| wrong("its first three columns are no rotation".to_owned()))?;
+    if rows.get(3).is_some_and(|last| last[..3].iter().any(|v| *v != 0.0)) {
+        return Err(wrong(format!("its last row is {:?} and not [0, 0, 0, 1]: the matrix may be transposed", rows[3])));
+    }
+    let rotation = rotation::nearest(&turned).map_err(|are| wrong(format!("its first three columns are {are}")))?;
     let center = [rows[0][3], rows[1][3], rows[2][3]];
     let translation = rotation::apply(&rotation, center).map(|v| -v);
     Ok((rotation, translation))

@@ -4,18 +4,18 @@
 //! Pixels are normalised by the longer side, about the middle of the photograph; rotations are vectors (axis times angle) from
 //! the world to the camera, whose axes are x right, y down, z forwards.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 use super::error::Error;
-use super::json::Json;
-use super::lens::{Distortion, Lens};
+use super::json::{Entries, Json};
+use super::lens::{Distortion, Lens, names};
 use super::model::{Format, Model, Reference, Shot};
 use super::points_ply::GREY;
 use super::{NoColours, Point, Tracks, Warning, rotation};
-use crate::format::{Error as FileError, ply};
+use crate::format::{Error as FileError, Tally, ply};
 
 /// The file of a project, of OpenSfM or of OpenDroneMap.
 pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
@@ -27,19 +27,21 @@ pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
 const NOWHERE: Reference = Reference { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
 
 #[derive(Deserialize)]
-struct Reconstruction {
-    cameras: BTreeMap<String, CameraEntry>,
-    shots: BTreeMap<String, ShotEntry>,
-    #[serde(default)]
-    points: BTreeMap<String, PointEntry>,
+struct Reconstruction<'a> {
+    #[serde(borrow)]
+    cameras: Entries<'a>,
+    #[serde(borrow)]
+    shots: Entries<'a>,
+    #[serde(borrow, default)]
+    points: Entries<'a>,
     reference_lla: Option<Reference>,
 }
 
 #[derive(Deserialize)]
 struct CameraEntry {
     projection_type: Option<String>,
-    width: u32,
-    height: u32,
+    width: f64,
+    height: f64,
     focal: Option<f64>,
     focal_x: Option<f64>,
     focal_y: Option<f64>,
@@ -64,8 +66,17 @@ struct CameraEntry {
 #[derive(Deserialize)]
 struct ShotEntry {
     camera: String,
-    rotation: [f64; 3],
+    rotation: RotationEntry,
     translation: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a rotation is a vector of 3 numbers, or a matrix of 3 rows with 3 numbers")]
+enum RotationEntry {
+    /// The axis times the angle.
+    Vector([f64; 3]),
+    /// Row by row.
+    Matrix([[f64; 3]; 3]),
 }
 
 #[derive(Deserialize)]
@@ -74,11 +85,14 @@ struct PointEntry {
     color: Option<[f64; 3]>,
 }
 
-pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
+/// A lens and what it is called, by the camera's name; with what is wrong where it cannot be read.
+type Lenses = BTreeMap<String, Result<(String, Lens), FileError>>;
+
+pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let path = file(dataset).unwrap_or_else(|| dataset.join("reconstruction.json"));
     let json = Json::open(&path)?;
-    let mut parts: Vec<Reconstruction> = json.parse()?;
-    let sizes: Vec<usize> = parts.iter().map(|part| part.shots.len()).collect();
+    let mut parts: Vec<Reconstruction<'_>> = json.parse()?;
+    let sizes: Vec<usize> = parts.iter().map(|part| part.shots.0.len()).collect();
     let most = sizes.iter().copied().max().unwrap_or(0);
     let mut warnings = Vec::new();
     let Some(largest) = sizes.iter().position(|size| *size == most) else {
@@ -89,27 +103,26 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
         warnings.push(Warning::OtherParts { used: most, parts: parts.len() - 1, shots });
     }
     let part = parts.swap_remove(largest);
-    let lenses: BTreeMap<&String, (String, Lens)> =
-        part.cameras.iter().map(|(id, camera)| Ok((id, lens(&json, id, camera)?))).collect::<Result<_, FileError>>()?;
-    let mut shots = Vec::with_capacity(part.shots.len());
-    for (name, shot) in &part.shots {
-        let (model, lens) = lenses.get(&shot.camera).ok_or_else(|| {
-            let field = format!("camera of shot '{name}'");
-            json.error(name, field, format_args!("there is no camera '{}'", shot.camera))
-        })?;
-        shots.push(Shot {
-            name: name.clone(),
-            camera: shot.camera.clone(),
-            model: model.clone(),
-            lens: *lens,
-            rotation: rotation::of_vector(shot.rotation),
-            translation: shot.translation,
-            mask: None,
-            part: None,
-            observations: Vec::new(),
-        });
+    let lenses = lenses(&json, part.cameras, strict)?;
+    let (mut shots, mut needed, mut tally) = (Vec::new(), BTreeSet::new(), Tally::new(strict));
+    for (name, text) in part.shots.0 {
+        let entry = json.parse_part::<ShotEntry>(text.get());
+        needed.extend(entry.as_ref().ok().map(|entry| entry.camera.clone()));
+        let shot = entry.and_then(|entry| shot(&json, &name, entry, &lenses));
+        shots.extend(tally.take(format_args!("'{name}'"), shot)?);
     }
-    let (points, colourless) = points(&part.points);
+    warnings.extend(tally.end(&path, "shots", shots.len())?.map(Warning::LeftOut));
+    warnings.extend(unneeded(&path, lenses, &needed, strict)?);
+    let mut tally = Tally::new(strict);
+    let mut texts = part.points.0;
+    texts.sort_by(|a, b| a.0.cmp(&b.0));
+    let mut entries = Vec::with_capacity(texts.len());
+    for (id, text) in texts {
+        let entry = tally.take(format_args!("point {id}"), json.parse_part(text.get()))?;
+        entries.extend(entry.map(|entry| (id, entry)));
+    }
+    warnings.extend(tally.end(&path, "points", entries.len())?.map(Warning::LeftOut));
+    let (points, colourless) = points(&entries);
     Ok(Model {
         format: Format::Opensfm,
         file: path.clone(),
@@ -124,12 +137,64 @@ pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
     })
 }
 
+fn lenses(json: &Json, cameras: Entries<'_>, strict: bool) -> Result<Lenses, FileError> {
+    let mut lenses = Lenses::new();
+    for (id, text) in cameras.0 {
+        let entry = json.parse_part::<CameraEntry>(text.get()).and_then(|camera| lens(json, &id, &camera));
+        lenses.insert(id, if strict { Ok(entry?) } else { entry });
+    }
+    Ok(lenses)
+}
+
+/// What is told of cameras that cannot be read where no shot needs them.
+fn unneeded(
+    file: &Path,
+    lenses: Lenses,
+    needed: &BTreeSet<String>,
+    strict: bool,
+) -> Result<Option<Warning>, FileError> {
+    let (of, mut tally) = (lenses.len(), Tally::new(strict));
+    for (id, lens) in lenses.into_iter().filter(|(id, _)| !needed.contains(id)) {
+        tally.take(format_args!("camera '{id}'"), lens)?;
+    }
+    Ok(tally.told(file, "cameras", of).map(Warning::LeftOut))
+}
+
+fn shot(json: &Json, name: &str, entry: ShotEntry, lenses: &Lenses) -> Result<Shot, FileError> {
+    let wrong = |key: &str, problem: String| json.error(name, format_args!("{key} of shot '{name}'"), problem);
+    let (model, lens) = match lenses.get(&entry.camera) {
+        Some(Ok(lens)) => lens,
+        Some(Err(error)) => return Err(wrong("camera", format!("'{}' cannot be read: {error}", entry.camera))),
+        None => return Err(wrong("camera", format!("there is no camera '{}'", entry.camera))),
+    };
+    let rotation = match entry.rotation {
+        RotationEntry::Vector(vector) => rotation::of_vector(vector),
+        RotationEntry::Matrix(matrix) => {
+            rotation::nearest(&matrix).map_err(|is| wrong("rotation", format!("is {is}")))?
+        }
+    };
+    if rotation.iter().flatten().any(|v| !v.is_finite()) {
+        return Err(wrong("rotation", "is beyond all range".to_owned()));
+    }
+    Ok(Shot {
+        name: name.to_owned(),
+        camera: entry.camera,
+        model: model.clone(),
+        lens: *lens,
+        rotation,
+        translation: entry.translation,
+        mask: None,
+        part: None,
+        observations: Vec::new(),
+    })
+}
+
 /// The points by their numbers, and why they have no colours where they have none.
-fn points(entries: &BTreeMap<String, PointEntry>) -> (Vec<Point>, Option<NoColours>) {
-    let all: Option<Vec<[f64; 3]>> = entries.values().map(|entry| entry.color).collect();
+fn points(entries: &[(String, PointEntry)]) -> (Vec<Point>, Option<NoColours>) {
+    let all: Option<Vec<[f64; 3]>> = entries.iter().map(|(_, entry)| entry.color).collect();
     let read = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
     let colours = read.map(|(colours, _)| colours);
-    let point = |(i, (id, entry)): (usize, (&String, &PointEntry))| {
+    let point = |(i, (id, entry)): (usize, &(String, PointEntry))| {
         let id = id.parse().unwrap_or(i as u64);
         let color = colours.as_ref().and_then(|colours| colours.get(i)).copied().unwrap_or(GREY);
         Point { id, position: entry.coordinates, color, error: 0.0, track: 0 }
@@ -146,7 +211,8 @@ fn points(entries: &BTreeMap<String, PointEntry>) -> (Vec<Point>, Option<NoColou
 
 fn lens(json: &Json, id: &str, camera: &CameraEntry) -> Result<(String, Lens), FileError> {
     let wrong = |key: &str, problem: String| json.error(id, format_args!("{key} of camera '{id}'"), problem);
-    let kind = camera.projection_type.as_deref().unwrap_or("perspective");
+    let given = camera.projection_type.as_deref().unwrap_or("perspective");
+    let kind = kind(given);
     let (k1, k2, k3, k4, tangential) = (camera.k1, camera.k2, camera.k3, camera.k4, [camera.p1, camera.p2]);
     let one = matches!(kind, "perspective" | "fisheye");
     let distortion = match kind {
@@ -157,12 +223,18 @@ fn lens(json: &Json, id: &str, camera: &CameraEntry) -> Result<(String, Lens), F
         "fisheye_opencv" => Distortion::Fisheye { k: [k1, k2, k3, k4] },
         other => {
             let known = "perspective, simple_radial, radial, brown, fisheye and fisheye_opencv";
-            return Err(wrong("projection_type", format!("is {other}; known are {known}")));
+            let problem = match names::is_panorama(other) {
+                true => format!("is {other}: {}", names::PANORAMA),
+                false => format!("is {other}; known are {known}"),
+            };
+            return Err(wrong("projection_type", problem));
         }
     };
-    let sides = [camera.width, camera.height].map(f64::from);
-    if sides.iter().any(|side| !(1.0..=1_048_576.0).contains(side)) {
-        return Err(wrong("size", format!("is {}x{}", camera.width, camera.height)));
+    let sides = [camera.width, camera.height];
+    for (key, side) in ["width", "height"].into_iter().zip(sides) {
+        if !(side.fract() == 0.0 && (1.0..=1_048_576.0).contains(&side)) {
+            return Err(wrong(key, format!("is {side}")));
+        }
     }
     let longer = sides[0].max(sides[1]);
     let positive = |key: &str, value: Option<f64>| match value {
@@ -177,5 +249,12 @@ fn lens(json: &Json, id: &str, camera: &CameraEntry) -> Result<(String, Lens), F
         ([positive("focal_x", camera.focal_x)?, positive("focal_y", camera.focal_y)?], [camera.c_x, camera.c_y])
     };
     let center = [0.5 * sides[0] + middle[0] * longer, 0.5 * sides[1] + middle[1] * longer];
-    Ok((kind.to_owned(), Lens::new(focal, center, [camera.width, camera.height], distortion)))
+    Ok((kind.to_owned(), Lens::new(focal, center, sides.map(|side| side as u32), distortion)))
+}
+
+/// OpenSfM's name of a kind of camera, of any usual spelling.
+fn kind(name: &str) -> &str {
+    let known = ["perspective", "simple_radial", "radial", "brown", "fisheye", "fisheye_opencv"];
+    let wanted = names::key(name);
+    known.into_iter().find(|kind| names::key(kind) == wanted).unwrap_or(name)
 }

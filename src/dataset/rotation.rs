@@ -1,26 +1,41 @@
 //! Rotations as files have them.
 
-/// The rotation nearest to a matrix that is one up to its rounding; `None` for anything else.
-pub(super) fn nearest(matrix: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let gram = |m: &[[f64; 3]; 3], i: usize, j: usize| -> f64 { (0..3).map(|k| m[i][k] * m[j][k]).sum() };
-    let off = |m: &[[f64; 3]; 3]| {
-        let pairs = (0..9).map(|k| (gram(m, k / 3, k % 3) - if k / 3 == k % 3 { 1.0 } else { 0.0 }).abs());
-        pairs.fold(0.0, |most: f64, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
-    };
+/// How far products of the rows of a rotation may be off, by the rounding of a file.
+const ROUNDING: f64 = 1e-3;
+
+/// The rotation in a matrix that is one up to its rounding and to one scale of all axes; for anything else what it is.
+pub(super) fn nearest(matrix: &[[f64; 3]; 3]) -> Result<[[f64; 3]; 3], &'static str> {
     let [a, b, c] = matrix;
     let det =
         a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-    if off(matrix) > 1e-3 || det < 0.0 {
-        return None;
-    }
     let mut m = *matrix;
+    if off(&m) > ROUNDING && det.is_finite() && det != 0.0 {
+        let scale = det.abs().cbrt();
+        m = m.map(|row| row.map(|v| v / scale));
+    }
+    if !(det.is_finite() && off(&m) <= ROUNDING) {
+        return Err("no rotation: the axes are scaled apart, not at right angles, or missing");
+    }
+    if det < 0.0 {
+        return Err("a reflection, which no camera makes: one axis points the wrong way");
+    }
     // Newton's iteration for the polar factor: the error is squared each time.
     for _ in 0..4 {
         m = std::array::from_fn(|i| {
             std::array::from_fn(|j| 1.5 * m[i][j] - 0.5 * (0..3).map(|k| gram(&m, i, k) * m[k][j]).sum::<f64>())
         });
     }
-    Some(m)
+    Ok(m)
+}
+
+fn gram(m: &[[f64; 3]; 3], i: usize, j: usize) -> f64 {
+    (0..3).map(|k| m[i][k] * m[j][k]).sum()
+}
+
+/// How far the rows are from being of unit length and at right angles.
+fn off(m: &[[f64; 3]; 3]) -> f64 {
+    let pairs = (0..9).map(|k| (gram(m, k / 3, k % 3) - if k / 3 == k % 3 { 1.0 } else { 0.0 }).abs());
+    pairs.fold(0.0, |most: f64, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
 }
 
 /// The rotation about an axis by the vector's length in radians (Rodrigues).
@@ -43,4 +58,26 @@ pub(super) fn of_vector(v: [f64; 3]) -> [[f64; 3]; 3] {
 
 pub(super) fn apply(rotation: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     rotation.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_scale_of_all_axes_is_divided_out() {
+        let turned = of_vector([0.3, -0.7, 1.1]);
+        let alike = |m: &[[f64; 3]; 3]| (0..9).all(|k| (m[k / 3][k % 3] - turned[k / 3][k % 3]).abs() < 1e-12);
+        for scale in [1.0, 1.0004, 0.01, 2.5, 1e6] {
+            let found = nearest(&turned.map(|row| row.map(|v| v * scale))).expect("a rotation");
+            assert!(alike(&found), "{scale}: {found:?}");
+        }
+        let mut other = turned;
+        other[1] = other[1].map(|v| -2.0 * v);
+        assert!(nearest(&other).expect_err("two scales").contains("scaled apart"));
+        assert!(nearest(&turned.map(|row| row.map(|v| -3.0 * v))).expect_err("mirrored").contains("reflection"));
+        other[1] = [turned[1][0] + 0.1, turned[1][1], turned[1][2]];
+        assert!(nearest(&other).expect_err("sheared").contains("right angles"));
+        assert!(nearest(&[[0.0; 3]; 3]).is_err() && nearest(&[[f64::NAN; 3]; 3]).is_err());
+    }
 }

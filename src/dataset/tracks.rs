@@ -28,8 +28,32 @@ impl Tracks {
         self.ends.get(point).and_then(|end| self.views.get(start..*end)).unwrap_or(&[])
     }
 
+    /// Those of the points for which `points` is true, where `places` has the new positions of the views, or nothing where a view is gone.
+    pub(super) fn kept(&self, points: &[bool], places: &[Option<u32>]) -> Self {
+        let kept = points.iter().enumerate().filter(|(_, kept)| **kept).map(|(point, _)| self.of(point));
+        let placed = |view: &u32| places.get(*view as usize).copied().flatten();
+        if self.ends.is_empty() {
+            Self::default()
+        } else {
+            Self::new(kept.map(|views| views.iter().filter_map(placed).collect()))
+        }
+    }
+
     /// Whether nothing is known.
     pub fn is_empty(&self) -> bool {
         self.views.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Tracks;
+
+    #[test]
+    fn views_and_points_that_are_left_out_leave_the_others_theirs() {
+        let tracks = Tracks::new([vec![0, 1, 2], vec![2], vec![1, 3]]);
+        let kept = tracks.kept(&[true, false, true], &[Some(0), None, Some(1), Some(2)]);
+        assert_eq!(kept, Tracks::new([vec![0, 1], vec![2]]));
+        assert_eq!(Tracks::default().kept(&[true], &[None]), Tracks::default());
     }
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use super::{Colourless, Format, PoseFault};
+use crate::format::LeftOut;
 
 /// Other models are named up to this many.
 const NAMED: usize = 5;
@@ -111,6 +112,37 @@ pub enum Warning {
     },
     /// The colours of the points say nothing: training takes them from the photographs.
     PointsWithoutColours(Colourless),
+    /// Records that cannot be used are left out.
+    LeftOut(LeftOut),
+    /// A text file announces another number of records than it holds.
+    CountDiffers {
+        /// The file.
+        file: PathBuf,
+        /// What the records are, in the plural.
+        what: &'static str,
+        /// How many the comment at the top announces.
+        announced: u64,
+        /// How many there are.
+        found: u64,
+    },
+    /// Images of COLMAP share a number, by which points name them.
+    SharedNumber {
+        /// The first such number.
+        number: u32,
+        /// Images that have the number of an image before them.
+        images: usize,
+    },
+    /// Points were seen from images that are not in the model.
+    UnknownObservers {
+        /// The file with the points.
+        file: PathBuf,
+        /// How many such points there are.
+        points: usize,
+        /// The first of them.
+        point: u64,
+        /// The number of the image that it names.
+        image: u32,
+    },
     /// The folder has photographs that the model does not place.
     PhotographsWithoutPose {
         /// How many.
@@ -122,6 +154,11 @@ impl Warning {
     /// Whether it is of use to who trains alone: scores and depths of photographs are what they are without.
     pub fn is_of_training(&self) -> bool {
         matches!(self, Self::NoPoints { .. } | Self::PointsWithoutColours(_))
+    }
+
+    /// Whether it is of what the files hold, also to who needs the poses alone.
+    pub fn is_of_files(&self) -> bool {
+        matches!(self, Self::LeftOut(_) | Self::CountDiffers { .. })
     }
 }
 
@@ -213,6 +250,22 @@ impl fmt::Display for Warning {
                 )
             }
             Self::PointsWithoutColours(colourless) => colourless.fmt(f),
+            Self::LeftOut(left_out) => left_out.fmt(f),
+            Self::CountDiffers { file, what, announced, found } => write!(
+                f,
+                "{}: the comment at the top announces {announced} {what}, the file holds {found}, which are used: it may have been cut off",
+                file.display()
+            ),
+            Self::SharedNumber { number, images } => write!(
+                f,
+                "{images} images have a number that another image has, {number} for one: which of them points were seen from is not known"
+            ),
+            Self::UnknownObservers { file, points, point, image } => write!(
+                f,
+                "{}: {points} points were seen from images that are not in the model, point {point} from image {image} for one: these \
+                 observations are not used",
+                file.display()
+            ),
             Self::PhotographsWithoutPose { photographs } => {
                 write!(f, "{photographs} photographs have no pose in the model and are not used")
             }

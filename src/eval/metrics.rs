@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::geometry::Geometry;
-use crate::format::atomic;
+use crate::format::{atomic, read_text};
 
 /// Waits that are told one by one; `metrics.json` has all of them.
 const TOLD_WAITS: usize = 20;
@@ -207,8 +207,7 @@ impl Metrics {
 
     /// Reads `metrics.json`.
     pub fn read(path: &Path) -> Result<Self, MetricsError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| MetricsError::File { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| MetricsError::File { path: path.to_owned(), source })?;
         serde_json::from_str(&text).map_err(|source| MetricsError::Json { path: path.to_owned(), source })
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{At, Error, atomic};
+use super::{At, Error, atomic, read_text};
 use crate::eval::ExposureMatrix;
 
 /// The name of the file, in the folder of the run.
@@ -26,7 +26,7 @@ impl ExposureFile {
 
     /// Reads the file.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(file).map_err(Error::io(file, "read"))?;
+        let text = read_text(file).map_err(Error::io(file, "read"))?;
         serde_json::from_str(&text)
             .map_err(|e| Error::malformed(file, "exposures", At::Line(e.line().max(1) as u64), e))
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{At, Error, atomic};
+use super::{At, Error, atomic, read_text};
 use crate::scene::Frame;
 
 /// The name of the file, in the folder of the model.
@@ -34,7 +34,7 @@ impl FrameFile {
 
     /// Reads the file.
     pub fn read(file: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(file).map_err(Error::io(file, "read"))?;
+        let text = read_text(file).map_err(Error::io(file, "read"))?;
         let read: Self = serde_json::from_str(&text)
             .map_err(|e| Error::malformed(file, "frame", At::Line(e.line().max(1) as u64), e))?;
         let usable = read.frame.scale.is_finite() && read.frame.scale > 0.0;

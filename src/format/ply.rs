@@ -26,13 +26,13 @@ mod write;
 
 use std::path::Path;
 
-use super::Error;
+use super::{Error, LeftOut};
 use crate::scene::{Frame, Gaussians, Similarity};
 
-pub use cloud::{Cloud, Content, read_content};
+pub use cloud::{Cloud, Content, read_content, read_content_with};
 pub(crate) use colours::of_numbers as colours_of_numbers;
 pub use mesh::Mesh;
-pub use read::read;
+pub use read::{read, read_with};
 pub use write::write;
 
 /// Coefficients of spherical harmonics per colour channel, without the constant one, by degree.
@@ -53,6 +53,8 @@ pub struct Model {
     pub constrained: Option<usize>,
     /// The version of this program that wrote the file, where one did.
     pub version: Option<String>,
+    /// Splats of the file that are not finite, and are not among these.
+    pub left_out: Option<LeftOut>,
 }
 
 /// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`], with quaternions of unit length.
@@ -78,6 +80,7 @@ pub fn save_staged(
         antialias: Some(antialias),
         constrained,
         version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+        left_out: None,
     };
     write(file, &model)
 }

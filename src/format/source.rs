@@ -2,11 +2,12 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::error::{At, Error};
+use super::text::{self, MARK};
 
 /// Opens a file and gives its length. What is not a regular file is refused before it is opened: a pipe would never answer, and has no
 /// length that sizes could be compared with.
@@ -88,11 +89,9 @@ impl Source {
         self.array(field).map(u64::from_le_bytes)
     }
 
-    /// A finite f64.
+    /// An f64, finite or not.
     pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
-        let at = self.at;
-        let value = self.array(&field).map(f64::from_le_bytes)?;
-        if value.is_finite() { Ok(value) } else { Err(self.error(at, field, format_args!("is {value}"))) }
+        self.array(field).map(f64::from_le_bytes)
     }
 
     /// A u64 count of records that take at least `record` bytes each.
@@ -113,16 +112,16 @@ impl Source {
         }
     }
 
-    /// UTF-8 text up to a zero byte.
-    pub(crate) fn text(&mut self, field: impl Display) -> Result<String, Error> {
+    /// Bytes up to a zero byte, without it.
+    pub(crate) fn word(&mut self, field: impl Display) -> Result<Vec<u8>, Error> {
         let at = self.at;
         let mut out = Vec::new();
         self.reader.read_until(0, &mut out).map_err(Error::io(&self.file, "read"))?;
         self.at += out.len() as u64;
-        if out.pop() != Some(0) {
-            return Err(self.error(at, field, "is not ended by a zero byte"));
+        match out.pop() {
+            Some(0) => Ok(out),
+            _ => Err(self.error(at, field, "is not ended by a zero byte")),
         }
-        String::from_utf8(out).map_err(|_| self.error(at, field, "is not UTF-8"))
     }
 
     pub(crate) fn skip(&mut self, bytes: u64, field: impl Display) -> Result<(), Error> {
@@ -147,7 +146,7 @@ impl Source {
 /// A text file, line by line.
 pub(crate) struct Lines {
     file: PathBuf,
-    reader: BufReader<File>,
+    reader: Box<dyn BufRead>,
     number: u64,
     raw: Vec<u8>,
 }
@@ -155,12 +154,24 @@ pub(crate) struct Lines {
 impl Lines {
     pub(crate) fn open(file: &Path) -> Result<Self, Error> {
         let (opened, _) = open(file)?;
-        Ok(Self {
-            file: file.to_owned(),
-            reader: BufReader::with_capacity(1 << 16, opened),
-            number: 0,
-            raw: Vec::new(),
-        })
+        let mut reader = BufReader::with_capacity(1 << 16, opened);
+        let start = reader.fill_buf().map_err(Error::io(file, "read"))?;
+        let (marked, wide) = (start.starts_with(MARK), text::units(start).is_some());
+        if marked {
+            reader.consume(MARK.len());
+        }
+        let reader: Box<dyn BufRead> = if wide { Box::new(Self::narrow(file, reader)?) } else { Box::new(reader) };
+        Ok(Self { file: file.to_owned(), reader, number: 0, raw: Vec::new() })
+    }
+
+    /// The text of a file in UTF-16.
+    fn narrow(file: &Path, mut reader: BufReader<File>) -> Result<Cursor<String>, Error> {
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes).map_err(Error::io(file, "read"))?;
+        let text = text::decode(bytes).map_err(|at| {
+            Error::malformed(file, "text", At::Byte(at as u64), "is not UTF-16, as the first bytes say")
+        })?;
+        Ok(Cursor::new(text))
     }
 
     /// The next line without its end; `None` after the last.
@@ -173,13 +184,19 @@ impl Lines {
         self.number += 1;
         let text = std::str::from_utf8(&self.raw)
             .map_err(|_| Error::malformed(&self.file, "text", At::Line(self.number), "is not UTF-8"))?;
+        let ended = text.ends_with('\n');
         let text = text.trim_end_matches(['\n', '\r']);
-        Ok(Some(Line { file: &self.file, number: self.number, text, rest: text }))
+        Ok(Some(Line { file: &self.file, number: self.number, ended, text, rest: text }))
     }
 
     /// Whether the line read last has its end.
     pub(crate) fn ended(&self) -> bool {
         self.raw.last() == Some(&b'\n')
+    }
+
+    /// The line read last.
+    pub(crate) fn at(&self) -> At {
+        At::Line(self.number)
     }
 
     pub(crate) fn error(&self, field: impl Display, problem: impl Display) -> Error {
@@ -191,6 +208,8 @@ impl Lines {
 pub(crate) struct Line<'a> {
     file: &'a Path,
     number: u64,
+    /// Whether it has its end: the last one of a file that was cut has none.
+    pub(crate) ended: bool,
     pub(crate) text: &'a str,
     rest: &'a str,
 }
@@ -207,19 +226,32 @@ impl<'a> Line<'a> {
         if word.is_empty() { Err(self.error(field, "is missing")) } else { Ok(word) }
     }
 
-    pub(crate) fn value<T: FromStr>(&mut self, field: impl Display) -> Result<T, Error> {
+    /// A number, finite or not.
+    pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
         let word = self.word(&field)?;
-        word.parse().map_err(|_| self.error(field, format_args!("'{word}' is not a number of the kind it should be")))
+        word.parse().map_err(|_| self.error(field, format_args!("'{word}' is not a number")))
     }
 
-    /// A finite f64.
-    pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
-        let value: f64 = self.value(&field)?;
+    /// A finite number.
+    pub(crate) fn finite(&mut self, field: impl Display) -> Result<f64, Error> {
+        let value = self.f64(&field)?;
         if value.is_finite() { Ok(value) } else { Err(self.error(field, format_args!("is {value}"))) }
+    }
+
+    /// A whole number, however it is written.
+    pub(crate) fn whole<T: FromStr + TryFrom<u64>>(&mut self, field: impl Display) -> Result<T, Error> {
+        let word = self.word(&field)?;
+        whole(word).ok_or_else(|| self.error(field, format_args!("'{word}' is not a number of the kind it should be")))
     }
 
     pub(crate) fn at(&self) -> At {
         At::Line(self.number)
+    }
+
+    /// What stands after so many words of the whole line.
+    pub(crate) fn beyond(&self, words: usize) -> &'a str {
+        let after = |rest: &'a str, _| rest.find(char::is_whitespace).map_or("", |end| rest[end..].trim_start());
+        (0..words).fold(self.text.trim(), after)
     }
 
     /// What is left of the line, without white space around it.
@@ -232,8 +264,45 @@ impl<'a> Line<'a> {
         self.rest.trim_start().is_empty()
     }
 
+    /// Leaves out what stands behind a `#`, of a line that holds no text of its own.
+    pub(crate) fn without_comment(mut self) -> Self {
+        let end = self.text.find('#').unwrap_or(self.text.len());
+        (self.text, self.rest) = (&self.text[..end], &self.text[..end]);
+        self
+    }
+
     /// Fields not yet taken.
     pub(crate) fn left(&self) -> usize {
         self.rest.split_whitespace().count()
+    }
+}
+
+/// Whole numbers up to here are told from one another by an f64.
+const WHOLE: f64 = 9_007_199_254_740_992.0;
+
+/// A whole number as programs write it: 640, and 640.0 or 6.4e2 where theirs are floating-point ones.
+pub(crate) fn whole<T: FromStr + TryFrom<u64>>(word: &str) -> Option<T> {
+    if let Ok(value) = word.parse() {
+        return Some(value);
+    }
+    let value: f64 = word.parse().ok()?;
+    let exact = value.fract() == 0.0 && (0.0..=WHOLE).contains(&value);
+    if exact { T::try_from(value as u64).ok() } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::whole;
+
+    #[test]
+    fn whole_numbers_may_be_written_as_floating_point_ones() {
+        for word in ["640", "640.0", "640.", "6.4e2", "+640", "6.40E+02"] {
+            assert_eq!(whole::<u32>(word), Some(640), "{word}");
+        }
+        for word in ["640.5", "-1", "-640.0", "nan", "inf", "1e30", "", "6 40", "4294967296.0"] {
+            assert_eq!(whole::<u32>(word), None, "{word}");
+        }
+        assert_eq!((whole::<u8>("255.0"), whole::<u8>("256")), (Some(255), None));
+        assert_eq!(whole::<u64>("18446744073709551615"), Some(u64::MAX));
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{At, Error};
+use super::{At, Error, read_text};
 use crate::scene::Similarity;
 
 /// What a file may hold.
@@ -29,7 +29,7 @@ fn one() -> f64 {
 /// Reads a similarity: JSON, either a matrix of 4x4 or 3x4 numbers row by row (such as gsplat's normalisation), or an object with
 /// `transform` (that matrix) and `scale` (applied after it), which is nerfstudio's `dataparser_transforms.json`.
 pub fn read_transform(file: &Path) -> Result<Similarity, Error> {
-    let text = std::fs::read_to_string(file).map_err(Error::io(file, "read"))?;
+    let text = read_text(file).map_err(Error::io(file, "read"))?;
     let fail =
         |line: usize, problem: String| Error::malformed(file, "transform", At::Line(line.max(1) as u64), problem);
     // First as any JSON, for errors that say where they are.

@@ -17,7 +17,7 @@ use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
 use crate::dataset::{Colourless, Dataset, HostShare, LoadOptions, NoColours, Role, Tone, Warning};
 use crate::format::ply::{self, Cloud, Content};
-use crate::format::{At, Error as FileError};
+use crate::format::{At, Error as FileError, LeftOut};
 use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
 use crate::stereo::Prior;
@@ -33,6 +33,7 @@ pub fn load_options(photographs: &settings::Photographs, background: [f32; 3]) -
         mask_ignores: photographs.mask_ignores,
         behind: (photographs.transparent == Transparent::Background).then_some(background),
         tone: Tone { white_level: photographs.white_level, transfer: photographs.transfer },
+        strict: photographs.strict,
         ..LoadOptions::default()
     }
 }
@@ -91,6 +92,8 @@ pub struct First {
     pub splats: Gaussians,
     /// The points that it is of, where their colours say nothing: [`Uncoloured::take_colours`] gives them those of photographs.
     pub uncoloured: Option<Uncoloured>,
+    /// What was left out of the file that the model was read from.
+    pub left_out: Option<LeftOut>,
 }
 
 /// The splats of [`first`].
@@ -101,14 +104,20 @@ pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Erro
 /// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none from random ones.
 /// Of points no more than `--max-splats`; a model stays whole.
 pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
-    let whole = |splats: Gaussians| First { splats, uncoloured: None };
+    let mut left_out = None;
     let (points, colourless): (Vec<_>, Option<Colourless>) = match settings.run.init.as_deref() {
-        Some(file) => match ply::read_content(file)? {
-            Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),
-            Content::Cloud(cloud) if cloud.positions.is_empty() => return Err(empty(file, "points")),
-            Content::Model(model) => return Ok(whole(model.in_scene(&dataset.frame))),
-            Content::Cloud(cloud) => of_cloud(file, cloud),
-        },
+        Some(file) => {
+            let (content, without) = ply::read_content_with(file, settings.photographs.strict)?;
+            left_out = without;
+            match content {
+                Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),
+                Content::Cloud(cloud) if cloud.positions.is_empty() => return Err(empty(file, "points")),
+                Content::Model(model) => {
+                    return Ok(First { splats: model.in_scene(&dataset.frame), uncoloured: None, left_out });
+                }
+                Content::Cloud(cloud) => of_cloud(file, cloud),
+            }
+        }
         None => match dataset.points.as_slice() {
             [] => (dataset.random_points(settings.run.seed), None),
             points => (points.iter().map(|p| (p.position, p.color)).collect(), dataset.colourless.clone()),
@@ -120,7 +129,7 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
     let of_dataset = settings.run.init.is_none();
     let positions = || points.iter().map(|(position, _)| *position).collect();
     let uncoloured = colourless.map(|colourless| Uncoloured::new(colourless, positions(), of_dataset));
-    Ok(First { splats, uncoloured })
+    Ok(First { splats, uncoloured, left_out })
 }
 
 /// The points of a cloud with their colours, grey where there are none, and what is to be said of these.
@@ -148,7 +157,7 @@ fn empty(file: &Path, what: &str) -> Error {
 /// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation
 /// only.
 pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
-    let First { splats, uncoloured } = first(dataset, settings)?;
+    let First { splats, uncoloured, .. } = first(dataset, settings)?;
     let mut input = input_within(dataset, splats, HostShare::unlimited())?;
     if let Some(points) = uncoloured {
         points.take_colours(dataset, &mut input)?;

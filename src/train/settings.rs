@@ -94,7 +94,11 @@ group! {
         #[arg(value_name = "CURVE")]
         pub transfer: Transfer = Transfer::Auto,
     }
-    flags {}
+    flags {
+        /// Refuse a dataset with a pose, point, camera, photograph or splat that cannot be used; otherwise up to a tenth of each are
+        /// left out, with a warning
+        pub strict,
+    }
     optional {
         /// Format of the dataset: colmap, nerfstudio or opensfm [default: the first of them whose files are there]
         #[arg(value_name = "FORMAT")]

@@ -68,7 +68,7 @@ impl Folder {
                 position: [offset[0] + u, offset[1] + v, offset[2] + 0.1 * u * v],
                 color: [(i * 20) as u8, 255 - (i * 20) as u8, 128],
                 error: 0.25 + f64::from(i) / 7.0,
-                track: (0..2 + i as u32 % 3).map(|k| (k + 1, k)).collect(),
+                track: (0..2 + i as u32 % 3).filter(|k| *k < names.len() as u32).map(|k| (k + 1, k)).collect(),
             }
         });
         Self {

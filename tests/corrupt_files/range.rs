@@ -12,7 +12,7 @@ use super::{load, scan};
 fn refused(folder: &Folder, text: bool) -> String {
     let root = tempfile::tempdir().expect("temporary folder");
     folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
-    let options = LoadOptions { photographs: false, ..LoadOptions::default() };
+    let options = LoadOptions { photographs: false, strict: true, ..LoadOptions::default() };
     match Dataset::load(root.path(), &options) {
         Err(error @ Error::OutOfRange { .. }) => error.to_string(),
         Err(error) => panic!("{error}"),

@@ -26,8 +26,13 @@ fn rotation(image: &ImageRow) -> [[f64; 3]; 3] {
 }
 
 /// A ring whose cameras are turned a little, each in its own way, about their centres.
-fn turned_ring(offset: [f64; 3]) -> Folder {
-    let mut folder = Folder::ring(&NAMES, offset);
+pub(crate) fn turned_ring(offset: [f64; 3]) -> Folder {
+    turned(&NAMES.map(str::to_owned), offset)
+}
+
+/// The same of photographs with these names.
+pub(crate) fn turned(names: &[String], offset: [f64; 3]) -> Folder {
+    let mut folder = Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), offset);
     for (i, image) in folder.images.iter_mut().enumerate() {
         let before = rotation(image);
         let center: [f64; 3] = [0, 1, 2].map(|k| -(0..3).map(|j| before[j][k] * image.translation[j]).sum::<f64>());
@@ -38,7 +43,7 @@ fn turned_ring(offset: [f64; 3]) -> Folder {
 }
 
 /// The folder as ns-process-data writes it.
-fn transforms(folder: &Folder) -> Value {
+pub(crate) fn transforms(folder: &Folder) -> Value {
     let frames: Vec<Value> = folder
         .images
         .iter()
@@ -65,7 +70,7 @@ fn transforms(folder: &Folder) -> Value {
 }
 
 /// The points as a PLY file, as text or little endian, positions in double precision.
-fn cloud(folder: &Folder, text: bool) -> Vec<u8> {
+pub(crate) fn cloud(folder: &Folder, text: bool) -> Vec<u8> {
     let kind = if text { "ascii" } else { "binary_little_endian" };
     let mut out = format!("ply\nformat {kind} 1.0\nelement vertex {}\n", folder.points.len());
     for (name, kind) in [
@@ -94,7 +99,7 @@ fn cloud(folder: &Folder, text: bool) -> Vec<u8> {
     out
 }
 
-fn nerfstudio(folder: &Folder, text: bool) -> tempfile::TempDir {
+pub(crate) fn nerfstudio(folder: &Folder, text: bool) -> tempfile::TempDir {
     let root = tempfile::tempdir().expect("temporary folder");
     folder.write_photographs(&root.path().join("images"));
     write_json(&root.path().join("transforms.json"), &transforms(folder));
@@ -102,7 +107,7 @@ fn nerfstudio(folder: &Folder, text: bool) -> tempfile::TempDir {
     root
 }
 
-fn write_json(file: &Path, value: &Value) {
+pub(crate) fn write_json(file: &Path, value: &Value) {
     fs::create_dir_all(file.parent().expect("parent")).expect("folder");
     fs::write(file, serde_json::to_string_pretty(value).expect("JSON")).expect("written");
 }
@@ -120,7 +125,7 @@ fn vector(r: &[[f64; 3]; 3]) -> [f64; 3] {
 }
 
 /// The folder as OpenSfM writes it.
-fn reconstruction(folder: &Folder) -> Value {
+pub(crate) fn reconstruction(folder: &Folder) -> Value {
     let shots: serde_json::Map<String, Value> = folder
         .images
         .iter()
@@ -149,7 +154,7 @@ fn reconstruction(folder: &Folder) -> Value {
     }])
 }
 
-fn opensfm(folder: &Folder, file: &str) -> tempfile::TempDir {
+pub(crate) fn opensfm(folder: &Folder, file: &str) -> tempfile::TempDir {
     let root = tempfile::tempdir().expect("temporary folder");
     folder.write_photographs(&root.path().join("images"));
     write_json(&root.path().join(file), &reconstruction(folder));
@@ -361,7 +366,7 @@ fn what_is_wrong_in_a_file_is_named_with_its_place() {
         (|v| v["fl_x"] = json!(-3), &["fl_x of frame './images/a.png'", "is -3"]),
         (|v| v["fl_x"] = Value::Null, &["fl_x of frame", "is missing"]),
         (|v| v["w"] = json!(0), &["w of frame", "is 0"]),
-        (|v| v["camera_model"] = json!("EQUIRECTANGULAR"), &["camera_model", "EQUIRECTANGULAR"]),
+        (|v| v["camera_model"] = json!("EQUIRECTANGULAR"), &["camera_model", "EQUIRECTANGULAR", "panorama"]),
         (
             |v| v["frames"][1]["transform_matrix"][0][0] = json!(7),
             &["transform_matrix of frame './images/b.png'", "no rotation"],
@@ -436,7 +441,8 @@ fn truncated_and_foreign_files_are_named() {
 
 #[track_caller]
 fn complains(root: &Path, words: &[&str]) {
-    let error = load(root).map(|d| d.views.len()).expect_err(words[0]).to_string();
+    let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+    let error = Dataset::load(root, &strict).map(|d| d.views.len()).expect_err(words[0]).to_string();
     for word in words {
         assert!(error.contains(word), "does not say {word}: {error}");
     }

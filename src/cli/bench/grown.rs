@@ -20,7 +20,7 @@ struct Read {
 fn read(file: &Path) -> anyhow::Result<Read> {
     let unusable =
         |why: String| Failure::Input(format!("{}: {why}; --plot wants results of `bench --json`", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|e| unusable(format!("cannot be read: {e}")))?;
+    let text = psrgs_vk::format::read_text(file).map_err(|e| unusable(format!("cannot be read: {e}")))?;
     let value: Value = serde_json::from_str(&text).map_err(|e| unusable(format!("is no JSON: {e}")))?;
     let number = |pointer: &str| {
         let number = value.pointer(pointer).and_then(Value::as_f64);

@@ -64,11 +64,14 @@ impl Beginning {
         restart: Option<Restart>,
         console: &Console,
     ) -> anyhow::Result<Self> {
-        let First { splats: initial, uncoloured } = match &restart {
+        let First { splats: initial, uncoloured, left_out } = match &restart {
             // Its splats are those of the checkpoint: the file of the first ones may be gone.
-            Some(_) if settings.run.init.is_some() => First { splats: Gaussians::default(), uncoloured: None },
+            Some(_) if settings.run.init.is_some() => {
+                First { splats: Gaussians::default(), uncoloured: None, left_out: None }
+            }
             _ => prepare::first(dataset, settings)?,
         };
+        left_out.iter().for_each(|left_out| console.warn(left_out));
         let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
         let host = host_plan(gpu, dataset, settings, splats)?;
         host.check()?;

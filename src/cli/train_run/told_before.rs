@@ -47,6 +47,7 @@ pub(super) fn dataset(dataset: &Dataset, console: &Console) {
 /// What depths there are to train with.
 pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
     let prior = settings.geometry.depth_prior;
+    found.left_out.iter().for_each(|left_out| console.warn(left_out));
     if let (Some(cloud), Some(lidar)) = (&found.cloud, &settings.density.lidar) {
         console.say(format_args!(
             "cloud from {lidar}: {} points; splats grow within {:.3} of it, as {:.1} % of the first ones are",

@@ -1,12 +1,13 @@
 //! `cameras.bin` and `cameras.txt`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::{binary_records, text_records, wrong};
-use crate::dataset::Error;
-use crate::dataset::lens::{Distortion, Lens};
-use crate::format::{At, Error as FileError};
+use crate::dataset::lens::{Distortion, Lens, names};
+use crate::dataset::{Error, Warning};
+use crate::format::source::{Line, Source};
+use crate::format::{At, Error as FileError, LeftOut, Tally};
 
 /// COLMAP's camera models in the order of their numbers, with their numbers of parameters.
 const MODELS: &[(&str, usize)] = &[
@@ -70,71 +71,185 @@ impl Intrinsics {
     }
 }
 
+/// More parameters than any model of COLMAP has.
+const MOST_PARAMETERS: usize = 32;
+
+/// The cameras of a model by their numbers, with what is wrong with those that cannot be read.
+pub(crate) struct Cameras {
+    strict: bool,
+    by_number: BTreeMap<u32, Result<Intrinsics, FileError>>,
+    /// Those that no image can ask for, or that say again what another one says.
+    beside: Tally<FileError>,
+    count: usize,
+}
+
+impl Cameras {
+    fn new(strict: bool) -> Self {
+        Self { strict, by_number: BTreeMap::new(), beside: Tally::new(strict), count: 0 }
+    }
+
+    /// The camera of a number.
+    pub(crate) fn get(&self, number: u32) -> Option<&Result<Intrinsics, FileError>> {
+        self.by_number.get(&number)
+    }
+
+    fn add(
+        &mut self,
+        file: &Path,
+        at: At,
+        number: u32,
+        camera: Result<Intrinsics, FileError>,
+    ) -> Result<(), FileError> {
+        self.count += 1;
+        let camera = if self.strict { Ok(camera?) } else { camera };
+        let again = || wrong(file, at, "camera", format_args!("the number {number} occurs twice"));
+        match self.by_number.get(&number) {
+            None => drop(self.by_number.insert(number, camera)),
+            Some(Ok(before)) if camera.as_ref().is_ok_and(|camera| camera == before) => {
+                self.beside.bad(format_args!("camera {number}"), again())?;
+            }
+            // Which of them was meant is not known.
+            Some(_) if self.strict => return Err(again()),
+            Some(_) => drop(self.by_number.insert(number, Err(again()))),
+        }
+        Ok(())
+    }
+
+    /// What is told of cameras that cannot be used where no image needs them.
+    pub(crate) fn unneeded(mut self, file: &Path, needed: &BTreeSet<u32>) -> Result<Option<LeftOut>, FileError> {
+        for (number, camera) in self.by_number {
+            if let (Err(error), false) = (camera, needed.contains(&number)) {
+                self.beside.bad(format_args!("camera {number}"), error)?;
+            }
+        }
+        Ok(self.beside.told(file, "cameras", self.count))
+    }
+}
+
 /// Reads `cameras.bin`: per camera i32 number, i32 model, u64 width, u64 height, f64 parameters.
-pub(crate) fn read_binary(file: &Path) -> Result<BTreeMap<u32, Intrinsics>, FileError> {
-    let list = binary_records(file, "cameras", 24 + 3 * 8, |source, i| {
+pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Cameras, FileError> {
+    let first = match binary(file, strict, None) {
+        Ok(cameras) => return Ok(cameras),
+        Err(error) if strict => return Err(error),
+        Err(error) => error,
+    };
+    // Of a model that is not known the number of parameters is the one with which the rest of the file is cameras.
+    let mut fitting = (0..=MOST_PARAMETERS).filter_map(|count| binary(file, false, Some(count)).ok());
+    match (fitting.next(), fitting.next()) {
+        (Some(cameras), None) => Ok(cameras),
+        _ => Err(first),
+    }
+}
+
+/// The cameras of a file in which models that are not known have `unknown` parameters; where that is asked, the others must be sound.
+fn binary(file: &Path, strict: bool, unknown: Option<usize>) -> Result<Cameras, FileError> {
+    let mut cameras = Cameras::new(strict);
+    binary_records(file, "cameras", 24, |source, i| {
         let start = source.at();
         let id = source.u32(format_args!("number of camera {i}"))?;
         let at = source.at();
         let number = source.i32(format_args!("model of camera {id}"))?;
-        let &(model, count) = usize::try_from(number).ok().and_then(|n| MODELS.get(n)).ok_or_else(|| {
-            source.error(
-                at,
-                format_args!("model of camera {id}"),
-                format_args!("{number} is unknown; supported are {SUPPORTED}"),
-            )
-        })?;
-        let at = source.at();
-        let size =
-            [source.u64(format_args!("width of camera {id}"))?, source.u64(format_args!("height of camera {id}"))?];
-        let params_at = source.at();
-        let mut params = Vec::with_capacity(count);
-        for k in 0..count {
-            params.push(source.f64(format_args!("parameter {k} of camera {id}"))?);
+        let known = usize::try_from(number).ok().and_then(|n| MODELS.get(n));
+        let not_known = source.error(
+            at,
+            format_args!("model of camera {id}"),
+            format_args!("{number} is unknown; supported are {SUPPORTED}"),
+        );
+        let (model, count) = match (known, unknown) {
+            (Some((model, count)), _) => (Ok(*model), *count),
+            (None, Some(count)) => (Err(not_known), count),
+            (None, None) => return Err(not_known),
+        };
+        let camera = binary_camera(source, file, id, model, count)?;
+        match (known, unknown, camera) {
+            (Some(_), Some(_), Err(error)) => Err(error),
+            (.., camera) => cameras.add(file, At::Byte(start), id, camera),
         }
-        let camera = checked(file, [At::Byte(at), At::Byte(params_at)], id, model, size, params)?;
-        Ok((At::Byte(start), id, camera))
     })?;
-    by_number(file, list)
+    Ok(cameras)
+}
+
+/// What follows the model of a camera.
+fn binary_camera(
+    source: &mut Source,
+    file: &Path,
+    id: u32,
+    model: Result<&'static str, FileError>,
+    count: usize,
+) -> Result<Result<Intrinsics, FileError>, FileError> {
+    let at = source.at();
+    let size = [source.u64(format_args!("width of camera {id}"))?, source.u64(format_args!("height of camera {id}"))?];
+    let params_at = source.at();
+    let (mut params, mut infinite) = (Vec::with_capacity(count), None);
+    for k in 0..count {
+        let (at, field) = (source.at(), format!("parameter {k} of camera {id}"));
+        let value = source.f64(&field)?;
+        if !value.is_finite() {
+            infinite = infinite.or(Some(wrong(file, At::Byte(at), field, format_args!("is {value}"))));
+        }
+        params.push(value);
+    }
+    Ok(match (model, infinite) {
+        (Err(error), _) | (_, Some(error)) => Err(error),
+        (Ok(model), None) => checked(file, [At::Byte(at), At::Byte(params_at)], id, model, size, params),
+    })
 }
 
 /// Reads `cameras.txt`: per line number, model, width, height, parameters.
-pub(crate) fn read_text(file: &Path) -> Result<BTreeMap<u32, Intrinsics>, FileError> {
-    let mut number = 0;
-    let list = text_records(
-        file,
-        "cameras",
-        |mut line| {
-            let at = line.at();
-            let id = line.value(format_args!("number of camera {number}"))?;
-            number += 1;
-            let word = line.word(format_args!("model of camera {id}"))?;
-            let &(model, count) = MODELS.iter().find(|(name, _)| *name == word).ok_or_else(|| {
-                line.error(
-                    format_args!("model of camera {id}"),
-                    format_args!("'{word}' is unknown; supported are {SUPPORTED}"),
-                )
-            })?;
-            let size =
-                [line.value(format_args!("width of camera {id}"))?, line.value(format_args!("height of camera {id}"))?];
-            let given = line.left();
-            if given < count {
-                let problem = format!("{given} where {model} has {count}");
-                return Err(line.error(format_args!("parameters of camera {id}"), problem));
+pub(crate) fn read_text(file: &Path, strict: bool) -> Result<(Cameras, Option<Warning>), FileError> {
+    let mut cameras = Cameras::new(strict);
+    let mut position = 0;
+    let counts = text_records(file, |mut line| {
+        let at = line.at();
+        let number = line.whole::<u32>(format_args!("number of camera {position}"));
+        position += 1;
+        match number {
+            Ok(id) => match text_camera(&mut line, file, id) {
+                Err(error) if !line.ended => Err(error),
+                camera => cameras.add(file, at, id, camera),
+            },
+            Err(error) if !line.ended => Err(error),
+            Err(error) => {
+                cameras.count += 1;
+                cameras.beside.bad(format_args!("'{}'", line.text.trim()), error)
             }
-            let mut params = Vec::with_capacity(count);
-            for k in 0..count {
-                params.push(line.f64(format_args!("parameter {k} of camera {id}"))?);
-            }
-            if line.left() > 0 {
-                let problem = format!("{} more than {model} has", line.left());
-                return Err(line.error(format_args!("parameters of camera {id}"), problem));
-            }
-            Ok((at, id, checked(file, [at; 2], id, model, size, params)?))
-        },
-        None,
-    )?;
-    by_number(file, list)
+        }
+    })?;
+    let warning = counts.check(file, "cameras", cameras.count, strict)?;
+    Ok((cameras, warning))
+}
+
+fn text_camera(line: &mut Line<'_>, file: &Path, id: u32) -> Result<Intrinsics, FileError> {
+    let word = line.word(format_args!("model of camera {id}"))?;
+    let size = [line.whole(format_args!("width of camera {id}")), line.whole(format_args!("height of camera {id}"))];
+    let given = line.left();
+    let &(model, count) = named(word, given).ok_or_else(|| {
+        line.error(format_args!("model of camera {id}"), format_args!("'{word}' is unknown; supported are {SUPPORTED}"))
+    })?;
+    let [width, height] = size;
+    let size = [width?, height?];
+    if given != count {
+        let problem = match given.checked_sub(count) {
+            Some(more) => format!("{more} more than {model} has"),
+            None => format!("{given} where {model} has {count}"),
+        };
+        return Err(line.error(format_args!("parameters of camera {id}"), problem));
+    }
+    let mut params = Vec::with_capacity(count);
+    for k in 0..count {
+        params.push(line.finite(format_args!("parameter {k} of camera {id}"))?);
+    }
+    checked(file, [line.at(); 2], id, model, size, params)
+}
+
+/// The model of a name in any usual spelling, for a camera with so many parameters.
+fn named(word: &str, parameters: usize) -> Option<&'static (&'static str, usize)> {
+    let wanted = match (names::key(word).as_str(), parameters) {
+        ("PERSPECTIVE", 3) => "SIMPLEPINHOLE".to_owned(),
+        ("PERSPECTIVE", _) => "PINHOLE".to_owned(),
+        (key, _) => key.to_owned(),
+    };
+    MODELS.iter().find(|(name, _)| names::key(name) == wanted)
 }
 
 fn checked(
@@ -169,14 +284,4 @@ fn checked(
         return Err(wrong(file, at[1], format_args!("focal length of camera {id}"), format_args!("is {f}")));
     }
     Ok(Intrinsics { model, width, height, params })
-}
-
-fn by_number(file: &Path, list: Vec<(At, u32, Intrinsics)>) -> Result<BTreeMap<u32, Intrinsics>, FileError> {
-    let mut out = BTreeMap::new();
-    for (at, id, camera) in list {
-        if out.insert(id, camera).is_some() {
-            return Err(wrong(file, at, "camera", format_args!("the number {id} occurs twice")));
-        }
-    }
-    Ok(out)
 }

@@ -5,72 +5,96 @@
 
 mod cameras;
 mod files;
+mod image_lines;
 mod images;
+mod observers;
 mod points;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::Tracks;
 use super::error::Error;
 use super::lens::Lens;
 use super::model::{Format, Model, Shot};
-use crate::format::source::{Line, Lines, Source};
-use crate::format::{At, Error as FileError};
+use super::{Tracks, Warning};
+use crate::format::source::{Line, Lines, Source, whole};
+use crate::format::{At, Error as FileError, few};
 
-use cameras::Intrinsics;
+use cameras::Cameras;
 pub(super) use cameras::SUPPORTED;
 use files::Files;
-use images::Pose;
+use images::{Pose, Poses};
+use observers::Observers;
 pub use points::Point;
+use points::Points;
 
 /// Whether a folder has a model.
 pub(super) fn is_in(dataset: &Path) -> bool {
     !Files::all(dataset).is_empty()
 }
 
-/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for both kinds of files.
-pub(super) fn read(dataset: &Path) -> Result<Model, Error> {
+/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for
+/// both kinds of files. Records that cannot be used are left out, or where it is `strict` an error.
+pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let (files, warning) = files::choose(dataset)?;
-    let (cameras, poses) = if files.binary {
-        (cameras::read_binary(&files.cameras)?, images::read_binary(&files.images)?)
-    } else {
-        (cameras::read_text(&files.cameras)?, images::read_text(&files.images)?)
-    };
-    let (points, colourless) = files.points.as_deref().map(points::read).transpose()?.unwrap_or_default();
-    let mut poses = poses;
+    let mut warnings = Vec::from_iter(warning);
+    let read = files.points.as_deref().map(|file| points::read(file, strict)).transpose()?;
+    let Points { list: mut points, colourless, warnings: told } = read.unwrap_or_default();
+    warnings.extend(told);
+    let (cameras, poses) = cameras_and_poses(&files, strict, &mut warnings)?;
+    let Poses { list: mut poses, left_out, mut tally } = poses;
+    let needed: BTreeSet<u32> = poses.iter().map(|pose| pose.camera).collect();
     poses.sort_by(|a, b| a.name.cmp(&b.name));
-    let places: HashMap<u32, u32> = poses.iter().zip(0..).map(|(pose, place)| (pose.number, place)).collect();
-    let mut points = points;
-    points.sort_by_key(|(p, _)| p.id);
-    let (points, observers): (Vec<Point>, Vec<Vec<u32>>) = points.into_iter().unzip();
-    let known = |numbers: Vec<u32>| numbers.iter().filter_map(|number| places.get(number).copied()).collect();
+    let mut observers = Observers::new(&left_out);
     let mut lenses = BTreeMap::new();
-    let shots = poses.into_iter().map(|pose| shot(&files, &cameras, &mut lenses, pose));
+    let mut shots = Vec::with_capacity(poses.len());
+    for pose in poses {
+        let (name, number) = (pose.name.clone(), pose.number);
+        let shot = tally.take(format_args!("'{name}'"), shot(&files, &cameras, &mut lenses, pose))?;
+        observers.add(number, shot.is_some().then_some(shots.len() as u32));
+        shots.extend(shot);
+    }
+    warnings.extend(tally.end(&files.images, "images", shots.len())?.map(Warning::LeftOut));
+    warnings.extend(cameras.unneeded(&files.cameras, &needed)?.map(Warning::LeftOut));
+    points.sort_by_key(|(p, _)| p.id);
+    let (points, numbers): (Vec<Point>, Vec<Vec<u32>>) = points.into_iter().unzip();
+    let tracks = Tracks::new(points.iter().zip(numbers).map(|(point, numbers)| observers.of(point, &numbers)));
+    warnings.extend(observers.warnings(files.points.as_deref().unwrap_or(&files.images)));
     Ok(Model {
         format: Format::Colmap,
-        shots: shots.collect::<Result<_, Error>>()?,
+        shots,
         file: files.images,
         points,
         colourless,
-        tracks: Tracks::new(observers.into_iter().map(known)),
+        tracks,
         points_file: files.points,
         images: None,
         reference: None,
-        warnings: warning.into_iter().collect(),
+        warnings,
     })
 }
 
-fn shot(
-    files: &Files,
-    cameras: &BTreeMap<u32, Intrinsics>,
-    lenses: &mut BTreeMap<u32, Lens>,
-    pose: Pose,
-) -> Result<Shot, Error> {
-    let intrinsics = cameras.get(&pose.camera).ok_or_else(|| {
-        let problem = format!("there is no camera {} in {}", pose.camera, files.cameras.display());
-        wrong(&files.images, pose.at, format_args!("camera of image '{}'", pose.name), problem)
-    })?;
+fn cameras_and_poses(files: &Files, strict: bool, warnings: &mut Vec<Warning>) -> Result<(Cameras, Poses), Error> {
+    if files.binary {
+        return Ok((cameras::read_binary(&files.cameras, strict)?, images::read_binary(&files.images, strict)?));
+    }
+    let (cameras, told) = cameras::read_text(&files.cameras, strict)?;
+    warnings.extend(told);
+    let (poses, told) = images::read_text(&files.images, strict, |number| cameras.get(number).is_some())?;
+    warnings.extend(told);
+    Ok((cameras, poses))
+}
+
+fn shot(files: &Files, cameras: &Cameras, lenses: &mut BTreeMap<u32, Lens>, pose: Pose) -> Result<Shot, Error> {
+    let no_camera =
+        |problem: String| wrong(&files.images, pose.at, format_args!("camera of image '{}'", pose.name), problem);
+    let intrinsics = match cameras.get(pose.camera) {
+        Some(Ok(intrinsics)) => intrinsics,
+        Some(Err(error)) => return Err(no_camera(format!("camera {} cannot be read: {error}", pose.camera)).into()),
+        None => {
+            return Err(no_camera(format!("there is no camera {} in {}", pose.camera, files.cameras.display())).into());
+        }
+    };
     let lens = match lenses.get(&pose.camera) {
         Some(lens) => *lens,
         None => *lenses.entry(pose.camera).or_insert(intrinsics.lens(&files.cameras, pose.camera)?),
@@ -105,47 +129,44 @@ fn binary_records<T>(
     Ok(out)
 }
 
-/// What takes the second line of a record.
-type SecondLine<'a> = &'a mut dyn FnMut(Line<'_>) -> Result<(), FileError>;
-
-/// Reads a text file of one record per line, or per two lines when `second_line` is there to check the second; comments and
-/// empty lines between records are passed over. COLMAP writes the number of records into a comment; fewer than that many means a truncated file.
-fn text_records<T>(
-    file: &Path,
-    what: &str,
-    mut record: impl FnMut(Line<'_>) -> Result<T, FileError>,
-    mut second_line: Option<SecondLine<'_>>,
-) -> Result<Vec<T>, FileError> {
+/// Reads a text file of one record per line; comments and empty lines between records are passed over.
+fn text_records(file: &Path, mut record: impl FnMut(Line<'_>) -> Result<(), FileError>) -> Result<Counts, FileError> {
     let mut lines = Lines::open(file)?;
-    let mut out = Vec::new();
     let mut announced = None;
     while let Some(line) = lines.next()? {
         if let Some(comment) = line.text.trim_start().strip_prefix('#') {
             announced = announced.or_else(|| announced_count(comment));
             continue;
         }
-        if line.text.trim().is_empty() {
-            continue;
-        }
-        out.push(record(line)?);
-        if let Some(check) = &mut second_line {
-            match lines.next()? {
-                Some(line) => check(line)?,
-                None if announced.is_some() => return Err(lines.error(what, "the last one lacks its second line")),
-                None => {}
-            }
+        if !line.text.trim().is_empty() {
+            record(line.without_comment())?;
         }
     }
-    match announced {
-        Some(count) if count > out.len() as u64 => Err(lines.error(
-            format_args!("number of {what}"),
-            format_args!(
-                "the comment at the top announces {count}, the file holds {}; restore the file, or remove the comment",
-                out.len()
-            ),
-        )),
-        Some(_) if !lines.ended() => Err(lines.error(what, "the file ends within a line")),
-        _ => Ok(out),
+    Ok(Counts { announced, ended: lines.ended(), at: lines.at() })
+}
+
+/// What a text file says of the number of its records: COLMAP writes it into a comment.
+struct Counts {
+    announced: Option<u64>,
+    /// Whether the last line has its end.
+    ended: bool,
+    at: At,
+}
+
+impl Counts {
+    /// Compares with how many records there are. Fewer than were announced are a truncated file where the last line has no end.
+    fn check(self, file: &Path, what: &'static str, found: usize, strict: bool) -> Result<Option<Warning>, FileError> {
+        let found = found as u64;
+        let Some(announced) = self.announced.filter(|announced| *announced != found) else { return Ok(None) };
+        let missing = announced.saturating_sub(found);
+        if missing > 0 && (strict || !(self.ended || few(missing, announced))) {
+            let cut = if self.ended { "" } else { " and ends within a line" };
+            let problem = format!(
+                "the comment at the top announces {announced}, the file holds {found}{cut}; restore the file, or remove the comment"
+            );
+            return Err(wrong(file, self.at, format_args!("number of {what}"), problem));
+        }
+        Ok(Some(Warning::CountDiffers { file: file.to_owned(), what, announced, found }))
     }
 }
 
@@ -153,7 +174,7 @@ fn text_records<T>(
 fn announced_count(comment: &str) -> Option<u64> {
     let rest = comment.trim_start().strip_prefix("Number of ")?;
     let (_, number) = rest.split_once(':')?;
-    number.split(',').next()?.trim().parse().ok()
+    whole(number.split(',').next()?.trim())
 }
 
 /// Complains of a value in a field that begins at `at`.

@@ -3,6 +3,7 @@
 //! The formulas are those of OpenCV and COLMAP, in normalised coordinates (x, y) = (X / Z, Y / Z) with r the distance from the
 //! axis and s = r^2: the picture is at (x h, y h) plus what is tangential, and only h(s) differs from lens to lens.
 
+pub(super) mod names;
 mod pinhole;
 
 /// How a lens bends rays.

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::Model;
 use super::colours::Place;
 use super::columns::columns;
-use super::read::{open, read, read_comments};
-use crate::format::{At, Error, atomic};
+use super::read::{open, read_comments, read_with};
+use crate::format::{At, Error, LeftOut, Tally, atomic};
 
 /// Properties that are known to hold something other than colours.
 const NO_COLOURS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "curvature"];
@@ -34,30 +34,48 @@ pub enum Content {
 }
 
 /// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model, but for one that has only
-/// their colours.
+/// their colours. A few vertices that are not finite are left out; [`read_content_with`] says which.
 pub fn read_content(file: &Path) -> Result<Content, Error> {
+    read_content_with(file, false).map(|(content, _)| content)
+}
+
+/// Reads splats or plain points, with what was left out. Vertices that are not finite are an error where it is `strict`, and where they
+/// are more than one of ten.
+pub fn read_content_with(file: &Path, strict: bool) -> Result<(Content, Option<LeftOut>), Error> {
     let (header, vertices, _) = open(file)?;
     let splats = |name: &str| {
         ["opacity", "packed_position"].contains(&name)
             || ["f_rest_", "scale_", "rot_"].iter().any(|start| name.starts_with(start))
     };
     if header.elements[vertices].properties.iter().any(|p| splats(&p.name)) {
-        return Ok(Content::Model(Box::new(read(file)?)));
+        let mut model = read_with(file, strict)?;
+        let left_out = model.left_out.take();
+        return Ok((Content::Model(Box::new(model)), left_out));
     }
-    Cloud::read(file).map(Content::Cloud)
+    Cloud::read_with(file, strict).map(|(cloud, left_out)| (Content::Cloud(cloud), left_out))
 }
 
 impl Cloud {
     /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours under their usual names
     /// (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) in their usual ranges (0 to 255, 65535 or 1, by the
     /// declared type and the values). An offset in a comment is added.
+    ///
+    /// A few points that are not finite are left out; [`Cloud::read_with`] says which.
     pub fn read(file: &Path) -> Result<Self, Error> {
+        Self::read_with(file, false).map(|(cloud, _)| cloud)
+    }
+
+    /// Reads a cloud, with what was left out. Points that are not finite are an error where it is `strict`, and where they are more than one
+    /// of ten.
+    pub fn read_with(file: &Path, strict: bool) -> Result<(Self, Option<LeftOut>), Error> {
         let (header, vertices, _) = open(file)?;
         let vertex = &header.elements[vertices];
         let place = Place::find(vertex);
         let named = |p: usize| vertex.properties[p].name.as_str();
         let coloured: Vec<&str> = place.iter().flat_map(Place::properties).map(named).collect();
-        let rows = columns(file, &["x", "y", "z"], &[&["nx", "ny", "nz"], coloured.as_slice()].concat())?;
+        let others = [&["nx", "ny", "nz"], coloured.as_slice()].concat();
+        let mut tally = Tally::new(strict);
+        let rows = columns(file, &["x", "y", "z"], &others, &mut tally)?;
         let mut comments = Model::default();
         read_comments(file, &header, &mut comments)?;
         let mut cloud = Self::default();
@@ -86,7 +104,8 @@ impl Cloud {
             }
         }
         cloud.normals = normals.unwrap_or_default();
-        Ok(cloud)
+        let left_out = tally.end(file, "points", cloud.positions.len())?;
+        Ok((cloud, left_out))
     }
 
     /// Writes a binary file with coordinates in double precision.

@@ -3,11 +3,16 @@
 use std::path::Path;
 
 use super::read::open;
-use crate::format::{At, Error};
+use crate::format::{At, Error, Tally};
 
-/// For each vertex the properties of these names, the `needed` ones first: an error when one of those is missing or not finite,
-/// `None` for one of the `others` that the file does not have.
-pub(super) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<Vec<Vec<Option<f64>>>, Error> {
+/// For each vertex the properties of these names, the `needed` ones first: an error when one of those is missing, `None` for one of the
+/// `others` that the file does not have. Vertices with a needed one that is not finite are counted as bad.
+pub(super) fn columns(
+    file: &Path,
+    needed: &[&str],
+    others: &[&str],
+    tally: &mut Tally<Error>,
+) -> Result<Vec<Vec<Option<f64>>>, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
     let place = |name: &&str| vertex.properties.iter().position(|p| p.name == **name);
@@ -20,16 +25,19 @@ pub(super) fn columns(file: &Path, needed: &[&str], others: &[&str]) -> Result<V
     let mut out = Vec::with_capacity(usize::try_from(vertex.count).unwrap_or(0));
     let mut row = vec![0.0; vertex.properties.len()];
     for i in 0..vertex.count {
-        rows.row(vertex, i, |p, value| row[p] = value)?;
+        if let Err(error) = rows.row(vertex, i, |p, value| row[p] = value) {
+            if !rows.can_go_on() {
+                return Err(error);
+            }
+            tally.bad(format_args!("vertex {i}"), error)?;
+            continue;
+        }
         let values: Vec<Option<f64>> = places.iter().map(|place| place.map(|p| row[p])).collect();
         let bad = values.iter().take(needed.len()).position(|v| v.is_none_or(|v| !v.is_finite()));
         if let Some(k) = bad {
-            return Err(Error::malformed(
-                file,
-                format_args!("{} of vertex {i}", needed[k]),
-                rows.place(),
-                "is not finite",
-            ));
+            let field = format_args!("{} of vertex {i}", needed[k]);
+            tally.bad(format_args!("vertex {i}"), Error::malformed(file, field, rows.place(), "is not finite"))?;
+            continue;
         }
         out.push(values);
     }

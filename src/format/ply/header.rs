@@ -3,7 +3,7 @@
 use std::io::BufRead;
 use std::path::Path;
 
-use crate::format::{At, Error, foreign};
+use crate::format::{At, Error, MARK, foreign};
 
 /// Longer headers are not those of models.
 const MAX_HEADER: u64 = 1 << 20;
@@ -113,6 +113,11 @@ pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result
     let mut header =
         Header { encoding: Encoding::Ascii, comments: Vec::new(), elements: Vec::new(), bytes: 0, lines: 0 };
     let mut format_seen = false;
+    // Editors put a byte order mark before a text.
+    if reader.fill_buf().map_err(Error::io(file, "read"))?.starts_with(MARK) {
+        reader.consume(MARK.len());
+        header.bytes = MARK.len() as u64;
+    }
     let begin = reader.fill_buf().map_err(Error::io(file, "read"))?;
     if !begin.starts_with(b"ply") {
         return Err(Error::malformed(file, "magic", At::Byte(0), no_ply(file, bytes, begin)));
@@ -126,7 +131,7 @@ pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result
         let line = line.trim_end_matches(['\n', '\r']);
         let words: Vec<&str> = line.split_whitespace().collect();
         if header.lines == 1 {
-            if line != "ply" {
+            if words != ["ply"] {
                 return Err(fail("magic", "a PLY file begins with a line 'ply'".to_owned()));
             }
             continue;

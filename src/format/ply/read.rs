@@ -6,23 +6,42 @@ use std::path::Path;
 
 use super::header::{self, Element, Encoding, Header, Kind};
 use super::{Model, REST_BY_DEGREE};
-use crate::format::{At, Error, source};
+use crate::format::{At, Error, Tally, source};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
 /// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient can
 /// move. 16 is beyond what f32 tells from 1.
 const MAX_LOGIT: f32 = 16.0;
 
-/// Reads a model.
+/// Reads a model. A few splats that are not finite are left out: [`Model::left_out`].
 pub fn read(file: &Path) -> Result<Model, Error> {
+    read_with(file, false)
+}
+
+/// Reads a model. Splats that are not finite are an error where it is `strict`, and where they are more than one of ten.
+pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
     let columns = Columns::find(file, vertex)?;
     rows.go_to(&header, vertices)?;
-    let gaussians = read_splats(&mut rows, vertex, &columns)?;
+    let mut tally = Tally::new(strict);
+    let (gaussians, bad) = read_splats(&mut rows, vertex, &columns, &mut tally)?;
     let mut model = Model { gaussians, sh_degree: columns.degree, ..Model::default() };
     read_comments(file, &header, &mut model)?;
+    if !bad.is_empty() {
+        model = without(model, &bad);
+    }
+    model.left_out = tally.end(file, "splats", model.gaussians.len())?;
     Ok(model)
+}
+
+/// The model without splats of these numbers, which are in ascending order.
+fn without(model: Model, bad: &[u32]) -> Model {
+    let rows: Vec<u32> = (0..model.gaussians.len() as u32).filter(|row| bad.binary_search(row).is_err()).collect();
+    let mut gaussians = model.gaussians.rows(&rows);
+    gaussians.ids = (0..rows.len() as u32).collect();
+    let first = |count: usize| rows.partition_point(|row| (*row as usize) < count);
+    Model { gaussians, constrained: model.constrained.map(first), ..model }
 }
 
 /// Header, position of the vertices among its elements, and the data.
@@ -91,13 +110,19 @@ impl Columns {
     }
 }
 
-fn read_splats(rows: &mut Rows<'_>, vertex: &Element, columns: &Columns) -> Result<Gaussians, Error> {
+/// The splats of the file, and the numbers of those that are not finite.
+fn read_splats(
+    rows: &mut Rows<'_>,
+    vertex: &Element,
+    columns: &Columns,
+    tally: &mut Tally<Error>,
+) -> Result<(Gaussians, Vec<u32>), Error> {
     let fail = |problem: &str| Error::malformed(rows.file, "element vertex", At::Byte(vertex.at), problem);
     let n = u32::try_from(vertex.count).map_err(|_| fail("there are more vertices than can be numbered"))? as usize;
-    let mut out = Gaussians::zeros(n);
+    let (mut out, mut all_bad) = (Gaussians::zeros(n), Vec::new());
     for i in 0..n {
         let mut bad = None;
-        rows.row(vertex, i as u64, |p, value| {
+        let read = rows.row(vertex, i as u64, |p, value| {
             let value = value as f32;
             match columns.columns[p] {
                 Column::Mean(k) => out.means[3 * i + k] = value,
@@ -114,18 +139,32 @@ fn read_splats(rows: &mut Rows<'_>, vertex: &Element, columns: &Columns) -> Resu
             if !value.is_finite() {
                 bad = bad.or(Some((p, value)));
             }
-        })?;
-        if let Some((p, value)) = bad {
-            let before: usize = vertex.properties[..p].iter().map(|q| q.kind.bytes()).sum();
-            let at = match rows.encoding {
-                Encoding::Ascii => At::Line(rows.line),
-                _ => At::Byte(rows.at - vertex.row_bytes() as u64 + before as u64),
-            };
-            let field = format!("{} of vertex {i}", vertex.properties[p].name);
-            return Err(Error::malformed(rows.file, field, at, format_args!("is {value}")));
-        }
+        });
+        let error = match (read, bad) {
+            (Err(error), _) if !rows.can_go_on() => return Err(error),
+            (Err(error), _) => error,
+            (Ok(()), None) => continue,
+            (Ok(()), Some((p, value))) => not_finite(rows, vertex, i, p, value),
+        };
+        tally.bad(format_args!("vertex {i}"), error)?;
+        all_bad.push(i as u32);
     }
-    Ok(out)
+    Ok((out, all_bad))
+}
+
+/// That a value of the row read last is not finite.
+fn not_finite(rows: &Rows<'_>, vertex: &Element, i: usize, p: usize, value: f32) -> Error {
+    let before: usize = vertex.properties[..p].iter().map(|q| q.kind.bytes()).sum();
+    let at = match rows.encoding {
+        Encoding::Ascii => At::Line(rows.line),
+        _ => At::Byte(rows.at - vertex.row_bytes() as u64 + before as u64),
+    };
+    Error::malformed(
+        rows.file,
+        format_args!("{} of vertex {i}", vertex.properties[p].name),
+        at,
+        format_args!("is {value}"),
+    )
 }
 
 /// The data after the header, row by row.
@@ -135,13 +174,15 @@ pub(super) struct Rows<'a> {
     encoding: Encoding,
     at: u64,
     line: u64,
+    /// Whether the row tried last is a line of text, behind which the next one begins whatever is in it.
+    line_read: bool,
     len: u64,
 }
 
 impl<'a> Rows<'a> {
     /// Begins behind a header.
     fn new(file: &'a Path, reader: BufReader<File>, header: &Header, len: u64) -> Self {
-        Self { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, len }
+        Self { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, line_read: false, len }
     }
 
     /// Leaves out the elements before number `element`, which is to be read next and has to fit the file.
@@ -166,6 +207,11 @@ impl<'a> Rows<'a> {
     /// Whether rows of an element are no bytes of the file, so that it may have any number of them.
     fn takes_nothing(&self, element: &Element) -> bool {
         element.properties.is_empty() && self.encoding != Encoding::Ascii
+    }
+
+    /// Whether the next row can be read where the last one could not.
+    pub(super) fn can_go_on(&self) -> bool {
+        self.encoding == Encoding::Ascii && self.line_read
     }
 
     /// The end of the row read last.
@@ -280,15 +326,25 @@ impl<'a> Rows<'a> {
     }
 
     fn text_row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
-        let mut raw = Vec::new();
-        let read = self.reader.read_until(b'\n', &mut raw).map_err(Error::io(self.file, "read"))?;
-        self.at += read as u64;
-        self.line += 1;
+        let (mut raw, mut read) = (Vec::new(), 1);
+        self.line_read = false;
+        // Empty lines between rows are none; a row of nothing is an empty line.
+        while read > 0 && raw.trim_ascii().is_empty() {
+            raw.clear();
+            read = self.reader.read_until(b'\n', &mut raw).map_err(Error::io(self.file, "read"))?;
+            self.at += read as u64;
+            self.line += 1;
+            if element.properties.is_empty() {
+                break;
+            }
+        }
         let at = At::Line(self.line);
         let fail = |field: String, problem: &str| Error::malformed(self.file, field, at, problem);
         if read == 0 {
             return Err(fail(format!("{} {i}", element.name), "the file ends here"));
         }
+        // A last line without its end may have been cut.
+        self.line_read = raw.ends_with(b"\n");
         let text = std::str::from_utf8(&raw).map_err(|_| fail(format!("{} {i}", element.name), "is not text"))?;
         if element.has_list {
             return Ok(());

@@ -136,8 +136,8 @@ fn concat(line: &mut Line<'_>) -> Result<Vec<String>, Error> {
 
 /// Names of what a layer takes and gives.
 fn blobs(line: &mut Line<'_>) -> Result<(Vec<String>, Vec<String>), Error> {
-    let inputs: usize = line.value("number of inputs")?;
-    let outputs: usize = line.value("number of outputs")?;
+    let inputs: usize = line.whole("number of inputs")?;
+    let outputs: usize = line.whole("number of outputs")?;
     let mut some = |count: usize| {
         (0..count.min(line.left())).map(|_| line.word("blob").map(str::to_owned)).collect::<Result<Vec<_>, _>>()
     };

@@ -17,16 +17,24 @@ pub use maps::maps;
 
 use super::Error;
 use crate::dataset::Dataset;
-use crate::format::{At, Error as FileError, foreign, las, ply};
+use crate::format::{At, Error as FileError, LeftOut, foreign, las, ply};
 
-/// The positions in a PLY, LAS or LAZ file, told apart by how they begin.
+/// The positions in a PLY, LAS or LAZ file, told apart by how they begin. A few points that are not finite are left out.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, FileError> {
+    read_with(file, false).map(|(positions, _)| positions)
+}
+
+/// The positions in a file, with what was left out. Points that are not finite are an error where it is `strict`, and where they are more
+/// than one of ten.
+pub fn read_with(file: &Path, strict: bool) -> Result<(Vec<[f64; 3]>, Option<LeftOut>), FileError> {
     let mut opened = File::open(file).map_err(FileError::io(file, "open"))?;
     let mut begins = Vec::new();
     opened.by_ref().take(foreign::LOOKED_AT as u64).read_to_end(&mut begins).map_err(FileError::io(file, "read"))?;
     match begins.as_slice() {
-        begin if begin.starts_with(&las::MAGIC) => las::read(file),
-        [b'p', b'l', b'y', ..] => Ok(ply::Cloud::read(file)?.positions),
+        begin if begin.starts_with(&las::MAGIC) => Ok((las::read(file)?, None)),
+        [b'p', b'l', b'y', ..] | [0xef, 0xbb, 0xbf, b'p', ..] => {
+            ply::Cloud::read_with(file, strict).map(|(cloud, left_out)| (cloud.positions, left_out))
+        }
         _ => {
             let bytes = opened.metadata().map_err(FileError::io(file, "read"))?.len();
             let problem = foreign::described(file, bytes, &begins).unwrap_or_else(|| {
@@ -40,7 +48,11 @@ pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, FileError> {
 
 /// The positions in a file in scene coordinates, if they lie where the dataset's cameras look.
 pub fn placed(file: &Path, dataset: &Dataset) -> Result<Vec<[f64; 3]>, Error> {
-    let positions = read(file)?;
+    place(file, read(file)?, dataset)
+}
+
+/// The positions that a file has in scene coordinates, if they lie where the dataset's cameras look.
+pub(super) fn place(file: &Path, positions: Vec<[f64; 3]>, dataset: &Dataset) -> Result<Vec<[f64; 3]>, Error> {
     let scene = Bounds::of_dataset(dataset);
     if positions.iter().any(|p| scene.contains(*p)) {
         return Ok(positions.into_iter().map(|p| dataset.frame.to_scene(p)).collect());

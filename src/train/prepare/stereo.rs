@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
+use crate::format::LeftOut;
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{
     self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, View, WithoutDepth, fuse,
@@ -39,6 +40,8 @@ pub struct StereoReport {
     pub skipped: Vec<Skipped>,
     /// The cloud that growth keeps to.
     pub cloud: Option<CloudReport>,
+    /// Points that were left out of the file of the cloud.
+    pub left_out: Option<LeftOut>,
 }
 
 /// A cloud that growth keeps to.
@@ -67,7 +70,11 @@ pub fn take_stereo(
     let mut report = StereoReport::default();
     // What is wrong with a file is told before stereo takes its time.
     let mut cloud = match &training.density.lidar {
-        Some(LidarCloud::File(file)) => Some(cloud::placed(file, dataset)?),
+        Some(LidarCloud::File(file)) => {
+            let (positions, left_out) = cloud::read_with(file, training.photographs.strict)?;
+            report.left_out = left_out;
+            Some(cloud::place(file, positions, dataset)?)
+        }
         _ => None,
     };
     let made = training.density.lidar == Some(LidarCloud::Mvs);

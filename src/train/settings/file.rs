@@ -1,9 +1,10 @@
 //! `settings.toml`: written beside every result, read back by `train --config`.
 
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use super::Settings;
+use crate::format::read_text;
 
 /// What can be wrong with settings.
 #[derive(Debug, thiserror::Error)]
@@ -53,13 +54,13 @@ impl Settings {
 
     /// Reads a settings file.
     pub fn read(path: &Path) -> Result<Self, SettingsError> {
-        let text = fs::read_to_string(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
         Self::from_toml(&text, path)
     }
 
     /// The keys that a settings file has, in all of its groups.
     pub fn keys(path: &Path) -> Result<Vec<String>, SettingsError> {
-        let text = fs::read_to_string(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
         let table: toml::Table = toml::from_str(&text).map_err(|error| parse_error(&error, &text, path))?;
         let keys = |(key, value): (&String, &toml::Value)| match value {
             toml::Value::Table(group) => group.keys().cloned().collect(),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::format::{Error, atomic};
+use crate::format::{Error, atomic, read_text};
 use crate::raster::Variants;
 use crate::train::Input;
 use crate::vk::Caps;
@@ -60,7 +60,7 @@ fn file(folder: &Path) -> PathBuf {
 
 fn read(folder: &Path) -> Result<Vec<Entry>, String> {
     let path = file(folder);
-    let text = match std::fs::read_to_string(&path) {
+    let text = match read_text(&path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(e) => return Err(format!("{}: cannot read: {e}", path.display())),

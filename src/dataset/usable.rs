@@ -1,0 +1,98 @@
+//! Photographs and points that cannot be used: a few are left out, and told.
+
+use std::io::ErrorKind;
+
+use super::error::Error;
+use super::model::Model;
+use super::{View, Warning, folder, range};
+use crate::format::{Error as FileError, Tally};
+use crate::scene::Frame;
+
+/// Sorts the poses by name, leaves out those that have the name of one before, and refuses names that lead elsewhere.
+pub(super) fn names(model: &mut Model, strict: bool) -> Result<(), Error> {
+    if model.shots.is_empty() {
+        return Err(Error::NoImages { file: model.file.clone() });
+    }
+    model.sort();
+    let mut tally = Tally::new(strict);
+    let mut kept = vec![true; model.shots.len()];
+    for (i, pair) in model.shots.windows(2).enumerate().filter(|(_, pair)| pair[0].name == pair[1].name) {
+        let name = pair[1].name.clone();
+        tally.bad(format!("'{name}'"), Error::DuplicateName { file: model.file.clone(), name })?;
+        kept[i + 1] = false;
+    }
+    model.keep_shots(&kept);
+    model.warnings.extend(tally.end(&model.file, "images", model.shots.len())?.map(Warning::LeftOut));
+    match model.shots.iter().find(|shot| !folder::stays_inside(&shot.name)) {
+        Some(shot) => Err(Error::NameOutside { file: model.file.clone(), name: shot.name.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// The views of the photographs that can be used. Those of the others leave the model too.
+pub(super) fn views(model: &mut Model, views: Vec<Result<View, Error>>, strict: bool) -> Result<Vec<View>, Error> {
+    let mut tally = Tally::new(strict);
+    let kept: Vec<bool> = views.iter().map(Result::is_ok).collect();
+    let mut usable = Vec::with_capacity(views.len());
+    // In the order of the names, so that of several problems always the same one is told.
+    for (shot, view) in model.shots.iter().zip(views) {
+        let view = match view {
+            Err(error) if !is_of_one_photograph(&error) => return Err(error),
+            view => view,
+        };
+        usable.extend(tally.take(format_args!("'{}'", shot.name), view)?);
+    }
+    model.keep_shots(&kept);
+    model.warnings.extend(tally.end(&model.file, "images", usable.len())?.map(Warning::LeftOut));
+    Ok(usable)
+}
+
+/// Whether other photographs can do without.
+fn is_of_one_photograph(error: &Error) -> bool {
+    match error {
+        Error::File(FileError::Io { source, .. }) => source.kind() != ErrorKind::PermissionDenied,
+        Error::File(FileError::Malformed { .. })
+        | Error::Undecodable { .. }
+        | Error::AspectRatio { .. }
+        | Error::MaskSize { .. }
+        | Error::OutOfRange { .. } => true,
+        _ => false,
+    }
+}
+
+/// Leaves out views and points that have no place in the scene. What was told of the poses of such views is not told twice.
+pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, strict: bool) -> Result<(), Error> {
+    let (mut tally, mut kept) = (Tally::new(strict), vec![true; views.len()]);
+    for (view, kept) in views.iter().zip(&mut kept) {
+        *kept = tally.take(format_args!("'{}'", view.name), range::check_placed(&model.file, view, frame))?.is_some();
+        if !*kept {
+            model.warnings.retain(|warning| !is_of_pose(warning, &view.name));
+        }
+    }
+    model.keep_shots(&kept);
+    let mut each = kept.iter();
+    views.retain(|_| each.next().copied().unwrap_or(true));
+    model.warnings.extend(tally.end(&model.file, "images", views.len())?.map(Warning::LeftOut));
+
+    let file = model.points_file.clone().unwrap_or_else(|| model.file.clone());
+    let (mut tally, mut kept) = (Tally::new(strict), vec![true; model.points.len()]);
+    for (point, kept) in model.points.iter().zip(&mut kept) {
+        if let Err(error) = range::check_point(&file, point, frame) {
+            *kept = false;
+            tally.bad(format_args!("point {}", point.id), error)?;
+        }
+    }
+    model.keep_points(&kept);
+    model.warnings.extend(tally.end(&file, "points", model.points.len())?.map(Warning::LeftOut));
+    Ok(())
+}
+
+/// Whether a warning is of the pose of the view of a name.
+fn is_of_pose(warning: &Warning, view: &str) -> bool {
+    match warning {
+        Warning::CameraFarAway { name, .. } | Warning::PoseWrong { name, .. } | Warning::PoseDoubtful { name, .. } => {
+            name == view
+        }
+        _ => false,
+    }
+}

@@ -1,0 +1,123 @@
+//! Records of a file that cannot be used: a few are left out, and told.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// One of so many may be left out; of more the file is not what it should be.
+const ONE_OF: usize = 10;
+
+/// What was left out of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The file, or the folder.
+    pub file: PathBuf,
+    /// What the records are, in the plural.
+    pub what: &'static str,
+    /// How many are left out.
+    pub count: usize,
+    /// How many there are.
+    pub of: usize,
+    /// The first of them.
+    pub first: String,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, what, count, of, first, problem } = self;
+        let (are, one) = if *count == 1 { ("is", "") } else { ("are", "the first of them ") };
+        write!(
+            f,
+            "{}: {count} of {of} {what} cannot be used and {are} left out, {one}{first}: {problem}",
+            file.display()
+        )
+    }
+}
+
+/// Counts records that cannot be used while a file is read.
+pub(crate) struct Tally<E> {
+    strict: bool,
+    count: usize,
+    first: Option<(String, E)>,
+}
+
+impl<E: fmt::Display> Tally<E> {
+    /// Leaves records out, or where it is `strict` none.
+    pub(crate) fn new(strict: bool) -> Self {
+        Self { strict, count: 0, first: None }
+    }
+
+    /// Counts a record that cannot be used.
+    pub(crate) fn bad(&mut self, name: impl fmt::Display, error: E) -> Result<(), E> {
+        if self.strict {
+            return Err(error);
+        }
+        self.count += 1;
+        if self.first.is_none() {
+            self.first = Some((name.to_string(), error));
+        }
+        Ok(())
+    }
+
+    /// A record, or nothing where it cannot be used.
+    pub(crate) fn take<T>(&mut self, name: impl fmt::Display, record: Result<T, E>) -> Result<Option<T>, E> {
+        match record {
+            Ok(record) => Ok(Some(record)),
+            Err(error) => self.bad(name, error).map(|()| None),
+        }
+    }
+
+    /// How many were left out so far.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// What was left out beside the records that are `kept`. Where that is more than one of ten, the first is the error.
+    pub(crate) fn end(self, file: &Path, what: &'static str, kept: usize) -> Result<Option<LeftOut>, E> {
+        let (count, of) = (self.count, self.count + kept);
+        match self.first {
+            Some((_, error)) if count * ONE_OF > of => Err(error),
+            _ => Ok(self.told(file, what, of)),
+        }
+    }
+
+    /// What was left out of `of` records, however many they are.
+    pub(crate) fn told(self, file: &Path, what: &'static str, of: usize) -> Option<LeftOut> {
+        let (first, error) = self.first?;
+        let said = error.to_string();
+        // The file is named already.
+        let problem = said.strip_prefix(&format!("{}: ", file.display())).unwrap_or(&said).to_owned();
+        Some(LeftOut { file: file.to_owned(), what, count: self.count, of, first, problem })
+    }
+}
+
+/// Whether so few of `of` are missing that the rest can be used.
+pub(crate) fn few(missing: u64, of: u64) -> bool {
+    missing.saturating_mul(ONE_OF as u64) <= of
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tenth_may_be_left_out_and_more_is_an_error() {
+        let file = Path::new("images.txt");
+        let end = |bad: usize, kept: usize| {
+            let mut tally = Tally::new(false);
+            (0..bad).for_each(|k| tally.bad(format!("'{k}'"), format!("images.txt: {k} is wrong")).expect("counted"));
+            tally.end(file, "images", kept)
+        };
+        assert_eq!(end(0, 0), Ok(None));
+        let told = |bad, kept| end(bad, kept).expect("few").expect("some").to_string();
+        assert_eq!(told(1, 9), "images.txt: 1 of 10 images cannot be used and is left out, '0': 0 is wrong");
+        assert_eq!(
+            told(2, 18),
+            "images.txt: 2 of 20 images cannot be used and are left out, the first of them '0': 0 is wrong"
+        );
+        assert_eq!(end(1, 8), Err("images.txt: 0 is wrong".to_owned()));
+        assert_eq!(end(2, 17), Err("images.txt: 0 is wrong".to_owned()));
+        assert_eq!(Tally::new(true).bad("'0'", "wrong"), Err("wrong"));
+    }
+}

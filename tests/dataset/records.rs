@@ -1,0 +1,386 @@
+//! Records that cannot be used: a few of many are left out and told, more are an error, and so is the first where that is asked for.
+
+use std::fs;
+use std::path::Path;
+
+use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Warning};
+use psrgs_vk::format::{LeftOut, ply};
+use psrgs_vk::scene::{Frame, Gaussians};
+
+use crate::colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow};
+use crate::formats::{cloud, nerfstudio, opensfm, reconstruction, transforms, turned, write_json};
+use crate::load;
+
+fn many() -> Vec<String> {
+    (0..20).map(|i| format!("{i:02}.png")).collect()
+}
+
+fn ring() -> Folder {
+    let names = many();
+    Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), [0.0; 3])
+}
+
+fn strictly(root: &Path) -> Result<Dataset, Error> {
+    Dataset::load(root, &LoadOptions { strict: true, ..LoadOptions::default() })
+}
+
+/// What was left out, if anything; told once.
+fn left_out(dataset: &Dataset) -> Vec<&LeftOut> {
+    dataset
+        .warnings
+        .iter()
+        .filter_map(|w| if let Warning::LeftOut(left_out) = w { Some(left_out) } else { None })
+        .collect()
+}
+
+/// The dataset is read without the records, says so with these words, and is refused with the last of them where that is asked for.
+#[track_caller]
+fn leaves_out(root: &Path, what: &str, count: usize, of: usize, words: &[&str]) -> Dataset {
+    let dataset = load(root).expect(what);
+    let told = left_out(&dataset);
+    assert_eq!(told.len(), 1, "{:?}", dataset.warnings);
+    assert_eq!((told[0].what, told[0].count, told[0].of), (what, count, of), "{told:?}");
+    let said = told[0].to_string();
+    words.iter().for_each(|word| assert!(said.contains(word), "does not say {word}: {said}"));
+    let error = strictly(root).expect_err("strict").to_string();
+    words.last().iter().for_each(|word| assert!(error.contains(**word), "does not say {word}: {error}"));
+    dataset
+}
+
+fn names(dataset: &Dataset) -> Vec<&str> {
+    dataset.views.iter().map(|view| view.name.as_str()).collect()
+}
+
+type Change = fn(&mut Folder);
+
+#[test]
+fn poses_of_colmap_that_cannot_be_used_are_left_out() {
+    let cases: [(&str, Change, &str); 7] = [
+        ("a NaN", |f| f.images[7].translation[1] = f64::NAN, "ty of image '07.png'"),
+        ("an infinity", |f| f.images[7].quaternion[0] = f64::INFINITY, "qw of image '07.png'"),
+        ("a quaternion of zeros", |f| f.images[7].quaternion = [0.0; 4], "the quaternion is zero"),
+        ("an absurd quaternion", |f| f.images[7].quaternion[2] = 1e300, "beyond all range"),
+        ("an absurd place", |f| f.images[7].translation = [1e308; 3], "the camera of '07.png' cannot be used"),
+        ("a place beyond the scene", |f| f.images[7].translation[0] = 1e60, "too far from the others"),
+        ("no such camera", |f| f.images[7].camera = 77, "there is no camera 77"),
+    ];
+    let whole = load(ring().dataset(false).path()).expect("loads");
+    for (what, change, words) in cases {
+        for text in [false, true] {
+            let root = ring().dataset(text);
+            let mut folder = ring();
+            change(&mut folder);
+            folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+            println!("{what}, text: {text}");
+            let dataset = leaves_out(root.path(), "images", 1, 20, &["images.", "'07.png'", words]);
+            let mut want = names(&whole);
+            want.remove(7);
+            assert_eq!(names(&dataset), want);
+            // What saw the points is told of the views that are left.
+            assert_eq!(dataset.points, whole.points);
+            let seen = |dataset: &Dataset, point| -> Vec<String> {
+                dataset.tracks.of(point).iter().map(|view| dataset.views[*view as usize].name.clone()).collect()
+            };
+            (0..12).for_each(|point| assert_eq!(seen(&dataset, point), seen(&whole, point)));
+        }
+    }
+}
+
+#[test]
+fn more_than_a_tenth_that_cannot_be_used_are_refused() {
+    for (bad, read) in [(2, true), (3, false)] {
+        for text in [false, true] {
+            let root = ring().dataset(text);
+            let mut folder = ring();
+            folder.images.iter_mut().take(bad).for_each(|image| image.translation[0] = f64::NAN);
+            folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+            match load(root.path()) {
+                Ok(dataset) => assert!(read && left_out(&dataset)[0].count == bad),
+                Err(error) => assert!(!read && error.to_string().contains("tx of image '00.png'"), "{error}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_photograph_with_two_poses_has_the_first_and_numbers_may_repeat() {
+    for text in [false, true] {
+        let root = ring().dataset(text);
+        let mut folder = ring();
+        let twice = ImageRow { id: 21, translation: [9.0; 3], ..folder.images[3].clone() };
+        folder.images.push(twice);
+        folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+        let dataset = leaves_out(root.path(), "images", 1, 21, &["'03.png'", "two images are named '03.png'"]);
+        assert_eq!(
+            dataset.views,
+            load(ring().dataset(text).path())
+                .expect("loads")
+                .views
+                .iter()
+                .zip(&dataset.views)
+                .map(|(view, here)| psrgs_vk::dataset::View { path: here.path.clone(), ..view.clone() })
+                .collect::<Vec<_>>()
+        );
+        // Another image with a number that is taken: only who saw which point is not known.
+        let mut folder = ring();
+        folder.images[3].id = 2;
+        folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+        let dataset = load(root.path()).expect("loads");
+        assert_eq!(dataset.views.len(), 20);
+        assert_eq!(dataset.warnings[0], Warning::SharedNumber { number: 2, images: 1 });
+        assert!((0..12).all(|point| !dataset.tracks.of(point).contains(&1)), "image 2 was '01.png'");
+    }
+}
+
+#[test]
+fn points_of_colmap_that_cannot_be_used_are_left_out() {
+    let cases: [(&str, fn(&mut PointRow), &str); 3] = [
+        ("a NaN", |p| p.position[2] = f64::NAN, "z of point 93"),
+        ("an infinity", |p| p.position[0] = f64::NEG_INFINITY, "x of point 93"),
+        ("an absurd place", |p| p.position[0] = 1e60, "too far from the cameras"),
+    ];
+    let whole = load(ring().dataset(false).path()).expect("loads");
+    for (what, change, words) in cases {
+        for text in [false, true] {
+            let root = ring().dataset(text);
+            let mut folder = ring();
+            change(&mut folder.points[7]);
+            folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+            println!("{what}, text: {text}");
+            let dataset = leaves_out(root.path(), "points", 1, 12, &["points3D.", "point 93", words]);
+            let mut want = whole.points.clone();
+            let gone = want.iter().position(|p| p.id == 93).expect("there");
+            want.remove(gone);
+            assert_eq!(dataset.points, want);
+            assert_eq!(dataset.tracks.of(gone), whole.tracks.of(gone + 1));
+        }
+    }
+}
+
+#[test]
+fn lines_of_text_that_cannot_be_read_are_left_out() {
+    let root = ring().dataset(true);
+    let rewritten = |name: &str, from: &str, to: &str| {
+        ring().write(root.path(), &ring().text());
+        let file = root.path().join("sparse/0").join(name);
+        let text = fs::read_to_string(&file).expect("text");
+        assert!(text.contains(from), "{name} has {from}");
+        fs::write(&file, text.replacen(from, to, 1)).expect("written");
+    };
+    rewritten("points3D.txt", "\n95 ", "\nwhat is this 95 ");
+    leaves_out(root.path(), "points", 1, 12, &["point what", "'what' is not a number"]);
+    rewritten("points3D.txt", "255 128", "256 128");
+    leaves_out(root.path(), "points", 1, 12, &["colour of point 100"]);
+    rewritten("images.txt", " 1 08.png", " one 08.png");
+    leaves_out(root.path(), "images", 1, 20, &["'08.png'", "camera of image '08.png'"]);
+    // Keypoints are not used: only the line is told.
+    rewritten("images.txt", "1.5 2.25 -1\n", "1.5 2.25\n");
+    let dataset = leaves_out(root.path(), "lines of keypoints", 1, 20, &["are not a multiple of three"]);
+    assert_eq!(dataset.views.len(), 20);
+}
+
+#[test]
+fn cameras_that_no_image_uses_need_not_be_readable() {
+    let odd: [(&str, CameraRow, &str); 4] = [
+        (
+            "an unknown model",
+            CameraRow { id: 9, model: ("LIGHTFIELD", 99), size: [24, 16], params: vec![1.0; 7] },
+            "unknown",
+        ),
+        ("no size", CameraRow { id: 9, model: PINHOLE, size: [0, 16], params: vec![20.0; 4] }, "size of camera 9"),
+        (
+            "a focal length below zero",
+            CameraRow { id: 9, model: PINHOLE, size: [24, 16], params: vec![-2.0; 4] },
+            "is -2",
+        ),
+        (
+            "a NaN",
+            CameraRow { id: 9, model: PINHOLE, size: [24, 16], params: vec![f64::NAN; 4] },
+            "parameter 0 of camera 9",
+        ),
+    ];
+    for (what, camera, words) in odd {
+        for text in [false, true] {
+            // Before and after the one that is used.
+            for at in [0, 1] {
+                let root = ring().dataset(text);
+                let mut folder = ring();
+                folder.cameras.insert(at, camera.clone());
+                folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+                println!("{what}, text: {text}, at {at}");
+                let dataset = leaves_out(root.path(), "cameras", 1, 2, &["cameras.", "camera 9", words]);
+                assert_eq!(dataset.views.len(), 20);
+                // A few images may have it, and are left out with it.
+                folder.images[4].camera = 9;
+                folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+                leaves_out(root.path(), "images", 1, 20, &["'04.png'", words]);
+                folder.images.iter_mut().for_each(|image| image.camera = 9);
+                folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+                let error = load(root.path()).expect_err("all").to_string();
+                assert!(error.contains("cameras.") && error.contains(words), "{error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_camera_that_occurs_twice_is_one_where_both_are_alike() {
+    for text in [false, true] {
+        let root = ring().dataset(text);
+        let mut folder = ring();
+        folder.cameras.push(folder.cameras[0].clone());
+        folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+        leaves_out(root.path(), "cameras", 1, 2, &["camera 1", "the number 1 occurs twice"]);
+        folder.cameras[1].params[0] += 1.0;
+        folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
+        let error = load(root.path()).expect_err("which of them").to_string();
+        assert!(error.contains("the number 1 occurs twice"), "{error}");
+    }
+}
+
+#[test]
+fn photographs_that_are_missing_or_none_are_left_out() {
+    for (damage, words) in [
+        ((|file| fs::remove_file(file).expect("removed")) as fn(&Path), "missing"),
+        (|file| fs::write(file, "").expect("written"), "the file is empty"),
+        (|file| fs::write(file, "no picture at all").expect("written"), "no known format"),
+        (|file| image::RgbImage::new(16, 24).save(file).expect("written"), "16x24"),
+    ] {
+        let root = ring().dataset(false);
+        damage(&root.path().join("images/05.png"));
+        let dataset = load(root.path()).expect(words);
+        let told = left_out(&dataset);
+        assert!(told.len() == 1 && told[0].count == 1 && told[0].of == 20 && told[0].first == "'05.png'", "{told:?}");
+        assert!(dataset.views.len() == 19 && !names(&dataset).contains(&"05.png"));
+        assert!(dataset.warnings.len() == 1, "{:?}", dataset.warnings);
+        let error = strictly(root.path()).expect_err("strict").to_string();
+        assert!(error.contains("05.png") && error.contains(words), "{error}");
+        (6..8).for_each(|k| damage(&root.path().join(format!("images/{k:02}.png"))));
+        let error = load(root.path()).expect_err("three of twenty").to_string();
+        assert!(error.contains("05.png") && error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn frames_and_shots_that_cannot_be_used_are_left_out() {
+    let folder = turned(&many(), [0.0; 3]);
+    let root = nerfstudio(&folder, true);
+    let whole = load(root.path()).expect("loads");
+    let text = serde_json::to_string_pretty(&transforms(&folder)).expect("JSON");
+    let changed = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut value = transforms(&folder);
+        change(&mut value["frames"][6]);
+        serde_json::to_string_pretty(&value).expect("JSON")
+    };
+    let nan = changed(&|frame| frame["transform_matrix"][1][3] = "NUMBER".into());
+    for (text, words) in [
+        (nan.replace("\"NUMBER\"", "NaN"), "NaN"),
+        (nan.replace("\"NUMBER\"", "-Infinity"), "-Infinity"),
+        (nan.replace("\"NUMBER\"", "null"), "null"),
+        (nan.replace("\"NUMBER\"", "1e60"), "too far from the others"),
+        (changed(&|frame| frame["transform_matrix"] = serde_json::json!([[1, 2]])), "is not a matrix"),
+        (changed(&|frame| frame["transform_matrix"][0][0] = 70.into()), "no rotation"),
+        (changed(&|frame| drop(frame.as_object_mut().map(|f| f.remove("transform_matrix")))), "missing field"),
+        (changed(&|frame| frame["camera_model"] = "EUCLID".into()), "EUCLID"),
+        (changed(&|frame| frame["fl_x"] = (-3).into()), "fl_x of frame './images/06.png'"),
+        (changed(&|frame| *frame = 7.into()), "invalid type"),
+    ] {
+        fs::write(root.path().join("transforms.json"), text).expect("written");
+        let dataset = load(root.path()).unwrap_or_else(|e| panic!("{words}: {e}"));
+        let told = left_out(&dataset);
+        assert!(told.len() == 1 && told[0].count == 1 && told[0].of == 20, "{told:?}");
+        assert!(told[0].to_string().contains(words) && told[0].first.contains('6'), "{words}: {}", told[0]);
+        assert!(dataset.views.len() == 19 && !names(&dataset).contains(&"06.png"));
+        let error = strictly(root.path()).expect_err("strict").to_string();
+        assert!(error.contains("transforms.json") && error.contains(words), "{error}");
+    }
+    fs::write(root.path().join("transforms.json"), text).expect("written");
+    assert_eq!(load(root.path()).expect("loads").views, whole.views);
+
+    let root = opensfm(&folder, "reconstruction.json");
+    let shot = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut value = reconstruction(&folder);
+        change(&mut value[0]["shots"]["06.png"]);
+        serde_json::to_string(&value).expect("JSON")
+    };
+    let nan = shot(&|shot| shot["translation"][1] = "NUMBER".into());
+    for (text, words) in [
+        (nan.replace("\"NUMBER\"", "NaN"), "NaN"),
+        (nan.replace("\"NUMBER\"", "1e60"), "too far from the others"),
+        (shot(&|shot| shot["camera"] = "other".into()), "there is no camera 'other'"),
+        (shot(&|shot| shot["rotation"] = serde_json::json!([1, 2])), "a rotation is a vector of 3 numbers"),
+        (shot(&|shot| shot["rotation"] = serde_json::json!([1e300, 1e300, 0])), "beyond all range"),
+    ] {
+        fs::write(root.path().join("reconstruction.json"), text).expect("written");
+        let dataset = load(root.path()).unwrap_or_else(|e| panic!("{words}: {e}"));
+        let told = left_out(&dataset);
+        assert!(
+            told.len() == 1 && told[0].first == "'06.png'" && told[0].to_string().contains(words),
+            "{words}: {told:?}"
+        );
+        assert_eq!(dataset.views.len(), 19);
+        assert!(strictly(root.path()).expect_err("strict").to_string().contains(words));
+    }
+    // A camera that no shot has, and a point.
+    let mut value = reconstruction(&folder);
+    value[0]["cameras"]["another"] = serde_json::json!({"projection_type": "dual", "width": 24, "height": 16});
+    write_json(&root.path().join("reconstruction.json"), &value);
+    leaves_out(root.path(), "cameras", 1, 2, &["camera 'another'", "dual"]);
+    let mut value = reconstruction(&folder);
+    value[0]["points"]["93"]["coordinates"][0] = serde_json::Value::Null;
+    write_json(&root.path().join("reconstruction.json"), &value);
+    let dataset = leaves_out(root.path(), "points", 1, 12, &["point 93", "null"]);
+    assert_eq!(dataset.points.len(), 11);
+    // Two poses of a photograph.
+    let text = serde_json::to_string(&reconstruction(&folder)).expect("JSON").replace("\"07.png\"", "\"06.png\"");
+    fs::write(root.path().join("reconstruction.json"), text).expect("written");
+    leaves_out(root.path(), "images", 1, 20, &["'06.png'", "two images are named '06.png'"]);
+}
+
+#[test]
+fn points_of_a_cloud_that_are_not_finite_are_left_out() {
+    let folder = turned(&many(), [0.0; 3]);
+    for text in [true, false] {
+        let root = nerfstudio(&folder, text);
+        let file = root.path().join("sparse_pc.ply");
+        let mut bad = turned(&many(), [0.0; 3]);
+        bad.points[5].position[1] = f64::NAN;
+        fs::write(&file, cloud(&bad, text)).expect("written");
+        let dataset = leaves_out(root.path(), "points", 1, 12, &["sparse_pc.ply", "vertex 5", "is not finite"]);
+        assert_eq!(dataset.points.len(), 11);
+        bad.points[6].position[1] = f64::INFINITY;
+        fs::write(&file, cloud(&bad, text)).expect("written");
+        let error = load(root.path()).expect_err("two of twelve").to_string();
+        assert!(error.contains("y of vertex 5"), "{error}");
+    }
+}
+
+/// A model of splats whose opacities are the numbers of the splats.
+fn splats(n: usize) -> Gaussians {
+    let mut splats = Gaussians::zeros(n);
+    (0..n).for_each(|i| splats.opacities[i] = i as f32);
+    splats
+}
+
+#[test]
+fn splats_that_are_not_finite_are_left_out_of_a_model() {
+    let root = tempfile::tempdir().expect("a folder");
+    let file = root.path().join("point_cloud.ply");
+    let mut model = splats(20);
+    model.means[3 * 4 + 1] = f32::NAN;
+    model.sh[2][12 * 11 + 5] = f32::INFINITY;
+    ply::save_staged(&file, &model, &Frame::IDENTITY, false, Some(10)).expect("written");
+    let read = ply::read(&file).expect("a model");
+    let kept: Vec<f32> = (0..20).filter(|i| ![4, 11].contains(i)).map(|i| i as f32).collect();
+    assert_eq!((read.gaussians.opacities.as_slice(), read.constrained), (kept.as_slice(), Some(9)));
+    assert_eq!(read.gaussians.ids, (0..18).collect::<Vec<u32>>());
+    let told = read.left_out.expect("some");
+    assert_eq!((told.what, told.count, told.of, told.first.as_str()), ("splats", 2, 20, "vertex 4"));
+    assert!(told.to_string().contains("y of vertex 4 at byte"), "{told}");
+    let error = ply::read_with(&file, true).map(|m| m.gaussians.len()).expect_err("strict").to_string();
+    assert!(error.contains("y of vertex 4 at byte"), "{error}");
+    model.scales[0] = f32::NAN;
+    ply::save(&file, &model, &Frame::IDENTITY, false).expect("written");
+    let error = ply::read(&file).map(|m| m.gaussians.len()).expect_err("three of twenty").to_string();
+    assert!(error.contains("scale_0 of vertex 0"), "{error}");
+}
