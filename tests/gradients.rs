@@ -282,6 +282,77 @@ fn projection_twin_beyond_the_clamp_of_the_reference() {
     assert!(clamped > 10, "only {clamped} splats were clamped");
 }
 
+/// Below the bound the colour is that of a brighter splat less a constant: differences of the brighter one are what the gradient has to be
+/// where it leads back inside.
+#[test]
+fn a_colour_at_its_lower_bound_has_the_gradient_that_raises_it_and_no_other() {
+    let camera = camera(64, 48);
+    let mut random = Random::new(23);
+    let lift = 10.0;
+    let mut clamped = 0;
+    for case in 0..24 {
+        let black_learns = case % 3 != 0;
+        let projection = Projection { sh_degree: case % 4, black_learns, ..Projection::default() };
+        let view = View::<f64>::exact(&camera, &projection);
+        let mut splat = splats::spread(&mut random, &camera, 0.7);
+        splat.sh[0].iter_mut().for_each(|dc| *dc -= 2.0);
+        let Ok(here) = project(&splat, &view, None) else { continue };
+        let lifted = |moved: &Splat<f64>| {
+            let mut moved = moved.clone();
+            moved.sh[0].iter_mut().for_each(|dc| *dc += lift);
+            project(&moved, &view, None).map_or(vec![], |p| p.color.to_vec())
+        };
+        for (channel, sign) in (0..3).flat_map(|channel| [(channel, 1.0), (channel, -1.0)]) {
+            let lit = here.color[channel] > 0.0;
+            clamped += usize::from(!lit);
+            let mut g = Grad2d { row: [0.0; 12], normal: [0.0; 3] };
+            g.row[6 + channel] = sign;
+            let got = project_backward(&splat, &view, here.color, &g).to_array();
+            let passes = lit || black_learns && sign < 0.0;
+            for k in 0..PARAMETERS {
+                let slope = difference(&splat, k, 1e-4, &mut |moved| lifted(moved))[channel];
+                let want = if passes { sign * slope } else { 0.0 };
+                assert!(
+                    (got[k] - want).abs() < 1e-6 * (1.0 + want.abs()),
+                    "{case}, {channel}, {k}: {} for {want}",
+                    got[k]
+                );
+            }
+        }
+    }
+    assert!(clamped > 40, "{clamped} colours at the bound");
+}
+
+/// Exactly at the bound the loss has two slopes: a gradient that leads back inside is the one to the right of the bound.
+#[test]
+fn brute_force_gradients_at_the_bound_of_colours_are_the_slopes_that_lead_back() {
+    let camera = camera(22, 17);
+    let settings = Settings { black_learns: true, ..settings(0, false) };
+    let (mut splats, mut random) = calm_scene(40, &camera, &settings);
+    for splat in &mut splats {
+        // By less than what is compared, so that rounding leaves no light.
+        splat.sh[0] = [-0.5 * (4.0 * std::f64::consts::PI).sqrt() - 1e-12; 3];
+    }
+    let pixels = (camera.width * camera.height) as usize;
+    let g = random_gradient(&mut random, pixels, Seen::Color);
+    let got = reference::backward(&splats, &camera, &settings, &g);
+    let none = reference::backward(&splats, &camera, &Settings { black_learns: false, ..settings }, &g);
+    let at = |scene: &[Splat<f64>]| loss(&reference::render(scene, &camera, &settings), &g);
+    let (here, mut raised) = (at(&splats), [0, 0]);
+    for i in 0..splats.len() {
+        for c in 0..3 {
+            let mut scene = splats.clone();
+            // Linear in the colour.
+            scene[i].sh[0][c] += 0.5;
+            let slope = (at(&scene) - here) / 0.5;
+            assert!((got.splats[i].sh[0][c] - slope.min(0.0)).abs() < 1e-9, "{i} {c}: {slope}");
+            assert_eq!(none.splats[i].sh[0][c], 0.0);
+            raised[usize::from(slope < 0.0)] += 1;
+        }
+    }
+    assert!(raised.iter().all(|n| *n > 1), "{raised:?} slopes of either sign");
+}
+
 #[test]
 fn reference_clamp_changes_the_means_gradient_only_where_clamped() {
     let camera = camera(64, 48);
@@ -308,15 +379,16 @@ fn reference_clamp_changes_the_means_gradient_only_where_clamped() {
 #[test]
 fn projection_twin_agrees_with_the_brute_force_renderer() {
     let camera = camera(40, 30);
-    for (antialias, sh_degree) in [(false, 3), (true, 2)] {
-        let settings = settings(sh_degree, antialias);
+    for (antialias, sh_degree, black_learns) in [(false, 3, false), (true, 2, true)] {
+        let settings = Settings { black_learns, ..settings(sh_degree, antialias) };
         let mut random = Random::new(31);
         let splats: Vec<_> = (0..60).map(|_| splats::spread(&mut random, &camera, 1.4)).collect();
         let mut g = random_gradient(&mut random, 1200, Seen::Color);
         let other = random_gradient(&mut random, 1200, Seen::DepthAndNormal);
         (g.depth, g.normal) = (other.depth, other.normal);
         let want = reference::backward(&splats, &camera, &settings, &g);
-        let view = View::<f64>::exact(&camera, &Projection { sh_degree, antialias, ..Projection::default() });
+        let projection = Projection { sh_degree, antialias, black_learns, ..Projection::default() };
+        let view = View::<f64>::exact(&camera, &projection);
         let mut touched = 0;
         for (i, splat) in splats.iter().enumerate() {
             let Ok(p) = project(splat, &view, None) else { continue };

@@ -41,8 +41,10 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     const vec3 p = to_camera(camera, s.mean);
     const Ewa e = ewa_project(camera, p, s.quat, s.log_scale);
 
-    // Colour: max(0, .) passes no gradient where the stored colour is 0.
-    const vec3 g_rgb = mix(vec3(0.0), vec3(up.b.zw, up.c.x), greaterThan(stored, vec3(0.0)));
+    // Colour: max(0, .) passes no gradient where the stored colour is 0, but one that leads back inside where that is asked for.
+    const vec3 g_stored = vec3(up.b.zw, up.c.x);
+    const vec3 raising = (flags & VIEW_BLACK_LEARNS) != 0u ? mix(vec3(0.0), g_stored, lessThan(g_stored, vec3(0.0))) : vec3(0.0);
+    const vec3 g_rgb = mix(raising, g_stored, greaterThan(stored, vec3(0.0)));
     const vec3 offset = s.mean - camera.center;
     const float distance = length(offset);
     const vec3 dir = offset / distance;

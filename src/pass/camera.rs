@@ -7,6 +7,9 @@ pub const ANTIALIAS: u32 = 1;
 /// [`CameraPush::flags`]: where the field-of-view clamp of the EWA Jacobian is active, keep the 3DGS reference's derivative by
 /// depth (twice the true one) instead of the true one.
 pub const REFERENCE_CLAMP: u32 = 2;
+/// [`CameraPush::flags`]: a colour at its lower bound has a gradient where a descent step would raise it. Bit 2 is
+/// [`super::project_backward_adam::STEPS_OPACITIES`].
+pub const BLACK_LEARNS: u32 = 8;
 
 /// The near plane of the 3DGS reference, for scenes of extent 5.
 pub const NEAR: f64 = 0.2;
@@ -32,7 +35,7 @@ crate::push_constants! {
         pub height: u32,
         /// Highest degree of spherical harmonics in use, 0 to 3.
         pub sh_degree: u32,
-        /// [`ANTIALIAS`], [`REFERENCE_CLAMP`].
+        /// [`ANTIALIAS`], [`REFERENCE_CLAMP`], [`BLACK_LEARNS`].
         pub flags: u32,
     }
 }
@@ -48,6 +51,9 @@ pub struct Projection {
     pub antialias: bool,
     /// Whether gradients keep the 3DGS reference's derivative of the field-of-view clamp.
     pub reference_clamp: bool,
+    /// Whether gradients lead colours at their lower bound back inside: max(0, .) passes a gradient there where a descent step would
+    /// raise the colour, and none otherwise. Without, it passes none, as in the 3DGS reference.
+    pub black_learns: bool,
     /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
     pub limits: Option<[f64; 4]>,
     /// A splat is skipped at a pixel where its alpha is below 1 / this, where that is not the renderer's own (255, or that of its variants).
@@ -56,7 +62,15 @@ pub struct Projection {
 
 impl Default for Projection {
     fn default() -> Self {
-        Self { sh_degree: 3, near: NEAR, antialias: false, reference_clamp: false, limits: None, alpha_cutoff: None }
+        Self {
+            sh_degree: 3,
+            near: NEAR,
+            antialias: false,
+            reference_clamp: false,
+            black_learns: false,
+            limits: None,
+            alpha_cutoff: None,
+        }
     }
 }
 
@@ -81,7 +95,8 @@ impl CameraPush {
         };
         let c = camera.center();
         let flags = if projection.antialias { ANTIALIAS } else { 0 }
-            | if projection.reference_clamp { REFERENCE_CLAMP } else { 0 };
+            | if projection.reference_clamp { REFERENCE_CLAMP } else { 0 }
+            | if projection.black_learns { BLACK_LEARNS } else { 0 };
         Self {
             row0: row(0),
             row1: row(1),

@@ -372,6 +372,7 @@ impl Engine {
             near: NEAR,
             antialias: self.antialias,
             reference_clamp: true,
+            black_learns: self.settings.run.method.black_learns(),
             limits: None,
             alpha_cutoff: plan.alpha_cutoff,
         };

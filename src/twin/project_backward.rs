@@ -17,11 +17,13 @@ pub struct Grad2d<R> {
     pub normal: [R; 3],
 }
 
-/// Gradients of the 59 parameters of a splat that is on the image with colour `color` (0 where it was clamped).
+/// Gradients of the 59 parameters of a splat that is on the image with colour `color` (0 where it was clamped; see
+/// [`crate::pass::camera::Projection::black_learns`]).
 pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, color: [R; 3], g: &Grad2d<R>) -> Splat<R> {
     let o = R::zero();
     let (p, e) = project::geometry(splat, view);
-    let g_rgb: [R; 3] = std::array::from_fn(|c| if color[c] > o { g.row[6 + c] } else { o });
+    let passes = |c: usize| color[c] > o || view.black_learns && g.row[6 + c] < o;
+    let g_rgb: [R; 3] = std::array::from_fn(|c| if passes(c) { g.row[6 + c] } else { o });
     let (dir, distance) = project::direction(splat, view);
     let y = sh::basis(dir, view.sh_degree);
     let g_sh = y.map(|value| g_rgb.map(|v| value * v));

@@ -5,7 +5,7 @@ use super::project_backward::{Grad2d, flatten, project_backward, shrink};
 use super::splat::{PARAMETERS, Splat, View};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
-use crate::pass::camera::{ANTIALIAS, REFERENCE_CLAMP};
+use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, REFERENCE_CLAMP};
 use crate::pass::counters;
 use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEP_SHIFT, STEPS_OPACITIES};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
@@ -38,6 +38,7 @@ pub fn view<R: Real>(push: &Push) -> View<R> {
         sh_degree: push.flags >> DEGREE_SHIFT & 3,
         antialias: push.flags & ANTIALIAS != 0,
         reference_clamp: push.flags & REFERENCE_CLAMP != 0,
+        black_learns: push.flags & BLACK_LEARNS != 0,
     }
 }
 

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::{Real, TwinCall};
-use crate::pass::camera::{ANTIALIAS, CameraPush, Projection, REFERENCE_CLAMP, clamp_limits};
+use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, CameraPush, Projection, REFERENCE_CLAMP, clamp_limits};
 use crate::scene::{Camera, Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
 
 /// Parameters of one splat: 3 + 4 + 3 + 1 + 48 = 59 numbers.
@@ -112,6 +112,8 @@ pub struct View<R> {
     pub antialias: bool,
     /// See [`Projection::reference_clamp`].
     pub reference_clamp: bool,
+    /// See [`Projection::black_learns`].
+    pub black_learns: bool,
 }
 
 impl<R: Real> View<R> {
@@ -139,6 +141,7 @@ impl<R: Real> View<R> {
             sh_degree: push.sh_degree,
             antialias: push.flags & ANTIALIAS != 0,
             reference_clamp: push.flags & REFERENCE_CLAMP != 0,
+            black_learns: push.flags & BLACK_LEARNS != 0,
         }
     }
 
@@ -156,6 +159,7 @@ impl<R: Real> View<R> {
             sh_degree: projection.sh_degree,
             antialias: projection.antialias,
             reference_clamp: projection.reference_clamp,
+            black_learns: projection.black_learns,
         }
     }
 }

@@ -46,8 +46,7 @@ fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
 
 fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: u64) -> Case {
     let camera = rounded(camera(size.0, size.1));
-    let projection =
-        Projection { sh_degree, near: NEAR, antialias, reference_clamp: false, limits: None, alpha_cutoff: None };
+    let projection = Projection { sh_degree, antialias, ..Projection::default() };
     let view = View::<f64>::exact(&camera, &projection);
     let mut random = Random::new(seed);
     let mut model = Gaussians::zeros(splats);

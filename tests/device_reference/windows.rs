@@ -64,6 +64,7 @@ fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<
             near: NEAR,
             antialias: false,
             reference_clamp: true,
+            black_learns: false,
             limits: None,
             alpha_cutoff: None,
         };

@@ -85,6 +85,7 @@ impl Scene {
             near: NEAR,
             antialias,
             reference_clamp: false,
+            black_learns: false,
             limits: None,
             alpha_cutoff: None,
         };

@@ -103,6 +103,7 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
         near: NEAR,
         antialias: false,
         reference_clamp: true,
+        black_learns: false,
         limits: None,
         alpha_cutoff: None,
     };

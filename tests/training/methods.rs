@@ -1,6 +1,7 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
 
 use psrgs_vk::dataset::Pixels;
+use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::stereo::Prior;
 use psrgs_vk::train::settings::{DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
 use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
@@ -305,4 +306,28 @@ fn harmonics_that_are_stepped_rarely_rest_in_steps_with_depth() {
     assert!(harmonics(1) > 1000);
     // The first step of 24 is the only one that is theirs, and it has none but the constant one.
     assert_eq!(harmonics(1000), 0);
+}
+
+/// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the photographs.
+#[test]
+fn black_splats_learn_their_colours_but_in_the_published_methods() {
+    let Some(gpu) = gpu() else { return };
+    let mut input = plane_scene::input(5, 64, 48, 300);
+    let black = -0.5 / SH_C0 as f32 - 0.1;
+    input.initial.sh[0].chunks_exact_mut(12).for_each(|sh| sh[..3].fill(black));
+    for (method, learns) in [
+        (Method::Gs, false),
+        (Method::AbsGs, false),
+        (Method::Lean, true),
+        (Method::PsrgsPaper, true),
+        (Method::Psrgs, true),
+    ] {
+        assert_eq!(method.black_learns(), learns, "{method}");
+        let mut settings = settings(12);
+        settings.run.method = method;
+        let trained = run(&gpu, input.clone(), &settings, Pacing::default()).state.params[4].clone();
+        let raised = trained.iter().zip(&input.initial.sh[0]).filter(|(after, before)| after > before).count();
+        assert_eq!(raised > 300, learns, "{method}: {raised} coefficients were raised");
+        assert!(learns || raised == 0, "{method}: {raised} coefficients were raised");
+    }
 }

@@ -77,7 +77,13 @@ pub fn hard() -> Gaussians {
 /// The combinations of settings that the tests go through.
 pub fn settings() -> Vec<Projection> {
     (0..8)
-        .map(|k| Projection { sh_degree: k % 4, antialias: k >= 4, reference_clamp: k == 6, ..Projection::default() })
+        .map(|k| Projection {
+            sh_degree: k % 4,
+            antialias: k >= 4,
+            reference_clamp: k == 6,
+            black_learns: k % 2 == 1,
+            ..Projection::default()
+        })
         .collect()
 }
 

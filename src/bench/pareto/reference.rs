@@ -38,6 +38,7 @@ impl Reference {
             near: NEAR,
             antialias: false,
             reference_clamp: false,
+            black_learns: false,
             limits: None,
             alpha_cutoff: None,
         };

@@ -142,6 +142,7 @@ impl Engine {
             near: NEAR,
             antialias: self.antialias,
             reference_clamp: false,
+            black_learns: false,
             limits: None,
             alpha_cutoff: None,
         };

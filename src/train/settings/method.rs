@@ -1,4 +1,5 @@
-//! Methods: named sets of values for the options that training follows. Nothing else in training looks at the method.
+//! Methods: named sets of values for the options that training follows. Nothing else in training looks at the method, but for
+//! [`Method::black_learns`].
 
 use std::fmt;
 use std::str::FromStr;
@@ -41,6 +42,15 @@ impl Method {
     /// What it is called.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(method, _)| *method == self).map_or("", |(_, name)| name)
+    }
+
+    /// Whether a colour at its lower bound has a gradient where a descent step would raise it. In the reference none has, and a splat
+    /// that is black stays black: the published methods follow that.
+    pub fn black_learns(self) -> bool {
+        match self {
+            Self::Gs | Self::AbsGs | Self::GsPro | Self::Rsgs => false,
+            Self::Lean | Self::Psrgs | Self::PsrgsPaper => true,
+        }
     }
 
     /// Puts its values in place of those that are not `named`, by their keys in the file.

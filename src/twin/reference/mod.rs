@@ -22,6 +22,8 @@ pub struct Settings {
     pub near: f64,
     /// Whether opacities carry the anti-aliasing factor.
     pub antialias: bool,
+    /// Whether a colour at its lower bound has a gradient where a descent step would raise it.
+    pub black_learns: bool,
     /// Colour behind everything.
     pub background: [f64; 3],
     /// A splat is skipped at a pixel where its alpha is below this.
@@ -37,6 +39,7 @@ impl Default for Settings {
             sh_degree: 3,
             near: 0.2,
             antialias: false,
+            black_learns: false,
             background: [0.0; 3],
             alpha_min: 1.0 / 255.0,
             transmittance_min: 1e-4,

@@ -290,7 +290,13 @@ pub(super) fn pull_back(
     let quat = std::array::from_fn(|k| length.map_or(0.0, |l| (g_unit[k] - unit[k] * radial) / l));
 
     // Colour, and the viewing direction.
-    let g_color: [f64; 3] = std::array::from_fn(|c| if parts.lit[c] { row[6 + c] } else { 0.0 });
+    // At the lower bound what would raise the colour passes, if anything.
+    let share = |c: usize| match (parts.lit[c], settings.black_learns) {
+        (true, _) => row[6 + c],
+        (false, true) => row[6 + c].min(0.0),
+        (false, false) => 0.0,
+    };
+    let g_color: [f64; 3] = std::array::from_fn(share);
     let (dir, distance) = sight(splat, camera);
     let mut sh = [[0.0; 3]; 16];
     let mut g_dir = [0.0; 3];
