@@ -37,6 +37,8 @@ mod run;
 mod signals;
 #[path = "commands/small_disk.rs"]
 mod small_disk;
+#[path = "commands/strict.rs"]
+mod strict;
 #[path = "../examples/train.rs"]
 mod train_example;
 #[path = "commands/training.rs"]

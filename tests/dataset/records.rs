@@ -17,7 +17,12 @@ fn many() -> Vec<String> {
 
 fn ring() -> Folder {
     let names = many();
-    Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), [0.0; 3])
+    let mut folder = Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), [0.0; 3]);
+    // Seen by photographs before, of and behind those that are left out.
+    for (point, first) in folder.points.iter_mut().zip(1..) {
+        point.track = (first..first + 6).map(|image| (image, 0)).collect();
+    }
+    folder
 }
 
 fn strictly(root: &Path) -> Result<Dataset, Error> {
@@ -81,7 +86,11 @@ fn poses_of_colmap_that_cannot_be_used_are_left_out() {
             let seen = |dataset: &Dataset, point| -> Vec<String> {
                 dataset.tracks.of(point).iter().map(|view| dataset.views[*view as usize].name.clone()).collect()
             };
-            (0..12).for_each(|point| assert_eq!(seen(&dataset, point), seen(&whole, point)));
+            for point in 0..12 {
+                let mut want = seen(&whole, point);
+                want.retain(|name| name != "07.png");
+                assert_eq!(seen(&dataset, point), want, "point {point}");
+            }
         }
     }
 }
