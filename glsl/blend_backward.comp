@@ -118,6 +118,7 @@ void main() {
 #else
             const uint mine_row = row_of(pair);
 #endif
+            hand_out(mine);
             uint k = 0u;
             do {
                 const Splat s = shuffled(mine, k);

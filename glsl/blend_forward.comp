@@ -51,15 +51,15 @@ float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
     const float alpha = min(unclamped_alpha(exponent(conic_roots(along, s.q, s.r, dy)), s.opacity), ALPHA_MAX);
     const float next = behind(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
-    const float weight = goes_on ? alpha * pixel.transmittance : 0.0;
+    const float weight = mix(0.0, alpha * pixel.transmittance, goes_on);
     pixel.color += weight * s.color;
     if (AUX != 0u) pixel.aux += weight * vec4(s.depth, s.normal);
-    pixel.last = weight > 0.0 ? place : pixel.last;
+    pixel.last = mix(pixel.last, place, weight > 0.0);
     if (COUNT != 0u) {
-        evaluated += pixel.transmittance > 0.0 && s.opacity > 0.0 ? 1u : 0u;
-        blended += weight > 0.0 ? 1u : 0u;
+        evaluated += uint(all(greaterThan(vec2(pixel.transmittance, s.opacity), vec2(0.0))));
+        blended += uint(weight > 0.0);
     }
-    pixel.transmittance = goes_on ? next : -abs(pixel.transmittance);
+    pixel.transmittance = mix(-abs(pixel.transmittance), next, goes_on);
     return weight;
 }
 
@@ -86,7 +86,12 @@ Pixel fresh(uvec2 at) {
 
 // Splats per round of the loop: at every turn of a loop a software rasterizer merges all loop variables under the mask of active
 // lanes. Eight are no faster than four, and are eight where a tile's last batch has one.
+#ifdef SUBGROUP_EMULATED
+// The time of some compilers grows with the square of a shader's length.
+const uint UNROLL = 1u;
+#else
 const uint UNROLL = 4u;
+#endif
 
 void main() {
     const uint tile = group_index();
@@ -106,6 +111,7 @@ void main() {
             const uint n = min(BATCH, range.y - base);
             Splat mine = load_splat(sorted_splats[base + min(lane, n - 1u)]);
             mine.opacity = lane < n ? mine.opacity : 0.0;
+            hand_out(mine);
             uint k0 = 0u;
             do {
                 [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {

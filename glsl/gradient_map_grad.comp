@@ -22,15 +22,17 @@ layout(set = 0, binding = 5) writeonly buffer Parts { vec4 parts[]; };
 
 const uint PIXELS_PER_GROUP = 4096u;
 
-bool inside(ivec2 at) { return at.x >= 0 && at.y >= 0 && at.x < int(push.width) && at.y < int(push.height); }
+// In one comparison: of a short-circuited chain at every use some compilers never come to an end.
+bool inside(ivec2 at) { return all(lessThan(uvec2(at), uvec2(push.width, push.height))); }
 uint place(ivec2 at) { return uint(at.y) * push.width + uint(at.x); }
 
 // Render minus photograph, and 1; zeros outside the image and where it is masked.
 vec4 residual(ivec2 at) {
     const bool there = inside(at);
-    const uint k = there ? place(at) : 0u;
+    const uint k = mix(0u, place(at), there);
     const Seen seen = photograph_at(k);
-    return there && seen.counts ? vec4(LOAD4(image, k).rgb - seen.color, 1.0) : vec4(0.0);
+    const bvec2 all_of = bvec2(there, seen.counts);
+    return mix(vec4(0.0), vec4(LOAD4(image, k).rgb - seen.color, 1.0), bvec4(all(all_of)));
 }
 
 vec3 step_to(vec4 from, vec4 to) { return from.w * to.w * (to.rgb - from.rgb); }
@@ -38,9 +40,9 @@ vec3 step_to(vec4 from, vec4 to) { return from.w * to.w * (to.rgb - from.rgb); }
 // Adds to the derivative by luma at a pixel what the gradient at its neighbour `off` pixels away is to change by.
 void add_flow(inout float sum, ivec2 at, ivec2 off) {
     const bool there = inside(at + off);
-    const vec2 flow = LOAD4(maps, there ? place(at + off) : 0u).xy;
+    const vec2 flow = LOAD4(maps, mix(0u, place(at + off), there)).xy;
     const vec2 factor = vec2(off) * vec2(2 - abs(off.yx));
-    sum -= there ? dot(flow, factor) : 0.0;
+    sum -= mix(0.0, dot(flow, factor), there);
 }
 
 void main() {

@@ -33,6 +33,8 @@ mod other_trainers;
 mod others_files;
 #[path = "commands/run.rs"]
 mod run;
+#[path = "commands/second_driver.rs"]
+mod second_driver;
 #[path = "commands/signals.rs"]
 mod signals;
 #[path = "commands/small_disk.rs"]

@@ -16,6 +16,24 @@ layout(local_size_x = 8) in;
 const uint SIDE = 8u;
 const uint BATCH = 8u;
 
+#ifdef SUBGROUP_EMULATED
+
+#include "staged.glsl"
+
+// Makes the batch ready for shuffled(): by way of shared memory at once, for a barrier at each word's shuffle makes a shader so long that
+// some compilers take minutes.
+void hand_out(Splat mine) {
+    barrier();
+    stage(gl_LocalInvocationID.x, mine);
+    barrier();
+}
+
+Splat shuffled(Splat mine, uint k) { return staged(k); }
+
+#else
+
+void hand_out(Splat mine) {}
+
 // The splat of lane k.
 Splat shuffled(Splat mine, uint k) {
     Splat s;
@@ -39,5 +57,7 @@ Splat shuffled(Splat mine, uint k) {
     }
     return s;
 }
+
+#endif
 
 #endif

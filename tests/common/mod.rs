@@ -5,6 +5,7 @@ pub mod guards;
 pub mod plane_scene;
 pub mod skips;
 pub mod splats;
+pub mod swiftshader;
 
 use std::path::PathBuf;
 

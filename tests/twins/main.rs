@@ -179,3 +179,41 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         subgroup_probe::run,
     ]);
 }
+
+/// Cases that take seconds on SwiftShader, and are within the same bounds there as elsewhere.
+const ON_SWIFTSHADER: [&str; 24] = [
+    "adam",
+    "compact",
+    "constrain",
+    "convolution",
+    "crop",
+    "densify_order",
+    "densify_passes",
+    "densify_views",
+    "exposure",
+    "feature_distance",
+    "fill",
+    "geometry",
+    "gradient_map",
+    "photograph_reduce",
+    "plan",
+    "pool",
+    "probe",
+    "project",
+    "project_backward",
+    "saliency_plane",
+    "slot_sum",
+    "stereo",
+    "tile_ranges",
+    "blend_forward",
+];
+
+#[test]
+fn small_passes_agree_with_their_twins_on_swiftshader() {
+    let Some(driver) = common::swiftshader::swiftshader() else { return };
+    let mut cases = std::process::Command::new(std::env::current_exe().unwrap());
+    cases.arg("--exact").args(ON_SWIFTSHADER);
+    let (good, said) = common::swiftshader::on_swiftshader(&driver, &cases);
+    let ran = format!("{} passed", ON_SWIFTSHADER.len());
+    assert!(good && said.contains(&ran), "{said}");
+}
