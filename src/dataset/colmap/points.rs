@@ -144,7 +144,7 @@ fn text_point(mut line: Line<'_>) -> Result<Written, FileError> {
     }
     let error = line.f64(format_args!("error of point {id}"))?;
     let left = line.left();
-    if left % 2 != 0 {
+    if !left.is_multiple_of(2) {
         return Err(line.error(format_args!("track of point {id}"), "has an odd number of values"));
     }
     let track = left as u64 / 2;

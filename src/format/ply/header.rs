@@ -3,6 +3,7 @@
 use std::io::BufRead;
 use std::path::Path;
 
+use crate::format::source::whole;
 use crate::format::{At, Error, MARK, foreign};
 
 /// Longer headers are not those of models.
@@ -149,7 +150,7 @@ pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result
             ["comment", ..] => header.comments.push((at, words[1..].join(" "))),
             ["obj_info", ..] | [] => {}
             ["element", name, count] => {
-                let count = count.parse().map_err(|_| fail("element", format!("'{count}' is not a count")))?;
+                let count = whole(count).ok_or_else(|| fail("element", format!("'{count}' is not a count")))?;
                 let name = (*name).to_owned();
                 header.elements.push(Element { name, count, at, properties: Vec::new(), has_list: false });
             }

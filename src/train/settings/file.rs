@@ -40,6 +40,9 @@ pub enum SettingsError {
     Write(#[from] toml::ser::Error),
 }
 
+/// Whole numbers below this are told from one another by floating-point ones.
+const WHOLE: f64 = 9_007_199_254_740_992.0;
+
 impl Settings {
     /// The settings as the text of a `settings.toml`, every value written out.
     pub fn to_toml(&self) -> Result<String, SettingsError> {
@@ -48,8 +51,10 @@ impl Settings {
     }
 
     /// Reads the text of a settings file; `path` is only named in errors. Keys that are missing keep their defaults.
+    ///
+    /// Whole numbers may be written as floating-point ones.
     pub fn from_toml(text: &str, path: &Path) -> Result<Self, SettingsError> {
-        toml::from_str(text).map_err(|error| parse_error(&error, text, path))
+        toml::from_str(text).or_else(|error| with_whole_numbers(text).ok_or_else(|| parse_error(&error, text, path)))
     }
 
     /// Reads a settings file.
@@ -89,6 +94,22 @@ fn overlay(base: &mut toml::Table, top: toml::Table, given: &impl Fn(&str) -> bo
             _ => {}
         }
     }
+}
+
+/// The settings of a text in which whole numbers are written as floating-point ones, if that is all that is wrong with it.
+fn with_whole_numbers(text: &str) -> Option<Settings> {
+    fn whole(value: &mut toml::Value) {
+        match value {
+            toml::Value::Float(number) if number.fract() == 0.0 && number.abs() < WHOLE => {
+                *value = toml::Value::Integer(*number as i64);
+            }
+            toml::Value::Table(group) => group.iter_mut().for_each(|(_, value)| whole(value)),
+            _ => {}
+        }
+    }
+    let mut table: toml::Table = toml::from_str(text).ok()?;
+    table.iter_mut().for_each(|(_, value)| whole(value));
+    table.try_into().ok()
 }
 
 fn parse_error(error: &toml::de::Error, text: &str, path: &Path) -> SettingsError {
@@ -138,6 +159,14 @@ mod tests {
         let s = parse("[run]\niterations = 7\n").unwrap();
         assert_eq!(s.run.iterations, 7);
         assert_eq!(s.density, Settings::default().density);
+    }
+
+    #[test]
+    fn whole_numbers_of_a_settings_file_may_be_written_as_floating_point_ones() {
+        let s = parse("[run]\niterations = 700.0\nseed = 3e0\n[optimiser]\nlr-means = 1.0\n").unwrap();
+        assert_eq!((s.run.iterations, s.run.seed, s.optimiser.lr_means), (700, 3, 1.0));
+        let message = parse("[run]\niterations = 700.5\n").unwrap_err().to_string();
+        assert!(message.starts_with("my.toml:2: ") && message.contains("iterations"), "{message}");
     }
 
     #[test]
