@@ -21,13 +21,13 @@ pub(super) fn check_camera(file: &Path, view: &View) -> Result<(), Error> {
     Ok(())
 }
 
-/// Farther from the middle of a scene, which is a few units large, nothing can be: sums of squares of such numbers have to be finite in f32.
+/// Farther from the middle of a scene, which is a few units large, no point can be: sums of squares of such numbers have to be finite in f32.
 const FARTHEST: f64 = 1e15;
 
-/// Refuses a camera that is not in reach in the scene, where it is of f32.
+/// Refuses a camera that is not finite in the scene, where it is of f32.
 pub(super) fn check_placed(file: &Path, view: &View, frame: &Frame) -> Result<(), Error> {
     let sound = frame.scale.is_finite() && frame.scale > 0.0 && frame.offset.iter().all(|v| v.is_finite());
-    if sound && frame.camera_to_scene(&view.camera).translation.iter().all(|v| v.abs() < FARTHEST) {
+    if sound && frame.camera_to_scene(&view.camera).translation.iter().all(|v| (*v as f32).is_finite()) {
         return Ok(());
     }
     Err(of_view(file, view, "it is too far from the others"))

@@ -60,14 +60,13 @@ type Change = fn(&mut Folder);
 
 #[test]
 fn poses_of_colmap_that_cannot_be_used_are_left_out() {
-    let cases: [(&str, Change, &str); 8] = [
+    let cases: [(&str, Change, &str); 7] = [
         ("a NaN", |f| f.images[7].translation[1] = f64::NAN, "ty of image '07.png'"),
         ("an infinity", |f| f.images[7].quaternion[0] = f64::INFINITY, "qw of image '07.png'"),
         ("a quaternion of zeros", |f| f.images[7].quaternion = [0.0; 4], "the quaternion is zero"),
         ("an absurd quaternion", |f| f.images[7].quaternion[2] = 1e300, "beyond all range"),
         ("an absurd place", |f| f.images[7].translation = [1e308; 3], "the camera of '07.png' cannot be used"),
         ("a place beyond the scene", |f| f.images[7].translation[0] = 1e60, "too far from the others"),
-        ("a place that is far off", |f| f.images[7].translation[0] = 1e18, "too far from the others"),
         ("no such camera", |f| f.images[7].camera = 77, "there is no camera 77"),
     ];
     let whole = load(ring().dataset(false).path()).expect("loads");
