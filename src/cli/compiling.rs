@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use psrgs_vk::vk::{Gpu, PipelineEvent};
 
 use super::console::Console;
-use super::progress::duration;
 
 /// Nothing is said of less than this.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -59,11 +58,11 @@ impl Compiling {
             Some(told) if spent.saturating_sub(told) >= OFTEN => {
                 self.told = Some(spent);
                 let kernel = self.now.map(|(kernel, _)| format!(", now {kernel}")).unwrap_or_default();
-                Some(format!("compiling pipelines: {} done in {}{kernel}", self.made, duration(spent.as_secs_f64())))
+                Some(format!("compiling pipelines: {} done in {} s{kernel}", self.made, spent.as_secs()))
             }
             Some(_) if idle && spent.saturating_sub(self.closed) >= PATIENCE => {
                 (self.told, self.closed) = (Some(spent), spent);
-                Some(format!("{} pipelines are compiled, in {}", self.made, duration(spent.as_secs_f64())))
+                Some(format!("{} pipelines compiled in {:.1} s", self.made, spent.as_secs_f64()))
             }
             _ => None,
         }
@@ -121,10 +120,10 @@ mod tests {
         }
         let told = make(&mut state, 50.0, 85.0);
         assert!(told[0].starts_with("compiling pipelines for this device"), "{told:?}");
-        assert_eq!(told[1], "compiling pipelines: 9 done in 11 seconds, now blend");
+        assert_eq!(told[1], "compiling pipelines: 9 done in 11 s, now blend");
         assert_eq!(told.len(), 4, "one in ten seconds: {told:?}");
         assert_eq!(state.line(at(85.5)), None, "others may follow");
-        assert_eq!(state.line(at(86.5)).unwrap(), "10 pipelines are compiled, in 36 seconds");
+        assert_eq!(state.line(at(86.5)).unwrap(), "10 pipelines compiled in 35.9 s");
         assert_eq!(state.line(at(90.0)), None);
         assert!(make(&mut state, 100.0, 100.5).is_empty());
         assert_eq!(state.line(at(110.0)), None, "half a second more is not worth a line");

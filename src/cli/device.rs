@@ -1,12 +1,13 @@
 //! Opening the device that the options name.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use psrgs_vk::train::settings::DeviceChoice;
-use psrgs_vk::vk::{Gpu, OpenOptions, Validation};
+use psrgs_vk::vk::{DeviceKind, Gpu, OpenOptions, Validation};
 
 use super::compiling;
 use super::console::Console;
+use super::driver_hint;
 
 /// What the options and the environment ask for; options win.
 pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> anyhow::Result<OpenOptions> {
@@ -42,6 +43,12 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
     }
     compiling::tell(&gpu, console);
     let caps = gpu.caps();
+    if caps.kind == DeviceKind::Cpu
+        && options.device.is_none()
+        && let Some(refused) = driver_hint::refused(Path::new("/"))
+    {
+        console.warn(format_args!("a processor computes where a GPU could: {refused}"));
+    }
     console.say(format_args!("device: {} ({})", caps.device, caps.kind));
     for choice in &caps.choices {
         console.detail(format_args!("  {}: {} ({})", choice.what, choice.picked, choice.why));

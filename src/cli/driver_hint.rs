@@ -79,21 +79,28 @@ fn chosen_drivers(variable: impl Fn(&str) -> Option<String>) -> Vec<String> {
 }
 
 /// That this user or this container may not use the GPU. Looks below `root`.
-pub(crate) fn access(root: &Path) -> Option<String> {
+fn access(root: &Path) -> Option<String> {
+    let contained = || [".dockerenv", "run/.containerenv"].iter().any(|mark| root.join(mark).exists());
+    let none_given = || {
+        (nodes(root).is_empty() && contained()).then(|| {
+            "this is a container that was given no GPU: start it with --device /dev/dri (AMD, Intel), or with --gpus all \
+             -e NVIDIA_DRIVER_CAPABILITIES=all (NVIDIA)"
+                .to_owned()
+        })
+    };
+    refused(root).or_else(none_given)
+}
+
+/// That this user may not use a GPU that is there. Looks below `root`.
+pub(crate) fn refused(root: &Path) -> Option<String> {
     let refused: Vec<PathBuf> = nodes(root).into_iter().filter(|node| is_refused(node)).collect();
-    if let Some(node) = refused.first() {
+    refused.first().map(|node| {
         let node = Path::new("/").join(node.strip_prefix(root).unwrap_or(node));
-        return Some(format!(
+        format!(
             "{} may not be opened by this user: add the user to the groups that own it (`sudo usermod -aG render,video $USER`, then \
              log in again); for a container: --group-add with the number of that group",
             node.display()
-        ));
-    }
-    let contained = [".dockerenv", "run/.containerenv"].iter().any(|mark| root.join(mark).exists());
-    (contained && nodes(root).is_empty()).then(|| {
-        "this is a container that was given no GPU: start it with --device /dev/dri (AMD, Intel), or with --gpus all \
-         -e NVIDIA_DRIVER_CAPABILITIES=all (NVIDIA)"
-            .to_owned()
+        )
     })
 }
 

@@ -7,7 +7,8 @@ use psrgs_vk::format::ply;
 use psrgs_vk::scene::{Frame, Gaussians};
 use psrgs_vk::world::{WorldParams, generate};
 
-use super::run::{command, stderr, text};
+use crate::common;
+use crate::run::{command, stderr, text};
 
 /// Runs a command on a machine whose loader is told to use this driver and no other; must fail as for want of a device.
 #[track_caller]
@@ -56,6 +57,31 @@ fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
         let json = without_device(&["info", "--json"], &driver);
         let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
         assert!(json["devices"].as_array().is_some_and(Vec::is_empty), "{json}");
+    }
+}
+
+/// Chromium's packages bring a driver whose device can do nothing.
+#[test]
+fn a_device_that_lacks_what_is_needed_is_named_with_what_it_lacks() {
+    let library = Path::new("/usr/lib/chromium/libVkICD_mock_icd.so");
+    if !library.exists() {
+        return common::left_out("there is no driver of a device that lacks something");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let driver = folder.path().join("mock.json");
+    let manifest = format!(
+        r#"{{"file_format_version": "1.0.1", "ICD": {{"library_path": {library:?}, "api_version": "1.3.0"}}}}"#
+    );
+    fs::write(&driver, manifest).expect("written");
+    for args in [&["info"][..], &["demo", "--out", "nowhere"]] {
+        let mut command = command(args);
+        let output = command
+            .envs(["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| (name, &driver)))
+            .output()
+            .expect("a process");
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(4), "{said}");
+        assert!(said.contains("Mock Device lacks ") && said.contains("--device"), "{said}");
     }
 }
 
