@@ -50,6 +50,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         exposures: None,
         geometry: Geometry { floaters: Some(0.0123), surface_distance: Some(0.0456), ..Geometry::default() },
         images: Vec::new(),
+        training_photographs: Vec::new(),
     }
     .with_images(images)
 }

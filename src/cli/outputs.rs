@@ -6,8 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, ExposureScores, Geometry, GeometryTruth, Metrics, geometry};
+use psrgs_vk::dataset::{Dataset, Role, Warning};
+use psrgs_vk::eval::{
+    self, ExposureScores, Geometry, GeometryTruth, Metrics, TrainingPhotograph, geometry, median_loss, misfits,
+};
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{Settings, Trainer, View, prepare};
@@ -81,6 +83,7 @@ pub(crate) fn write(
     let report = run.folder.file(REPORT);
     let data = report::data(run, trainer.history(), metrics, panels, saved.exposures, sigmas)?;
     eval::write_report(&data, &report)?;
+    tell_misfits(&data.metrics.training_photographs, console);
     tell(&data.metrics, &saved.file, &report, console);
     Ok(())
 }
@@ -173,7 +176,38 @@ fn metrics(
         exposures,
         geometry,
         images: Vec::new(),
+        training_photographs: training_photographs(run.dataset, trainer),
     }
+}
+
+/// The photographs that were trained on, the one that is fitted worst first, and those that were left out for their poses.
+fn training_photographs(dataset: &Dataset, trainer: &Trainer) -> Vec<TrainingPhotograph> {
+    let left_out = dataset.warnings.iter().filter_map(|warning| match warning {
+        Warning::PoseWrong { name, fault, left_out: true } => Some(TrainingPhotograph {
+            name: name.clone(),
+            loss: None,
+            steps: 0,
+            left_out: Some(format!("wrong pose: {fault}")),
+        }),
+        _ => None,
+    });
+    trainer.training_photographs().into_iter().chain(left_out).collect()
+}
+
+/// Names photographs that are fitted far worse than the others.
+fn tell_misfits(photographs: &[TrainingPhotograph], console: &Console) {
+    let found = misfits(photographs);
+    let (Some(worst), Some(usual)) = (found.first(), median_loss(photographs)) else { return };
+    let more = match found.len() {
+        1 => String::new(),
+        n => format!(" and {} more", n - 1),
+    };
+    console.warn(format_args!(
+        "'{}'{more} fitted far worse than the others (loss {:.3}, half of all have {usual:.3} at most): a wrong pose, a blurred photograph, \
+         or one of something that moved. The report lists the photographs trained on, worst first",
+        worst.name,
+        worst.loss.unwrap_or(f64::NAN),
+    ));
 }
 
 /// What the training came to, and where it lies.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::TrainingPhotograph;
 use super::geometry::Geometry;
 use crate::format::{atomic, read_text};
 
@@ -104,6 +105,9 @@ pub struct Metrics {
     pub geometry: Geometry,
     /// Each held-out view.
     pub images: Vec<ImageScore>,
+    /// Each photograph to train on, the one that is fitted worst first; nothing where a model was only scored.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub training_photographs: Vec<TrainingPhotograph>,
 }
 
 /// Scores of renders that are exposed as is expected of their photographs ([`super::Exposures`]), and of those that are not.

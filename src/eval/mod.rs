@@ -10,6 +10,7 @@ mod quality;
 mod report;
 mod ssim;
 mod texture;
+mod training_photographs;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use exposure::{ExposureMatrix, Exposures, Follows};
@@ -25,3 +26,4 @@ pub use report::{
 };
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
 pub use texture::psnr_high_frequency;
+pub use training_photographs::{TrainingPhotograph, median_loss, misfits, worst_first};

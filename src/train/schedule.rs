@@ -360,6 +360,11 @@ impl Schedule {
         log_linear(self.lr_exposure, t, self.iterations.max(1))
     }
 
+    /// Steps that a pass over all training photographs takes.
+    pub(in crate::train) fn steps_of_a_pass(&self) -> u32 {
+        (self.views as u32).max(1).saturating_mul(self.bands)
+    }
+
     /// The training photograph of step `t`, as an index below the number of training views: shuffled passes, each over all
     /// views once, and all bands of one after the other. 0 when there are none.
     pub fn view_at(&self, t: u32) -> usize {

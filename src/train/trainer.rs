@@ -6,6 +6,7 @@ mod embedded;
 mod evaluate;
 mod history;
 mod look;
+mod losses;
 mod message;
 mod ready;
 mod recovery;

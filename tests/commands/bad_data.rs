@@ -330,3 +330,53 @@ fn a_model_of_another_format_is_told_as_what_it_is() {
         fails(&["render", text(&model), "--cameras", text(&cameras)], 3, &[name, words[0], words[1]]);
     }
 }
+
+/// Where the translation of an image stands in `images.bin`.
+fn translation_of(name: &str, images: &[u8]) -> usize {
+    let number = |at: usize| u64::from_le_bytes(images[at..at + 8].try_into().expect("8 bytes")) as usize;
+    let mut at = 8;
+    for _ in 0..number(0) {
+        // Number, quaternion, translation and camera come before the name, the keypoints after it.
+        let end = at + 64 + images[at + 64..].iter().position(|byte| *byte == 0).expect("end of a name");
+        if &images[at + 64..end] == name.as_bytes() {
+            return at + 4 + 32;
+        }
+        at = end + 1 + 8 + 24 * number(end + 1);
+    }
+    panic!("no {name}");
+}
+
+#[test]
+fn a_photograph_with_a_wrong_pose_is_left_out_named_and_listed() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    let data = data.path();
+    let file = data.join("sparse/0/images.bin");
+    let mut images = fs::read(&file).expect("images");
+    let at = translation_of("view_0003.jpg", &images);
+    images[at..at + 8].copy_from_slice(&700_f64.to_le_bytes());
+    fs::write(&file, images).expect("written");
+    let line = "'view_0003.jpg' is left out of training, as its pose is wrong";
+
+    let checked = psrgs(&["check", text(data), "--max-side", "48"]);
+    let told = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert_eq!(checked.status.code(), Some(7), "{told}");
+    assert_eq!(told.matches(line).count(), 1, "{told}");
+    assert!(told.contains("9: 6 to train on, 2 held out"), "{told}");
+
+    let out = tempfile::tempdir().expect("temporary folder");
+    let out = out.path().join("out");
+    let told = works(&["train", text(data), "--out", text(&out), "--iterations", "14", "--max-side", "48"]);
+    assert!(told.contains(line), "{told}");
+    let json: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("metrics.json")).expect("metrics")).expect("JSON");
+    let listed = json["training_photographs"].as_array().expect("a list");
+    assert_eq!(listed.len(), 7, "{listed:?}");
+    let losses: Vec<f64> = listed.iter().filter_map(|p| p["loss"].as_f64()).collect();
+    assert_eq!(losses.len(), 6, "{listed:?}");
+    assert!(losses.windows(2).all(|pair| pair[0] >= pair[1]), "{losses:?}");
+    let left_out: Vec<_> = listed.iter().filter(|p| p["left_out"].is_string()).map(|p| &p["name"]).collect();
+    assert_eq!(left_out, ["view_0003.jpg"]);
+    let report = fs::read_to_string(out.join("report.html")).expect("report");
+    assert!(report.contains("Each photograph trained on") && report.contains("left out: wrong pose"), "{report}");
+}

@@ -145,6 +145,7 @@ impl Scored<'_> {
             exposures: self.compared.exposures,
             geometry: self.geometry,
             images: Vec::new(),
+            training_photographs: Vec::new(),
         }
     }
 }

@@ -5,6 +5,7 @@ mod limit;
 mod panel;
 mod scores;
 mod text;
+mod training;
 
 pub use limit::REPORT_BYTES;
 
@@ -205,6 +206,7 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
             ("views", &section("views", "Held-out views", HINT, "views", &views)),
             ("numbers", &numbers(m)),
             ("scores", &scores(m)),
+            ("training", &training::table(&m.training_photographs)),
             ("settings", &settings),
             ("files", &files(&data.files)),
         ],
