@@ -25,6 +25,8 @@ mod library;
 mod lidar;
 #[path = "commands/memory.rs"]
 mod memory;
+#[path = "commands/names.rs"]
+mod names;
 #[path = "commands/newcomer.rs"]
 mod newcomer;
 #[path = "commands/other_trainers.rs"]

@@ -77,7 +77,6 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
             settings: settings(args, params.seed)?,
             out: out.clone(),
             resume: false,
-            former: None,
             overwrite: true,
             preset: None,
             lose_device_at: None,

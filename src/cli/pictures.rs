@@ -1,17 +1,19 @@
 //! Pictures of views as files: renders, depth and normals, and photographs beside them.
 
-use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use image::RgbImage;
 use psrgs_vk::eval::{DepthMap, ImageScore, ViewPanel};
-use psrgs_vk::format::image_out;
+use psrgs_vk::format::{image_out, names};
 use psrgs_vk::raster::Picture;
 use psrgs_vk::train::{View, score};
 
 use super::exit::Failure;
+
+/// Bytes of the longest ending of a file's name, `.photograph.png`.
+const LONGEST_ENDING: usize = 15;
 
 /// A folder for pictures, and what each view's are called in it.
 pub(crate) struct Pictures {
@@ -30,7 +32,7 @@ impl Pictures {
     ) -> Result<Self, anyhow::Error> {
         fs::create_dir_all(folder).with_context(|| Failure::Output(folder.display().to_string()))?;
         let views: Vec<&str> = views.collect();
-        Ok(Self { folder: folder.to_owned(), names: file_names(&views), scale })
+        Ok(Self { folder: folder.to_owned(), names: names::flat(&views, LONGEST_ENDING), scale })
     }
 
     /// Writes `NAME.png`, or `NAME.KIND.png`.
@@ -86,35 +88,5 @@ impl Pictures {
         let name = self.names.get(view).map_or("view", String::as_str);
         let dot = if kind.is_empty() { "" } else { "." };
         self.folder.join(format!("{name}{dot}{kind}.{extension}"))
-    }
-}
-
-/// A file name for each view: its own without the extension and with `_` for folders, or with a number where that would make
-/// two the same (also on systems that do not tell upper from lower case).
-fn file_names(views: &[&str]) -> Vec<String> {
-    let plain = |name: &str| {
-        let cut = Path::new(name).with_extension("");
-        cut.to_string_lossy().replace(['/', '\\'], "_")
-    };
-    let mut count: HashMap<String, usize> = HashMap::new();
-    for name in views {
-        *count.entry(plain(name).to_lowercase()).or_default() += 1;
-    }
-    let unique = |name: &str| count.get(&name.to_lowercase()).is_none_or(|n| *n < 2);
-    let one = |(i, name): (usize, &&str)| {
-        let plain = plain(name);
-        if unique(&plain) { plain } else { format!("{plain}-{i}") }
-    };
-    views.iter().enumerate().map(one).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_two_views_share_a_file() {
-        assert_eq!(file_names(&["a.jpg", "left/b.v2.png"]), ["a", "left_b.v2"]);
-        assert_eq!(file_names(&["a.jpg", "A.png", "x/y.jpg", "x_y.jpg", "z"]), ["a-0", "A-1", "x_y-2", "x_y-3", "z"]);
     }
 }

@@ -11,6 +11,7 @@ use psrgs_vk::eval::peak_host_bytes;
 use psrgs_vk::format::image_out::{
     read_depth_within, read_normals_within, write_depth, write_luminance, write_normals,
 };
+use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
@@ -213,8 +214,8 @@ fn host_share(
 }
 
 /// Where a map of a view belongs, its folder made.
-fn map_file(out: &Path, kind: &str, name: &str) -> anyhow::Result<PathBuf> {
-    let file = out.join(kind).join(Path::new(name).with_extension("exr"));
+fn map_file(out: &Path, kind: &str, name: &Path) -> anyhow::Result<PathBuf> {
+    let file = out.join(kind).join(format!("{}.exr", name.display()));
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).with_context(|| Failure::Output(folder.display().to_string()))?;
     }
@@ -223,7 +224,8 @@ fn map_file(out: &Path, kind: &str, name: &str) -> anyhow::Result<PathBuf> {
 
 fn write(args: &Args, dataset: &Dataset, scene: &Scene, priors: &[Prior]) -> anyhow::Result<()> {
     fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
-    for ((name, view), prior) in scene.names.iter().zip(&scene.views).zip(priors) {
+    let views: Vec<&str> = scene.names.iter().map(String::as_str).collect();
+    for ((name, view), prior) in names::nested(&views, ".exr".len()).iter().zip(&scene.views).zip(priors) {
         if view.sources.is_empty() {
             continue;
         }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::parser::ValueSource;
+use psrgs_vk::format::names;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{LidarCloud, Method, Shortcuts};
 
@@ -86,8 +87,6 @@ pub(crate) struct Plan {
     pub(crate) out: PathBuf,
     /// Whether to go on from the checkpoint in `out`.
     pub(crate) resume: bool,
-    /// The steps that the run was to have when it was last begun, where it goes on.
-    pub(crate) former: Option<u32>,
     /// Whether `out` may hold an earlier run.
     pub(crate) overwrite: bool,
     /// What to say of the preset that holds.
@@ -108,14 +107,13 @@ impl Args {
         }
         // The shortcuts count as given by name.
         let given = |key: &str| given(key) || self.fast && SHORTCUTS.contains(&key);
-        let (mut preset, mut former) = (None, None);
+        let mut preset = None;
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
                 let before = Settings::read(&run.join(run_folder::SETTINGS))
                     .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
                 let resumed = asked.over(&before, given)?;
-                unchanged_on_resume(&before, &resumed)?;
-                former = Some(before.run.iterations);
+                unchanged_on_resume(&before, &resumed, run_folder::SETTINGS)?;
                 resumed
             }
             (None, Some(file)) => {
@@ -169,7 +167,7 @@ impl Args {
         #[cfg(not(debug_assertions))]
         let lose_device_at = None;
         let overwrite = self.overwrite;
-        Ok(Plan { settings, out, resume: self.resume.is_some(), former, overwrite, preset, lose_device_at })
+        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite, preset, lose_device_at })
     }
 }
 
@@ -200,19 +198,27 @@ pub(crate) fn source(matches: &clap::ArgMatches, key: &str) -> Option<ValueSourc
 
 fn default_out(data: &Path, settings: &Settings) -> PathBuf {
     let name = absolute(data).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
-    PathBuf::from(format!("{}-{}", name.as_deref().unwrap_or("model"), settings.run.method))
+    let ending = format!("-{}", settings.run.method);
+    PathBuf::from(names::bounded(name.as_deref().unwrap_or("model"), 255 - ending.len()) + &ending)
 }
 
-/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ.
-fn unchanged_on_resume(before: &Settings, resumed: &Settings) -> anyhow::Result<()> {
+/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ from the settings
+/// `before`, which are those of `place`.
+pub(crate) fn unchanged_on_resume(before: &Settings, resumed: &Settings, place: &str) -> anyhow::Result<()> {
     // What a training learns from is no longer a matter of scores alone.
     let learned_from = |key: &str| key == "perceptual-weights" && before.texture.lambda_perceptual > 0.0;
     // That the dataset is the same wherever it is now, the checkpoint knows.
     let free = |key: &str| key == "data" || FREE_ON_RESUME.contains(&key) && !learned_from(key);
-    let kept = resumed.over(before, free)?;
-    if kept != *resumed {
+    let differences: Vec<String> = resumed
+        .differences(before)?
+        .into_iter()
+        .filter(|(key, ..)| !free(key))
+        .map(|(key, now, was)| format!("{key} is {now} and was {was}"))
+        .collect();
+    if !differences.is_empty() {
         return Err(Failure::Usage(format!(
-            "--resume goes on with the settings of the run; only these can be changed: --{}",
+            "--resume goes on with the settings of the run: {} in {place}; only these can be changed: --{}",
+            differences.join(", "),
             FREE_ON_RESUME.into_iter().filter(|key| free(key)).collect::<Vec<_>>().join(", --")
         ))
         .into());

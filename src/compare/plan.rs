@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::format::names;
+
 /// How many splats a run may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Size {
@@ -39,7 +41,8 @@ impl Run {
         };
         // A note after the name is for the tables.
         let label = self.label.split(' ').next().unwrap_or_default();
-        format!("{}-{label}{size}-s{}", self.scene, self.seed)
+        let ending = format!("-{label}{size}-s{}", self.seed);
+        format!("{}{ending}", names::bounded(&self.scene, 255_usize.saturating_sub(ending.len())))
     }
 }
 

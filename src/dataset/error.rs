@@ -39,6 +39,12 @@ pub enum Error {
         /// COLMAP's name of the model.
         model: &'static str,
     },
+    /// A photograph that is read again is not the one that was read first.
+    #[error("{}: this photograph, or its mask, has changed since it was first read; put it back as it was", file.display())]
+    ChangedSince {
+        /// Its file.
+        file: PathBuf,
+    },
     /// A model without photographs.
     #[error("{}: the model has no images", file.display())]
     NoImages {

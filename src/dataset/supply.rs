@@ -102,7 +102,15 @@ impl Supply {
             Place::Decoded(pixels) => Ok(pixels.clone()),
             Place::Packed(bytes) => unpack(bytes, self.inner.depth).map(Arc::new),
             Place::Held(view, bytes) => photograph::decode_bytes(view, bytes).map(hardened),
-            Place::File(view) => photograph::decode(view).map(hardened),
+            Place::File(view) => {
+                let file = picture_file::read(&view.path)?;
+                // What is no picture any more is told as that.
+                let decoded = photograph::decode_bytes(view, &file)?;
+                match checksum(&file, view)? == self.inner.checksum {
+                    true => Ok(hardened(decoded)),
+                    false => Err(Error::ChangedSince { file: view.path.clone() }),
+                }
+            }
         }
     }
 

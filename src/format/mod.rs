@@ -13,6 +13,7 @@ pub mod las;
 mod left_out;
 pub mod lock;
 pub(crate) mod markup;
+pub mod names;
 pub mod ply;
 pub(crate) mod source;
 mod text;

@@ -252,3 +252,37 @@ fn a_cache_that_cannot_be_written_does_not_stop_a_training() {
     assert!(output.status.success() && said.contains("could not be kept") && said.contains("file/cache"), "{said}");
     assert!(out.join("point_cloud.ply").exists());
 }
+
+/// Settings that no step depends on are taken, with a line; others are named with both values, and nothing is lost.
+#[test]
+fn a_settings_file_that_was_edited_is_held_against_the_checkpoint() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let mut running = Running::new(&strs(&with(shared.train(&out), &SAVES)));
+    running.until("step 30: saved");
+    running.signal("-KILL");
+    running.end();
+    let file = out.join("settings.toml");
+    let settings = fs::read_to_string(&file).expect("settings");
+    let edit = |from: &str, to: &str| {
+        assert!(settings.contains(from), "{settings}");
+        fs::write(&file, settings.replace(from, to)).expect("written");
+    };
+    let resume = ["train", "--resume", text(&out)];
+    for (from, to, words) in [
+        ("seed = 3", "seed = 4", ["seed is 4 and was 3", ".ckpt"]),
+        ("densify-until = 120", "densify-until = 110", ["densify-until is 110 and was 120", ".ckpt"]),
+        // A stage of all steps that is over would begin again, or its end has passed.
+        ("iterations = 150", "iterations = 20", ["--iterations 20", "at step"]),
+    ] {
+        edit(from, to);
+        let before = content(&out);
+        fails(&resume, 2, &words);
+        assert!(content(&out) == before, "a refused resumption has changed a file");
+    }
+    edit("eval-every = ", "eval-every = 1");
+    let said = works(&resume);
+    assert!(said.contains("eval-every is 1") && said.contains("from here on, and was"), "{said}");
+    same_model(shared, &out, "resumed with another setting that no step depends on");
+}

@@ -72,6 +72,34 @@ fn pixels_are_the_same_however_they_are_kept() {
     }
 }
 
+/// To the same size and format: nothing but its sum shows it.
+#[test]
+fn a_photograph_or_mask_that_becomes_another_is_told_when_it_is_read_again() {
+    let root = folder(&["a.png", "b.png", "c.png", "d.png"], 24, 16);
+    let (image, mask) = (root.path().join("images/c.png"), root.path().join("masks/c.png"));
+    std::fs::create_dir(root.path().join("masks")).expect("folder");
+    let grey =
+        |left_out: u32| image::GrayImage::from_fn(24, 16, |x, _| image::Luma([if x < left_out { 0 } else { 255 }]));
+    grey(5).save(&mask).expect("mask");
+    let dataset = load(root.path(), 24);
+    for changed in [&image, &mask] {
+        let before = std::fs::read(changed).expect("there");
+        let (supplies, _) = taken(&dataset, 0);
+        assert!(supplies[1].file().ends_with("c.png") && supplies[1].masked() == 5 * 16);
+        supplies[1].pixels().expect("as it was");
+        if changed == &image {
+            std::fs::copy(root.path().join("images/d.png"), changed).expect("copied");
+        } else {
+            grey(6).save(changed).expect("mask");
+        }
+        let error = supplies[1].pixels().expect_err("another one");
+        assert!(matches!(&error, Error::ChangedSince { file } if file.ends_with("images/c.png")), "{error}");
+        assert!(error.to_string().contains("has changed"), "{error}");
+        supplies[0].pixels().expect("untouched");
+        std::fs::write(changed, before).expect("written");
+    }
+}
+
 #[test]
 fn of_several_damaged_photographs_the_first_is_told() {
     let root = folder(&["a.png", "b.png", "c.png", "d.png"], 24, 16);

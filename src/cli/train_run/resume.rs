@@ -1,5 +1,7 @@
 //! Where a training that was interrupted goes on.
 
+use std::path::Path;
+
 use anyhow::Context as _;
 use psrgs_vk::format::checkpoint;
 use psrgs_vk::train::{Checkpointed, Restart, Schedule, Settings};
@@ -7,7 +9,7 @@ use psrgs_vk::train::{Checkpointed, Restart, Schedule, Settings};
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::run_folder::RunFolder;
-use crate::cli::train::Plan;
+use crate::cli::train::{Plan, unchanged_on_resume};
 
 /// What the last checkpoint of the run has, where it is to go on and there is one yet.
 pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Restart>> {
@@ -24,8 +26,26 @@ pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> any
     let found = Checkpointed::from_checkpoint(&latest.checkpoint)
         .with_context(|| Failure::Input(latest.file.display().to_string()))?;
     console.say(format_args!("going on after step {} of {}", found.restart.step, latest.file.display()));
-    fits_what_is_done(&plan.settings, plan.former, found.restart.step)?;
+    let former = as_it_was_saved(&plan.settings, &found.settings, &latest.file, console)?;
+    fits_what_is_done(&plan.settings, former, found.restart.step)?;
     Ok(Some(found.restart))
+}
+
+/// That the settings are those that the checkpoint was made with, as far as they must be: a settings file can be edited. Tells what has
+/// changed; gives the number of steps that the run was to have.
+fn as_it_was_saved(settings: &Settings, saved: &str, file: &Path, console: &Console) -> anyhow::Result<Option<u32>> {
+    let before = match Settings::from_toml(saved, file) {
+        Ok(before) => before,
+        Err(problem) => {
+            console.warn(format_args!("settings cannot be compared with those of the checkpoint: {problem}"));
+            return Ok(None);
+        }
+    };
+    unchanged_on_resume(&before, settings, &file.display().to_string())?;
+    for (key, now, was) in settings.differences(&before)? {
+        console.say(format_args!("{key} is {now} from here on, and was {was}"));
+    }
+    Ok(Some(before.run.iterations))
 }
 
 /// Another number of steps is one that the run has not passed yet, and in which no stage that is over begins again.

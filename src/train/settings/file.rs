@@ -1,5 +1,6 @@
 //! `settings.toml`: written beside every result, read back by `train --config`.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -74,6 +75,15 @@ impl Settings {
         Ok(table.iter().flat_map(keys).collect())
     }
 
+    /// Settings that differ from `other`, by key: their value here and there, as a file has it, `-` where there is none.
+    pub fn differences(&self, other: &Self) -> Result<Vec<(String, String, String)>, SettingsError> {
+        let [mine, theirs] = [flat(self)?, flat(other)?];
+        let keys: BTreeSet<&String> = mine.keys().chain(theirs.keys()).collect();
+        let word = |value: Option<&toml::Value>| value.map_or("-".to_owned(), toml::Value::to_string);
+        let differs = keys.into_iter().filter(|key| mine.get(*key) != theirs.get(*key));
+        Ok(differs.map(|key| (key.clone(), word(mine.get(key)), word(theirs.get(key)))).collect())
+    }
+
     /// These settings where `given` says that a key was named by the user, and `file`'s otherwise.
     /// Keys are passed as in the file (`max-side`).
     pub fn over(&self, file: &Self, given: impl Fn(&str) -> bool) -> Result<Self, SettingsError> {
@@ -82,6 +92,15 @@ impl Settings {
         // Both tables come from `Settings`, so a failure here is a failure to write one as TOML.
         merged.try_into().map_err(|e: toml::de::Error| SettingsError::Write(serde::ser::Error::custom(e)))
     }
+}
+
+/// The values of all groups by key. Keys are unique, as options of the command line are.
+fn flat(settings: &Settings) -> Result<BTreeMap<String, toml::Value>, SettingsError> {
+    let values = |(key, value)| match value {
+        toml::Value::Table(group) => group.into_iter().collect(),
+        value => vec![(key, value)],
+    };
+    Ok(toml::Table::try_from(settings)?.into_iter().flat_map(values).collect())
 }
 
 fn overlay(base: &mut toml::Table, top: toml::Table, given: &impl Fn(&str) -> bool) {
