@@ -38,5 +38,5 @@ void main() {
     const vec2 tiles = ceil(vec2(push.width, push.height) / REFERENCE_TILE);
     const bvec2 inside = bvec2(at.x + radius >= 1.0 && at.x - radius < REFERENCE_TILE * tiles.x,
                                at.y + radius >= 1.0 && at.y - radius < REFERENCE_TILE * tiles.y);
-    if (all(inside) && finite(e.det) && finite(radius)) stats[i].z += 1.0;
+    if (all(inside) && finite(e.det) && finite(radius)) stats[i].z = LOAD4(stats, i).z + 1.0;
 }

@@ -24,7 +24,7 @@ pub fn swiftshader() -> Option<PathBuf> {
 }
 
 /// Runs a command on SwiftShader to its end; gives whether it succeeded, and what it said. A compiler that runs away fails: by the memory
-/// it may have, or after two minutes.
+/// it may have, or after five minutes.
 pub fn on_swiftshader(driver: &std::path::Path, command: &Command) -> (bool, String) {
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -v 8000000; exec \"$0\" \"$@\" 2>&1"]).arg(command.get_program());
@@ -43,7 +43,7 @@ pub fn on_swiftshader(driver: &std::path::Path, command: &Command) -> (bool, Str
         let _ = out.read_to_end(&mut said);
         String::from_utf8_lossy(&said).into_owned()
     });
-    let end = Instant::now() + Duration::from_secs(120);
+    let end = Instant::now() + Duration::from_secs(300);
     let status = loop {
         if let Some(status) = child.try_wait().expect("a process") {
             break Some(status);
