@@ -36,6 +36,7 @@ mod tracks;
 mod turns;
 mod undistort;
 mod usable;
+mod useless;
 mod warning;
 
 use std::path::{Path, PathBuf};
@@ -59,6 +60,7 @@ pub use supply::{HostShare, Supply};
 pub use survey::Sight;
 pub use tone::{Samples, Tone, Transfer};
 pub use tracks::Tracks;
+pub use useless::UselessPoints;
 pub use warning::Warning;
 
 use crate::format::{LeftOut, few};
@@ -182,6 +184,8 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
     pub points: Vec<Point>,
+    /// Why a training does without the points, or most of them, where it does.
+    pub useless: Option<UselessPoints>,
     /// Why the colours of the points say nothing, where they do not.
     pub colourless: Option<Colourless>,
     /// The views that observe each of them, where the format says so.
@@ -262,6 +266,12 @@ impl Dataset {
         let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
         model.warnings.extend(degenerate);
         usable::placed(&mut model, &mut views, &frame, options.strict)?;
+        let on: Vec<Camera> = views.iter().filter(|view| view.role == Role::Train).map(|view| view.camera).collect();
+        let points_file = model.points_file.unwrap_or(model.file);
+        let mut useless = useless::judge(points_file, &on, &model.points);
+        if let (Some(useless), Some(_)) = (&mut useless, &colourless) {
+            useless.kept.clear();
+        }
         Ok(Self {
             path: path.to_owned(),
             format: model.format,
@@ -270,6 +280,7 @@ impl Dataset {
             reference: model.reference,
             views,
             points: model.points,
+            useless,
             colourless,
             tracks: model.tracks,
             frame,
@@ -292,6 +303,16 @@ impl Dataset {
     pub fn first_gaussians(&self) -> Result<Gaussians, InitError> {
         let points: Vec<_> = self.points.iter().map(|p| (p.position, p.color)).collect();
         init::from_points(&points, &self.frame)
+    }
+
+    /// The points that a training goes by: those that serve photographs.
+    pub fn usable_points(&self) -> &[Point] {
+        self.useless.as_ref().map_or(&self.points, |useless| &useless.kept)
+    }
+
+    /// Whether a training has to begin elsewhere than at the points: there are none, or they are of little use.
+    pub fn begins_at_random(&self) -> bool {
+        self.points.is_empty() || self.useless.is_some()
     }
 
     /// Random points in the common view of the training cameras, with grey for a colour, in dataset coordinates: what there is to

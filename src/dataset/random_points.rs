@@ -44,6 +44,11 @@ pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
     points
 }
 
+/// Whether there are such points for these cameras: not for one alone, nor for cameras that are all at one place.
+pub(super) fn begins_somewhere(cameras: &[Camera]) -> bool {
+    typical_depth(cameras).is_some()
+}
+
 /// Whether a point is before a camera and inside its picture, with something in between or not.
 pub(crate) fn in_view(camera: &Camera, point: [f64; 3]) -> bool {
     let c = camera.center();

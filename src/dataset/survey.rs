@@ -54,7 +54,9 @@ impl Dataset {
     /// What is wrong with the dataset, `sights` being those of its views: its warnings, and views that see no points or hardly any.
     pub fn problems(&self, sights: &[Sight]) -> Vec<String> {
         let mut problems: Vec<String> = self.warnings.iter().map(ToString::to_string).collect();
-        if self.points.is_empty() {
+        // What photographs see of points that are of no use says nothing of their poses.
+        problems.extend(self.useless.as_ref().map(ToString::to_string));
+        if self.begins_at_random() {
             return problems;
         }
         // Of a wrong pose everything is said.

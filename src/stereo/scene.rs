@@ -145,7 +145,7 @@ impl Scene {
 impl Observations {
     /// The points of a dataset in scene coordinates, with the positions in `chosen` of the views (positions in the dataset) that see
     /// them. Where the dataset does not say which do, all are taken for it that have the point in their picture, and likewise single views
-    /// of which it says next to nothing ([`Observations::assumed`]); where it has no points, random ones stand in for them, which are good for choosing sources and depths but not to begin with.
+    /// of which it says next to nothing ([`Observations::assumed`]); where it has no points of use, random ones stand in for them, which are good for choosing sources and depths but not to begin with.
     pub fn of(dataset: &Dataset, chosen: &[usize], seed: u64) -> Self {
         let mut place = vec![None; dataset.views.len()];
         for (k, &view) in chosen.iter().enumerate() {
@@ -153,13 +153,14 @@ impl Observations {
                 *place = Some(k as u32);
             }
         }
-        let (points, real): (Vec<[f64; 3]>, bool) = match dataset.points.as_slice() {
-            [] => {
+        let real = !dataset.begins_at_random();
+        let points: Vec<[f64; 3]> = match real {
+            false => {
                 let all = dataset.random_points(seed);
                 let step = all.len().div_ceil(DRAWN).max(1);
-                (all.into_iter().step_by(step).map(|(p, _)| p).collect(), false)
+                all.into_iter().step_by(step).map(|(p, _)| p).collect()
             }
-            points => (points.iter().map(|p| p.position).collect(), true),
+            true => dataset.points.iter().map(|p| p.position).collect(),
         };
         let in_view = |point: &[f64; 3], of: &[bool]| -> Vec<u32> {
             let has = |i: &usize| dataset.views.get(*i).is_some_and(|v| dataset::in_view(&v.camera, *point));

@@ -101,7 +101,7 @@ pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Erro
     Ok(first(dataset, settings)?.splats)
 }
 
-/// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none from random ones.
+/// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none of use from random ones.
 /// Of points no more than `--max-splats`; a model stays whole.
 pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
     let mut left_out = None;
@@ -118,10 +118,13 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
                 Content::Cloud(cloud) => of_cloud(file, cloud),
             }
         }
-        None => match dataset.points.as_slice() {
-            [] => (dataset.random_points(settings.run.seed), None),
-            points => (points.iter().map(|p| (p.position, p.color)).collect(), dataset.colourless.clone()),
-        },
+        None => {
+            let points = dataset.usable_points().iter().map(|p| (p.position, p.color));
+            match dataset.begins_at_random() {
+                true => (points.chain(dataset.random_points(settings.run.seed)).collect(), None),
+                false => (points.collect(), dataset.colourless.clone()),
+            }
+        }
     };
     let most = settings.density.max_splats.map_or(usize::MAX, |most| most as usize);
     let kept: Vec<_> = spread(&points, most).into_iter().copied().collect();

@@ -4,13 +4,31 @@ use std::fs;
 use std::path::Path;
 
 use image::{Rgb, RgbImage};
-use psrgs_vk::dataset::{Dataset, NoColours, Warning};
+use psrgs_vk::dataset::{Dataset, NoColours, Role, Warning};
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::scene::init::SH_C0;
+use psrgs_vk::stereo::Observations;
 use psrgs_vk::train::{Input, Settings, prepare};
 
 use super::colmap_folder::{Folder, ImageRow, PointRow};
 use super::{NAMES, load};
+
+/// A ring of cameras with points all over their pictures.
+fn ring(names: &[&str]) -> Folder {
+    let mut folder = Folder::ring(names, [0.0; 3]);
+    let one = folder.points[0].clone();
+    let point = |k: u8| {
+        let (x, y) = (f64::from(k % 8) - 3.5, f64::from(k / 8) - 3.5);
+        PointRow {
+            id: u64::from(k),
+            position: [0.8 * x, 0.34 * y, 0.03 * x * y],
+            color: [4 * k, 255 - k, 128],
+            ..one.clone()
+        }
+    };
+    folder.points = (0..64).map(point).collect();
+    folder
+}
 
 /// Photographs of one colour each.
 fn write_plain(folder: &Folder, root: &Path, colour: impl Fn(usize, &ImageRow) -> [u8; 3]) {
@@ -32,7 +50,7 @@ fn shown(input: &Input) -> Vec<[u8; 3]> {
 
 #[test]
 fn points_of_one_colour_take_those_of_the_photographs_that_see_them() {
-    let mut folder = Folder::ring(&NAMES, [0.0; 3]);
+    let mut folder = ring(&NAMES);
     for colour in [[0; 3], [255; 3], [10, 20, 30]] {
         folder.points.iter_mut().for_each(|point| point.color = colour);
         let root = folder.dataset(false);
@@ -44,14 +62,14 @@ fn points_of_one_colour_take_those_of_the_photographs_that_see_them() {
         let input = input(&dataset, &Settings::default());
         assert_eq!(shown(&input), vec![[200, 100, 50]; dataset.points.len()], "{colour:?}");
         let coloured = input.known.coloured.expect("taken");
-        assert_eq!((coloured.seen, coloured.points), (12, 12));
+        assert_eq!((coloured.seen, coloured.points), (64, 64));
         assert_eq!(coloured.colourless.why, NoColours::OneColour(colour));
     }
 }
 
 #[test]
 fn points_with_colours_of_their_own_keep_them() {
-    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let folder = ring(&NAMES);
     let root = folder.dataset(false);
     let dataset = load(root.path()).expect("loads");
     assert_eq!(dataset.colourless, None);
@@ -62,7 +80,7 @@ fn points_with_colours_of_their_own_keep_them() {
 
 #[test]
 fn colours_come_from_the_photographs_that_observe_a_point() {
-    let mut folder = Folder::ring(&["a.png", "b.png", "c.png", "d.png", "e.png"], [0.0; 3]);
+    let mut folder = ring(&["a.png", "b.png", "c.png", "d.png", "e.png"]);
     for (k, point) in folder.points.iter_mut().enumerate() {
         // By turns the second image and the last, though all have the point in their picture.
         (point.color, point.track) = ([0; 3], vec![(if k % 2 == 0 { 2 } else { 5 }, 0)]);
@@ -70,14 +88,13 @@ fn colours_come_from_the_photographs_that_observe_a_point() {
     let root = folder.dataset(false);
     write_plain(&folder, root.path(), |i, _| [i as u8 * 50, 7, 7]);
     let dataset = load(root.path()).expect("loads");
-    // Ids fall, so that the points come in the other order.
-    let want: Vec<[u8; 3]> = (0..12).rev().map(|k| [if k % 2 == 0 { 50 } else { 200 }, 7, 7]).collect();
+    let want: Vec<[u8; 3]> = (0..64).map(|k| [if k % 2 == 0 { 50 } else { 200 }, 7, 7]).collect();
     assert_eq!(shown(&input(&dataset, &Settings::default())), want);
 }
 
 #[test]
 fn a_cloud_of_init_without_colours_takes_those_of_the_photographs() {
-    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let folder = ring(&NAMES);
     let root = folder.dataset(false);
     write_plain(&folder, root.path(), |_, _| [200, 100, 50]);
     let dataset = load(root.path()).expect("loads");
@@ -100,7 +117,7 @@ fn a_cloud_of_init_without_colours_takes_those_of_the_photographs() {
 
 #[test]
 fn colours_in_text_may_be_floats_or_words_of_16_bits() {
-    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let folder = ring(&NAMES);
     let root = folder.dataset(true);
     let want = load(root.path()).expect("loads");
     let write = |factor: f64, digits: usize| {
@@ -124,7 +141,7 @@ fn colours_in_text_may_be_floats_or_words_of_16_bits() {
 
 #[test]
 fn points3d_ply_alone_is_the_cloud_of_a_colmap_model() {
-    let folder = Folder::ring(&NAMES, [0.0; 3]);
+    let folder = ring(&NAMES);
     for text in [false, true] {
         let root = folder.dataset(text);
         let sparse = root.path().join("sparse/0");
@@ -141,6 +158,78 @@ fn points3d_ply_alone_is_the_cloud_of_a_colmap_model() {
         let dataset = load(root.path()).expect("loads");
         let read: Vec<_> = dataset.points.iter().map(|point| (point.position, point.color)).collect();
         assert_eq!(read, [([0.0, 0.5, 0.25], [1, 2, 3]), ([1.0, 2.0, 0.5], [4, 5, 6])]);
-        assert!(dataset.tracks.is_empty() && dataset.warnings.is_empty(), "{:?}", dataset.warnings);
+        assert!(
+            dataset.tracks.is_empty() && dataset.colourless.is_none() && dataset.warnings.is_empty(),
+            "{:?}",
+            dataset.warnings
+        );
+    }
+}
+
+/// Names of photographs.
+fn names(count: usize) -> Vec<String> {
+    (0..count).map(|i| format!("{i:02}.png")).collect()
+}
+
+#[test]
+fn points_of_no_use_are_told_and_training_begins_as_without_any() {
+    let names = names(9);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let whole = ring(&names);
+    let at = |position: [f64; 3], id: u64| PointRow { id, position, track: vec![], ..whole.points[0].clone() };
+    let eye = |i: &ImageRow| [-i.translation[0], i.translation[1], i.translation[2]];
+    let few = |count: usize| whole.points.iter().step_by(64 / count).take(count).cloned().collect::<Vec<_>>();
+    let mut none = whole.clone();
+    none.points.clear();
+    let none = load(none.dataset(false).path()).expect("loads");
+    let first = |dataset: &Dataset| prepare::first(dataset, &Settings::default()).expect("a start").splats;
+    for (what, points) in [
+        ("one", few(1)),
+        ("three", few(3)),
+        ("ten", few(10)),
+        ("the places of cameras", (0..).zip(&whole.images).map(|(k, i)| at(eye(i), k)).collect()),
+        (
+            "all behind the cameras",
+            whole.points.iter().map(|p| at([p.position[0] + 200.0, p.position[1], 30.0], p.id)).collect(),
+        ),
+        ("all at one place", (0..500).map(|k| at([0.3, 0.2, 0.0], k)).collect()),
+        (
+            "far beside the pictures",
+            whole.points.iter().map(|p| at([p.position[0] + 90.0, p.position[1], 0.0], p.id)).collect(),
+        ),
+    ] {
+        let root = Folder { points, ..whole.clone() }.dataset(false);
+        let dataset = load(root.path()).expect("loads");
+        let useless = dataset.useless.as_ref().unwrap_or_else(|| panic!("{what}: taken for useful"));
+        assert_eq!((useless.served, useless.views, useless.kept.len()), (0, 7, 0), "{what}");
+        assert_eq!(first(&dataset), first(&none), "{what}");
+        let told = dataset.problems(&dataset.sights()).join("\n");
+        assert!(told.contains("points3D.bin: the points are of little use: of 7 photographs"), "{what}: {told}");
+        assert!(!told.contains("pose"), "{what}: {told}");
+        // Stereo looks where it would without points.
+        let chosen: Vec<usize> = dataset.views_of(Role::Train).map(|(i, _)| i).collect();
+        assert_eq!(Observations::of(&dataset, &chosen, 3), Observations::of(&none, &chosen, 3), "{what}");
+    }
+}
+
+#[test]
+fn points_that_serve_a_part_of_the_photographs_stay() {
+    let names = names(12);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let whole = ring(&names);
+    let dataset = load(whole.dataset(false).path()).expect("loads");
+    assert_eq!((&dataset.useless, dataset.problems(&dataset.sights())), (&None, vec![]), "all are served");
+    // Of ten photographs to train on (0 and 8 are held out) some see no point: one in four of all is enough.
+    for (away, useful) in [(7, true), (8, false)] {
+        let mut folder = whole.clone();
+        let on = folder.images.iter_mut().enumerate().filter(|(i, _)| i % 8 != 0).map(|(_, image)| image);
+        for (k, image) in on.take(away).enumerate() {
+            image.translation[0] -= 20.0 + 0.5 * k as f64;
+        }
+        let dataset = load(folder.dataset(false).path()).expect("loads");
+        assert_eq!(dataset.useless.is_none(), useful, "{away} are away: {:?}", dataset.useless);
+        assert_eq!(dataset.usable_points(), dataset.points, "two see all of them");
+        let begun = prepare::initial(&dataset, &Settings::default()).expect("a start").len();
+        assert_eq!(begun == 64, useful, "{begun} splats: random ones are added to the points");
     }
 }

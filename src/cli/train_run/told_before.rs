@@ -131,10 +131,10 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
         ));
     }
     let points = input.initial.len().saturating_sub(beginning.depths.splats);
-    if beginning.is_from_points() && points < dataset.points.len() {
+    if beginning.is_from_points() && points < dataset.usable_points().len() {
         console.say(format_args!(
             "of {} points {} are taken, evenly, for the sake of --max-splats",
-            HumanCount(dataset.points.len() as u64),
+            HumanCount(dataset.usable_points().len() as u64),
             HumanCount(points as u64)
         ));
     }

@@ -34,7 +34,7 @@ impl Bounds {
     /// Of what a dataset's cameras look at, in its coordinates: of the reconstructed points, where there are any, else of the cameras
     /// and what is as far from them as their extent.
     pub fn of_dataset(dataset: &Dataset) -> Self {
-        if dataset.points.is_empty() {
+        if dataset.begins_at_random() {
             let centers = dataset.views_of(Role::Train).map(|(_, view)| view.camera.center());
             let reach = Frame::EXTENT / dataset.frame.scale;
             let [low, high] = [dataset.frame.offset; 2];

@@ -276,7 +276,7 @@ fn begin_on(
         return Ok(0);
     }
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
-    let kept = spread(&dataset.points, room);
+    let kept = spread(dataset.usable_points(), room);
     // Points without colours of their own have been given some.
     let painted = input.known.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
     let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].color, |colour| **colour);
@@ -310,7 +310,8 @@ fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussian
 /// Depths at the points that three views and more see; nothing between them.
 fn sparse(views: &[View], seen: &Observations) -> Vec<Prior> {
     const LEAST_VIEWS: usize = 3;
-    let observed = seen.observed_by(views, LEAST_VIEWS);
+    // Where points were drawn at random no surface is.
+    let observed = if seen.drawn { vec![Vec::new(); views.len()] } else { seen.observed_by(views, LEAST_VIEWS) };
     let one = |(view, points): (&View, Vec<[f64; 3]>)| {
         let (width, height) = (view.camera.width, view.camera.height);
         let pixels = view.pixels();
