@@ -124,7 +124,10 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         PoseWrong { name: "a.jpg".into(), fault: PoseFault::OutOfView { points: 90, inside: 7 }, left_out: false },
         PoseDoubtful { name: "a.jpg".into(), fault: PoseFault::Reprojection { points: 90, off: 0.01, usual: 0.0002 } },
         PosesAgainstPoints { file: "images.bin".into(), wrong: 9, of: 12 },
-        AllMasked { name: "a.jpg".into() },
+        AllMasked { photographs: 1, first: "a.jpg".into() },
+        AllMasked { photographs: 3, first: "a.jpg".into() },
+        MasksLeaveOutNothing { masks: 2, of: 9, first: "a.jpg".into() },
+        MasksByTransparency { masks: 2, of: 9, first: "a.jpg".into() },
         BrighterThanWhite { photographs: 2, pixels: 70 },
         TransparentLeftOut { photographs: 2, pixels: 70 },
         SeveralFormats { used: Format::Colmap, others: vec![Format::Nerfstudio] },
@@ -155,6 +158,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
     for warning in all {
         // Another kind of warning has to be added above, too.
         match &warning {
+            MasksLeaveOutNothing { .. } | MasksByTransparency { .. } => {}
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
             OtherParts { .. }
             | NoMaskMatches { .. }

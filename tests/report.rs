@@ -15,8 +15,8 @@ use std::process::Command;
 
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
-    Curve, CurveForm, DepthMap, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel, ViewPanel,
-    render_report, write_report,
+    Curve, CurveForm, DepthMap, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel,
+    ViewPanel, render_report, write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -76,6 +76,7 @@ fn example(views: usize, side: u32) -> ReportData {
                 photograph,
                 render,
                 depth: Some(DepthMap { width, height, values }),
+                counting: Vec::new(),
                 stages,
                 psnr: 24.31 - 1.2 * k as f64,
                 psnr_cc: 24.9 - 1.1 * k as f64,
@@ -190,6 +191,93 @@ fn page_is_self_contained_and_shows_everything() {
     assert_eq!(page.matches("class=\"ramp\"").count(), 4);
 }
 
+/// A view whose left half is masked, and wrong there as a mask is for.
+fn half_masked() -> ReportData {
+    let mut data = example(1, 96);
+    let view = &mut data.views[0];
+    let (width, height) = view.photograph.dimensions();
+    view.stages = None;
+    view.render = view.photograph.clone();
+    for (x, y, pixel) in view.render.enumerate_pixels_mut() {
+        *pixel = match pixel.0.map(|v| 255 - v) {
+            inverted if x < width / 2 => Rgb(inverted),
+            _ => Rgb(pixel.0.map(|v| v.saturating_add(((x + y) % 4) as u8))),
+        };
+    }
+    view.counting = (0..width * height).map(|k| k % width >= width / 2).collect();
+    data
+}
+
+/// Views of photographs that are higher than wide, with or without the pictures of stages and depth.
+fn portraits(stages: bool, depth: bool) -> ReportData {
+    let mut data = example(2, 160);
+    for view in &mut data.views {
+        view.photograph = image::imageops::rotate90(&view.photograph);
+        view.render = image::imageops::rotate90(&view.render);
+        view.depth = view.depth.take().filter(|_| depth).map(|map| DepthMap {
+            width: map.height,
+            height: map.width,
+            values: map.values,
+        });
+        let picture = || view.photograph.clone();
+        view.stages = stages.then(|| StagePanel { mask: picture(), low: picture(), high: picture() });
+    }
+    data
+}
+
+#[test]
+fn masked_pixels_are_hatched_and_have_no_part_in_the_scale_of_errors() {
+    let mut data = half_masked();
+    let page = render_report(&data).unwrap();
+    assert!(page.contains("Hatched: masked, 50 % of the pixels"));
+    // Steps of three at the most: the scale ends at its least, whatever the masked half holds.
+    assert!(page.contains("\u{2265} 8 / 255"), "the masked half has a part in the scale");
+    let pictures: Vec<RgbImage> = attributes(&page, "src").iter().map(|s| decode(s)).collect();
+    let view = &data.views[0];
+    let half = view.photograph.width() / 2;
+    for (shown, of) in
+        [(&pictures[0], Some(&view.photograph)), (&pictures[1], Some(&view.render)), (&pictures[2], None)]
+    {
+        let greys: std::collections::BTreeSet<u8> =
+            shown.enumerate_pixels().filter(|(x, ..)| *x < half).map(|(.., p)| p.0[0]).collect();
+        assert!(greys.len() > 1, "stripes");
+        for (x, y, pixel) in shown.enumerate_pixels() {
+            if x < half {
+                assert!(pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2], "{pixel:?} at {x}, {y} is no grey");
+            } else if let Some(of) = of {
+                assert_eq!(pixel, of.get_pixel(x, y), "what counts is as it was");
+            }
+        }
+    }
+    data.views[0].counting.clear();
+    let page = render_report(&data).unwrap();
+    assert!(!page.contains("Hatched") && !page.contains("\u{2265} 8 / 255"));
+    data.views[0].counting = vec![true; 3];
+    assert!(matches!(render_report(&data), Err(ReportError::Size { what: "mask", got: (3, 1), .. })));
+}
+
+#[test]
+fn the_first_figure_is_that_of_the_models_own_colours() {
+    let mut data = example(1, 32);
+    let first = |page: &str| {
+        let tiles: Vec<String> = page
+            .split("<div class=\"tile\">")
+            .skip(1)
+            .map(|tile| tile.split("</dt>").next().unwrap_or_default().replace("<dt>", ""))
+            .collect();
+        tiles
+    };
+    let page = render_report(&data).unwrap();
+    assert_eq!(first(&page)[..2], ["PSNR", "SSIM"]);
+    data.metrics.exposures =
+        Some(ExposureScores { follows_order: 0.5, follows_place: 0.2, psnr_own_colours: Some(20.25) });
+    let page = render_report(&data).unwrap();
+    assert_eq!(first(&page)[..3], ["PSNR", "PSNR, exposed", "SSIM"]);
+    let own = page.find("20.25").expect("the model's own");
+    assert!(own < page.find("24.31").expect("exposed"), "the model's own colours come first");
+    assert!(page.contains("in the model's own colours"));
+}
+
 #[test]
 fn names_are_escaped() {
     let mut data = example(1, 32);
@@ -221,6 +309,7 @@ fn pages_stay_small() {
             photograph: a.clone(),
             render: b.clone(),
             depth: None,
+            counting: Vec::new(),
             stages: None,
             psnr: 8.0,
             psnr_cc: 8.5,

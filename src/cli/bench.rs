@@ -139,7 +139,7 @@ impl Args {
 
     /// What the steps are taken on.
     fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
-        let dataset = Dataset::load(data, &prepare::load_options_of(&settings))?;
+        let dataset = Dataset::load(data, &prepare::load_options_of(settings))?;
         let mut initial = prepare::initial(&dataset, settings)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);

@@ -5,7 +5,7 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role};
+use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role, Warning};
 use psrgs_vk::train::settings::{
     BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
 };
@@ -77,6 +77,8 @@ struct Found {
     center: [f64; 3],
     reference: Option<Reference>,
     masks: Option<usize>,
+    /// What is to be known of the masks, and is no problem.
+    mask_notes: Vec<String>,
     /// Medians over the views.
     points_in_view: Option<f64>,
     overlap: Option<f64>,
@@ -122,7 +124,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     let mut found = found(&dataset, &settings);
     let mut missing = match missing {
         Some(error) => Some(error.into()),
-        None => unusable(&dataset, &settings),
+        None => unusable(&dataset, &settings, &mut found),
     };
     if missing.is_none() {
         match training::plan(&dataset, &settings, &mut found.problems, console) {
@@ -148,18 +150,33 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
 }
 
 /// What keeps a training from beginning with these photographs: the first that cannot be decoded, or that all are masked. None is kept.
-fn unusable(dataset: &Dataset, settings: &Settings) -> Option<anyhow::Error> {
+/// What masks do is added to what was found.
+fn unusable(dataset: &Dataset, settings: &Settings, found: &mut Found) -> Option<anyhow::Error> {
     let decoded = |role| {
         let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.host) };
         dataset.take_in(role, &mut share)
     };
-    match (decoded(Role::Train), decoded(Role::HeldOut)) {
-        (Err(error), _) | (_, Err(error)) => Some(error.into()),
-        (Ok(train), _) if !train.is_empty() && train.iter().all(Option::is_none) => {
-            Some(Failure::all_masked(&dataset.path, Role::Train).into())
-        }
-        _ => None,
+    let (train, held_out) = match (decoded(Role::Train), decoded(Role::HeldOut)) {
+        (Err(error), _) | (_, Err(error)) => return Some(error.into()),
+        (Ok(train), Ok(held_out)) => (train, held_out),
+    };
+    let mut views = Vec::new();
+    for (role, photographs) in [(Role::Train, &train), (Role::HeldOut, &held_out)] {
+        let of_role = dataset.views_of(role).zip(photographs);
+        views.extend(of_role.map(|((_, view), photograph)| (view.name.as_str(), photograph.as_ref())));
     }
+    for warning in prepare::told_of(&views) {
+        match &warning {
+            Warning::MasksLeaveOutNothing { masks, of, .. } if masks < of => found.mask_notes.push(warning.to_string()),
+            Warning::MasksByTransparency { .. } => found.mask_notes.push(warning.to_string()),
+            Warning::AllMasked { .. } | Warning::MasksLeaveOutNothing { .. } => {
+                found.problems.push(warning.to_string())
+            }
+            _ => {}
+        }
+    }
+    let nothing = !train.is_empty() && train.iter().all(Option::is_none);
+    nothing.then(|| Failure::all_masked(&dataset.path, Role::Train).into())
 }
 
 impl Args {
@@ -206,6 +223,7 @@ fn found(dataset: &Dataset, settings: &Settings) -> Found {
         center: dataset.frame.offset,
         reference: dataset.reference,
         masks: dataset.masks.as_ref().map(|masks| masks.matched),
+        mask_notes: Vec::new(),
         points_in_view: median(sights.iter().map(|s| s.points as f64).collect()),
         overlap: median(sights.iter().filter_map(|s| s.overlap).collect()),
         photograph_bytes: dataset.views_of(Role::Train).map(|(_, view)| view.pixel_bytes()).sum(),
@@ -249,6 +267,7 @@ fn told(found: &Found) -> String {
     }
     if let Some(masks) = found.masks {
         rows.push(("masks", format!("{masks} of {}", found.photographs)));
+        rows.extend(found.mask_notes.iter().map(|note| ("masks", note.clone())));
     }
     rows.push(("method", found.method.name().to_owned()));
     if let Some(preset) = found.preset {

@@ -67,12 +67,12 @@ impl Pictures {
         let ImageScore { name, psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency } =
             score(view, &photograph, &rgb);
         let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
-        let (photograph, render) = (image(truth)?, image(rgb)?);
         Ok(ViewPanel {
             name,
-            photograph,
-            render,
+            photograph: image(truth)?,
+            render: image(rgb)?,
             depth,
+            counting: if photograph.masked() == 0 { Vec::new() } else { photograph.counting() },
             stages: None,
             psnr,
             psnr_cc,

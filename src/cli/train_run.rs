@@ -82,7 +82,7 @@ fn load(plan: &Plan, console: &Console) -> anyhow::Result<Dataset> {
     if let Some(preset) = &plan.preset {
         console.say(preset);
     }
-    let options = prepare::load_options_of(&settings);
+    let options = prepare::load_options_of(settings);
     Dataset::load(data, &options).map_err(|error| match plan.resume {
         true => run_folder::with_way_back(&plan.out, error.into()),
         false => error.into(),

@@ -51,10 +51,30 @@ pub enum Warning {
         /// Photographs that could be judged.
         of: usize,
     },
-    /// Every pixel of a photograph is masked: it is not used.
+    /// Every pixel of photographs is masked: they are not used.
     AllMasked {
-        /// The view.
-        name: String,
+        /// How many.
+        photographs: usize,
+        /// The first of them.
+        first: String,
+    },
+    /// Masks that leave out no pixel.
+    MasksLeaveOutNothing {
+        /// How many.
+        masks: usize,
+        /// How many masks there are.
+        of: usize,
+        /// The photograph of the first of them.
+        first: String,
+    },
+    /// Masks whose colour says nothing, and whose transparency is taken in its place.
+    MasksByTransparency {
+        /// How many.
+        masks: usize,
+        /// How many masks there are.
+        of: usize,
+        /// The photograph of the first of them.
+        first: String,
     },
     /// Photographs have pixels above the white level, which are white.
     BrighterThanWhite {
@@ -196,7 +216,20 @@ impl fmt::Display for Warning {
                  reconstructions, or in different coordinates. Export both from the same one",
                 file.display()
             ),
-            Self::AllMasked { name } => write!(f, "'{name}': every pixel is masked; it is left out"),
+            Self::AllMasked { photographs: 1, first } => {
+                write!(f, "'{first}': every pixel is masked; it is left out")
+            }
+            Self::AllMasked { photographs, first } => {
+                write!(f, "{photographs} photographs, the first '{first}': every pixel is masked; they are left out")
+            }
+            Self::MasksLeaveOutNothing { masks, of, first } => {
+                write!(f, "{masks} of {of} masks leave out no pixel, the first that of '{first}'")
+            }
+            Self::MasksByTransparency { masks, of, first } => write!(
+                f,
+                "{masks} of {of} masks, the first that of '{first}', say by their transparency what is left out, as their colour says \
+                 nothing: transparent counts as black"
+            ),
             Self::BrighterThanWhite { photographs, pixels } => write!(
                 f,
                 "{photographs} photographs have pixels brighter than white ({pixels} in all), which are made white; \

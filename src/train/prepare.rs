@@ -8,14 +8,14 @@ pub use colours::{Coloured, Uncoloured};
 pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::Error;
 use super::input::{Input, Known, Outline, View};
 use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
-use crate::dataset::{Colourless, Dataset, HostShare, LoadOptions, NoColours, Role, Tone, Warning};
+use crate::dataset::{Colourless, Dataset, HostShare, LoadOptions, MaskUse, NoColours, Role, Supply, Tone, Warning};
 use crate::format::ply::{self, Cloud, Content};
 use crate::format::{At, Error as FileError, LeftOut};
 use crate::saliency::{Plane, kept_when_reduced};
@@ -56,18 +56,37 @@ pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<Vec
     Ok(views.filter_map(view).collect())
 }
 
-/// What to tell of the views of a role: those that [`views`] has left out, those whose white is cut, and those with transparent pixels.
+/// What to tell of the views of a role: those that [`views`] has left out, masks that do nothing or speak by their transparency, views
+/// whose white is cut, and those with transparent pixels.
 pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
-    let kept: HashSet<&str> = views.iter().map(|view| view.name.as_str()).collect();
-    let gone = dataset.views_of(role).filter(|(_, view)| !kept.contains(view.name.as_str()));
-    let masked = gone.map(|(_, view)| Warning::AllMasked { name: view.name.clone() });
-    let clipped: Vec<u64> = views.iter().map(|view| view.photograph.clipped()).filter(|n| *n > 0).collect();
-    let clipped = (!clipped.is_empty())
-        .then(|| Warning::BrighterThanWhite { photographs: clipped.len(), pixels: clipped.iter().sum() });
-    let transparent: Vec<u64> = views.iter().map(|view| view.photograph.transparent()).filter(|n| *n > 0).collect();
-    let transparent = (!transparent.is_empty())
-        .then(|| Warning::TransparentLeftOut { photographs: transparent.len(), pixels: transparent.iter().sum() });
-    masked.chain(clipped).chain(transparent).collect()
+    let kept: HashMap<&str, &Supply> = views.iter().map(|view| (view.name.as_str(), &view.photograph)).collect();
+    let of_role = dataset.views_of(role).map(|(_, view)| (view.name.as_str(), kept.get(view.name.as_str()).copied()));
+    told_of(&of_role.collect::<Vec<_>>())
+}
+
+/// The same of views by their names, with their photographs, where these have a pixel that is not masked.
+pub fn told_of(views: &[(&str, Option<&Supply>)]) -> Vec<Warning> {
+    let named = |wanted: &dyn Fn(Option<&Supply>) -> bool| {
+        let mut names = views.iter().filter(|(_, photograph)| wanted(*photograph)).map(|(name, _)| (*name).to_owned());
+        names.next().map(|first| (1 + names.count(), first))
+    };
+    let masked = named(&|photograph| photograph.is_none());
+    let masked = masked.map(|(photographs, first)| Warning::AllMasked { photographs, first });
+    let of = views.iter().filter(|(_, photograph)| photograph.is_some_and(|p| p.mask().is_some())).count();
+    let with_mask = |wanted: fn(MaskUse) -> bool| named(&move |p| p.and_then(Supply::mask).is_some_and(wanted));
+    let nothing = with_mask(|mask| mask.left_out == 0);
+    let nothing = nothing.map(|(masks, first)| Warning::MasksLeaveOutNothing { masks, of, first });
+    let by_alpha = with_mask(|mask| mask.by_alpha);
+    let by_alpha = by_alpha.map(|(masks, first)| Warning::MasksByTransparency { masks, of, first });
+    let pixels = |count: fn(&Supply) -> u64| {
+        let found: Vec<u64> = views.iter().filter_map(|(_, p)| p.map(count)).filter(|n| *n > 0).collect();
+        (!found.is_empty()).then(|| (found.len(), found.iter().sum()))
+    };
+    let clipped = pixels(Supply::clipped);
+    let clipped = clipped.map(|(photographs, pixels)| Warning::BrighterThanWhite { photographs, pixels });
+    let transparent = pixels(Supply::transparent);
+    let transparent = transparent.map(|(photographs, pixels)| Warning::TransparentLeftOut { photographs, pixels });
+    [masked, nothing, by_alpha, clipped, transparent].into_iter().flatten().collect()
 }
 
 /// What the photographs of a role may take of the host's memory where nothing is trained.

@@ -181,3 +181,76 @@ fn a_mask_leaves_out_of_a_photograph_that_is_laid_over_a_colour() {
     let dataset = Dataset::load(root.path(), &options).expect("loads");
     assert_eq!(counting(&dataset, 1), (0..8).collect::<Vec<_>>());
 }
+
+/// Masks as editors export them: white all over, with the mask in the transparency.
+fn write_clear_mask(file: &Path) {
+    fs::create_dir_all(file.parent().expect("parent")).expect("folder");
+    RgbaImage::from_fn(24, 16, |x, _| Rgba([255, 255, 255, if x < 8 { 255 } else { 0 }])).save(file).expect("mask");
+}
+
+#[test]
+fn a_mask_in_the_transparency_masks_and_says_so() {
+    let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
+    for name in NAMES {
+        write_clear_mask(&root.path().join("masks").join(name));
+    }
+    for (ignores, kept) in [(MaskIgnores::Black, 0..8), (MaskIgnores::White, 8..24)] {
+        let dataset = load(root.path(), ignores).expect("loads");
+        assert_eq!(counting(&dataset, 1), kept.collect::<Vec<_>>(), "{ignores:?}");
+        assert_eq!(
+            told(&dataset),
+            ["2 of 2 masks, the first that of 'b.png', say by their transparency what is left out, as their \
+            colour says nothing: transparent counts as black"]
+        );
+    }
+}
+
+/// What is to be told of the photographs to train on.
+fn told(dataset: &Dataset) -> Vec<String> {
+    let views = prepare::views(dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
+    prepare::left_out(dataset, Role::Train, &views).iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn masks_that_leave_out_nothing_or_all_are_counted_and_named() {
+    let root = Folder::ring(&["a.png", "b.png", "c.png", "d.png"], [0.0; 3]).dataset(false);
+    let mask = |name: &str, grey: u8| {
+        let file = root.path().join("masks").join(name);
+        fs::create_dir_all(file.parent().expect("parent")).expect("folder");
+        GrayImage::from_pixel(24, 16, Luma([grey])).save(file).expect("mask");
+    };
+    // "a.png" is held out.
+    mask("b.png", 255);
+    mask("c.png", 255);
+    write_mask(&root.path().join("masks/d.png"), 24, 16, 255);
+    let dataset = load(root.path(), MaskIgnores::Black).expect("loads");
+    assert_eq!(told(&dataset), ["2 of 3 masks leave out no pixel, the first that of 'b.png'"]);
+    assert_eq!(counting(&dataset, 1).len(), 24);
+    let dataset = load(root.path(), MaskIgnores::White).expect("loads");
+    let all = "2 photographs, the first 'b.png': every pixel is masked; they are left out";
+    assert_eq!(told(&dataset), [all]);
+}
+
+/// The kinds of files that masks come in.
+#[test]
+fn masks_of_one_bit_of_palettes_and_of_sixteen_bits_are_read() {
+    let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dataset/pictures");
+    let root = Folder::ring(&["a.tif.png"], [0.0; 3]).dataset(false);
+    fs::create_dir_all(root.path().join("masks")).expect("folder");
+    let mask = root.path().join("masks/a.tif.png");
+    for name in ["bits.png", "group4.tif", "bits_deflate.tif", "mask_palette.png"] {
+        fs::copy(pictures.join(name), &mask).expect("copied");
+        assert_eq!(
+            counting(&load(root.path(), MaskIgnores::Black).expect(name), 0),
+            (12..24).collect::<Vec<_>>(),
+            "{name}"
+        );
+    }
+    // Labels, of which 8 bits would leave nothing.
+    image::ImageBuffer::<Luma<u16>, _>::from_fn(24, 16, |x, _| Luma([u16::from(x >= 12)])).save(&mask).expect("mask");
+    assert_eq!(counting(&load(root.path(), MaskIgnores::Black).expect("labels"), 0), (12..24).collect::<Vec<_>>());
+    // Turned against its photograph, as pictures are whose orientation stands in a tag.
+    write_mask(&mask, 16, 24, 255);
+    let error = load(root.path(), MaskIgnores::Black).expect_err("turned").to_string();
+    assert!(error.contains("16x24") && error.contains("turned by 90 degrees the mask would fit"), "{error}");
+}

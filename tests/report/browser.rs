@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use psrgs_vk::eval::write_report;
 use serde_json::{Value, json};
 
-use super::{chromium, common, example};
+use super::{chromium, common, example, portraits};
 
 /// A headless browser at the end of two pipes (the protocol of its developer tools: JSON, ended by zeros).
 struct Browser {
@@ -166,4 +166,33 @@ fn sliders_are_moved_by_keyboard_and_by_mouse() {
     assert!(near(&pressed, 80.0) && near(&drawn, 25.0) && released == drawn, "{pressed} {drawn} {released}");
     assert_eq!(drawn[1].as_str().expect("text"), format!("{}%", drawn[0]));
     assert_eq!(browser.value(first), "50", "the other slider has stayed");
+}
+
+/// Pictures that are higher than wide left half of their card empty.
+#[test]
+fn cards_are_filled_by_pictures_of_every_shape() {
+    let Some(chromium) = chromium() else {
+        common::skipped("no chromium in PATH");
+        return;
+    };
+    // The share of each card that pictures cover.
+    let covered = "[...document.querySelectorAll('.body')].map((body) => { \
+                   const area = (e) => { const b = e.getBoundingClientRect(); return b.width * b.height; }; \
+                   const pictures = [...body.querySelectorAll('.stage, .panel img')]; \
+                   return pictures.map(area).reduce((a, b) => a + b, 0) / area(body); })";
+    for (what, data) in [
+        ("landscape", example(2, 160)),
+        ("portrait", portraits(false, true)),
+        ("portrait with stages", portraits(true, true)),
+        ("portrait with stages and without depth", portraits(true, false)),
+        ("portrait without depth", portraits(false, false)),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let page = folder.path().join("report.html");
+        write_report(&data, &page).expect("written");
+        let mut browser = Browser::open(&chromium, &page, folder.path());
+        let shares = browser.value(covered);
+        let shares: Vec<f64> = shares.as_array().expect("cards").iter().filter_map(Value::as_f64).collect();
+        assert!(shares.len() == 2 && shares.iter().all(|share| *share > 0.8), "{what}: {shares:?}");
+    }
 }

@@ -23,16 +23,21 @@ impl ViewPanel {
         let side = |of: u32| ((f64::from(of) * factor) as u32).max(1);
         let (w, h) = (side(width), side(height));
         let small = |picture| resize(picture, w, h, FilterType::Triangle);
+        let at = |k: u32, to: u32, of: u32| (u64::from(2 * k + 1) * u64::from(of) / u64::from(2 * to)) as usize;
+        let pixel = |k: u32, (width, height): (u32, u32)| at(k / w, h, height) * width as usize + at(k % w, w, width);
         let nearest = |depth: DepthMap| {
-            let at = |k: u32, to: u32, of: u32| (u64::from(2 * k + 1) * u64::from(of) / u64::from(2 * to)) as usize;
-            let pixel = |k: u32| at(k / w, h, depth.height) * depth.width as usize + at(k % w, w, depth.width);
-            let values = (0..w * h).map(|k| depth.values.get(pixel(k)).copied().unwrap_or(0.0)).collect();
-            DepthMap { width: w, height: h, values }
+            let of = |k: u32| depth.values.get(pixel(k, (depth.width, depth.height))).copied().unwrap_or(0.0);
+            DepthMap { width: w, height: h, values: (0..w * h).map(of).collect() }
+        };
+        let counting = match self.counting.as_slice() {
+            [] => Vec::new(),
+            all => (0..w * h).map(|k| all.get(pixel(k, (width, height))).copied().unwrap_or(true)).collect(),
         };
         Self {
             photograph: small(&self.photograph),
             render: small(&self.render),
             depth: self.depth.map(nearest),
+            counting,
             ..self
         }
     }
@@ -54,6 +59,7 @@ mod tests {
             photograph: picture.clone(),
             render: picture.clone(),
             depth: Some(depth),
+            counting: (0..width * height).map(|k| k % width >= 100).collect(),
             stages: None,
             psnr: 1.0,
             psnr_cc: 1.0,
@@ -68,6 +74,9 @@ mod tests {
         let (w, h) = small.photograph.dimensions();
         assert!(f64::from(w * h) * PER_PIXEL * many as f64 <= REPORT_BYTES as f64 && w > 40, "{w}x{h}");
         assert_eq!(small.render.dimensions(), (w, h));
+        let counting: Vec<bool> = (0..w * h).map(|k| k % w >= w / 4).collect();
+        let wrong = small.counting.iter().zip(&counting).filter(|(a, b)| a != b).count();
+        assert!(small.counting.len() == counting.len() && wrong <= h as usize, "{wrong} of {}", counting.len());
         let depth = small.depth.unwrap();
         assert_eq!((depth.width, depth.height, depth.values.len()), (w, h, (w * h) as usize));
         let middle = 400.0 / f64::from(w) * (f64::from(w / 2) + 0.5);

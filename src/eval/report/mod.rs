@@ -72,6 +72,8 @@ pub struct ViewPanel {
     pub render: RgbImage,
     /// Depth of the render.
     pub depth: Option<DepthMap>,
+    /// Which pixels have a part in the scores, row-major; empty where all have.
+    pub counting: Vec<bool>,
     /// The stages of the training, where it had some.
     pub stages: Option<StagePanel>,
     /// PSNR in decibels.
@@ -224,6 +226,10 @@ fn check(view: &ViewPanel) -> Result<(), ReportError> {
             return wrong(kind, picture.dimensions());
         }
     }
+    let pixels = expected.0 as usize * expected.1 as usize;
+    if !view.counting.is_empty() && view.counting.len() != pixels {
+        return wrong("mask", (view.counting.len() as u32, 1));
+    }
     match &view.depth {
         Some(d) if (d.width, d.height) != expected => wrong("depth", (d.width, d.height)),
         Some(d) if d.values.len() as u64 != u64::from(d.width) * u64::from(d.height) => {
@@ -267,7 +273,8 @@ fn files(files: &[(String, String)]) -> String {
 
 /// The cards of all views that fit the page, and how many these are.
 fn views(all: &[ViewPanel]) -> Result<(String, usize), ReportError> {
-    let differences: Vec<Vec<f32>> = all.iter().map(|v| panel::differences(&v.photograph, &v.render)).collect();
+    let differences: Vec<Vec<f32>> =
+        all.iter().map(|v| panel::differences(&v.photograph, &v.render, &v.counting)).collect();
     // One scale for all views, so that they compare: most of the errors, at least a few 8-bit steps.
     let error_high = panel::quantile(differences.iter().flatten().copied(), 0.99).max(8.0).ceil();
     for storage in STORAGES {
@@ -312,11 +319,16 @@ fn card(
         );
         Ok(())
     };
-    add("photograph", "Photograph", &view.photograph, "")?;
-    add("render", "Render", &view.render, "")?;
+    add("photograph", "Photograph", &panel::hatched(&view.photograph, &view.counting), "")?;
+    add("render", "Render", &panel::hatched(&view.render, &view.counting), "")?;
     let map = Colormap::error();
     let painted = panel::paint(errors, size, (0.0, error_high), &map);
-    add("error", "Error", &painted, &scale(&map, "0", &format!("\u{2265} {error_high} / 255")))?;
+    add(
+        "error",
+        "Error",
+        &panel::hatched(&painted, &view.counting),
+        &scale(&map, "0", &format!("\u{2265} {error_high} / 255")),
+    )?;
     if let Some(depth) = &view.depth {
         let (picture, (low, high)) = panel::depth(depth);
         let bar = scale(&Colormap::depth(), &significant(f64::from(low)), &significant(f64::from(high)));
@@ -335,10 +347,25 @@ fn card(
             ("psnr", &decibels(Some(view.psnr))),
             ("ssim", &format!("{:.3}", view.ssim)),
             ("lpips", &lpips),
+            ("masked", &masked(&view.counting)),
+            ("shape", if size.1 > size.0 { " portrait" } else { "" }),
             ("aspect", &format!("{} / {}", size.0.max(1), size.1.max(1))),
             ("panels", &panels),
         ],
     ))
+}
+
+/// Says what is hatched, where something is.
+fn masked(counting: &[bool]) -> String {
+    let out = counting.iter().filter(|counts| !**counts).count();
+    match out {
+        0 => String::new(),
+        n => {
+            let share = 100.0 * n as f64 / counting.len() as f64;
+            let share = if share < 1.0 { "less than 1".to_owned() } else { format!("{share:.0}") };
+            format!("<p class=\"masked\">Hatched: masked, {share} % of the pixels, without a part in the scores</p>")
+        }
+    }
 }
 
 fn scale(map: &Colormap, low: &str, high: &str) -> String {

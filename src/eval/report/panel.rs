@@ -51,13 +51,31 @@ pub(super) fn address(picture: &RgbImage, storage: Storage) -> Result<String, Re
     Ok(format!("data:image/{kind};base64,{}", base64(data.get_ref())))
 }
 
-/// Mean absolute difference of the channels per pixel, 8-bit steps.
-pub(super) fn differences(photograph: &RgbImage, render: &RgbImage) -> Vec<f32> {
-    photograph
-        .pixels()
-        .zip(render.pixels())
-        .map(|(a, b)| a.0.iter().zip(b.0).map(|(&x, y)| f32::from(x.abs_diff(y))).sum::<f32>() / 3.0)
-        .collect()
+/// Mean absolute difference of the channels per pixel, 8-bit steps; not a number where a pixel does not count.
+pub(super) fn differences(photograph: &RgbImage, render: &RgbImage, counting: &[bool]) -> Vec<f32> {
+    let steps =
+        |(a, b): (&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).map(|(&x, y)| f32::from(x.abs_diff(y))).sum::<f32>() / 3.0;
+    let mut all: Vec<f32> = photograph.pixels().zip(render.pixels()).map(steps).collect();
+    all.iter_mut().zip(counting).filter(|(_, counts)| !**counts).for_each(|(difference, _)| *difference = f32::NAN);
+    all
+}
+
+/// Stripes across a picture's longer side.
+const STRIPES: u32 = 60;
+/// The greys of stripes, and the share of the picture below that stays to be seen.
+const STRIPE_GREYS: [f32; 2] = [196.0, 128.0];
+const SEEN_BELOW: f32 = 0.2;
+
+/// A picture with stripes over the pixels that do not count.
+pub(super) fn hatched(picture: &RgbImage, counting: &[bool]) -> RgbImage {
+    let mut marked = picture.clone();
+    let width = (picture.width().max(picture.height()) / STRIPES).max(2);
+    for ((x, y, pixel), _) in marked.enumerate_pixels_mut().zip(counting).filter(|(_, counts)| !**counts) {
+        let grey = STRIPE_GREYS[((x + y) / width % 2) as usize];
+        let below = pixel.0.map(f32::from).iter().sum::<f32>() / 3.0;
+        *pixel = Rgb([(SEEN_BELOW * below + (1.0 - SEEN_BELOW) * grey).round() as u8; 3]);
+    }
+    marked
 }
 
 /// The value below which `share` of the finite values lie; 0 when there are none.
@@ -111,7 +129,9 @@ mod tests {
         let a = RgbImage::from_pixel(2, 1, Rgb([10, 20, 30]));
         let mut b = a.clone();
         b.put_pixel(1, 0, Rgb([13, 14, 30]));
-        assert_eq!(differences(&a, &b), [0.0, 3.0]);
+        assert_eq!(differences(&a, &b, &[]), [0.0, 3.0]);
+        let some = differences(&a, &b, &[true, false]);
+        assert!(some[0] == 0.0 && some[1].is_nan(), "{some:?}");
         assert_eq!(quantile([4.0, f32::NAN, 1.0, 3.0, 2.0, 5.0].into_iter(), 0.5), 3.0);
         assert_eq!(quantile([].into_iter(), 0.5), 0.0);
     }

@@ -16,8 +16,18 @@ pub(super) fn tiles(m: &Metrics) -> String {
         if trained(m) { format!("{} a step", duration(m.seconds_per_iteration)) } else { "to score".to_owned() };
     let held_out = format!("mean of {} held-out views", m.test_images);
     let lpips = m.lpips_squeeze.map(|v| ("LPIPS", format!("{v:.3}"), "", "on SqueezeNet, 0 is identical"));
+    // The model's own colours first: an exposure belongs to a photograph, and no viewer of the model shows it.
+    let own = m.exposures.and_then(|exposures| exposures.psnr_own_colours);
+    let (psnr, exposed) = match own {
+        Some(own) => (own, Some(("PSNR, exposed", decibels(m.psnr), "dB", "as each photograph is exposed"))),
+        None => (m.psnr.unwrap_or(f64::NAN), None),
+    };
+    let psnr = Some(psnr).filter(|psnr| !psnr.is_nan());
+    let own_colours = format!("{held_out}, in the model's own colours");
+    let detail = if own.is_some() { &own_colours } else { &held_out };
     [
-        Some(("PSNR", decibels(m.psnr), "dB", held_out.as_str())),
+        Some(("PSNR", decibels(psnr), "dB", detail.as_str())),
+        exposed,
         Some(("SSIM", ssim, "", "1 is identical")),
         lpips,
         Some(("Splats", grouped(m.splats as u64), "", bytes(m.bytes).as_str())),
@@ -50,7 +60,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
         ("size", format!("{} \u{d7} {} px", m.width, m.height)),
         ("seed", m.seed.to_string()),
         ("device", m.device.clone()),
-        ("PSNR", format!("{} dB", decibels(m.psnr))),
+        (if own.is_some() { "PSNR, exposed" } else { "PSNR" }, format!("{} dB", decibels(m.psnr))),
         ("PSNR, colours fitted", format!("{} dB", decibels(m.psnr_cc))),
         ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.4}"))),
         ("splats", grouped(m.splats as u64)),
