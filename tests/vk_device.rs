@@ -3,7 +3,9 @@
 mod common;
 
 use psrgs_vk::pass::{fill, subgroup_probe};
-use psrgs_vk::vk::{DeviceKind, Error, FloatAtomics, Gpu, Groups, Memory, OpenOptions, Subgroup, Ticket, devices};
+use psrgs_vk::vk::{
+    DeviceKind, Error, FloatAtomics, Gpu, Groups, Memory, OpenOptions, PipelineEvent, Subgroup, Ticket, devices,
+};
 
 #[test]
 fn devices_are_chosen_by_index_or_part_of_a_name() {
@@ -177,4 +179,19 @@ fn pipelines_are_kept_on_disk() {
     with_cache().unwrap().pipeline(&fill::PASS.kernel, &[]).unwrap();
     std::fs::write(&files[0], b"not a cache").unwrap();
     with_cache().unwrap().pipeline(&fill::PASS.kernel, &[]).unwrap();
+}
+
+#[test]
+fn a_pipeline_is_told_of_once_before_and_after_it_is_made() {
+    let Some(gpu) = common::gpu() else { return };
+    let (tell, told) = std::sync::mpsc::channel();
+    gpu.watch_pipelines(move |event| tell.send(event).unwrap());
+    for _ in 0..2 {
+        gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();
+    }
+    let events: Vec<PipelineEvent> = told.try_iter().collect();
+    assert!(
+        matches!(events[..], [PipelineEvent::Begun { kernel: "fill" }, PipelineEvent::Made { kernel: "fill", .. }]),
+        "{events:?}"
+    );
 }
