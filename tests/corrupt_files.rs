@@ -332,7 +332,7 @@ fn depth_maps() {
 fn frames() {
     let root = tempfile::tempdir().expect("temporary folder");
     let file = root.path().join("frame.json");
-    FrameFile::new(Frame::IDENTITY).write(&file).expect("written");
+    FrameFile::new(Frame::IDENTITY, None).write(&file).expect("written");
     let whole = fs::read(&file).expect("file");
     for length in 0..whole.len() - 2 {
         replace(&file, &whole[..length]);

@@ -132,6 +132,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         TransparentLeftOut { photographs: 2, pixels: 70 },
         SeveralFormats { used: Format::Colmap, others: vec![Format::Nerfstudio] },
         OtherParts { used: 9, parts: 2, shots: 3 },
+        CoordinatesUnknown { file: "coords.txt".into(), problem: "no such file".to_owned() },
         OtherModels { used: "sparse/1".into(), images: 9, others: vec![("sparse/0".into(), 3)] },
         NoMaskMatches { folder: "masks".into() },
         NothingHeldOut { views: 1 },
@@ -161,6 +162,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
             MasksLeaveOutNothing { .. } | MasksByTransparency { .. } => {}
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
             OtherParts { .. }
+            | CoordinatesUnknown { .. }
             | NoMaskMatches { .. }
             | NothingHeldOut { .. }
             | NoPoints { .. }

@@ -5,7 +5,8 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Reference, Role, Warning};
+use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Role, Warning};
+use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
     BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
 };
@@ -75,7 +76,8 @@ struct Found {
     /// Of the training cameras, in the dataset's units.
     extent: f64,
     center: [f64; 3],
-    reference: Option<Reference>,
+    /// Where on Earth the coordinates are.
+    coordinates: Option<Coordinates>,
     masks: Option<usize>,
     /// What is to be known of the masks, and is no problem.
     mask_notes: Vec<String>,
@@ -221,7 +223,7 @@ fn found(dataset: &Dataset, settings: &Settings) -> Found {
         points: dataset.points.len(),
         extent: dataset.extent,
         center: dataset.frame.offset,
-        reference: dataset.reference,
+        coordinates: dataset.coordinates.clone(),
         masks: dataset.masks.as_ref().map(|masks| masks.matched),
         mask_notes: Vec::new(),
         points_in_view: median(sights.iter().map(|s| s.points as f64).collect()),
@@ -262,8 +264,8 @@ fn told(found: &Found) -> String {
     }
     let [x, y, z] = found.center;
     rows.push(("extent", format!("{:.6} of the dataset's units about ({x:.3}, {y:.3}, {z:.3})", found.extent)));
-    if let Some(at) = &found.reference {
-        rows.push(("origin", format!("{} N, {} E, {} m", at.latitude, at.longitude, at.altitude)));
+    if let Some(coordinates) = &found.coordinates {
+        rows.push(("coordinates", coordinates.to_string()));
     }
     if let Some(masks) = found.masks {
         rows.push(("masks", format!("{masks} of {}", found.photographs)));

@@ -99,7 +99,7 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer) -> anyhow::Result<Saved
     let frame = run.dataset.frame;
     let file = run.folder.file(MODEL);
     ply::save_staged(&file, &model, &frame, run.settings.model.antialias, constrained)?;
-    FrameFile::new(frame).write(&run.folder.file(FRAME_FILE))?;
+    FrameFile::new(frame, run.dataset.coordinates.clone()).write(&run.folder.file(FRAME_FILE))?;
     let exposures = trainer.exposures()?;
     if let Some(exposures) = &exposures {
         ExposureFile { photographs: exposures.iter().cloned().collect() }.write(&run.folder.file(EXPOSURE_FILE))?;

@@ -17,6 +17,7 @@ pub mod lens;
 mod masks;
 mod model;
 mod nerfstudio;
+mod opendronemap;
 mod opensfm;
 mod photograph;
 mod picture_file;
@@ -48,7 +49,7 @@ pub use colourless::{Colourless, NoColours};
 pub use error::Error;
 pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, MaskUse, Masks};
-pub use model::{Format, Reference};
+pub use model::Format;
 pub use photograph::Photograph;
 pub use pixels::{Depth, Pixels};
 pub use poses::{Convention, PoseFault, WrongConvention};
@@ -66,7 +67,7 @@ pub use warning::Warning;
 use crate::format::{LeftOut, few};
 pub use crate::host_memory::DecodeLimit;
 use crate::scene::init::{self, InitError};
-use crate::scene::{Camera, Frame, Gaussians};
+use crate::scene::{Camera, Coordinates, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
 use picture_file::Header;
@@ -178,8 +179,8 @@ pub struct Dataset {
     pub images: Option<ImagesFolder>,
     /// The masks, where there are any.
     pub masks: Option<Masks>,
-    /// The geodetic origin of the dataset's coordinates, where the dataset has one.
-    pub reference: Option<Reference>,
+    /// Where on Earth the dataset's coordinates are, where the dataset says it.
+    pub coordinates: Option<Coordinates>,
     /// All views, sorted bytewise by name.
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
@@ -277,7 +278,7 @@ impl Dataset {
             format: model.format,
             images,
             masks,
-            reference: model.reference,
+            coordinates: model.coordinates,
             views,
             points: model.points,
             useless,

@@ -8,6 +8,7 @@ use super::error::Error;
 use super::lens::Lens;
 use super::split::Part;
 use super::{NoColours, Point, Tracks, Warning, colmap, nerfstudio, opensfm};
+use crate::scene::Coordinates;
 
 /// A layout of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -62,17 +63,6 @@ impl FromStr for Format {
     }
 }
 
-/// Where the geodetic origin of a reconstruction in local coordinates is: degrees and metres above the ellipsoid.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Reference {
-    /// Degrees to the north.
-    pub latitude: f64,
-    /// Degrees to the east.
-    pub longitude: f64,
-    /// Metres.
-    pub altitude: f64,
-}
-
 /// Where a photograph shows a reconstructed point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Observation {
@@ -120,7 +110,8 @@ pub(super) struct Model {
     pub(super) points_file: Option<PathBuf>,
     /// The folder that names of photographs are inside of, where it is not one of `images` and `images_N`.
     pub(super) images: Option<PathBuf>,
-    pub(super) reference: Option<Reference>,
+    /// See [`super::Dataset::coordinates`].
+    pub(super) coordinates: Option<Coordinates>,
     pub(super) warnings: Vec<Warning>,
 }
 

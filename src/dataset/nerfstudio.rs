@@ -119,7 +119,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         tracks: Tracks::default(),
         points_file,
         images: (!usual).then(|| dataset.to_owned()),
-        reference: None,
+        coordinates: None,
         warnings,
     })
 }

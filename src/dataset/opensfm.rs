@@ -12,10 +12,11 @@ use serde::Deserialize;
 use super::error::Error;
 use super::json::{Entries, Json};
 use super::lens::{Distortion, Lens, names};
-use super::model::{Format, Model, Reference, Shot};
+use super::model::{Format, Model, Shot};
 use super::points_ply::GREY;
-use super::{NoColours, Point, Tracks, Warning, rotation};
+use super::{NoColours, Point, Tracks, Warning, opendronemap, rotation};
 use crate::format::{Error as FileError, Tally, ply};
+use crate::scene::Geodetic;
 
 /// The file of a project, of OpenSfM or of OpenDroneMap.
 pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
@@ -24,7 +25,7 @@ pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
 }
 
 /// What OpenSfM writes where no photograph says where it was taken.
-const NOWHERE: Reference = Reference { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
+const NOWHERE: Geodetic = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
 
 #[derive(Deserialize)]
 struct Reconstruction<'a> {
@@ -34,7 +35,7 @@ struct Reconstruction<'a> {
     shots: Entries<'a>,
     #[serde(borrow, default)]
     points: Entries<'a>,
-    reference_lla: Option<Reference>,
+    reference_lla: Option<Geodetic>,
 }
 
 #[derive(Deserialize)]
@@ -123,6 +124,8 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     }
     warnings.extend(tally.end(&path, "points", entries.len())?.map(Warning::LeftOut));
     let (points, colourless) = points(&entries);
+    let origin = part.reference_lla.filter(|at| *at != NOWHERE);
+    let coordinates = opendronemap::coordinates(dataset, &path, origin, &mut warnings);
     Ok(Model {
         format: Format::Opensfm,
         file: path.clone(),
@@ -132,7 +135,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         tracks: Tracks::default(),
         points_file: Some(path),
         images: None,
-        reference: part.reference_lla.filter(|at| *at != NOWHERE),
+        coordinates,
         warnings,
     })
 }

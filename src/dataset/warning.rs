@@ -97,6 +97,13 @@ pub enum Warning {
         /// The others.
         others: Vec<Format>,
     },
+    /// The coordinates are of a map's grid less an offset, and the dataset does not say of which.
+    CoordinatesUnknown {
+        /// The file that should say it.
+        file: PathBuf,
+        /// Why it does not.
+        problem: String,
+    },
     /// The reconstruction fell into parts without a common frame, of which the largest is used.
     OtherParts {
         /// Photographs of the part that is used.
@@ -250,6 +257,12 @@ impl fmt::Display for Warning {
                 let others: Vec<String> = others.iter().map(ToString::to_string).collect();
                 write!(f, "read as {used}; the folder could be read as {} too: --format chooses", others.join(", "))
             }
+            Self::CoordinatesUnknown { file, problem } => write!(
+                f,
+                "the coordinates are those of a map less an offset, and {} does not say of which: {problem}. Training and pictures need \
+                 neither; for coordinates on a map put the file of the run there",
+                file.display()
+            ),
             Self::OtherParts { used, parts, shots } => write!(
                 f,
                 "the reconstruction is in {} parts without a common frame: only the largest, of {used} photographs, is \

@@ -5,25 +5,28 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{At, Error, atomic, read_text};
-use crate::scene::Frame;
+use crate::scene::{Coordinates, Frame};
 
 /// The name of the file, in the folder of the model.
 pub const FRAME_FILE: &str = "frame.json";
 
 /// How the coordinates of a trained model, of its files and of its dataset go together.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFile {
     /// scene = (dataset - offset) * scale.
     #[serde(flatten)]
     pub frame: Frame,
     /// Positions in model files are dataset coordinates minus this.
     pub shift: [f64; 3],
+    /// Where on Earth dataset coordinates are, where the dataset says it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<Coordinates>,
 }
 
 impl FrameFile {
     /// The frame of a dataset, with the shift its model files have.
-    pub fn new(frame: Frame) -> Self {
-        Self { frame, shift: frame.shift() }
+    pub fn new(frame: Frame, coordinates: Option<Coordinates>) -> Self {
+        Self { frame, shift: frame.shift(), coordinates }
     }
 
     /// Writes the file.

@@ -213,7 +213,9 @@ fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
     let args = ["render", text(&file), "--cameras", text(&data), "--views", "test", "--out"];
     let out = folder.path().join("lost");
     assert!(works(&[&args[..], &[text(&out)]].concat()).contains("warning: no camera"));
-    psrgs_vk::format::FrameFile { frame, shift }.write(&folder.path().join("frame.json")).expect("written");
+    psrgs_vk::format::FrameFile { frame, shift, coordinates: None }
+        .write(&folder.path().join("frame.json"))
+        .expect("written");
     let out = folder.path().join("found");
     let said = works(&[&args[..], &[text(&out)]].concat());
     assert!(said.contains("frame.json") && !said.contains("warning"), "{said}");

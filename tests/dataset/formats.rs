@@ -6,7 +6,7 @@ use std::path::Path;
 
 use psrgs_vk::dataset::lens::Distortion;
 use psrgs_vk::dataset::{Dataset, Error, Format, LoadOptions, Role, Split, Warning};
-use psrgs_vk::scene::Camera;
+use psrgs_vk::scene::{Camera, Coordinates, Geodetic};
 use serde_json::{Value, json};
 
 use crate::colmap_folder::{Folder, ImageRow};
@@ -213,7 +213,7 @@ fn all_formats_give_the_same_dataset_also_far_from_the_origin() {
                     assert!((x - y).abs() < 1e-6 * 5.0, "{what}: point at {x} instead of {y}");
                 }
             }
-            assert_eq!(dataset.reference.is_some(), *format == Format::Opensfm);
+            assert_eq!(dataset.coordinates.is_some(), *format == Format::Opensfm);
         }
     }
 }
@@ -344,10 +344,11 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
         assert_eq!((lens.focal, lens.center, lens.distortion), ([24.0 * focal; 2], [12.0, 8.0], distortion));
     }
     // Photographs that do not say where they were taken.
-    assert!(load(root.path()).expect("loads").reference.is_some());
+    let origin = Geodetic { latitude: 41.5, longitude: 2.1, altitude: 0.0 };
+    assert_eq!(load(root.path()).expect("loads").coordinates, Some(Coordinates::EastNorthUp { origin }));
     value[0]["reference_lla"] = json!({"latitude": 0.0, "longitude": 0.0, "altitude": 0.0});
     write_json(&file, &value);
-    assert_eq!(load(root.path()).expect("loads").reference, None);
+    assert_eq!(load(root.path()).expect("loads").coordinates, None);
     // A second part without a common frame.
     let mut part = reconstruction(&folder)[0].clone();
     part["shots"].as_object_mut().expect("shots").remove("a.png");
@@ -355,6 +356,39 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
     write_json(&file, &value);
     let dataset = load(root.path()).expect("loads");
     assert_eq!((dataset.views.len(), &dataset.warnings[0]), (3, &Warning::OtherParts { used: 3, parts: 1, shots: 2 }));
+}
+
+/// A run with GPS moves the reconstruction into the grid of a map: `reference_lla`, which stays in the file, is not where it lies.
+#[test]
+fn georeferenced_opendronemap_is_in_the_grid_of_its_coords_file() {
+    let folder = turned_ring([0.0; 3]);
+    let root = opensfm(&folder, "opensfm/reconstruction.json");
+    let georeferencing = root.path().join("odm_georeferencing");
+    let coords = georeferencing.join("coords.txt");
+    let known = || load(root.path()).expect("loads").coordinates;
+    std::fs::create_dir(&georeferencing).expect("a folder");
+    std::fs::write(root.path().join("opensfm/reconstruction.topocentric.json"), "[]").expect("written");
+    let dataset = load(root.path()).expect("loads");
+    assert_eq!(dataset.coordinates, None, "a grid without its offset");
+    assert!(
+        matches!(&dataset.warnings[..], [Warning::CoordinatesUnknown { file, .. }] if *file == coords),
+        "{:?}",
+        dataset.warnings
+    );
+    for (name, epsg) in [("WGS84 UTM 17N", Some(32_617)), ("WGS84 UTM 2S", Some(32_702)), ("EPSG:2056", None)] {
+        std::fs::write(&coords, format!("\u{feff}{name}\r\n500123 4600987\r\n1.0 2.0 3.0\r\n")).expect("written");
+        let grid = Coordinates::Grid { crs: name.to_owned(), epsg, proj: None, offset: [500_123.0, 4_600_987.0] };
+        assert_eq!(known(), Some(grid));
+    }
+    std::fs::write(georeferencing.join("proj.txt"), "+proj=utm +zone=17 +datum=WGS84\n").expect("written");
+    assert!(
+        matches!(known(), Some(Coordinates::Grid { proj: Some(proj), .. }) if proj == "+proj=utm +zone=17 +datum=WGS84")
+    );
+    for broken in ["", "WGS84 UTM 17N\n", "1 2\n3 4\n", "WGS84 UTM 17N\nfar away\n", "WGS84 UTM 17N\n1 inf\n"] {
+        std::fs::write(&coords, broken).expect("written");
+        let dataset = load(root.path()).expect("loads");
+        assert_eq!((dataset.coordinates, dataset.warnings.len()), (None, 1), "{broken:?}");
+    }
 }
 
 #[test]

@@ -188,7 +188,7 @@ fn byte_order_marks_are_passed_over_by_every_reader_of_settings_and_frames() {
         fs::write(&file, format!("\u{feff}{text}")).expect("written");
         file
     };
-    let frame = FrameFile::new(Frame::IDENTITY);
+    let frame = FrameFile::new(Frame::IDENTITY, None);
     frame.write(&root.path().join("frame.json")).expect("written");
     let text = fs::read_to_string(root.path().join("frame.json")).expect("text");
     assert_eq!(FrameFile::read(&with_mark("frame.json", &text)).expect("a frame"), frame);

@@ -10,7 +10,7 @@ mod similarities;
 use std::fs;
 
 use psrgs_vk::format::{FrameFile, ply};
-use psrgs_vk::scene::{Frame, Gaussians};
+use psrgs_vk::scene::{Coordinates, Frame, Gaussians, Geodetic};
 
 /// Splats whose every value is different and whose bits are not all those of round numbers.
 pub(crate) fn splats(n: usize) -> Gaussians {
@@ -40,9 +40,17 @@ fn frame_file_keeps_every_bit() {
     let model = folder.path().join("point_cloud.ply");
     assert_eq!(FrameFile::beside(&model).expect("no file is no error"), None);
     let frame = Frame { offset: [0.1 + 0.2, 4.6e6 / 3.0, -1e-300], scale: 5.0 / 17.3 };
-    FrameFile::new(frame).write(&folder.path().join("frame.json")).expect("written");
+    FrameFile::new(frame, None).write(&folder.path().join("frame.json")).expect("written");
     let read = FrameFile::beside(&model).expect("read").expect("there");
     assert_eq!((read.frame, read.shift), (frame, frame.offset));
+    let grid = Coordinates::grid("WGS84 UTM 17N", Some("+proj=utm +zone=17".to_owned()), [500_123.5, 4.6e6]);
+    for coordinates in
+        [grid, Coordinates::EastNorthUp { origin: Geodetic { latitude: -1.5, longitude: 2.0, altitude: 0.1 } }]
+    {
+        let written = FrameFile::new(frame, Some(coordinates));
+        written.write(&folder.path().join("frame.json")).expect("written");
+        assert_eq!(FrameFile::beside(&model).expect("read"), Some(written));
+    }
     for broken in [
         "",
         "{",

@@ -69,7 +69,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         tracks,
         points_file: files.points,
         images: None,
-        reference: None,
+        coordinates: None,
         warnings,
     })
 }
