@@ -7,7 +7,7 @@ use super::hint;
 use super::model::Format;
 use super::poses::WrongConvention;
 use crate::byte_size::readable;
-use crate::format;
+use crate::format::{self, OfRecord};
 use crate::host_memory::DecodeLimit;
 
 /// A dataset could not be loaded.
@@ -231,5 +231,15 @@ impl Error {
 
     pub(crate) fn undecodable(file: &Path, field: &'static str, at: u64, problem: impl std::fmt::Display) -> Self {
         Self::Undecodable { file: file.to_owned(), field, at, problem: problem.to_string() }
+    }
+}
+
+impl OfRecord for Error {
+    fn with(self, more: String) -> Self {
+        match self {
+            Self::File(file) => Self::File(file.with(more)),
+            Self::OutOfRange { file, what, problem } => Self::OutOfRange { file, what, problem: problem + &more },
+            other => other,
+        }
     }
 }

@@ -297,19 +297,24 @@ impl fmt::Display for Warning {
             }
             Self::PointsWithoutColours(colourless) => colourless.fmt(f),
             Self::LeftOut(left_out) => left_out.fmt(f),
-            Self::CountDiffers { file, what, announced, found } => write!(
-                f,
-                "{}: the comment at the top announces {announced} {what}, the file holds {found}, which are used: it may have been cut off",
-                file.display()
-            ),
+            Self::CountDiffers { file, what, announced, found } => {
+                let cut = if found < announced { "; it may have been cut off" } else { "" };
+                write!(
+                    f,
+                    "{}: the comment at the top announces another number of {what} ({announced}) than the file holds ({found}), which are \
+                     used{cut}",
+                    file.display()
+                )
+            }
             Self::SharedNumber { number, images } => write!(
                 f,
-                "{images} images have a number that another image has, {number} for one: which of them points were seen from is not known"
+                "images with a number that another image has: {images}, the first of them with {number}; which of them points were seen \
+                 from is not known"
             ),
             Self::UnknownObservers { file, points, point, image } => write!(
                 f,
-                "{}: {points} points were seen from images that are not in the model, point {point} from image {image} for one: these \
-                 observations are not used",
+                "{}: points that were seen from images that are not in the model: {points}, the first of them point {point} from image \
+                 {image}; these observations are not used",
                 file.display()
             ),
             Self::PhotographsWithoutPose { photographs } => {

@@ -4,6 +4,8 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::left_out::OfRecord;
+
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum At {
@@ -82,5 +84,16 @@ impl Error {
 
     pub(crate) fn malformed(file: &Path, field: impl fmt::Display, at: At, problem: impl fmt::Display) -> Self {
         Self::Malformed { file: file.to_owned(), field: field.to_string(), at, problem: problem.to_string() }
+    }
+}
+
+impl OfRecord for Error {
+    fn with(self, more: String) -> Self {
+        match self {
+            Self::Malformed { file, field, at, problem } => {
+                Self::Malformed { file, field, at, problem: problem + &more }
+            }
+            other => other,
+        }
     }
 }

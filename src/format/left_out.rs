@@ -35,6 +35,12 @@ impl fmt::Display for LeftOut {
     }
 }
 
+/// An error of one record, which others may share.
+pub(crate) trait OfRecord: fmt::Display {
+    /// The same with words on how many there are.
+    fn with(self, more: String) -> Self;
+}
+
 /// Counts records that cannot be used while a file is read.
 pub(crate) struct Tally<E> {
     strict: bool,
@@ -42,7 +48,7 @@ pub(crate) struct Tally<E> {
     first: Option<(String, E)>,
 }
 
-impl<E: fmt::Display> Tally<E> {
+impl<E: OfRecord> Tally<E> {
     /// Leaves records out, or where it is `strict` none.
     pub(crate) fn new(strict: bool) -> Self {
         Self { strict, count: 0, first: None }
@@ -77,7 +83,10 @@ impl<E: fmt::Display> Tally<E> {
     pub(crate) fn end(self, file: &Path, what: &'static str, kept: usize) -> Result<Option<LeftOut>, E> {
         let (count, of) = (self.count, self.count + kept);
         match self.first {
-            Some((_, error)) if count * ONE_OF > of => Err(error),
+            Some((_, error)) if count * ONE_OF > of && count == 1 => Err(error),
+            Some((_, error)) if count * ONE_OF > of => {
+                Err(error.with(format!("; {count} of {of} {what} cannot be used, which is more than one of {ONE_OF}")))
+            }
             _ => Ok(self.told(file, what, of)),
         }
     }
@@ -101,6 +110,12 @@ pub(crate) fn few(missing: u64, of: u64) -> bool {
 mod tests {
     use super::*;
 
+    impl OfRecord for String {
+        fn with(self, more: String) -> Self {
+            self + &more
+        }
+    }
+
     #[test]
     fn a_tenth_may_be_left_out_and_more_is_an_error() {
         let file = Path::new("images.txt");
@@ -117,7 +132,8 @@ mod tests {
             "images.txt: 2 of 20 images cannot be used and are left out, the first of them '0': 0 is wrong"
         );
         assert_eq!(end(1, 8), Err("images.txt: 0 is wrong".to_owned()));
-        assert_eq!(end(2, 17), Err("images.txt: 0 is wrong".to_owned()));
-        assert_eq!(Tally::new(true).bad("'0'", "wrong"), Err("wrong"));
+        let many = "images.txt: 0 is wrong; 2 of 19 images cannot be used, which is more than one of 10";
+        assert_eq!(end(2, 17), Err(many.to_owned()));
+        assert_eq!(Tally::new(true).bad("'0'", "wrong".to_owned()), Err("wrong".to_owned()));
     }
 }

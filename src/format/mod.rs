@@ -23,7 +23,7 @@ pub use error::{At, Error};
 pub use exposure_file::{EXPOSURE_FILE, ExposureFile};
 pub use frame_file::{FRAME_FILE, FrameFile};
 pub use left_out::LeftOut;
-pub(crate) use left_out::{Tally, few};
+pub(crate) use left_out::{OfRecord, Tally, few};
 pub use text::read_text;
 pub(crate) use text::{MARK, decode};
 pub use transform_file::read_transform;

@@ -105,7 +105,13 @@ fn more_than_a_tenth_that_cannot_be_used_are_refused() {
             folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
             match load(root.path()) {
                 Ok(dataset) => assert!(read && left_out(&dataset)[0].count == bad),
-                Err(error) => assert!(!read && error.to_string().contains("tx of image '00.png'"), "{error}"),
+                Err(error) => {
+                    let error = error.to_string();
+                    assert!(
+                        !read && error.contains("tx of image '00.png'") && error.contains("3 of 20 images"),
+                        "{error}"
+                    );
+                }
             }
         }
     }
