@@ -5,7 +5,7 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, HostShare, Role, Warning};
+use psrgs_vk::dataset::{self, Dataset, Format, HostShare, PoseFault, Role, Supply, Warning};
 use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
     BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
@@ -177,8 +177,29 @@ fn unusable(dataset: &Dataset, settings: &Settings, found: &mut Found) -> Option
             _ => {}
         }
     }
+    for (role, photographs, left_out) in [(Role::Train, &train, true), (Role::HeldOut, &held_out, false)] {
+        match wrong_poses(dataset, role, photographs, left_out) {
+            Ok(wrong) => found.problems.extend(wrong),
+            Err(error) => return Some(error.into()),
+        }
+    }
     let nothing = !train.is_empty() && train.iter().all(Option::is_none);
     nothing.then(|| Failure::all_masked(&dataset.path, Role::Train).into())
+}
+
+/// What is to be said of photographs that the colours of the points do not fit.
+fn wrong_poses(
+    dataset: &Dataset,
+    role: Role,
+    photographs: &[Option<Supply>],
+    left_out: bool,
+) -> Result<Vec<String>, dataset::Error> {
+    let wrong = dataset.poses_against_colours(role, photographs)?;
+    let told = |(at, fault): (usize, PoseFault)| {
+        let (_, view) = dataset.views_of(role).nth(at)?;
+        Some(Warning::PoseWrong { name: view.name.clone(), fault, left_out }.to_string())
+    };
+    Ok(wrong.into_iter().filter_map(told).collect())
 }
 
 impl Args {

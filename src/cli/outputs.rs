@@ -38,6 +38,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) earlier_seconds: f64,
     /// Seconds of multi-view stereo.
     pub(crate) stereo_seconds: f64,
+    /// Photographs that were left out when they had been decoded.
+    pub(crate) left_out: &'a [Warning],
 }
 
 /// The model of a finished training, as it was saved.
@@ -176,13 +178,13 @@ fn metrics(
         exposures,
         geometry,
         images: Vec::new(),
-        training_photographs: training_photographs(run.dataset, trainer),
+        training_photographs: training_photographs(run, trainer),
     }
 }
 
 /// The photographs that were trained on, the one that is fitted worst first, and those that were left out for their poses.
-fn training_photographs(dataset: &Dataset, trainer: &Trainer) -> Vec<TrainingPhotograph> {
-    let left_out = dataset.warnings.iter().filter_map(|warning| match warning {
+fn training_photographs(run: &Finished<'_>, trainer: &Trainer) -> Vec<TrainingPhotograph> {
+    let left_out = run.dataset.warnings.iter().chain(run.left_out).filter_map(|warning| match warning {
         Warning::PoseWrong { name, fault, left_out: true } => Some(TrainingPhotograph {
             name: name.clone(),
             loss: None,

@@ -41,6 +41,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
 
     let Beginning { settings, input, restart, host, stereo_seconds, .. } = beginning;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
+    let left_out = input.known.left_out.clone();
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
     interrupt.work_begins("stopping after this step and saving; once more to stop at once");
     trainer.give_up_scoring_when({
@@ -69,6 +70,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
             training_seconds,
             earlier_seconds,
             stereo_seconds,
+            left_out: &left_out,
         };
         outputs::write(&finished, &mut trainer, &mut lpips, console)
     };

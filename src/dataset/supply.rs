@@ -13,6 +13,7 @@ use super::error::Error;
 use super::masks::MaskUse;
 use super::photograph::{self, Photograph};
 use super::pixels::{Depth, Pixels};
+use super::poses::Coarse;
 use super::{Dataset, Role, Samples, View, jpeg_reduced, picture_file, picture_size};
 
 /// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted size
@@ -59,6 +60,8 @@ struct Inner {
     transparent: u64,
     mask: Option<MaskUse>,
     checksum: u32,
+    /// Its colours in few cells, where its size is known.
+    coarse: Option<Arc<Coarse>>,
 }
 
 #[derive(Debug)]
@@ -87,6 +90,7 @@ impl Supply {
                 transparent: 0,
                 mask: None,
                 checksum,
+                coarse: None,
             }),
         }
     }
@@ -150,6 +154,11 @@ impl Supply {
     /// CRC-32 of its file, or of the pixels where these were given: another one is another photograph.
     pub fn checksum(&self) -> u32 {
         self.inner.checksum
+    }
+
+    /// Its colours in few cells.
+    pub(super) fn coarse(&self) -> Option<&Arc<Coarse>> {
+        self.inner.coarse.as_ref()
     }
 
     /// Whether [`Self::pixels`] has nothing to do.
@@ -240,8 +249,11 @@ impl Intake {
         if masked as usize == pixels.len() {
             return Ok(None);
         }
+        let coarse = Coarse::of(&pixels, &view.camera).map(Arc::new);
         let place = self.place(view, file, pixels);
-        Ok(Some(Supply { inner: Arc::new(Inner { place, depth, masked, clipped, transparent, mask, checksum }) }))
+        Ok(Some(Supply {
+            inner: Arc::new(Inner { place, depth, masked, clipped, transparent, mask, checksum, coarse }),
+        }))
     }
 
     fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {

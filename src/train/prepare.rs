@@ -49,18 +49,31 @@ pub fn load_options_of(settings: &Settings) -> LoadOptions {
 /// see [`left_out`].
 pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<Vec<View>, Error> {
     let photographs = dataset.take_in(role, share)?;
+    Ok(with_photographs(dataset, role, photographs))
+}
+
+fn with_photographs(dataset: &Dataset, role: Role, photographs: Vec<Option<Supply>>) -> Vec<View> {
     let views = dataset.views_of(role).zip(photographs);
     let view = |((index, view), photograph): ((usize, &crate::dataset::View), _)| {
         Some(View { name: view.name.clone(), camera: dataset.scene_camera(index)?, photograph: photograph? })
     };
-    Ok(views.filter_map(view).collect())
+    views.filter_map(view).collect()
 }
 
 /// What to tell of the views of a role: those that [`views`] has left out, masks that do nothing or speak by their transparency, views
 /// whose white is cut, and those with transparent pixels.
 pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
+    left_out_besides(dataset, role, views, &[])
+}
+
+/// The same but for photographs that were left out for their poses.
+pub fn left_out_besides(dataset: &Dataset, role: Role, views: &[View], told: &[Warning]) -> Vec<Warning> {
+    let wrong = |name: &str| {
+        told.iter().any(|warning| matches!(warning, Warning::PoseWrong { name: wrong, .. } if wrong == name))
+    };
     let kept: HashMap<&str, &Supply> = views.iter().map(|view| (view.name.as_str(), &view.photograph)).collect();
-    let of_role = dataset.views_of(role).map(|(_, view)| (view.name.as_str(), kept.get(view.name.as_str()).copied()));
+    let of_role = dataset.views_of(role).map(|(_, view)| view.name.as_str()).filter(|name| !wrong(name));
+    let of_role = of_role.map(|name| (name, kept.get(name).copied()));
     told_of(&of_role.collect::<Vec<_>>())
 }
 
@@ -189,12 +202,20 @@ pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
 
 /// The same for a model to begin with, photographs being kept as `share` allows: those to train on first.
 pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare) -> Result<Input, Error> {
+    let mut photographs = dataset.take_in(Role::Train, &mut share)?;
+    let mut left_out = Vec::new();
+    for (at, fault) in dataset.poses_against_colours(Role::Train, &photographs)? {
+        if let (Some(photograph), Some((_, view))) = (photographs.get_mut(at), dataset.views_of(Role::Train).nth(at)) {
+            *photograph = None;
+            left_out.push(Warning::PoseWrong { name: view.name.clone(), fault, left_out: true });
+        }
+    }
     Ok(Input {
-        train: views(dataset, Role::Train, &mut share)?,
+        train: with_photographs(dataset, Role::Train, photographs),
         held_out: views(dataset, Role::HeldOut, &mut share)?,
         initial,
         extent: Frame::EXTENT as f32,
-        known: Known::default(),
+        known: Known { left_out, ..Known::default() },
     })
 }
 

@@ -1,6 +1,8 @@
 //! Poses that the reconstruction's own points speak against.
 
-use psrgs_vk::dataset::{Convention, Dataset, Error, Format, LoadOptions, PoseFault, Role, Split, Warning};
+use psrgs_vk::dataset::{
+    Convention, Dataset, Error, Format, HostShare, LoadOptions, PoseFault, Role, Split, Supply, Tracks, Warning,
+};
 
 use super::{
     colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow},
@@ -378,5 +380,44 @@ fn real_scenes_stay_whole_and_as_large_as_their_farthest_camera() {
             });
             assert_eq!(dataset.extent, 1.1 * far.fold(0.0, f64::max), "{name}");
         }
+    }
+}
+
+/// A real scene, of whose points nothing says which photographs show them, and its photographs.
+fn without_tracks(name: &str) -> Option<(Dataset, Vec<Option<Supply>>)> {
+    let options = LoadOptions { split: Split::None, ..LoadOptions::default() };
+    let mut dataset = Dataset::load(&common::data(name)?, &options).unwrap();
+    dataset.tracks = Tracks::default();
+    let photographs = dataset.take_in(Role::Train, &mut HostShare::unlimited()).unwrap();
+    Some((dataset, photographs))
+}
+
+#[test]
+fn colours_of_points_tell_wrong_poses_where_there_are_no_tracks() {
+    for (name, wrong) in [("ochota", 30), ("caliterra", 20), ("seneca", 0), ("fox", 0), ("garfield", 0)] {
+        let Some((mut dataset, photographs)) = without_tracks(name) else { continue };
+        let found = |dataset: &Dataset| -> Vec<usize> {
+            let found = dataset.poses_against_colours(Role::Train, &photographs).unwrap();
+            found.into_iter().map(|(at, _)| at).collect()
+        };
+        assert_eq!(found(&dataset), [0; 0], "{name}");
+        if wrong > 0 {
+            dataset.views[wrong].camera = dataset.views[3].camera;
+            assert_eq!(found(&dataset), [wrong], "{name}");
+        }
+    }
+}
+
+#[test]
+fn colours_of_points_tell_poses_of_another_convention() {
+    let Some((mut dataset, photographs)) = without_tracks("fox") else { return };
+    for view in &mut dataset.views {
+        let (r, t) = (view.camera.rotation, view.camera.translation);
+        view.camera.rotation = turned_about(&r);
+        view.camera.translation = apply(&view.camera.rotation, t).map(|v| -v);
+    }
+    match dataset.poses_against_colours(Role::Train, &photographs) {
+        Err(Error::PosesInOtherConvention { what, .. }) => assert_eq!(what.found, Convention::Inverted),
+        other => panic!("{other:?}"),
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn data(
         settings: named_settings(&run.settings.to_toml()?),
         curves: curves(history),
         files: files(exposures, sigmas.is_some()),
-        notes: run.dataset.warnings.iter().map(ToString::to_string).chain(sigmas).collect(),
+        notes: run.dataset.warnings.iter().chain(run.left_out).map(ToString::to_string).chain(sigmas).collect(),
         views,
         metrics,
     })

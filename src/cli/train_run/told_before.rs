@@ -91,8 +91,10 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
 pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&beginning.settings, &beginning.input);
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
-        prepare::left_out(dataset, role, views).iter().for_each(|warning| console.warn(warning));
+        let told = prepare::left_out_besides(dataset, role, views, &input.known.left_out);
+        told.iter().for_each(|warning| console.warn(warning));
     }
+    input.known.left_out.iter().for_each(|warning| console.warn(warning));
     console.say(format_args!(
         "{}, {} steps, seed {}, {} splats to begin with",
         settings.method_name(),

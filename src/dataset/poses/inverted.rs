@@ -54,6 +54,12 @@ impl Convention {
         }
     }
 
+    /// A camera whose pose was read so, as the format should have it.
+    pub(super) fn camera(self, format: Format, camera: &Camera) -> Camera {
+        let (rotation, translation) = self.read(format, &(camera.rotation, camera.translation));
+        Camera { rotation, translation, ..*camera }
+    }
+
     /// What the poses are, in the words of a format.
     fn told(self, format: Format) -> &'static str {
         match (self, format) {

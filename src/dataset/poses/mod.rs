@@ -1,5 +1,6 @@
 //! Poses that the reconstruction's own points speak against.
 
+mod colours;
 mod evidence;
 mod inverted;
 
@@ -11,6 +12,7 @@ use super::model::Model;
 use super::random_points::in_view;
 use super::{Error, Role, View, Warning};
 use crate::scene::Camera;
+pub(super) use colours::Coarse;
 use evidence::Evidence;
 pub use inverted::{Convention, WrongConvention};
 
@@ -47,6 +49,13 @@ pub enum PoseFault {
         /// How many times as far from the middle of all cameras as half of them.
         times: f64,
     },
+    /// The colours of the points do not fit the photograph.
+    Colours {
+        /// The correlation of both.
+        fit: f64,
+        /// That of half of all photographs, at least.
+        usual: f64,
+    },
 }
 
 impl fmt::Display for PoseFault {
@@ -65,6 +74,10 @@ impl fmt::Display for PoseFault {
             Self::OutOfView { points, inside } => {
                 write!(f, "of {points} points that it is said to observe {inside} are in its picture")
             }
+            Self::Colours { fit, usual } => write!(
+                f,
+                "the colours of the points are not those of the photograph where they lie in its picture (correlation {fit:.2}, usual: {usual:.2})"
+            ),
             Self::FarAndBlind { times } => write!(
                 f,
                 "its camera is {times:.0} times as far from the others as they are from one another, and no point is in its picture"
