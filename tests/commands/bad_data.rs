@@ -252,7 +252,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     }
     fs::write(&file, &bytes).expect("written");
     let problems = checked(7)["problems"].clone();
-    assert!(problems[0].as_str().expect("text").contains("1 views without any point in view"), "{problems}");
+    assert!(problems[0].as_str().expect("text").contains("the pose of 'view_0000.jpg' is wrong"), "{problems}");
     fs::write(&file, &whole).expect("written");
     fs::remove_file(data.path().join("images/view_0003.jpg")).expect("removed");
     fails(&["check", text(data.path())], 3, &["1 of 9 photographs are missing", "view_0003.jpg"]);
