@@ -163,3 +163,20 @@ fn without_a_driver_a_test_says_that_it_is_skipped_or_fails() {
     let (passes, said) = run("1");
     assert!(!passes && said.contains("no Vulkan driver"), "{said}");
 }
+
+/// So that no pass, and no training that goes on, can lean on zeros.
+#[test]
+fn new_buffers_hold_no_numbers_where_that_is_asked_for() {
+    let Some(gpu) = common::gpu_with(|options| options.garbage = true) else { return };
+    for memory in [Memory::Device, Memory::Readback] {
+        let buffer = gpu.buffer("new", 40, memory).unwrap();
+        let words: Vec<f32> = gpu.read(&buffer).unwrap();
+        assert!(words.iter().all(|v| v.is_nan()), "{memory:?}: {words:?}");
+        if memory == Memory::Device {
+            gpu.write(&buffer, &[1.5_f32; 4]).unwrap();
+            let words: Vec<f32> = gpu.read(&buffer).unwrap();
+            assert!(words[..4] == [1.5; 4] && words[4..].iter().all(|v| v.is_nan()), "{words:?}");
+        }
+    }
+    common::assert_no_messages(&gpu);
+}

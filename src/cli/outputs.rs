@@ -16,6 +16,7 @@ use psrgs_vk::train::{Settings, Trainer, View, prepare};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
+use super::exit::Failure;
 use super::exposed;
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
@@ -63,7 +64,7 @@ pub(crate) fn write(
     lpips: &mut Lpips,
     console: &Console,
 ) -> anyhow::Result<()> {
-    let saved = save_model(run, trainer)?;
+    let saved = save_model(run, trainer, console)?;
     let views = trainer.held_out().to_vec();
     let Compared { images, mut panels, exposures } = compare(run, trainer, &views, lpips, console)?;
     // What a training took, before what only its report takes.
@@ -91,9 +92,22 @@ pub(crate) fn write(
 }
 
 /// Writes the model, how it lies in the dataset, and the exposures that were learned with it.
-fn save_model(run: &Finished<'_>, trainer: &mut Trainer) -> anyhow::Result<Saved> {
+fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> anyhow::Result<Saved> {
     let seconds = run.earlier_seconds + run.started.elapsed().as_secs_f64();
     let mut model = trainer.model()?;
+    if let Some(rows) = model.finite_rows() {
+        let (all, file) = (model.len(), run.folder.file(MODEL));
+        if rows.is_empty() {
+            let text = format!("{}: none of {all} splats has only finite values", file.display());
+            return Err(Failure::Output(text).into());
+        }
+        let lost = all - rows.len();
+        console.warn(format_args!(
+            "{lost} of {all} splats have values that are not finite: {} is written without them",
+            file.display()
+        ));
+        model = model.rows(&rows);
+    }
     let constrained = trainer.constrained_below()?.map(|bound| {
         model = model.in_order_of_birth();
         model.ids.partition_point(|id| *id < bound)

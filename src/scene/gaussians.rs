@@ -37,6 +37,21 @@ impl Gaussians {
         self.opacities.is_empty()
     }
 
+    /// Rows of the splats whose numbers are all finite, where some are not.
+    pub fn finite_rows(&self) -> Option<Vec<u32>> {
+        let row_is_finite =
+            |plane: &[f32], row: usize, i: usize| plane[row * i..row * (i + 1)].iter().all(|v| v.is_finite());
+        let finite = |i: usize| {
+            row_is_finite(&self.means, 3, i)
+                && row_is_finite(&self.quats, 4, i)
+                && row_is_finite(&self.scales, 3, i)
+                && row_is_finite(&self.opacities, 1, i)
+                && self.sh.iter().all(|plane| row_is_finite(plane, SH_GROUP_FLOATS, i))
+        };
+        let rows: Vec<u32> = (0..self.len()).filter(|i| finite(*i)).map(|i| i as u32).collect();
+        (rows.len() < self.len()).then_some(rows)
+    }
+
     /// Gives every quaternion unit length, as readers of files expect that do not normalise. One that is of unit length but for rounding keeps
     /// its bits, one that is too short to have a direction becomes the identity.
     pub fn normalise_quats(&mut self) {

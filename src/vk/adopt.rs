@@ -151,6 +151,7 @@ impl Gpu {
             host_allocator: host.allocator,
             caps: reported.pick(options),
             canaries: options.canaries,
+            garbage: options.garbage,
             debug_utils: host.extensions.contains(&ash::ext::debug_utils::NAME),
             messages: Messages::default(),
             messenger: None,

@@ -15,6 +15,8 @@ use super::memory::{Block, Memory};
 
 /// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
+/// What new buffers are filled with where they are: no number as a float or as a half, and far too many as a count.
+pub(super) const GARBAGE: u32 = 0x7fff_7fff;
 /// Bytes of the guard behind a buffer.
 pub(super) const GUARD: u64 = 256;
 
@@ -49,6 +51,8 @@ pub(super) struct BufferInner {
     pub(super) address: u64,
     /// The guard holds its pattern.
     pub(super) armed: AtomicBool,
+    /// Its first content is there: garbage, where new buffers are filled with that.
+    pub(super) filled: AtomicBool,
     pub(super) memory: Memory,
     /// Ticket of the last submit that uses the buffer.
     pub(super) last_use: AtomicU64,
@@ -130,6 +134,7 @@ impl Buffer {
             guard,
             address: 0,
             armed: AtomicBool::new(guard == 0),
+            filled: AtomicBool::new(!(device.garbage && memory == Memory::Device)),
             memory,
             last_use: AtomicU64::new(0),
             lent: AtomicU32::new(0),
@@ -150,6 +155,10 @@ impl Buffer {
         device.name(raw, name);
         let buffer = Buffer { inner: Arc::new(inner) };
         lock(&device.live).insert(buffer.inner.id, Arc::downgrade(&buffer.inner));
+        if device.garbage && memory != Memory::Device {
+            let words = GARBAGE.to_ne_bytes().into_iter().cycle().take(size as usize);
+            buffer.store(0, &words.collect::<Vec<u8>>())?;
+        }
         Ok(buffer)
     }
 
@@ -169,6 +178,7 @@ impl Buffer {
             guard: 0,
             address: 0,
             armed: AtomicBool::new(true),
+            filled: AtomicBool::new(true),
             memory,
             last_use: AtomicU64::new(0),
             lent: AtomicU32::new(0),

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::buffer::{Buffer, GUARD};
+use super::buffer::{Buffer, GARBAGE, GUARD};
 use super::device::Device;
 use super::encode::full_barrier;
 use super::error::{Error, Result};
@@ -16,7 +16,7 @@ use super::recorder::Command;
 /// The word that fills a guard.
 pub(super) const PATTERN: u32 = 0xca9a_51e5;
 
-/// Fills the guards that do not hold their pattern yet.
+/// Fills the guards that do not hold their pattern yet, and new buffers with garbage where that is asked for.
 ///
 /// # Safety
 /// `commands` is being recorded, and the buffers outlive it.
@@ -24,7 +24,8 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
     let mut seen = Vec::new();
     for buffer in buffers {
         let inner = &buffer.inner;
-        if inner.armed.load(Ordering::Acquire) || seen.contains(&inner.id) {
+        let (armed, filled) = (inner.armed.load(Ordering::Acquire), inner.filled.load(Ordering::Acquire));
+        if armed && filled || seen.contains(&inner.id) {
             continue;
         }
         if seen.is_empty() {
@@ -33,8 +34,14 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
             unsafe { full_barrier(device, commands) };
         }
         seen.push(inner.id);
-        // SAFETY: the guard is the end of the buffer, a multiple of four bytes at a multiple of four.
-        unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, inner.capacity, inner.guard, PATTERN) };
+        if !armed {
+            // SAFETY: the guard is the end of the buffer, a multiple of four bytes at a multiple of four.
+            unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, inner.capacity, inner.guard, PATTERN) };
+        }
+        if !filled {
+            // SAFETY: all before the guard, a multiple of four bytes.
+            unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, 0, inner.capacity, GARBAGE) };
+        }
     }
     if !seen.is_empty() {
         // SAFETY: the caller's promise.

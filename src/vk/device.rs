@@ -49,6 +49,7 @@ pub(super) struct Device {
     pub(super) host_lock: Option<QueueLock>,
     pub(super) caps: Caps,
     pub(super) canaries: bool,
+    pub(super) garbage: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) messages: Messages,
     pub(super) memory: Mutex<Option<MemoryPool>>,
@@ -79,6 +80,7 @@ impl Device {
                     host_allocator: None,
                     caps,
                     canaries: options.canaries,
+                    garbage: options.garbage,
                     debug_utils: messenger.is_some(),
                     messages,
                     messenger,
@@ -109,7 +111,7 @@ impl Device {
 
     /// Puts a device together from its handles; on failure destroys those that are owned.
     pub(super) fn assemble(parts: Parts) -> Result<Arc<Device>> {
-        let Parts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, .. } = parts;
+        let Parts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, garbage, .. } = parts;
         let debug = parts.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance, &raw));
         let device = Device {
             id: next_device(),
@@ -122,6 +124,7 @@ impl Device {
             host_lock,
             caps,
             canaries,
+            garbage,
             debug,
             messages: parts.messages,
             live: Mutex::default(),
@@ -184,6 +187,7 @@ pub(super) struct Parts {
     pub(super) host_allocator: Option<Arc<dyn HostAllocator>>,
     pub(super) caps: Caps,
     pub(super) canaries: bool,
+    pub(super) garbage: bool,
     pub(super) debug_utils: bool,
     pub(super) messages: Messages,
     pub(super) messenger: Option<Messenger>,

@@ -38,6 +38,8 @@ pub struct OpenOptions {
     pub validation: Validation,
     /// Put a guard of known bytes behind every buffer, inside the bound range, for [`crate::vk::Gpu::check_canaries`].
     pub canaries: bool,
+    /// Fill new buffers with a word that is not a number of any kind, so that a pass which reads what nothing has written shows.
+    pub garbage: bool,
     /// Check every submit with the hazard checker before it goes to the device.
     pub check_hazards: bool,
     /// Write a marker before every command, so that a lost device names the pass. Commands no longer overlap.
@@ -70,6 +72,7 @@ impl Default for OpenOptions {
             device: None,
             validation: Validation::Off,
             canaries: cfg!(debug_assertions),
+            garbage: cfg!(debug_assertions),
             check_hazards: cfg!(debug_assertions),
             breadcrumbs: false,
             float_atomics: None,
@@ -87,7 +90,7 @@ impl Default for OpenOptions {
 
 impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
-    /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
+    /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_GARBAGE=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
     /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
     /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
     /// `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; bytes may be written as `6GiB` or `800M`. One that cannot be read is
@@ -108,6 +111,7 @@ impl OpenOptions {
                 Some(_) => Validation::CoreAndSync,
             },
             canaries: flag("PSRGS_CANARIES", base.canaries),
+            garbage: flag("PSRGS_GARBAGE", base.garbage),
             breadcrumbs: flag("PSRGS_BREADCRUMBS", false),
             float_atomics: read(get, "PSRGS_FLOAT_ATOMICS", "native or cas", float_atomics)?,
             emulate_subgroup: read(get, "PSRGS_SUBGROUP", "hardware, 8, 16, 32 or 64", subgroup)?.flatten(),

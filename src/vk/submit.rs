@@ -161,6 +161,7 @@ impl State {
             for buffer in command.buffers() {
                 buffer.inner.last_use.store(self.last, Ordering::Release);
                 buffer.inner.armed.store(true, Ordering::Release);
+                buffer.inner.filled.store(true, Ordering::Release);
             }
         }
         self.stats.barriers += u64::from(!plan.end.is_empty());

@@ -286,3 +286,30 @@ fn a_settings_file_that_was_edited_is_held_against_the_checkpoint() {
     assert!(said.contains("eval-every is 1") && said.contains("from here on, and was"), "{said}");
     same_model(shared, &out, "resumed with another setting that no step depends on");
 }
+
+/// As a learning rate that is too high leaves them, and a checkpoint that somebody has changed.
+#[test]
+fn splats_that_are_not_finite_do_not_reach_the_model() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    copy_folder(&shared.run(), &out);
+    let spoil = |values: &mut dyn FnMut(&mut Vec<f32>)| {
+        let mut found = checkpoint::latest(&out.join("checkpoints")).expect("readable").expect("a checkpoint");
+        let mut means: Vec<f32> = found.checkpoint.values("means").expect("means");
+        values(&mut means);
+        found.checkpoint.put_values("means", &means);
+        found.checkpoint.write(&found.file).expect("written");
+        means.len() / 3
+    };
+    let all = spoil(&mut |means| (means[4], means[30]) = (f32::NAN, f32::INFINITY));
+    let said = works(&["train", "--resume", text(&out)]);
+    assert!(said.contains(&format!("2 of {all} splats have values that are not finite")), "{said}");
+    let (model, data, pictures) = (out.join("point_cloud.ply"), shared.data(), folder.path().join("pictures"));
+    works(&["render", text(&model), "--cameras", text(&data), "--out", text(&pictures), "--strict"]);
+    // What is there stays where nothing could be written in its place.
+    let before = fs::read(&model).expect("a model");
+    spoil(&mut |means| means.fill(f32::NAN));
+    fails(&["train", "--resume", text(&out)], 8, &["point_cloud.ply", "none of", "finite"]);
+    assert!(fs::read(&model).expect("a model") == before);
+}

@@ -202,3 +202,18 @@ fn compressed_points_are_no_longer_than_the_header_says() {
     replace(&file, &bytes);
     assert_eq!(las::read(&file).expect("points").len(), points);
 }
+
+/// An instruction of one byte makes an object of a hundred.
+#[test]
+fn a_pickle_takes_no_more_memory_than_its_bytes_are_worth() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("net.pth");
+    let many = 1 << 20;
+    for (first, again) in [("", "]"), ("", ")"), ("", "}"), ("N", "\u{85}"), ("]", "]a"), ("N", "\u{94}")] {
+        let bytes = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+        let bomb = [b"\x80\x02", &bytes(first)[..], &bytes(again).repeat(many), b"."].concat();
+        fs::write(&file, bomb).expect("written");
+        let error = read_tensors(&file).expect_err("a bomb").to_string();
+        assert!(error.contains("too much for its size") && names_the_place(&error, &file), "{again}: {error}");
+    }
+}

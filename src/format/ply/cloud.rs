@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Model;
 use super::colours::Place;
-use super::columns::columns;
+use super::columns::for_each;
 use super::read::{open, read_comments, read_with};
 use crate::format::{At, Error, LeftOut, Tally, atomic};
 
@@ -75,27 +75,25 @@ impl Cloud {
         let coloured: Vec<&str> = place.iter().flat_map(Place::properties).map(named).collect();
         let others = [&["nx", "ny", "nz"], coloured.as_slice()].concat();
         let mut tally = Tally::new(strict);
-        let rows = columns(file, &["x", "y", "z"], &others, &mut tally)?;
         let mut comments = Model::default();
         read_comments(file, &header, &mut comments)?;
         let mut cloud = Self::default();
-        let mut normals = Some(Vec::with_capacity(rows.len()));
-        let mut values = Vec::with_capacity(rows.len() * coloured.len());
-        for (i, row) in rows.iter().enumerate() {
-            let at = |k: usize| row.get(k).copied().flatten();
-            let position = [0, 1, 2].map(|k| at(k).unwrap_or(0.0) + comments.shift[k]);
+        let (mut normals, mut values) = (Some(Vec::new()), Vec::new());
+        for_each(file, &["x", "y", "z"], &others, &mut tally, |i, row| {
+            let position = [0, 1, 2].map(|k| row[k] + comments.shift[k]);
             if position.iter().any(|v| !v.is_finite()) {
                 let problem = "is not finite with the offset of the comment added";
                 return Err(Error::malformed(file, format_args!("vertex {i}"), At::Byte(0), problem));
             }
             cloud.positions.push(position);
-            values.extend((6..6 + coloured.len()).map(|k| at(k).unwrap_or(f64::NAN)));
-            let normal = [3, 4, 5].map(|k| at(k).filter(|v| v.is_finite()).map(|v| v as f32));
-            match (normal, &mut normals) {
-                ([Some(x), Some(y), Some(z)], Some(all)) => all.push([x, y, z]),
+            values.extend_from_slice(&row[6..]);
+            let normal = [3, 4, 5].map(|k| row[k]);
+            match &mut normals {
+                Some(all) if normal.iter().all(|v| v.is_finite()) => all.push(normal.map(|v| v as f32)),
                 _ => normals = None,
             }
-        }
+            Ok(())
+        })?;
         match place.and_then(|place| place.colours(vertex, &values)) {
             Some(colors) => cloud.colors = colors,
             None => {

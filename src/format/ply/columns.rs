@@ -5,14 +5,15 @@ use std::path::Path;
 use super::read::open;
 use crate::format::{At, Error, Tally};
 
-/// For each vertex the properties of these names, the `needed` ones first: an error when one of those is missing, `None` for one of the
-/// `others` that the file does not have. Vertices with a needed one that is not finite are counted as bad.
-pub(super) fn columns(
+/// Gives `each` vertex the properties of these names, the `needed` ones first, one after the other: an error when one of those is missing,
+/// NaN for one of the `others` that the file does not have. Vertices with a needed one that is not finite are counted as bad.
+pub(super) fn for_each(
     file: &Path,
     needed: &[&str],
     others: &[&str],
     tally: &mut Tally<Error>,
-) -> Result<Vec<Vec<Option<f64>>>, Error> {
+    mut each: impl FnMut(u64, &[f64]) -> Result<(), Error>,
+) -> Result<(), Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
     let place = |name: &&str| vertex.properties.iter().position(|p| p.name == **name);
@@ -22,8 +23,7 @@ pub(super) fn columns(
     }
     let places: Vec<Option<usize>> = needed.iter().chain(others).map(place).collect();
     rows.go_to(&header, vertices)?;
-    let mut out = Vec::with_capacity(usize::try_from(vertex.count).unwrap_or(0));
-    let mut row = vec![0.0; vertex.properties.len()];
+    let (mut row, mut values) = (vec![0.0; vertex.properties.len()], vec![f64::NAN; places.len()]);
     for i in 0..vertex.count {
         if let Err(error) = rows.row(vertex, i, |p, value| row[p] = value) {
             if !rows.can_go_on() {
@@ -32,14 +32,15 @@ pub(super) fn columns(
             tally.bad(format_args!("vertex {i}"), error)?;
             continue;
         }
-        let values: Vec<Option<f64>> = places.iter().map(|place| place.map(|p| row[p])).collect();
-        let bad = values.iter().take(needed.len()).position(|v| v.is_none_or(|v| !v.is_finite()));
-        if let Some(k) = bad {
+        for (value, place) in values.iter_mut().zip(&places) {
+            *value = place.map_or(f64::NAN, |p| row[p]);
+        }
+        if let Some(k) = values.iter().take(needed.len()).position(|v| !v.is_finite()) {
             let field = format_args!("{} of vertex {i}", needed[k]);
             tally.bad(format_args!("vertex {i}"), Error::malformed(file, field, rows.place(), "is not finite"))?;
             continue;
         }
-        out.push(values);
+        each(i, &values)?;
     }
-    Ok(out)
+    Ok(())
 }

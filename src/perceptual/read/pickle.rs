@@ -65,6 +65,11 @@ impl Pickle {
     }
 }
 
+/// Bytes that what is made of a pickle may take: so many for each of its own, and as many as small ones need anyway. An instruction of one
+/// byte can make an object of a hundred.
+const PER_BYTE: usize = 16;
+const AT_LEAST: usize = 1 << 20;
+
 struct Machine<'a> {
     file: &'a Path,
     bytes: &'a [u8],
@@ -73,13 +78,20 @@ struct Machine<'a> {
     marks: Vec<usize>,
     memo: std::collections::BTreeMap<u32, Value>,
     objects: Vec<Object>,
+    /// Values that are parts of objects, with room for those that may follow.
+    parts: usize,
+    /// Bytes that all may take.
+    room: usize,
 }
 
 /// Reads the pickle that begins at byte `at`.
 pub(super) fn read(file: &Path, bytes: &[u8], at: usize) -> Result<Pickle, Error> {
     let (stack, marks, objects) = (Vec::new(), Vec::new(), Vec::new());
-    let mut machine = Machine { file, bytes, at, stack, marks, memo: Default::default(), objects };
-    while machine.step()? {}
+    let room = bytes.len().saturating_mul(PER_BYTE).saturating_add(AT_LEAST);
+    let mut machine = Machine { file, bytes, at, stack, marks, memo: Default::default(), objects, parts: 0, room };
+    while machine.step()? {
+        machine.pay()?;
+    }
     let top = machine.pop()?;
     Ok(Pickle { top, objects: machine.objects, end: machine.at })
 }
@@ -122,6 +134,22 @@ impl<'a> Machine<'a> {
         std::str::from_utf8(&line[..end]).map_err(|_| self.error("a name that is not UTF-8"))
     }
 
+    /// Takes off what the last instruction can have made: a value, an object, or an entry of the memo, in memory that grows by doubling.
+    fn pay(&mut self) -> Result<(), Error> {
+        const MADE: usize = 2 * (size_of::<Value>() + size_of::<Object>());
+        let held = self.stack.capacity() * size_of::<Value>()
+            + self.objects.capacity() * size_of::<Object>()
+            + self.marks.capacity() * size_of::<usize>()
+            + self.memo.len() * MADE
+            + self.parts * size_of::<Value>();
+        if held > self.room {
+            let problem =
+                format_args!("what it describes takes more than {} bytes, which is too much for its size", self.room);
+            return Err(self.error(problem));
+        }
+        Ok(())
+    }
+
     fn pop(&mut self) -> Result<Value, Error> {
         let floor = self.marks.last().copied().unwrap_or(0);
         let popped = if self.stack.len() > floor { self.stack.pop() } else { None };
@@ -141,6 +169,9 @@ impl<'a> Machine<'a> {
     }
 
     fn push(&mut self, object: Object) {
+        if let Object::Tuple(parts) | Object::List(parts) = &object {
+            self.parts += parts.capacity();
+        }
         self.stack.push(Value::Object(self.objects.len()));
         self.objects.push(object);
     }
@@ -160,7 +191,10 @@ impl<'a> Machine<'a> {
     fn append(&mut self, values: Vec<Value>) -> Result<(), Error> {
         let place = self.stack.last().cloned();
         match place.and_then(|v| if let Value::Object(at) = v { self.objects.get_mut(at) } else { None }) {
-            Some(Object::List(list)) => list.extend(values),
+            Some(Object::List(list)) => {
+                self.parts += values.len();
+                list.extend(values);
+            }
             _ => return Err(self.error("appends to what is no list")),
         }
         Ok(())
@@ -170,7 +204,10 @@ impl<'a> Machine<'a> {
         let place = self.stack.last().cloned();
         let pairs = values.chunks_exact(2).map(|pair| (pair[0].clone(), pair[1].clone()));
         match place.and_then(|v| if let Value::Object(at) = v { self.objects.get_mut(at) } else { None }) {
-            Some(Object::Dict(items) | Object::Call { items, .. }) => items.extend(pairs),
+            Some(Object::Dict(items) | Object::Call { items, .. }) => {
+                self.parts += values.len();
+                items.extend(pairs);
+            }
             _ => return Err(self.error("sets items of what is no dictionary")),
         }
         Ok(())

@@ -19,6 +19,9 @@ const MAGIC: [u8; 10] = [0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0
 /// Many tensors may be described by one shape, which each of them gets.
 const MOST_AXES: usize = 8;
 
+/// Bytes that the tensors of a file may have for each of its own: they may share a storage, and halves become floats.
+const PER_BYTE: u64 = 8;
+
 /// A tensor as the pickle describes it.
 struct Described<'a> {
     name: &'a str,
@@ -62,7 +65,9 @@ pub(super) fn read_old(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
         at += size;
     }
     let missing = |key: &str| at_byte(file, at, format!("storage {key}"), "is missing");
-    tensors(file, &described, |key| storages.get(key).map(|s| Cow::Borrowed(*s)).ok_or_else(|| missing(key)))
+    tensors(file, bytes.len() as u64, &described, |key| {
+        storages.get(key).map(|s| Cow::Borrowed(*s)).ok_or_else(|| missing(key))
+    })
 }
 
 /// The form in a zip archive: `NAME/data.pkl` and `NAME/data/KEY`.
@@ -86,7 +91,9 @@ pub(super) fn read_zip(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let root = index.trim_end_matches("data.pkl").to_owned();
     let pickled = entry(&index)?;
     let data = pickle::read(file, &pickled, 0)?;
-    tensors(file, &described(file, &data)?, |key| entry(&format!("{root}data/{key}")).map(Cow::Owned))
+    tensors(file, bytes.len() as u64, &described(file, &data)?, |key| {
+        entry(&format!("{root}data/{key}")).map(Cow::Owned)
+    })
 }
 
 /// Bytes of a number in each storage that the pickle names.
@@ -203,6 +210,7 @@ fn tensor_of_parameter<'a>(
 /// The numbers of the tensors, from the bytes of their storages.
 fn tensors<'b>(
     file: &Path,
+    size: u64,
     described: &[Described<'_>],
     mut storage: impl FnMut(&str) -> Result<Cow<'b, [u8]>, Error>,
 ) -> Result<Tensors, Error> {
@@ -213,7 +221,7 @@ fn tensors<'b>(
         described.iter().map(|t| (t.key, t.stored.saturating_mul(t.width.bytes()))).collect();
     let stored = sizes.values().fold(0usize, |sum, size| sum.saturating_add(*size));
     let all = numbers.max(stored);
-    if all as u64 > LARGEST {
+    if all as u64 > LARGEST.min((PER_BYTE * size).saturating_add(1 << 20)) {
         return Err(at_byte(file, 0, "tensors", format_args!("{all} bytes are more than any weights have")));
     }
     let mut storages: BTreeMap<&str, Cow<'b, [u8]>> = BTreeMap::new();

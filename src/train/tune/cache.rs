@@ -1,15 +1,22 @@
 //! Choices of earlier timings: a JSON file beside the pipeline cache.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::format::disk::System;
+use crate::format::lock::Lock;
 use crate::format::{Error, atomic, read_text};
 use crate::raster::Variants;
 use crate::train::Input;
 use crate::vk::Caps;
 
 const FILE: &str = "forms.json";
+/// Held while the file is read and written again.
+const LOCK: &str = "forms.lock";
+/// The longest that a process waits for another one, which holds the lock for the time of a small file.
+const PATIENCE: Duration = Duration::from_secs(5);
 /// More are not kept: the oldest go.
 const MOST: usize = 200;
 
@@ -77,13 +84,44 @@ pub(super) fn find(folder: &Path, caps: &Caps, size: SizeClass) -> Result<Option
 
 /// Keeps a choice in place of an earlier one; a damaged file is replaced.
 pub(super) fn keep(folder: &Path, caps: &Caps, size: SizeClass, variants: Variants) -> Result<(), Error> {
-    let new = Entry::new(caps, size, variants);
+    add(folder, Entry::new(caps, size, variants))
+}
+
+fn add(folder: &Path, new: Entry) -> Result<(), Error> {
+    std::fs::create_dir_all(folder).map_err(Error::io(folder, "create"))?;
+    // Else what another process adds meanwhile would be lost. Without locks, or where one is not let go of, that is all that is lost.
+    let _held = Lock::wait(&folder.join(LOCK), &System, PATIENCE)?;
     let mut entries = read(folder).unwrap_or_default();
     entries.retain(|entry| !entry.is_for(&new));
     entries.push(new);
     let first = entries.len().saturating_sub(MOST);
-    std::fs::create_dir_all(folder).map_err(Error::io(folder, "create"))?;
     let path = file(folder);
     let text = serde_json::to_string_pretty(&entries[first..]).map_err(|e| Error::io(&path, "write")(e.into()))?;
     atomic::write(&path, |out| writeln!(out, "{text}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::{GradientSum, TileShape};
+
+    /// As several trainings do that begin at the same time.
+    #[test]
+    fn choices_that_are_kept_at_one_time_are_all_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let choice = |splats| Entry {
+            device: "d".into(),
+            driver: "v".into(),
+            version: "1".into(),
+            size: SizeClass { splats, pixels: 1 },
+            variants: Variants::new(TileShape::Pixel, GradientSum::Slots),
+        };
+        std::thread::scope(|scope| {
+            for k in 0..8 {
+                let path = folder.path();
+                scope.spawn(move || (0..5).for_each(|i| add(path, choice(8 * i + k)).unwrap()));
+            }
+        });
+        assert_eq!(read(folder.path()).unwrap().len(), 40);
+    }
 }
