@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use psrgs_vk::dataset::{Colourless, Format, NoColours, PoseFault, Warning};
+use psrgs_vk::dataset::{Colourless, Format, NoColours, PoseFault, Renamed, Warning};
 
 /// Names of the test functions under `folder`, and of the cases of the twin tests.
 fn tests_under(folder: &Path, found: &mut Vec<String>) {
@@ -150,6 +150,10 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         SharedNumber { number: 7, images: 2 },
         UnknownObservers { file: "points3D.bin".into(), points: 3, point: 8, image: 9 },
         PhotographsWithoutPose { photographs: 4 },
+        OtherPlaces { used: "sparse/0".into(), others: vec![".".into()] },
+        OtherNames { what: "photographs", of: 3, renamed: Renamed::default() },
+        SplitLists { used: true, unknown: 1, first: Some("'a' of test_filenames".into()), in_none: 1, in_both: 1 },
+        UnreadMasks { folder: "mask".into() },
     ];
     let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/GUIDE.md")).unwrap();
     let rows = guide.lines().skip_while(|line| !line.starts_with("| message or sight")).skip(2);
@@ -169,6 +173,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
             | PointsWithoutColours(_) => {}
             PoseWrong { .. } | PoseDoubtful { .. } | PosesAgainstPoints { .. } => {}
             LeftOut(_) | CountDiffers { .. } | SharedNumber { .. } | UnknownObservers { .. } => {}
+            OtherPlaces { .. } | OtherNames { .. } | SplitLists { .. } | UnreadMasks { .. } => {}
             PhotographsWithoutPose { .. } | CameraFarAway { .. } | OtherModels { .. } | TransparentLeftOut { .. } => {}
         }
         let message = warning.to_string();

@@ -39,7 +39,8 @@ fn sources(dataset: &Dataset) -> BTreeSet<PathBuf> {
     // Names of photographs may lead to folders inside of these, and of the dataset where it has none of these.
     roots.push(dataset.path.clone());
     for view in &dataset.views {
-        let files = roots.iter().map(|root| root.join(&view.name)).chain(view.mask.clone());
+        let named = [Some(view.path.clone()), view.mask.clone()].into_iter().flatten();
+        let files = roots.iter().map(|root| root.join(&view.name)).chain(named);
         folders.extend(files.filter(|file| file.is_file()).filter_map(|file| Some(file.parent()?.to_owned())));
     }
     folders

@@ -76,16 +76,18 @@ pub enum Error {
         what: WrongConvention,
     },
     /// No folder with photographs.
-    #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images", folder.display())]
+    #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images{elsewhere}", folder.display())]
     NoPhotographs {
         /// The dataset.
         folder: PathBuf,
         /// The folders tried.
         looked_for: String,
+        /// Where photographs of these names are, to follow in the sentence; empty where that is not known.
+        elsewhere: String,
     },
     /// Poses whose photographs are not there.
     #[error(
-        "{}: {count} of {total} photographs are missing, the first of them '{first}'; \
+        "{}: {count} of {total} photographs are missing, the first of them '{first}'{nearest}; \
          put them back or remove their poses from the model", folder.display()
     )]
     MissingPhotographs {
@@ -97,6 +99,20 @@ pub enum Error {
         total: usize,
         /// The first missing one, bytewise.
         first: String,
+        /// What is there in its place, to follow in the sentence; may be empty.
+        nearest: String,
+    },
+    /// A path in a file of the dataset that leads to nothing inside of it.
+    #[error("{}: {field} is '{path}'{nearest}", file.display())]
+    NoSuchFile {
+        /// The file with the path.
+        file: PathBuf,
+        /// The field with the path.
+        field: String,
+        /// The path.
+        path: String,
+        /// Why it leads to nothing, and what is there in its place.
+        nearest: String,
     },
     /// The photograph has not the shape its camera says.
     #[error(

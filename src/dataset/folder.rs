@@ -1,11 +1,16 @@
 //! The folder of photographs, among `images`, `images_2`, `images_4` and so on.
 
+use std::collections::HashSet;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 use super::error::Error;
+use super::names;
 use crate::format;
+
+/// Entries of a folder that are looked at to tell what it holds.
+const LOOKED_AT: usize = 1000;
 
 /// A folder of photographs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,10 +36,7 @@ pub(super) fn choose(
         let path = dataset.join(folder);
         if !path.is_dir() {
             allowed(&path)?;
-            return Err(Error::NoPhotographs {
-                folder: dataset.to_owned(),
-                looked_for: folder.to_string_lossy().into_owned(),
-            });
+            return Err(no_photographs(dataset, folder.to_string_lossy().into_owned(), names));
         }
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let reduction = reduction(&name).unwrap_or(1);
@@ -51,11 +53,65 @@ pub(super) fn choose(
         .iter()
         .rev()
         .filter(|(n, _)| longest_side / n >= wanted)
-        .find(|(_, path)| names.iter().all(|name| path.join(name).is_file()));
+        .find(|(_, path)| names.iter().all(|name| names::is_there(path, name)));
     match large_enough.or(found.first()) {
         Some((reduction, path)) => Ok(ImagesFolder { path: path.clone(), reduction: *reduction, automatic: true }),
-        None => Err(Error::NoPhotographs { folder: dataset.to_owned(), looked_for: "images and images_N".to_owned() }),
+        None => Err(no_photographs(dataset, "images and images_N".to_owned(), names)),
     }
+}
+
+fn no_photographs(dataset: &Path, looked_for: String, names: &[&str]) -> Error {
+    let elsewhere = most_of(dataset, names).map(|(folder, count)| {
+        let count = if count == names.len() { "all".to_owned() } else { count.to_string() };
+        format!("; {count} of them are in {folder}: --images {folder}")
+    });
+    Error::NoPhotographs { folder: dataset.to_owned(), looked_for, elsewhere: elsewhere.unwrap_or_default() }
+}
+
+/// Whether a dataset has a folder of photographs that is looked for.
+pub(super) fn has_usual(dataset: &Path) -> bool {
+    let entries = fs::read_dir(dataset).into_iter().flatten().flatten();
+    entries.filter(|entry| entry.path().is_dir()).any(|entry| entry.file_name().to_str().and_then(reduction).is_some())
+}
+
+/// The folder of a dataset that has the most of some photographs, and how many; to be named where it is not the usual one.
+fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
+    let entries = fs::read_dir(dataset).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> =
+        entries.map(|entry| entry.path()).filter(|path| path.is_dir() && !is_hidden(path)).collect();
+    folders.sort();
+    folders.push(dataset.to_owned());
+    let count = |path: &PathBuf| names.iter().filter(|name| names::is_there(path, name)).count();
+    let counted = folders.iter().map(|path| (path, count(path))).filter(|(_, count)| *count > 0);
+    // Of equal ones the first.
+    let (path, count) = counted.reduce(|best, next| if next.1 > best.1 { next } else { best })?;
+    let name = path.strip_prefix(dataset).ok().filter(|inside| !inside.as_os_str().is_empty());
+    Some((name.map_or_else(|| ".".to_owned(), |inside| inside.display().to_string()), count))
+}
+
+/// What the photographs of a dataset are chosen from, by their paths in the folder: all pictures, but of the dataset's own folder only
+/// those that are not in a folder of something else, unless a name says so.
+pub(super) fn may_hold<'a>(own: bool, named: impl IntoIterator<Item = &'a str>) -> impl Fn(&Path) -> bool {
+    let named: Vec<String> = named.into_iter().map(|name| name.replace('\\', "/")).collect();
+    let first_of =
+        |path: &Path| path.iter().next().and_then(|part| part.to_str()).map(str::to_owned).unwrap_or_default();
+    let asked: HashSet<String> = named.iter().flat_map(|name| name.split('/')).map(str::to_owned).collect();
+    move |path| {
+        let first = first_of(path);
+        is_photograph(path) && !(own && is_of_something_else(&first) && !asked.contains(&first))
+    }
+}
+
+/// Whether a folder of a dataset has pictures that are no photographs, or photographs that are reduced.
+fn is_of_something_else(folder: &str) -> bool {
+    let known = ["mask", "masks", "depth", "depths", "normal", "normals", "renders", "offpath"];
+    known.contains(&folder) || reduction(folder).is_some_and(|n| n > 1)
+}
+
+/// Whether anything is at a path; what may not be looked at is refused.
+pub(super) fn exists(path: &Path) -> Result<bool, format::Error> {
+    allowed(path)?;
+    Ok(path.exists())
 }
 
 /// Refuses what may not be looked at: nobody knows that it is missing.
@@ -84,14 +140,28 @@ pub(super) fn count_photographs(folder: &Path) -> usize {
     entries
         .filter_map(Result::ok)
         .map(|entry| match entry.file_type() {
+            Ok(kind) if kind.is_dir() && is_hidden(&entry.path()) => 0,
             Ok(kind) if kind.is_dir() => count_photographs(&entry.path()),
             _ => usize::from(is_photograph(&entry.path())),
         })
         .sum()
 }
 
+/// Whether a folder has pictures, among its first entries.
+pub(super) fn holds_pictures(folder: &Path) -> bool {
+    fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
+}
+
+/// Whether a file or folder is hidden, as what macOS leaves beside each file of a foreign disk is (`._a.jpg`).
+pub(super) fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
 /// Whether a file is a photograph by its extension.
 pub(super) fn is_photograph(path: &Path) -> bool {
+    if is_hidden(path) {
+        return false;
+    }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp"].iter().any(|known| extension.eq_ignore_ascii_case(known))
 }

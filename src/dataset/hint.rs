@@ -2,14 +2,17 @@
 
 use std::fs;
 use std::io::{self, ErrorKind};
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
-use super::folder::is_photograph;
+use super::folder::{holds_pictures, is_hidden};
+use super::foreign;
 use super::model::Format;
 use crate::format;
 
 /// Entries of a folder that are looked at.
 const LOOKED_AT: usize = 1000;
+/// How deep below a folder a dataset is looked for.
+const LEVELS_BELOW: usize = 3;
 
 /// The error of the first folder that may not be looked into, of those that files of a dataset would be in: what is there is not known.
 pub(super) fn unreadable(folder: &Path) -> Option<format::Error> {
@@ -34,8 +37,8 @@ fn look_into(folder: &Path) -> io::Result<()> {
 /// What is there instead of a dataset (of the format that was asked for, if any was), and what to do about it.
 pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String {
     let is_dataset = |path: &Path| match asked {
-        Some(format) => format.is_in(path),
-        None => Format::ALL.into_iter().any(|format| format.is_in(path)),
+        Some(format) => format.is_in(path) || format.is_elsewhere(path),
+        None => Format::ALL.into_iter().any(|format| format.is_in(path) || format.is_elsewhere(path)),
     };
     if !folder.exists() {
         return "there is no such folder".to_owned();
@@ -43,7 +46,7 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
     if !folder.is_dir() {
         return "it is a file, and a dataset is a folder".to_owned();
     }
-    if let Some(other) = Format::ALL.into_iter().find(|format| format.is_in(folder)) {
+    if let Some(other) = Format::ALL.into_iter().find(|format| format.is_in(folder) || format.is_elsewhere(folder)) {
         return format!("there is a {other} dataset: leave --format out, or give --format {other}");
     }
     // A link is told by its name and by where it leads; `..` by the latter alone.
@@ -52,13 +55,14 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
         return format!("the dataset is {place}, {}", above.display());
     }
     let named = if folder.components().any(|part| part == Component::ParentDir) { real.as_path() } else { folder };
-    let children = fs::read_dir(named).into_iter().flatten().take(LOOKED_AT).flatten();
-    let mut inside: Vec<_> = children.map(|entry| entry.path()).filter(|path| is_dataset(path)).collect();
-    inside.sort();
+    let inside = datasets_below(named, is_dataset);
     if let Some(child) = inside.first() {
         return format!("there is one in {}", child.display());
     }
-    if has_photographs(folder) || has_photographs(&folder.join("images")) {
+    if let Some(said) = foreign::incomplete_model(folder).or_else(|| foreign::cameras_in(folder)) {
+        return said;
+    }
+    if holds_pictures(folder) || ["images", "input"].iter().any(|inside| holds_pictures(&folder.join(inside))) {
         return "there are photographs, but nothing says where they were taken from: COLMAP or OpenDroneMap finds that out \
                 (docs/GUIDE.md, section 2)"
             .to_owned();
@@ -66,8 +70,25 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
     "docs/GUIDE.md, section 2, says how to make one from photographs".to_owned()
 }
 
+/// The datasets in the folders of a folder, or where there is none in the folders of these, and so on.
+fn datasets_below(folder: &Path, is_dataset: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
+    let mut level = vec![folder.to_owned()];
+    for _ in 0..LEVELS_BELOW {
+        let children =
+            level.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten());
+        let children = children.map(|entry| entry.path()).filter(|path| !is_hidden(path)).take(LOOKED_AT);
+        level = children.filter(|path| path.is_dir()).collect();
+        level.sort();
+        let found: Vec<PathBuf> = level.iter().filter(|path| is_dataset(path)).cloned().collect();
+        if !found.is_empty() {
+            return found;
+        }
+    }
+    Vec::new()
+}
+
 /// The two folders above one as its name tells them, and what to call them: of `sparse/0` the dataset is the second.
-fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
+pub(super) fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
     let (mut found, mut at) = (Vec::new(), folder);
     for place in ["the folder above it", "two folders above it"] {
         match at.parent() {
@@ -78,8 +99,4 @@ fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
         found.push((at, place));
     }
     found
-}
-
-fn has_photographs(folder: &Path) -> bool {
-    fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
 }

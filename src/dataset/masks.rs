@@ -4,7 +4,11 @@ use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
 
+use super::Warning;
 use super::error::Error;
+use super::folder::{exists, holds_pictures, is_photograph, stays_inside};
+use super::model::{Model, Shot};
+use super::names::{self, Names, Renamed};
 use super::photograph;
 use super::picture_file::{header_within, picture, read, whole};
 use super::pixels::Sample;
@@ -35,12 +39,91 @@ pub struct Masks {
     pub of: usize,
 }
 
-/// The mask of a photograph in a folder of masks: named as the photograph with `.png` behind (COLMAP, OpenSfM), or with `.png` in
-/// place of its extension, or just as the photograph.
-pub(super) fn beside(folder: &Path, name: &str) -> Option<PathBuf> {
-    let appended = folder.join(format!("{name}.png"));
-    let replaced = folder.join(Path::new(name).with_extension("png"));
-    [appended, replaced, folder.join(name)].into_iter().find(|file| file.is_file())
+/// The masks of the photographs of a model: those that its file names, else those in the folder of masks. The latter are named as the
+/// photograph with `.png` behind (COLMAP, OpenSfM), or with `.png` in place of its extension, or just as the photograph.
+pub(super) fn find(dataset: &Path, folder: Option<&Path>, model: &mut Model) -> Result<Vec<Option<PathBuf>>, Error> {
+    let mut warnings = Vec::new();
+    let masks = find_all(dataset, folder, model, &mut warnings);
+    model.warnings.extend(warnings);
+    masks
+}
+
+fn find_all(
+    dataset: &Path,
+    folder: Option<&Path>,
+    model: &Model,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<Option<PathBuf>>, Error> {
+    let mut masks = named(dataset, model, warnings)?;
+    let Some(folder) = folder else { return Ok(masks) };
+    let without: Vec<usize> = (0..masks.len()).filter(|at| masks[*at].is_none()).collect();
+    let forms: Vec<Vec<String>> = without.iter().map(|at| forms(&model.shots[*at])).collect();
+    let names: Vec<&str> = without.iter().map(|at| model.shots[*at].name.as_str()).collect();
+    let found = Names::look_up(folder, &forms, is_photograph);
+    if let Some(renamed) = Renamed::of(names.into_iter().zip(&found)) {
+        warnings.push(Warning::OtherNames { what: "masks", of: without.len(), renamed });
+    }
+    for (at, found) in without.into_iter().zip(found) {
+        masks[at] = found.into_file().map(|file| folder.join(file));
+    }
+    Ok(masks)
+}
+
+/// A folder of pictures in the dataset whose name says that these are masks, though it is not the one that is read.
+pub(super) fn unread_folder(dataset: &Path) -> Option<String> {
+    let entries = std::fs::read_dir(dataset).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    let is_like = |name: &str| {
+        let name = name.to_lowercase();
+        name.starts_with("mask")
+            || name.starts_with("segmentation")
+            || name.ends_with("_mask")
+            || name.ends_with("_masks")
+    };
+    names.into_iter().find(|name| name != FOLDER && is_like(name) && holds_pictures(&dataset.join(name)))
+}
+
+/// The names that a photograph's mask may have.
+fn forms(shot: &Shot) -> Vec<String> {
+    let of = |name: &str| {
+        let replaced = Path::new(name).with_extension("png").to_string_lossy().into_owned();
+        [format!("{name}.png"), replaced, name.to_owned()]
+    };
+    let mut all = of(&shot.name).to_vec();
+    all.extend(of(&shot.file).into_iter().filter(|_| shot.file != shot.name));
+    all
+}
+
+/// The masks that the file of the model names, inside of the dataset.
+fn named(dataset: &Path, model: &Model, warnings: &mut Vec<Warning>) -> Result<Vec<Option<PathBuf>>, Error> {
+    let mut masks = vec![None; model.shots.len()];
+    let asked: Vec<(usize, &str)> =
+        model.shots.iter().enumerate().filter_map(|(at, shot)| Some((at, shot.mask.as_deref()?))).collect();
+    // One mask may serve several photographs.
+    let mut paths: Vec<&str> = asked.iter().map(|(_, path)| *path).collect();
+    paths.sort_unstable();
+    paths.dedup();
+    let forms: Vec<Vec<String>> = paths.iter().map(|path| vec![(*path).to_owned()]).collect();
+    let found = Names::look_up(dataset, &forms, is_photograph);
+    for (at, path) in &asked {
+        let Some(found) = paths.binary_search(path).ok().and_then(|at| found.get(at)) else { continue };
+        match found.file() {
+            Some(file) => masks[*at] = Some(dataset.join(file)),
+            // What is there and no file is told by who opens files.
+            None if stays_inside(path) && exists(&dataset.join(path))? => masks[*at] = Some(dataset.join(path)),
+            None => {
+                let name = model.shots[*at].name.clone();
+                let (file, field) = (model.file.clone(), format!("mask_path of frame '{name}'"));
+                let nearest = names::missing(path, found, dataset, is_photograph);
+                return Err(Error::NoSuchFile { file, field, path: (*path).to_owned(), nearest });
+            }
+        }
+    }
+    if let Some(renamed) = Renamed::of(paths.iter().copied().zip(&found)) {
+        warnings.push(Warning::OtherNames { what: "masks", of: paths.len(), renamed });
+    }
+    Ok(masks)
 }
 
 /// Refuses a mask whose shape is not that of its photograph, or that takes too much memory; one of another size but of the same shape is

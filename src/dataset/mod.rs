@@ -9,6 +9,7 @@ mod colourless;
 mod error;
 mod extent;
 mod folder;
+mod foreign;
 mod hint;
 mod jpeg_end;
 mod jpeg_reduced;
@@ -16,6 +17,7 @@ mod json;
 pub mod lens;
 mod masks;
 mod model;
+mod names;
 mod nerfstudio;
 mod opendronemap;
 mod opensfm;
@@ -30,6 +32,7 @@ mod range;
 mod rotation;
 mod sizing;
 mod split;
+mod split_lists;
 mod supply;
 mod survey;
 mod tone;
@@ -50,6 +53,8 @@ pub use error::Error;
 pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, MaskUse, Masks};
 pub use model::Format;
+pub use names::{Differences, Renamed};
+pub(crate) use names::{Found, Names};
 pub use photograph::Photograph;
 pub use pixels::{Depth, Pixels};
 pub use poses::{Convention, PoseFault, WrongConvention};
@@ -131,7 +136,7 @@ impl LoadOptions {
 /// One posed photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Name in the model, also the path inside the folder of photographs.
+    /// Name in the model, or what of it stays inside of a folder.
     pub name: String,
     /// The photograph; empty when the dataset was loaded without.
     pub path: PathBuf,
@@ -181,7 +186,7 @@ pub struct Dataset {
     pub masks: Option<Masks>,
     /// Where on Earth the dataset's coordinates are, where the dataset says it.
     pub coordinates: Option<Coordinates>,
-    /// All views, sorted bytewise by name.
+    /// All views, sorted bytewise by their names in the model.
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
     pub points: Vec<Point>,
@@ -215,13 +220,18 @@ impl Dataset {
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
         let (file, limit) = (model.file.clone(), DecodeLimit::new(options.host_memory));
+        let masks = match &images {
+            Some(_) => masks::find(path, masks_folder.as_deref(), &mut model)?,
+            None => vec![None; model.shots.len()],
+        };
         let roles = roles(options.split, &model.shots, &mut model.warnings);
         let views = model
             .shots
             .par_iter()
             .zip(roles)
-            .map(|(shot, role)| {
-                let photograph = images.as_ref().map(|folder| folder.path.join(&shot.name));
+            .zip(masks)
+            .map(|((shot, role), mask)| {
+                let photograph = images.as_ref().map(|folder| folder.path.join(&shot.file));
                 let header = match &photograph {
                     Some(file) => picture_file::header_within(file, limit)?,
                     None => {
@@ -233,8 +243,6 @@ impl Dataset {
                 let path = photograph.unwrap_or_default();
                 check_aspect(&path, shot, size_on_disk)?;
                 let (lens, camera) = sizing::camera(&path, shot, size_on_disk, sizing, options.rounding)?;
-                let beside = || masks_folder.as_deref().and_then(|folder| masks::beside(folder, &shot.name));
-                let mask = images.as_ref().and_then(|_| shot.mask.clone().or_else(beside));
                 if let Some(mask) = &mask {
                     masks::check_size(mask, size_on_disk, limit)?;
                 }
@@ -260,6 +268,9 @@ impl Dataset {
             .collect::<Vec<Result<View, Error>>>();
         let mut views = usable::views(&mut model, views, options.strict)?;
         let masks = count_masks(&mut model, masks_folder, &views);
+        if masks.is_none() && images.is_some() && !path.join(masks::FOLDER).is_dir() {
+            model.warnings.extend(masks::unread_folder(path).map(|folder| Warning::UnreadMasks { folder }));
+        }
 
         let mut judged = poses::Judgement::of(&model)?;
         judged.apply(&mut views, &mut model.warnings);
@@ -340,26 +351,41 @@ fn colourless(model: &mut Model) -> Option<Colourless> {
     Some(Colourless { file: model.points_file.clone().unwrap_or_else(|| model.file.clone()), why })
 }
 
+/// Chooses the folder of photographs, and finds each there, under its name or one that differs a little.
 fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Result<ImagesFolder, Error> {
-    let names: Vec<&str> = model.shots.iter().map(|s| s.name.as_str()).collect();
+    let files: Vec<String> = model.shots.iter().map(|s| s.file.clone()).collect();
+    let names: Vec<&str> = files.iter().map(String::as_str).collect();
     let longest = model.shots.iter().map(|s| s.lens.size[0].max(s.lens.size[1])).max().unwrap_or(1);
     let wanted = options.sizing().longest(longest);
     let images = match (&model.images, &options.images_folder) {
         (Some(folder), None) => ImagesFolder { path: folder.clone(), reduction: 1, automatic: true },
         (_, asked) => folder::choose(path, asked.as_deref(), longest, wanted, &names)?,
     };
-    let there: Vec<bool> = names.iter().map(|name| images.path.join(name).is_file()).collect();
+    let is_wanted = folder::may_hold(images.path == path, names.iter().copied());
+    let forms: Vec<Vec<String>> = names.iter().map(|name| vec![(*name).to_owned()]).collect();
+    let found = Names::look_up(&images.path, &forms, &is_wanted);
+    let there: Vec<bool> = found.iter().map(|found| found.file().is_some()).collect();
     let (missing, total) = (there.iter().filter(|there| !**there).count(), names.len());
-    if let Some(first) = names.iter().zip(&there).find(|(_, there)| !**there).map(|(name, _)| (*name).to_owned()) {
-        folder::allowed(&images.path.join(&first))?;
-        if options.strict || !few(missing as u64, total as u64) {
-            return Err(Error::MissingPhotographs { folder: images.path, count: missing, total, first });
+    if let Some((first, of_first)) = names.iter().zip(&found).find(|(_, found)| found.file().is_none()) {
+        if !names::leads_out(first) {
+            folder::allowed(&images.path.join(first))?;
         }
-        let (file, problem) = (images.path.clone(), "there is no such file".to_owned());
+        let nearest = names::instead(first, (of_first, &found), &images.path, is_wanted);
+        let first = (*first).to_owned();
+        if options.strict || !few(missing as u64, total as u64) {
+            return Err(Error::MissingPhotographs { folder: images.path, count: missing, total, first, nearest });
+        }
+        let (file, problem) = (images.path.clone(), format!("there is no such file{nearest}"));
         let first = format!("'{first}'");
         let left_out = LeftOut { file, what: "photographs", count: missing, of: total, first, problem };
         model.warnings.push(Warning::LeftOut(left_out));
         model.keep_shots(&there);
+    }
+    if let Some(renamed) = Renamed::of(names.iter().copied().zip(&found)) {
+        model.warnings.push(Warning::OtherNames { what: "photographs", of: total, renamed });
+    }
+    for (shot, file) in model.shots.iter_mut().zip(found.into_iter().filter_map(Found::into_file)) {
+        shot.file = file;
     }
     // A dataset's own folder holds masks and depth too: what is in it says nothing.
     let unposed = match &model.images {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use super::error::Error;
 use super::lens::Lens;
-use super::split::Part;
+use super::split::Parts;
 use super::{NoColours, Point, Tracks, Warning, colmap, nerfstudio, opensfm};
 use crate::scene::Coordinates;
 
@@ -15,7 +15,8 @@ use crate::scene::Coordinates;
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// `sparse/0/` (of `sparse/1/` and so on too the one with the most images) or `sparse/` with COLMAP's cameras, images and points3D,
-    /// binary or text.
+    /// binary or text. Where no format is in its place, other folders of `sparse/`, the folder itself, `colmap/sparse/` and
+    /// `distorted/sparse/`.
     Colmap,
     /// `transforms.json`, or `transforms_train.json` and those beside it.
     Nerfstudio,
@@ -36,9 +37,17 @@ impl Format {
         }
     }
 
+    /// Whether a folder has files of this format in a place that is looked at only where no format is in its own.
+    pub(super) fn is_elsewhere(self, dataset: &Path) -> bool {
+        self == Self::Colmap && colmap::is_elsewhere(dataset)
+    }
+
     pub(super) fn looked_for(self) -> &'static str {
         match self {
-            Self::Colmap => "cameras and images (.bin or .txt) in sparse/0, sparse/1 ... and in sparse (COLMAP)",
+            Self::Colmap => {
+                "cameras and images (.bin or .txt) in sparse/0, sparse/1 ... and in sparse, in other folders of sparse, in the folder \
+                 itself, in colmap/sparse and in distorted/sparse (COLMAP)"
+            }
             Self::Nerfstudio => "transforms.json (nerfstudio), transforms_train.json (NeRF)",
             Self::Opensfm => "reconstruction.json and opensfm/reconstruction.json (OpenSfM, OpenDroneMap)",
         }
@@ -75,8 +84,10 @@ pub(super) struct Observation {
 /// One posed photograph.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
-    /// Path inside the folder of photographs.
+    /// Its name; it stays inside of the folders that results are written to.
     pub(super) name: String,
+    /// The photograph's path inside the folder of photographs: as the model has it, until the file is found.
+    pub(super) file: String,
     /// What the file calls the camera.
     pub(super) camera: String,
     /// The file's name for the kind of lens.
@@ -86,10 +97,10 @@ pub(super) struct Shot {
     pub(super) rotation: [[f64; 3]; 3],
     /// x_cam = rotation x + translation.
     pub(super) translation: [f64; 3],
-    /// A mask that the file names.
-    pub(super) mask: Option<PathBuf>,
+    /// The path of a mask in the dataset, where the file names one.
+    pub(super) mask: Option<String>,
     /// What the dataset says it is for, where it does.
-    pub(super) part: Option<Part>,
+    pub(super) part: Option<Parts>,
     /// Some of the points that it shows, where the format says which.
     pub(super) observations: Vec<Observation>,
 }
@@ -121,14 +132,15 @@ impl Model {
     pub(super) fn read(dataset: &Path, asked: Option<Format>, strict: bool) -> Result<Self, Error> {
         let found: Vec<Format> = Format::ALL.into_iter().filter(|format| format.is_in(dataset)).collect();
         let format = match asked {
-            Some(format) if found.contains(&format) => format,
+            Some(format) if found.contains(&format) || format.is_elsewhere(dataset) => format,
             Some(format) => {
                 let looked_for = format.looked_for().to_owned();
                 return Err(Error::no_model(dataset, looked_for, asked));
             }
             None => {
                 let none = || Error::no_model(dataset, Format::ALL.map(Format::looked_for).join(", "), None);
-                *found.first().ok_or_else(none)?
+                let elsewhere = || Format::ALL.into_iter().find(|format| format.is_elsewhere(dataset));
+                found.first().copied().or_else(elsewhere).ok_or_else(none)?
             }
         };
         let mut model = match format {
@@ -136,7 +148,10 @@ impl Model {
             Format::Nerfstudio => nerfstudio::read(dataset, strict)?,
             Format::Opensfm => opensfm::read(dataset, strict)?,
         };
-        let others: Vec<Format> = found.into_iter().filter(|other| *other != format).collect();
+        let mut others: Vec<Format> = found.into_iter().filter(|other| *other != format).collect();
+        if format != Format::Colmap && others.is_empty() && colmap::is_unusual(dataset) {
+            others.push(Format::Colmap);
+        }
         if asked.is_none() && !others.is_empty() {
             model.warnings.push(Warning::SeveralFormats { used: format, others });
         }

@@ -14,8 +14,10 @@ use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens, names};
 use super::model::{Format, Model, Shot};
+use super::names::{self as files, Found, Names, Renamed};
 use super::points_ply::Points;
-use super::split::Part;
+use super::split::Parts;
+use super::split_lists::SplitLists;
 use super::{Tracks, Warning, folder, picture_file, points_ply, rotation};
 use crate::format::{Error as FileError, Tally};
 
@@ -25,8 +27,11 @@ const FISHEYE: &str = "OPENCV_FISHEYE";
 /// The folder of photographs that other formats have.
 const USUAL: &str = "images/";
 /// The first of them has to be there.
-const PARTS: [(&str, Part); 3] =
-    [("transforms_train.json", Part::Train), ("transforms_val.json", Part::Val), ("transforms_test.json", Part::Test)];
+const PARTS: [(&str, Parts); 3] = [
+    ("transforms_train.json", Parts::TRAIN),
+    ("transforms_val.json", Parts::VAL),
+    ("transforms_test.json", Parts::TEST),
+];
 
 /// Declares a struct with the keys of a camera, all of them optional, and others.
 macro_rules! with_camera_keys {
@@ -56,6 +61,9 @@ macro_rules! with_camera_keys {
 with_camera_keys! {
     struct Transforms {
         ply_file_path: Option<String>,
+        train_filenames: Option<Vec<String>>,
+        val_filenames: Option<Vec<String>>,
+        test_filenames: Option<Vec<String>>,
     }
 }
 
@@ -79,34 +87,77 @@ pub(super) fn is_in(dataset: &Path) -> bool {
     dataset.join(FILE).is_file() || dataset.join(PARTS[0].0).is_file()
 }
 
+/// A file with frames.
+struct Read {
+    json: Json,
+    top: Transforms,
+    /// Those that can be read.
+    frames: Vec<Result<Frame, FileError>>,
+    part: Option<Parts>,
+}
+
+impl Read {
+    fn open(file: &Path, part: Option<Parts>) -> Result<Self, FileError> {
+        let json = Json::open(file)?;
+        let top: Transforms = json.parse()?;
+        let frames = json.parse::<Frames<'_>>()?.frames.into_iter();
+        let frames = frames.map(|text| json.parse_part::<Frame>(text.get())).collect();
+        Ok(Self { json, top, frames, part })
+    }
+
+    fn paths(&self) -> impl Iterator<Item = &str> {
+        self.frames.iter().flatten().map(|frame| frame.file_path.as_str())
+    }
+
+    /// What each frame that can be read is for.
+    fn parts(&self, frames: &[Result<Frame, FileError>], warnings: &mut Vec<Warning>) -> Vec<Option<Parts>> {
+        let top = &self.top;
+        let lists = [&top.train_filenames, &top.val_filenames, &top.test_filenames].map(Option::as_deref);
+        let paths = frames.iter().flatten().map(|frame| frame.file_path.as_str()).collect();
+        let lists = SplitLists { paths, lists };
+        let parts = if self.part.is_some() { None } else { lists.parts(warnings) };
+        let parts = parts.map(|parts| parts.into_iter().map(Some).collect());
+        parts.unwrap_or_else(|| vec![self.part; lists.paths.len()])
+    }
+}
+
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
-    let files: Vec<(PathBuf, Option<Part>)> = match dataset.join(FILE) {
+    let files: Vec<(PathBuf, Option<Parts>)> = match dataset.join(FILE) {
         file if file.is_file() => vec![(file, None)],
         _ => PARTS.iter().map(|(file, part)| (dataset.join(file), Some(*part))).collect(),
     };
+    let mut all = Vec::new();
+    for (file, part) in files.iter().filter(|(file, part)| part.is_none_or(|p| p.train) || file.is_file()) {
+        all.push(Read::open(file, *part)?);
+    }
     let (mut shots, mut warnings) = (Vec::new(), Vec::new());
-    let mut points_file = None;
-    for (file, part) in files.iter().filter(|(file, part)| part.is_none_or(|p| p == Part::Train) || file.is_file()) {
-        let json = Json::open(file)?;
-        let top: Transforms = json.parse()?;
+    let mut found = photographs(dataset, &all, &mut warnings).into_iter();
+    for read in &mut all {
+        let frames = std::mem::take(&mut read.frames);
         let (before, mut tally) = (shots.len(), Tally::new(strict));
-        for (i, text) in json.parse::<Frames<'_>>()?.frames.into_iter().enumerate() {
-            let (name, shot) = match json.parse_part::<Frame>(text.get()) {
-                Ok(frame) => (format!("'{}'", frame.file_path), shot(dataset, &json, &top, &frame, *part)),
+        let mut parts = read.parts(&frames, &mut warnings).into_iter();
+        for (i, frame) in frames.into_iter().enumerate() {
+            let (name, shot) = match frame {
+                Ok(frame) => {
+                    let (found, part) = (found.next().unwrap_or(Found::Missing), parts.next().flatten());
+                    (format!("'{}'", frame.file_path), shot(dataset, read, &frame, &found, part))
+                }
                 Err(error) => (format!("frame {i}"), Err(error.into())),
             };
             shots.extend(tally.take(name, shot)?);
         }
-        warnings.extend(tally.end(file, "frames", shots.len() - before)?.map(Warning::LeftOut));
-        points_file = points_file.or(top.ply_file_path.map(|file| dataset.join(file)));
+        warnings.extend(tally.end(&read.json.file, "frames", shots.len() - before)?.map(Warning::LeftOut));
     }
     // The usual folder is left out of the names, so that its reduced copies can stand in for it.
     let usual = !shots.is_empty() && shots.iter().all(|shot| shot.name.starts_with(USUAL));
     if usual {
         for shot in &mut shots {
             shot.name.drain(..USUAL.len());
+            shot.file.clone_from(&shot.name);
         }
     }
+    let cloud = all.iter().find_map(|read| Some((read, read.top.ply_file_path.as_deref()?)));
+    let points_file = cloud.map(|(read, path)| points_file(dataset, read, path, &mut warnings)).transpose()?;
     let read = points_file.as_deref().map(|file| points_ply::read(file, strict)).transpose()?;
     let Points { list: points, colourless, left_out } = read.unwrap_or_default();
     warnings.extend(left_out.map(Warning::LeftOut));
@@ -124,46 +175,77 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     })
 }
 
-fn shot(dataset: &Path, json: &Json, top: &Transforms, frame: &Frame, part: Option<Part>) -> Result<Shot, Error> {
-    let name = file_of(dataset, &frame.file_path);
-    // Sizes may be asked of the photographs: of no other files.
-    if !folder::stays_inside(&name) {
-        return Err(Error::NameOutside { file: json.file.clone(), name });
+/// Finds the photographs of all frames. Paths may begin with `./`, and lack the extension.
+fn photographs(dataset: &Path, all: &[Read], warnings: &mut Vec<Warning>) -> Vec<Found> {
+    let paths: Vec<&str> = all.iter().flat_map(Read::paths).collect();
+    let with = |path: &str, extension: &str| format!("{path}.{extension}");
+    let forms = |path: &&str| {
+        let longer = ["png", "jpg", "jpeg", "webp"].map(|extension| with(path, extension));
+        std::iter::once((*path).to_owned()).chain(longer).collect()
+    };
+    let forms: Vec<Vec<String>> = paths.iter().map(forms).collect();
+    let found = Names::look_up(dataset, &forms, folder::may_hold(true, paths.iter().copied()));
+    if let Some(renamed) = Renamed::of(paths.iter().copied().zip(&found)) {
+        warnings.push(Warning::OtherNames { what: "photographs", of: paths.len(), renamed });
     }
-    let (model, lens) = lens(json, dataset, top, frame, &name)?;
-    let (rotation, translation) = pose(json, frame)?;
-    let mask = frame.mask_path.as_ref().map(|mask| dataset.join(mask));
-    Ok(Shot {
-        name,
-        camera: frame.file_path.clone(),
-        model,
-        lens,
-        rotation,
-        translation,
-        mask,
-        part,
-        observations: Vec::new(),
-    })
+    found
 }
 
-/// Paths may begin with `./`, and lack the extension.
-fn file_of(dataset: &Path, path: &str) -> String {
-    let mut path = path;
-    while let Some(rest) = path.strip_prefix("./") {
-        path = rest;
-    }
-    if !dataset.join(path).is_file() {
-        for extension in ["png", "jpg", "jpeg", "webp"] {
-            let longer = format!("{path}.{extension}");
-            if dataset.join(&longer).is_file() {
-                return longer;
-            }
+/// The file of the points: inside of the dataset.
+fn points_file(dataset: &Path, read: &Read, path: &str, warnings: &mut Vec<Warning>) -> Result<PathBuf, Error> {
+    let is_cloud = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    let found = Names::look_up(dataset, &[vec![path.to_owned()]], is_cloud).pop().unwrap_or(Found::Missing);
+    let Some(file) = found.file() else {
+        // What is there and no file is told by who opens files.
+        if folder::stays_inside(path) && folder::exists(&dataset.join(path))? {
+            return Ok(dataset.join(path));
         }
+        let nearest = files::missing(path, &found, dataset, is_cloud);
+        let (file, field) = (read.json.file.clone(), "ply_file_path".to_owned());
+        return Err(Error::NoSuchFile { file, field, path: path.to_owned(), nearest });
+    };
+    if let Some(renamed) = Renamed::of([(path, &found)]) {
+        warnings.push(Warning::OtherNames { what: "clouds", of: 1, renamed });
     }
-    path.to_owned()
+    Ok(dataset.join(file))
 }
 
-fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str) -> Result<(String, Lens), Error> {
+fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<Parts>) -> Result<Shot, Error> {
+    let path = frame.file_path.as_str();
+    let plain = |mut path: &str| {
+        while let Some(rest) = path.strip_prefix("./") {
+            path = rest;
+        }
+        path.to_owned()
+    };
+    let name = plain(found.file().unwrap_or(path));
+    // Sizes may be asked of the photographs: of no other files.
+    let size = || match found.file() {
+        Some(file) => Ok(picture_file::header(&dataset.join(file))?.size),
+        None if folder::stays_inside(path) && folder::exists(&dataset.join(path))? => {
+            Ok(picture_file::header(&dataset.join(path))?.size)
+        }
+        None => {
+            let is = if files::leads_out(path) { "" } else { ", which is not there" };
+            let nearest = is.to_owned() + &files::instead(path, (found, &[]), dataset, folder::may_hold(true, [path]));
+            let (file, field) = (read.json.file.clone(), "file_path".to_owned());
+            Err(Error::NoSuchFile { file, field, path: path.to_owned(), nearest })
+        }
+    };
+    let (model, lens) = lens(&read.json, &read.top, frame, size)?;
+    let (rotation, translation) = pose(&read.json, frame)?;
+    let mask = frame.mask_path.clone();
+    let (file, camera, observations) = (name.clone(), path.to_owned(), Vec::new());
+    Ok(Shot { name, file, camera, model, lens, rotation, translation, mask, part, observations })
+}
+
+/// The lens of a frame; `of_photograph` asks the photograph for its size.
+fn lens(
+    json: &Json,
+    top: &Transforms,
+    frame: &Frame,
+    of_photograph: impl Fn() -> Result<(u32, u32), Error>,
+) -> Result<(String, Lens), Error> {
     let of = |key: &str| frame.number(key).or_else(|| top.number(key));
     let wrong = |key: &str, problem: String| {
         json.error(&frame.file_path, format_args!("{key} of frame '{}'", frame.file_path), problem)
@@ -187,7 +269,7 @@ fn lens(json: &Json, dataset: &Path, top: &Transforms, frame: &Frame, name: &str
             Some(side) => return Err(wrong(key, format!("is {side}")).into()),
             // instant-ngp's files for made-up scenes leave the size to the photographs.
             None => {
-                let found = picture_file::header(&dataset.join(name))?.size;
+                let found = of_photograph()?;
                 [found.0, found.1][axis]
             }
         };

@@ -181,6 +181,7 @@ fn shot(json: &Json, name: &str, entry: ShotEntry, lenses: &Lenses) -> Result<Sh
     }
     Ok(Shot {
         name: name.to_owned(),
+        file: name.to_owned(),
         camera: entry.camera,
         model: model.clone(),
         lens: *lens,

@@ -20,12 +20,23 @@ pub enum Split {
     },
 }
 
-/// What a dataset itself says a photograph is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
-    Train,
-    Val,
-    Test,
+/// What a dataset itself says a photograph is for: one thing, several, or nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Parts {
+    pub(super) train: bool,
+    pub(super) val: bool,
+    pub(super) test: bool,
+}
+
+impl Parts {
+    pub(super) const TRAIN: Self = Self { train: true, val: false, test: false };
+    pub(super) const VAL: Self = Self { train: false, val: true, test: false };
+    pub(super) const TEST: Self = Self { train: false, val: false, test: true };
+
+    /// What both say.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self { train: self.train || other.train, val: self.val || other.val, test: self.test || other.test }
+    }
 }
 
 /// What a view is used for.
@@ -54,21 +65,22 @@ impl Split {
         }
     }
 
-    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out what it keeps for that;
-    /// where it keeps nothing for it, and with the other splits, positions count those to train on.
-    pub(super) fn roles(self, parts: &[Option<Part>]) -> Vec<Role> {
-        let kept = match self {
-            Self::Test => Some(Part::Test),
-            Self::Val => Some(Part::Val),
-            Self::None | Self::Every { .. } => None,
+    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out what it keeps for that,
+    /// also of those to train on; where it keeps nothing for it, and with the other splits, positions count those to train on.
+    pub(super) fn roles(self, parts: &[Option<Parts>]) -> Vec<Role> {
+        let is_kept = |part: &Parts| match self {
+            Self::Test => part.test,
+            Self::Val => part.val,
+            Self::None | Self::Every { .. } => false,
         };
-        let kept = kept.filter(|part| parts.contains(&Some(*part)));
+        let kept = parts.iter().flatten().any(is_kept);
         let mut position = 0..;
-        let mut role = |part: &Option<Part>| match part {
-            Some(Part::Val | Part::Test) if kept.is_none() || *part != kept => Role::Unused,
-            Some(Part::Val | Part::Test) => Role::HeldOut,
-            Some(Part::Train) if kept.is_some() => Role::Train,
-            Some(Part::Train) | None => self.role(position.next().unwrap_or(0)),
+        let mut role = |part: &Option<Parts>| match part {
+            Some(part) if is_kept(part) => Role::HeldOut,
+            // Settings are not to be chosen by test photographs.
+            Some(part) if !part.train || (self == Self::Val && part.test) => Role::Unused,
+            Some(_) if kept => Role::Train,
+            Some(_) | None => self.role(position.next().unwrap_or(0)),
         };
         parts.iter().map(&mut role).collect()
     }

@@ -1,10 +1,11 @@
 //! Photographs and points that cannot be used: a few are left out, and told.
 
+use std::collections::HashSet;
 use std::io::ErrorKind;
 
 use super::error::Error;
 use super::model::Model;
-use super::{View, Warning, folder, range};
+use super::{View, Warning, folder, names, range};
 use crate::format::{Error as FileError, Tally};
 use crate::scene::Frame;
 
@@ -23,10 +24,24 @@ pub(super) fn names(model: &mut Model, strict: bool) -> Result<(), Error> {
     }
     model.keep_shots(&kept);
     model.warnings.extend(tally.end(&model.file, "images", model.shots.len())?.map(Warning::LeftOut));
-    match model.shots.iter().find(|shot| !folder::stays_inside(&shot.name)) {
-        Some(shot) => Err(Error::NameOutside { file: model.file.clone(), name: shot.name.clone() }),
-        None => Ok(()),
+    made_safe(model)
+}
+
+/// Names that lead out of the folder become those of results: of them the part that stays inside.
+fn made_safe(model: &mut Model) -> Result<(), Error> {
+    let outside = |name: &str| !folder::stays_inside(name) || names::leads_out(name);
+    if model.shots.iter().all(|shot| !outside(&shot.name)) {
+        return Ok(());
     }
+    let mut seen = HashSet::new();
+    for shot in &mut model.shots {
+        let safe = if outside(&shot.name) { names::made_safe(&shot.name) } else { shot.name.clone() };
+        if safe.is_empty() || !seen.insert(safe.clone()) {
+            return Err(Error::NameOutside { file: model.file.clone(), name: shot.name.clone() });
+        }
+        shot.name = safe;
+    }
+    Ok(())
 }
 
 /// The views of the photographs that can be used. Those of the others leave the model too.

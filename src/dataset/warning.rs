@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{Colourless, Format, PoseFault};
+use super::{Colourless, Format, PoseFault, Renamed};
 use crate::format::LeftOut;
 
 /// Other models are named up to this many.
@@ -122,10 +122,44 @@ pub enum Warning {
         /// Folders and images of the others.
         others: Vec<(String, u64)>,
     },
+    /// There are models in several places that are no parts of one reconstruction.
+    OtherPlaces {
+        /// The folder inside the dataset of the one that is used.
+        used: String,
+        /// The folders of the others.
+        others: Vec<String>,
+    },
+    /// The lists of a `transforms.json` (`train_filenames` and others) and its frames do not agree.
+    SplitLists {
+        /// Whether the lists are used all the same; they are not where nothing would be left to train on.
+        used: bool,
+        /// Names in the lists that no frame has.
+        unknown: usize,
+        /// The first of them, and its list.
+        first: Option<String>,
+        /// Frames in no list: they are not used.
+        in_none: usize,
+        /// Frames to train on that are to be held out too: they are held out.
+        in_both: usize,
+    },
+    /// Files were found whose names differ from those in the model.
+    OtherNames {
+        /// "photographs" or "masks".
+        what: &'static str,
+        /// How many there are in all.
+        of: usize,
+        /// How many differ by what.
+        renamed: Renamed,
+    },
     /// There is a folder of masks, and none belongs to a photograph.
     NoMaskMatches {
         /// The folder.
         folder: PathBuf,
+    },
+    /// There is a folder whose name is nearly that of the masks, and no folder of masks.
+    UnreadMasks {
+        /// The folder inside the dataset.
+        folder: String,
     },
     /// There are too few photographs to hold any out.
     NothingHeldOut {
@@ -281,9 +315,50 @@ impl fmt::Display for Warning {
                     named.join(", ")
                 )
             }
+            Self::OtherPlaces { used, others } => {
+                let named = others.iter().take(NAMED).cloned().collect::<Vec<String>>().join(", ");
+                let more = if others.len() > NAMED { ", ..." } else { "" };
+                write!(
+                    f,
+                    "the model in {used} is read; there are others, in {named}{more}, which are not. To read another one, leave that one \
+                     alone in the dataset, in sparse/0"
+                )
+            }
+            Self::SplitLists { used, unknown, first, in_none, in_both } => {
+                write!(
+                    f,
+                    "train_filenames, val_filenames and test_filenames of transforms.json do not fit the frames: "
+                )?;
+                let mut said = Vec::new();
+                if let Some(first) = first {
+                    said.push(format!("{unknown} names in them are no frame, the first {first}"));
+                }
+                if *in_none > 0 {
+                    said.push(format!("{in_none} frames are in none of them"));
+                }
+                if *in_both > 0 {
+                    said.push(format!("{in_both} frames are to be trained on and to be held out"));
+                }
+                let done = match used {
+                    true => "frames in none are not used, and frames in two are held out",
+                    false => "nothing would be left to train on, so the lists are not used",
+                };
+                write!(f, "{}; {done}", said.join(", "))
+            }
+            Self::OtherNames { what, of, renamed } => {
+                write!(
+                    f,
+                    "{} of {of} {what} have other names than the model says and were found all the same: {renamed}",
+                    renamed.count()
+                )
+            }
             Self::NoMaskMatches { folder } => {
                 write!(f, "{}: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)", folder.display())
             }
+            Self::UnreadMasks { folder } => write!(
+                f,
+                "the pictures in {folder} are not read: masks are looked for in masks; rename the folder if that is what these are"
+            ),
             Self::NoPoints { file } => {
                 match file {
                     Some(file) => write!(f, "{}: the model has no points. ", file.display())?,

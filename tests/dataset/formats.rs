@@ -467,7 +467,7 @@ fn truncated_and_foreign_files_are_named() {
     }
     let root = nerfstudio(&folder, true);
     fs::remove_file(root.path().join("sparse_pc.ply")).expect("removed");
-    complains(root.path(), &["sparse_pc.ply", "cannot open"]);
+    complains(root.path(), &["sparse_pc.ply", "ply_file_path", "is not there"]);
     fs::remove_file(root.path().join("images/b.png")).expect("removed");
     fs::write(root.path().join("sparse_pc.ply"), cloud(&folder, true)).expect("points");
     complains(root.path(), &["1 of 3 photographs are missing", "b.png"]);
@@ -489,7 +489,7 @@ fn masks_that_frames_name_are_used() {
     let mut value = transforms(&folder);
     value["frames"][1]["mask_path"] = json!("hidden/b_mask.png");
     write_json(&root.path().join("transforms.json"), &value);
-    complains(root.path(), &["b_mask.png", "cannot open"]);
+    complains(root.path(), &["b_mask.png", "mask_path of frame", "is not there"]);
     fs::create_dir_all(root.path().join("hidden")).expect("folder");
     image::GrayImage::new(24, 16).save(root.path().join("hidden/b_mask.png")).expect("mask");
     let dataset = load(root.path()).expect("loads");

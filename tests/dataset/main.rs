@@ -9,10 +9,13 @@ mod formats;
 mod frame;
 mod lenses;
 mod masks;
+mod names;
 mod pictures;
+mod places;
 mod points;
 mod poses;
 mod records;
+mod split_lists;
 mod supplies;
 mod text_models;
 
@@ -351,9 +354,14 @@ fn names_that_repeat_or_leave_the_folder_are_refused() {
     assert!(matches!(load(folder.dataset(false).path()), Err(Error::DuplicateName { name, .. }) if name == "a.png"));
     let mut folder = Folder::ring(&NAMES, [0.0; 3]);
     let root = folder.dataset(false);
-    folder.images[0].name = "../a.png".to_owned();
+    for name in ["../..", "/"] {
+        folder.images[0].name = name.to_owned();
+        folder.write(root.path(), &folder.binary());
+        assert!(matches!(load(root.path()), Err(Error::NameOutside { .. })), "results could not be named after it");
+    }
+    folder.images[0].name = "../b.png".to_owned();
     folder.write(root.path(), &folder.binary());
-    assert!(matches!(load(root.path()), Err(Error::NameOutside { .. })));
+    assert!(matches!(load(root.path()), Err(Error::NameOutside { .. })), "another photograph has the name");
 }
 
 #[test]

@@ -33,6 +33,16 @@ pub(super) fn is_in(dataset: &Path) -> bool {
     !Files::all(dataset).is_empty()
 }
 
+/// Whether a folder has a model in a place that no layout of COLMAP has.
+pub(super) fn is_elsewhere(dataset: &Path) -> bool {
+    !Files::elsewhere(dataset).is_empty()
+}
+
+/// Whether such a place is one where no other program leaves what it works with.
+pub(super) fn is_unusual(dataset: &Path) -> bool {
+    !Files::unusual(dataset).is_empty()
+}
+
 /// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for
 /// both kinds of files. Records that cannot be used are left out, or where it is `strict` an error.
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
@@ -68,7 +78,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         colourless,
         tracks,
         points_file: files.points,
-        images: None,
+        images: files.photographs,
         coordinates: None,
         warnings,
     })
@@ -100,6 +110,7 @@ fn shot(files: &Files, cameras: &Cameras, lenses: &mut BTreeMap<u32, Lens>, pose
         None => *lenses.entry(pose.camera).or_insert(intrinsics.lens(&files.cameras, pose.camera)?),
     };
     Ok(Shot {
+        file: pose.name.clone(),
         name: pose.name,
         camera: pose.camera.to_string(),
         model: intrinsics.model.to_owned(),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Closest;
-use crate::dataset::{self, Dataset, DecodeLimit, LoadOptions, Photograph, Role, Split};
+use crate::dataset::{self, Dataset, DecodeLimit, LoadOptions, Names, Photograph, Role, Split};
 use crate::format;
 use crate::format::image_out::{read_depth_within, read_normals_within};
 use crate::format::ply::Mesh;
@@ -81,30 +81,30 @@ pub struct GeometryTruth {
 impl GeometryTruth {
     /// Looks for ground truth in the folder of a dataset; `options` are those that it was loaded with.
     pub fn find(dataset: &Dataset, options: &LoadOptions) -> Result<Self, GeometryError> {
-        let beside = |root: &Path, kind: &str, name: &str| {
-            Some(root.join(kind).join(Path::new(name).with_extension("exr"))).filter(|file| file.is_file())
-        };
         let limit = DecodeLimit::new(options.host_memory);
-        let maps = |root: &Path, view: &dataset::View| {
-            let camera = dataset.frame.camera_to_scene(&view.camera);
-            let depth = beside(root, "depth", &view.name)?;
-            Some(Maps { camera, depth, normals: beside(root, "normal", &view.name), limit })
+        let maps = |root: &Path, views: &[&dataset::View]| -> Vec<Option<Maps>> {
+            let [depths, normals] = ["depth", "normal"].map(|kind| beside(&root.join(kind), views));
+            let cameras = views.iter().map(|view| dataset.frame.camera_to_scene(&view.camera));
+            let all = cameras.zip(depths).zip(normals);
+            all.map(|((camera, depth), normals)| Some(Maps { camera, depth: depth?, normals, limit })).collect()
         };
         let folder = dataset.path.join("offpath");
         let mut offpath = Vec::new();
         if folder.is_dir() {
             let options = LoadOptions { split: Split::None, format: None, images_folder: None, ..options.clone() };
             let others = Dataset::load(&folder, &options)?;
-            offpath.extend(others.views.into_iter().map(|view| Offpath {
+            let maps = maps(&folder, &others.views.iter().collect::<Vec<_>>());
+            offpath.extend(others.views.into_iter().zip(maps).map(|(view, maps)| Offpath {
                 camera: dataset.frame.camera_to_scene(&view.camera),
-                maps: maps(&folder, &view),
+                maps,
                 view,
             }));
         }
+        let held_out: Vec<&dataset::View> = dataset.views_of(Role::HeldOut).map(|(_, view)| view).collect();
         Ok(Self {
             frame: dataset.frame,
             extent: dataset.extent,
-            views: dataset.views_of(Role::HeldOut).filter_map(|(_, view)| maps(&dataset.path, view)).collect(),
+            views: maps(&dataset.path, &held_out).into_iter().flatten().collect(),
             offpath,
             surface: Some(dataset.path.join("surface.ply")).filter(|file| file.is_file()),
         })
@@ -119,6 +119,15 @@ impl GeometryTruth {
     pub(super) fn surface(&self) -> Result<Option<Closest>, GeometryError> {
         self.surface.as_deref().map(|file| Ok(Closest::new(&Mesh::read(file)?))).transpose()
     }
+}
+
+/// The map of each view in a folder of them, under the view's name or one that differs a little.
+fn beside(folder: &Path, views: &[&dataset::View]) -> Vec<Option<PathBuf>> {
+    let name = |view: &&dataset::View| vec![Path::new(&view.name).with_extension("exr").to_string_lossy().into_owned()];
+    let names: Vec<Vec<String>> = views.iter().map(name).collect();
+    let is_map = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let found = Names::look_up(folder, &names, is_map);
+    found.into_iter().map(|found| found.into_file().map(|file| folder.join(file))).collect()
 }
 
 impl Maps {
