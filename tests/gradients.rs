@@ -309,14 +309,10 @@ fn a_colour_at_its_lower_bound_has_the_gradient_that_raises_it_and_no_other() {
             g.row[6 + channel] = sign;
             let got = project_backward(&splat, &view, here.color, &g).to_array();
             let passes = lit || black_learns && sign < 0.0;
-            for k in 0..PARAMETERS {
+            for (k, got) in got.into_iter().enumerate() {
                 let slope = difference(&splat, k, 1e-4, &mut |moved| lifted(moved))[channel];
                 let want = if passes { sign * slope } else { 0.0 };
-                assert!(
-                    (got[k] - want).abs() < 1e-6 * (1.0 + want.abs()),
-                    "{case}, {channel}, {k}: {} for {want}",
-                    got[k]
-                );
+                assert!((got - want).abs() < 1e-6 * (1.0 + want.abs()), "{case}, {channel}, {k}: {} for {want}", got);
             }
         }
     }

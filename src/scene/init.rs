@@ -50,9 +50,7 @@ pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaus
     out.quats.chunks_exact_mut(4).for_each(|q| q[0] = 1.0);
     paint(&mut out, &points.iter().map(|(_, colour)| *colour).collect::<Vec<_>>());
     for (i, position) in positions.iter().enumerate() {
-        for k in 0..3 {
-            out.means[3 * i + k] = position[k] as f32;
-        }
+        out.means[3 * i..3 * i + 3].copy_from_slice(&position.map(|v| v as f32));
     }
     for (scale, ln) in out.scales.chunks_exact_mut(3).zip(log_scales(&positions)) {
         scale.fill(ln as f32);

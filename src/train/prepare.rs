@@ -167,8 +167,11 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
     Ok(First { splats, uncoloured, left_out })
 }
 
+/// A position in dataset coordinates and an 8-bit colour.
+type ColouredPoint = ([f64; 3], [u8; 3]);
+
 /// The points of a cloud with their colours, grey where there are none, and what is to be said of these.
-fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<([f64; 3], [u8; 3])>, Option<Colourless>) {
+fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<ColouredPoint>, Option<Colourless>) {
     let why = match cloud.colors.is_empty() {
         true => Some(NoColours::with_properties(&cloud.unknown)),
         false => NoColours::of_colours(cloud.colors.iter().copied()),
