@@ -35,6 +35,8 @@ mod other_trainers;
 mod others_files;
 #[path = "commands/run.rs"]
 mod run;
+#[path = "commands/scoring.rs"]
+mod scoring;
 #[path = "commands/second_driver.rs"]
 mod second_driver;
 #[path = "commands/signals.rs"]
