@@ -44,6 +44,35 @@ fn write(folder: &Path, name: &str, text: &str) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
+/// Names come from strangers: what a terminal obeys in them is spelled.
+#[cfg(unix)]
+#[test]
+fn names_with_escape_sequences_are_spelled_in_messages() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let name = "a\u{1b}]0;title\u{7}\u{202e}gpj\r\npsrgs-vk: all is well";
+    let inside = root.path().join(name);
+    std::fs::create_dir_all(inside.join("more")).expect("folder");
+    let out = root.path().join("out");
+    for args in [
+        ["train", inside.to_str().expect("text"), "--out", out.to_str().expect("text")],
+        ["train", "x", "--split", name],
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(args).output().expect("a process");
+        let said = String::from_utf8(output.stderr).expect("text");
+        // Of wrong values the parser of arguments takes such sequences out itself.
+        assert!(said.contains("\\u202egpj\\u000d"), "{said}");
+        assert!(args[1] == "x" || said.contains("\\u001b]0;title\\u0007"), "{said}");
+        assert!(!said.contains(['\u{1b}', '\u{7}', '\u{202e}', '\r']), "{said:?}");
+        assert_eq!(said.lines().filter(|line| line.starts_with("psrgs-vk:")).count(), 1, "{said}");
+    }
+}
+
+#[test]
+fn forgotten_units_and_splits_that_leave_nothing_are_told() {
+    fails(&["train", "x", "--out", "y", "--max-device-memory", "8"], 2, &["8 bytes", "8GiB"]);
+    fails(&["train", "x", "--out", "y", "--split", "every:1"], 2, &["every:1", "every:8", "none to train on"]);
+}
+
 #[test]
 fn every_command_explains_itself() {
     let help = psrgs(&["--help"]);

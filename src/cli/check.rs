@@ -141,7 +141,9 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     if let Some(preset) = preset {
         console.say(preset);
     }
-    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { told(&found) };
+    // The error of the command is said last, and not here too.
+    let said = usize::from(missing.is_some());
+    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { told(&found, said) };
     console::print(&text)?;
     match (missing, found.problems.len()) {
         (Some(error), _) => Err(error),
@@ -263,7 +265,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-fn told(found: &Found) -> String {
+/// As text, without the first `said` problems.
+fn told(found: &Found, said: usize) -> String {
     let mut rows: Vec<(&str, String)> = vec![("format", found.format.to_string())];
     let folder = found.folder.as_ref().map(|f| format!(", in {}", f.display())).unwrap_or_default();
     let counts = (found.photographs, found.train, found.held_out);
@@ -298,7 +301,8 @@ fn told(found: &Found) -> String {
     }
     rows.extend(found.training.iter().flat_map(Training::rows));
     let mut text: String = rows.iter().map(|(name, value)| format!("{name:<14}{value}\n")).collect();
-    match found.problems.as_slice() {
+    match found.problems.get(said..).unwrap_or_default() {
+        [] if said > 0 => {}
         [] => text.push_str("no problems\n"),
         problems => problems.iter().for_each(|problem| text.push_str(&format!("problem: {problem}\n"))),
     }

@@ -10,6 +10,7 @@ use anyhow::Context as _;
 use psrgs_vk::vk::Messages;
 
 use super::exit::Failure;
+use super::plain;
 
 /// How much is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,7 +73,7 @@ impl Console {
 
 /// A closed standard error is no reason to stop a training run, so the outcome of writing is dropped.
 fn line(text: &dyn Display) {
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", plain::message(&text.to_string()));
 }
 
 /// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a reader that reads no
@@ -100,7 +101,7 @@ pub(crate) fn error(text: impl Display, remedies: &[String]) {
 /// Writes a result to standard output.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    let written = out.write_all(plain::plain(text).as_bytes()).and_then(|()| out.flush());
     written.context(Failure::Output("standard output".to_owned()))
 }
 

@@ -27,6 +27,7 @@ mod out_folder;
 mod outputs;
 mod passes;
 mod pictures;
+mod plain;
 mod presets;
 mod progress;
 mod render;
@@ -99,10 +100,13 @@ fn program() -> clap::Command {
 /// Runs the command and turns its outcome into an exit code and, for an error, a message on standard error.
 pub(crate) fn main() -> ExitCode {
     let started = Instant::now();
-    let matches = program().get_matches();
+    let matches = match program().try_get_matches() {
+        Ok(matches) => matches,
+        Err(error) => wrong_arguments(&error),
+    };
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
-        Err(error) => error.exit(),
+        Err(error) => wrong_arguments(&error),
     };
     let level = match (cli.quiet, cli.verbose) {
         (true, _) => Level::Quiet,
@@ -119,6 +123,16 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(exit::code(&error))
         }
     }
+}
+
+/// Ends the program over its arguments, which may be names that a shell has put there.
+fn wrong_arguments(error: &clap::Error) -> ! {
+    let text = error.render().to_string();
+    if error.use_stderr() && plain::plain(&text) != text {
+        console::error(text.trim_end().trim_start_matches("error: "), &[]);
+        std::process::exit(error.exit_code())
+    }
+    error.exit()
 }
 
 /// That the validation layer, where it was asked to watch, has had nothing to say until all was closed.

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanBytes, HumanCount, HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
+use super::plain::plain;
 
 /// Steps after which the estimate of the whole run is told.
 const ESTIMATE_AFTER: u32 = 50;
@@ -54,7 +55,7 @@ impl Progress {
         }
         let status = self.status(step, loss, splats);
         self.bar.set_position(u64::from(step));
-        self.bar.set_message(status.clone());
+        self.bar.set_message(plain(&status).into_owned());
         let due = step == self.first + 1
             || step == self.total
             || step.is_multiple_of((self.total / 20).max(1))
@@ -136,7 +137,7 @@ pub(crate) fn counter(console: &Console, total: usize, what: &str) -> ProgressBa
     let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}");
     ProgressBar::with_draw_target(Some(total as u64), target)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-        .with_message(what.to_owned())
+        .with_message(plain(what).into_owned())
 }
 
 /// A speed in the unit that reads best.

@@ -45,8 +45,7 @@ pub fn page(title: &str, finished: &[Finished]) -> String {
 fn tables(out: &mut String, text: &str) {
     let mut inside = false;
     for line in text.lines() {
-        let cells: Option<Vec<&str>> =
-            line.strip_prefix('|').and_then(|l| l.strip_suffix('|')).map(|l| l.split('|').map(str::trim).collect());
+        let cells = line.strip_prefix('|').and_then(|l| l.strip_suffix('|')).map(cells);
         match cells {
             Some(cells) if cells.iter().all(|c| !c.is_empty() && c.chars().all(|c| c == '-')) => {}
             Some(cells) => {
@@ -57,7 +56,7 @@ fn tables(out: &mut String, text: &str) {
                 inside = true;
                 out.push_str("<tr>");
                 for cell in cells {
-                    let _ = write!(out, "<{tag}>{}</{tag}>", escape(cell));
+                    let _ = write!(out, "<{tag}>{}</{tag}>", escape(&cell));
                 }
                 out.push_str("</tr>\n");
             }
@@ -75,6 +74,25 @@ fn tables(out: &mut String, text: &str) {
     if inside {
         out.push_str("</table>\n");
     }
+}
+
+/// The cells of a row of a Markdown table, as text: what is escaped with `\` in it is not.
+fn cells(row: &str) -> Vec<String> {
+    let (mut out, mut cell, mut chars) = (Vec::new(), String::new(), row.chars());
+    while let Some(c) = chars.next() {
+        match c {
+            '\\' => cell.extend(chars.next()),
+            '|' => out.push(std::mem::take(&mut cell).trim().to_owned()),
+            c => cell.push(c),
+        }
+    }
+    out.push(cell.trim().to_owned());
+    out
+}
+
+/// Digits after the point with which labels that are a step apart differ evenly.
+fn digits(step: f64) -> usize {
+    (1.0 - step.log10().floor()).clamp(0.0, 6.0) as usize
 }
 
 /// PSNR against a number, a point for each run, those of a method joined in the order of their splats where they were limited.
@@ -97,6 +115,7 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
     let (y0, y1) = range(&mut points.iter().map(|p| p.2));
     let sx = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
     let sy = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0) * (HEIGHT - TOP - BOTTOM);
+    let (x_digits, y_digits) = (digits((x1 - x0) / 4.0), digits((y1 - y0) / 4.0).max(2));
     for k in 0..=4 {
         let share = f64::from(k) / 4.0;
         let (x, y) = (x0 + share * (x1 - x0), y0 + share * (y1 - y0));
@@ -104,7 +123,7 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
         let _ = write!(
             out,
             "<path d=\"M{px:.1} {TOP}V{bottom}M{LEFT} {py:.1}H{}\" stroke=\"#ddd\"/><text x=\"{px:.1}\" y=\"{}\" \
-             text-anchor=\"middle\">{x:.0}</text><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{y:.2}</text>",
+             text-anchor=\"middle\">{x:.x_digits$}</text><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{y:.y_digits$}</text>",
             WIDTH - RIGHT,
             bottom + 16.0,
             LEFT - 4.0,
@@ -140,4 +159,24 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
         );
     }
     out + "</svg>"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_an_axis_differ_evenly() {
+        for (low, high) in [(1.0, 3.0), (0.9, 3.2), (20.0, 20.3), (5.0, 900.0), (1e5, 1.00004e5)] {
+            let (step, digits) = ((high - low) / 4.0, digits((high - low) / 4.0));
+            let labels: Vec<f64> =
+                (0..=4).map(|k| format!("{:.digits$}", low + f64::from(k) * step).parse().unwrap()).collect();
+            assert!(labels.windows(2).all(|w| ((w[1] - w[0]) / step - 1.0).abs() < 0.11), "{labels:?}");
+        }
+    }
+
+    #[test]
+    fn names_with_bars_stay_in_their_cells() {
+        assert_eq!(cells(" a\\|b | \\`c\\\\ | 1 "), ["a|b", "`c\\", "1"]);
+    }
 }

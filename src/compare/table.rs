@@ -112,7 +112,7 @@ pub fn markdown(finished: &[Finished]) -> String {
     out.push('\n');
     for s in summaries(finished) {
         let size = if let Size::Percent(share) = s.size { format!(", {share} % of 3dgs") } else { String::new() };
-        let _ = write!(out, "| {} | {}{size} | {} |", s.scene, s.label, s.seeds);
+        let _ = write!(out, "| {} | {}{size} | {} |", cell(&s.scene), cell(&s.label), s.seeds);
         for ((_, digits, _), value) in COLUMNS.iter().zip(&s.values) {
             let _ = write!(out, " {} |", value.map_or(String::new(), |v| v.shown(*digits, s.seeds)));
         }
@@ -138,7 +138,12 @@ fn differences(finished: &[Finished]) -> String {
     for base in bases {
         let _ = write!(
             out,
-            "\nAgainst {base}: mean of the paired differences over scenes and seeds with its 95 % interval.\n\n| method | pairs |"
+            "\nAgainst {}: {}.\n\n| method | pairs |",
+            cell(base),
+            match labels.iter().filter(|label| **label != base).map(|label| pairs(&own, label, base).len()).max() {
+                Some(2..) => "mean of the paired differences over scenes and seeds with its 95 % interval",
+                _ => "difference of one pair, which has no interval",
+            }
         );
         let _ = writeln!(
             out,
@@ -146,7 +151,7 @@ fn differences(finished: &[Finished]) -> String {
         );
         for label in labels.iter().filter(|label| **label != base) {
             let pairs = pairs(&own, label, base);
-            let _ = write!(out, "| {label} | {} |", pairs.len());
+            let _ = write!(out, "| {} | {} |", cell(label), pairs.len());
             for (column, digits) in [(0, 2), (1, 4), (2, 4), (3, 4), (5, 2)] {
                 let number = COLUMNS[column].2;
                 let each: Vec<f64> = pairs.iter().filter_map(|(a, b)| Some(number(a)? - number(b)?)).collect();
@@ -187,6 +192,27 @@ fn ratio(pairs: &[(&Finished, &Finished)], number: impl Fn(&Finished) -> f64) ->
     format!("{:.2}", (logs.iter().sum::<f64>() / logs.len() as f64).exp())
 }
 
+/// A name as text in a cell of a Markdown table: nothing in it is markup, and it stays in its line.
+fn cell(name: &str) -> String {
+    let mut out = String::with_capacity(name.len());
+    for c in name.chars() {
+        match c {
+            '|' | '`' | '*' | '_' | '\\' | '[' | ']' | '<' | '>' => out.extend(['\\', c]),
+            c if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A name as a field of a CSV file (RFC 4180).
+fn quoted(name: &str) -> String {
+    match name.contains(['"', ',', '\n', '\r']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name.to_owned(),
+    }
+}
+
 /// A line per run.
 pub fn csv(finished: &[Finished]) -> String {
     let mut out = String::from("scene,method,percent_of_3dgs,seed");
@@ -196,7 +222,8 @@ pub fn csv(finished: &[Finished]) -> String {
     out.push('\n');
     for f in finished {
         let percent = if let Size::Percent(share) = f.run.size { share.to_string() } else { String::new() };
-        let _ = write!(out, "{},{},{percent},{}", f.run.scene, f.run.label, f.run.seed);
+        let (scene, label) = (quoted(&f.run.scene), quoted(&f.run.label));
+        let _ = write!(out, "{scene},{label},{percent},{}", f.run.seed);
         for (_, _, number) in COLUMNS {
             let _ = write!(out, ",{}", number(f).map_or(String::new(), |v| v.to_string()));
         }
@@ -225,6 +252,22 @@ mod tests {
                 "seconds_per_iteration": 0.1, "peak_device_bytes": 1, "peak_host_bytes": null, "images": []}}"#
         );
         Finished { run, metrics: serde_json::from_str(&text).unwrap(), seconds: 3.0 }
+    }
+
+    #[test]
+    fn names_stay_in_their_cells() {
+        let all = [finished("a|b\n`c`", "3dgs", 0, 20.0, 1), finished("a, \"b\"\nc", "lean", 0, 20.0, 1)];
+        let text = markdown(&all);
+        assert!(text.contains("| a\\|b \\`c\\` | 3dgs | 1 |"), "{text}");
+        let csv = csv(&all);
+        assert!(csv.contains("\n\"a|b\n`c`\",3dgs,") && csv.contains("\n\"a, \"\"b\"\"\nc\",lean,"), "{csv}");
+    }
+
+    #[test]
+    fn one_pair_has_no_interval() {
+        let all = [finished("a", "3dgs", 0, 20.0, 100), finished("a", "lean", 0, 21.0, 50)];
+        let text = markdown(&all);
+        assert!(text.contains("| lean | 1 | +1.00 |") && !text.contains("95 %"), "{text}");
     }
 
     #[test]

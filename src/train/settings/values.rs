@@ -160,6 +160,9 @@ impl FromStr for Split {
             "test" => Ok(Self::Test),
             "val" => Ok(Self::Val),
             "none" => Ok(Self::None),
+            "every:1" => Err("`every:1` would hold out every photograph and leave none to train on: every:N needs an N of 2 or more, as \
+                              every:8, and none is held out with `none`"
+                .to_owned()),
             _ => word.strip_prefix("every:").and_then(every).ok_or_else(|| {
                 format!("no split `{word}`: it is test, val, none, or every:N or every:N:FIRST (such as every:8:4)")
             }),
@@ -252,11 +255,22 @@ impl fmt::Display for ByteSize {
     }
 }
 
+/// Sizes below are a number whose unit was forgotten.
+const FEWEST_BYTES: u64 = 4096;
+
 impl FromStr for ByteSize {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
         let wrong = || format!("`{word}` is no size in bytes: write 6GiB, 800M or plain digits");
-        byte_size::parse(word).map(Self).ok_or_else(wrong)
+        let bytes = byte_size::parse(word).ok_or_else(wrong)?;
+        // A number of gigabytes without its unit is the usual slip, and nothing works with so few bytes.
+        if bytes < FEWEST_BYTES {
+            let digits = word.trim_end_matches(|c: char| !c.is_ascii_digit());
+            return Err(format!(
+                "`{word}` is {bytes} bytes, which nothing fits into: a size needs its unit, as {digits}GiB or {digits}MiB"
+            ));
+        }
+        Ok(Self(bytes))
     }
 }
 
