@@ -24,7 +24,7 @@ pub struct Outcome {
 
 /// Trains on a COLMAP folder and writes the model, in the dataset's units and axes.
 pub fn train(gpu: &Gpu, data: &Path, model: &Path, settings: &Settings) -> Result<Outcome, Box<dyn Error>> {
-    let dataset = Dataset::load(data, &prepare::load_options_of(&settings))?;
+    let dataset = Dataset::load(data, &prepare::load_options_of(settings))?;
     let input = prepare::input(&dataset, settings)?;
     let mut trainer = Trainer::new(gpu, input, settings, Pacing::default(), None)?;
     let (mut psnr, mut steps) = (None, 0);

@@ -410,7 +410,7 @@ fn the_demo_writes_a_dataset_and_leaves_other_folders_alone() {
         assert!(out.join(file).exists(), "no {file}");
     }
     std::fs::remove_file(out.join("world.toml")).expect("removed");
-    fails(&["demo", "--out", name, "--no-train"], 2, &["choose another --out"]);
+    fails(&["demo", "--out", name, "--no-train"], 2, &["choose another folder"]);
     fails(&["demo", "--out", name, "--images", "0"], 2, &[]);
     let file = write(folder.path(), "file", "");
     fails(&["demo", "--out", &format!("{file}/x"), "--images", "1", "--no-train"], 8, &["cannot write"]);

@@ -60,7 +60,9 @@ fn a_held_out_photograph_of_noise_changes_its_score_and_nothing_else() {
         let read = |out: &Path| fs::read(out.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"));
         assert!(read(&plain) == read(&noisy), "{file} depends on the pixels of a held-out photograph");
     };
-    ["point_cloud.ply", "exposures.json", "renders/view_0000.render.png", "renders/view_0008.render.png"].map(same);
+    ["point_cloud.ply", "exposures.json", "renders/view_0000.render.png", "renders/view_0008.render.png"]
+        .into_iter()
+        .for_each(same);
     let psnr = |metrics: &serde_json::Value, k: usize| metrics["images"][k]["psnr"].as_f64().expect("a number");
     assert_eq!(metrics["images"][0]["name"], "view_0000.jpg");
     let (of_noise, of_photograph) = (psnr(&metrics_of_noise, 0), psnr(&metrics, 0));

@@ -39,7 +39,7 @@ impl Coarse {
     /// Of a photograph of a camera's size; `None` where the pixels are not as many.
     pub(in crate::dataset) fn of(pixels: &Pixels, camera: &Camera) -> Option<Self> {
         let (width, height) = (camera.width as usize, camera.height as usize);
-        if width * height != pixels.len() || pixels.len() == 0 {
+        if width * height == 0 || width * height != pixels.len() {
             return None;
         }
         let scale = (f64::from(SIDE) / f64::from(camera.width.max(camera.height))).min(1.0);
@@ -96,10 +96,13 @@ impl Coarse {
     }
 }
 
+/// Mean colour of points in a cell, and that of the photograph there.
+type Pair = ([f64; 3], [f64; 3]);
+
 /// Of the channels together, the mean of each taken off.
-fn correlation(pairs: &[([f64; 3], [f64; 3])]) -> f64 {
+fn correlation(pairs: &[Pair]) -> f64 {
     let n = pairs.len() as f64;
-    let mean = |of: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+    let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / n;
     let (mut both, mut first, mut second) = (0.0, 0.0, 0.0);
     for k in 0..3 {
         let (a, b) = (mean(&|p| p.0[k]), mean(&|p| p.1[k]));
