@@ -256,7 +256,9 @@ mod tests {
 
     #[test]
     fn names_stay_in_their_cells() {
-        let all = [finished("a|b\n`c`", "3dgs", 0, 20.0, 1), finished("a, \"b\"\nc", "lean", 0, 20.0, 1)];
+        let mut all = [finished("a", "3dgs", 0, 20.0, 1), finished("a", "lean", 0, 20.0, 1)];
+        all[0].run.scene = "a|b\n`c`".into();
+        all[1].run.scene = "a, \"b\"\nc".into();
         let text = markdown(&all);
         assert!(text.contains("| a\\|b \\`c\\` | 3dgs | 1 |"), "{text}");
         let csv = csv(&all);

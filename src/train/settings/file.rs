@@ -236,9 +236,14 @@ mod tests {
 
     #[test]
     fn sizes_are_read_in_every_usual_spelling() {
-        for (word, bytes) in
-            [("6GiB", 6 << 30), ("800M", 800 << 20), ("1.5g", 3 << 29), ("2 kb", 2048), ("123", 123), ("1TB", 1 << 40)]
-        {
+        for (word, bytes) in [
+            ("6GiB", 6 << 30),
+            ("800M", 800 << 20),
+            ("1.5g", 3 << 29),
+            ("2 kb", 2048),
+            ("123456", 123_456),
+            ("1TB", 1 << 40),
+        ] {
             assert_eq!(word.parse::<ByteSize>().unwrap().0, bytes, "{word}");
             assert_eq!(ByteSize(bytes).to_string().parse::<ByteSize>().unwrap().0, bytes, "{word}");
         }

@@ -264,10 +264,9 @@ impl FromStr for ByteSize {
         let wrong = || format!("`{word}` is no size in bytes: write 6GiB, 800M or plain digits");
         let bytes = byte_size::parse(word).ok_or_else(wrong)?;
         // A number of gigabytes without its unit is the usual slip, and nothing works with so few bytes.
-        if bytes < FEWEST_BYTES {
-            let digits = word.trim_end_matches(|c: char| !c.is_ascii_digit());
+        if bytes < FEWEST_BYTES && word.ends_with(|c: char| c.is_ascii_digit()) {
             return Err(format!(
-                "`{word}` is {bytes} bytes, which nothing fits into: a size needs its unit, as {digits}GiB or {digits}MiB"
+                "`{word}` is {bytes} bytes, which nothing fits into: a size needs its unit, as {word}GiB or {word}MiB"
             ));
         }
         Ok(Self(bytes))
