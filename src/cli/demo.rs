@@ -80,6 +80,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
             overwrite: true,
             preset: None,
             lose_device_at: None,
+            keep_no_photographs: false,
         },
         interrupt,
         console,

@@ -226,7 +226,15 @@ mod tests {
 
     fn plan(out: &Path) -> Plan {
         let (settings, out) = (Settings::default(), out.to_owned());
-        Plan { settings, out, resume: false, overwrite: false, preset: None, lose_device_at: None }
+        Plan {
+            settings,
+            out,
+            resume: false,
+            overwrite: false,
+            preset: None,
+            lose_device_at: None,
+            keep_no_photographs: false,
+        }
     }
 
     fn refused(plan: &Plan) -> (u8, String) {

@@ -71,6 +71,10 @@ pub(crate) struct Args {
     #[cfg(debug_assertions)]
     #[arg(long, value_name = "STEP", hide = true)]
     pub(crate) lose_device_at: Option<u32>,
+    /// For tests: each photograph is read again in each step that looks at it, as where memory holds none
+    #[cfg(debug_assertions)]
+    #[arg(long, hide = true)]
+    pub(crate) keep_no_photographs: bool,
     #[command(flatten)]
     pub(crate) settings: Settings,
 }
@@ -93,6 +97,8 @@ pub(crate) struct Plan {
     pub(crate) preset: Option<String>,
     /// For tests: the step after which the device is as if lost.
     pub(crate) lose_device_at: Option<u32>,
+    /// For tests: whether photographs are read again in each step.
+    pub(crate) keep_no_photographs: bool,
 }
 
 impl Args {
@@ -163,11 +169,12 @@ impl Args {
         let weights = &mut settings.scoring.perceptual_weights;
         *weights = weights.as_ref().map(absolute).transpose()?;
         #[cfg(debug_assertions)]
-        let lose_device_at = self.lose_device_at;
+        let (lose_device_at, keep_no_photographs) = (self.lose_device_at, self.keep_no_photographs);
         #[cfg(not(debug_assertions))]
-        let lose_device_at = None;
+        let (lose_device_at, keep_no_photographs) = (None, false);
         let overwrite = self.overwrite;
-        Ok(Plan { settings, out, resume: self.resume.is_some(), overwrite, preset, lose_device_at })
+        let resume = self.resume.is_some();
+        Ok(Plan { settings, out, resume, overwrite, preset, lose_device_at, keep_no_photographs })
     }
 }
 

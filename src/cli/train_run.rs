@@ -35,7 +35,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     let mut lpips = Lpips::find(&plan.settings.scoring, console)?;
     let restart = resume::restart(plan, &folder, console)?;
     let gpu = device::open(&plan.settings.device, false, console)?;
-    let beginning = Beginning::prepare(&plan.settings, &gpu, &dataset, lpips.weights(), restart, console)?;
+    let beginning = Beginning::prepare(plan, &gpu, &dataset, lpips.weights(), restart, console)?;
     told_before::beginning(&beginning, &dataset, console);
     told_before::demands(&beginning, &gpu, console)?;
 

@@ -25,6 +25,8 @@ fn saved(out: &Path) -> u64 {
     found.step
 }
 
+/// Optimised builds have no option to keep no photographs.
+#[cfg(debug_assertions)]
 #[test]
 fn photographs_that_go_away_end_a_training_that_reads_them_again() {
     let Some(shared) = shared() else { return };
@@ -50,7 +52,7 @@ fn photographs_that_go_away_end_a_training_that_reads_them_again() {
         let (images, out) = (data.path().join("images"), data.path().join("run"));
         let mut args = with(shared.train(&out), &SAVES);
         args[1] = text(data.path()).to_owned();
-        let mut running = Running::new(&strs(&with(args, &["--host-memory", "1M"])));
+        let mut running = Running::new(&strs(&with(args, &["--keep-no-photographs"])));
         running.until("step 15: saved");
         damage(&images);
         let (code, said) = running.end();

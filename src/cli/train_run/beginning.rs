@@ -18,6 +18,7 @@ use super::told_before;
 use crate::cli::console::Console;
 use crate::cli::device;
 use crate::cli::exit::Failure;
+use crate::cli::train::Plan;
 
 /// What a training begins with.
 pub(super) struct Beginning {
@@ -38,14 +39,14 @@ pub(super) struct Beginning {
 impl Beginning {
     /// Gets everything ready, and tells of it on the way.
     pub(super) fn prepare(
-        settings: &Settings,
+        plan: &Plan,
         gpu: &Gpu,
         dataset: &Dataset,
         weights: Option<Arc<LpipsWeights>>,
         restart: Option<Restart>,
         console: &Console,
     ) -> anyhow::Result<Self> {
-        let mut beginning = Self::with_photographs(settings, gpu, dataset, restart, console)?;
+        let mut beginning = Self::with_photographs(plan, gpu, dataset, restart, console)?;
         beginning.take_weights(weights, console);
         beginning.look_for_depths(gpu, dataset, console)?;
         // A run that goes on has decided.
@@ -58,12 +59,13 @@ impl Beginning {
 
     /// Takes in the photographs, as far as the host's memory keeps them, and the first splats.
     fn with_photographs(
-        settings: &Settings,
+        plan: &Plan,
         gpu: &Gpu,
         dataset: &Dataset,
         restart: Option<Restart>,
         console: &Console,
     ) -> anyhow::Result<Self> {
+        let settings = &plan.settings;
         let First { splats: initial, uncoloured, left_out } = match &restart {
             // Its splats are those of the checkpoint: the file of the first ones may be gone.
             Some(_) if settings.run.init.is_some() => {
@@ -73,8 +75,11 @@ impl Beginning {
         };
         left_out.iter().for_each(|left_out| console.warn(left_out));
         let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
-        let host = host_plan(gpu, dataset, settings, splats)?;
+        let mut host = host_plan(gpu, dataset, settings, splats)?;
         host.check()?;
+        if plan.keep_no_photographs {
+            host.share.keep = 0;
+        }
         console.say(host);
         let mut input = prepare::input_within(dataset, initial, host.share)?;
         if let (Some(points), None) = (uncoloured, &restart) {
