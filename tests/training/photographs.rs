@@ -226,7 +226,7 @@ fn a_photograph_that_goes_missing_on_the_way_ends_the_training_with_its_name() {
             Err(error) => break error.to_string(),
         }
     };
-    assert!(error.contains("view_") && error.contains("read"), "{error}");
+    assert!(error.contains("view_") && error.contains("No such file"), "{error}");
 }
 
 #[test]
