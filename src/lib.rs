@@ -72,6 +72,7 @@ pub mod eval;
 pub mod format;
 mod host_memory;
 pub mod losses;
+pub mod numbers;
 pub mod pass;
 pub mod perceptual;
 pub mod raster;

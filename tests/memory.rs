@@ -161,7 +161,7 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     let error = Trainer::new(&gpu, input, &settings(3), Pacing::default(), None).err().expect("no room");
     let text = error.to_string();
     assert!(matches!(error, Error::MemoryLimit { saved: None, .. }), "{text}");
-    for word in ["2000 splats to begin with", "MiB", "the limit is 1.0 MiB", "--max-device-memory", "--max-side"] {
+    for word in ["2,000 splats to begin with", "MiB", "the limit is 1.0 MiB", "--max-device-memory", "--max-side"] {
         assert!(text.contains(word), "{text}");
     }
 }

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use psrgs_vk::bench::{self, Options};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::Frame;
 use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Shortcuts, SteppingForms};
 use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
@@ -190,10 +191,10 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
         return console::print(&listing::text(&commands));
     }
     console.say(format_args!(
-        "{} splats, {} training photographs; {} steps to warm up, {} timed",
-        input.initial.len(),
-        input.train.len(),
-        args.warm_up,
+        "{}, {}; {} to warm up, {} timed",
+        counted(input.initial.len(), "splat"),
+        counted(input.train.len(), "training photograph"),
+        counted(args.warm_up, "step"),
         args.steps
     ));
     let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use psrgs_vk::dataset::{self, Dataset, Format, HostShare, PoseFault, Role, Supply, Warning};
+use psrgs_vk::numbers::{counted, fraction, grouped, percent};
 use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
     BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
@@ -269,8 +270,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn told(found: &Found, said: usize) -> String {
     let mut rows: Vec<(&str, String)> = vec![("format", found.format.to_string())];
     let folder = found.folder.as_ref().map(|f| format!(", in {}", f.display())).unwrap_or_default();
-    let counts = (found.photographs, found.train, found.held_out);
-    rows.push(("photographs", format!("{}: {} to train on, {} held out{folder}", counts.0, counts.1, counts.2)));
+    let counts = [found.photographs, found.train, found.held_out].map(grouped);
+    rows.push(("photographs", format!("{}: {} to train on, {} held out{folder}", counts[0], counts[1], counts[2])));
     for group in &found.cameras {
         let (disk, size) = (group.size_on_disk, group.size);
         let how = match (group.undistorted, disk == size) {
@@ -278,26 +279,30 @@ fn told(found: &Found, said: usize) -> String {
             (false, false) => format!(", reduced to {}x{}", size.0, size.1),
             (false, true) => String::new(),
         };
-        rows.push(("camera", format!("{}, {}x{}{how}: {} views", group.model, disk.0, disk.1, group.views)));
+        rows.push(("camera", format!("{}, {}x{}{how}: {}", group.model, disk.0, disk.1, counted(group.views, "view"))));
     }
     rows.extend(found.deep.iter().map(|line| ("depth", line.clone())));
-    rows.push(("points", found.points.to_string()));
+    rows.push(("points", grouped(found.points)));
     if let (Some(points), Some(overlap)) = (found.points_in_view, found.overlap) {
-        let text = format!("{points:.0} points, {:.0} % of them shared with another view (medians)", 100.0 * overlap);
+        let text = format!(
+            "{}, {} of them shared with another view (medians)",
+            counted(points.round() as u64, "point"),
+            percent(overlap, 0)
+        );
         rows.push(("a view has", text));
     }
-    let [x, y, z] = found.center;
-    rows.push(("extent", format!("{:.6} of the dataset's units about ({x:.3}, {y:.3}, {z:.3})", found.extent)));
+    let [x, y, z] = found.center.map(|at| fraction(at, 3));
+    rows.push(("extent", format!("{:.6} of the dataset's units about ({x}, {y}, {z})", found.extent)));
     if let Some(coordinates) = &found.coordinates {
         rows.push(("coordinates", coordinates.to_string()));
     }
     if let Some(masks) = found.masks {
-        rows.push(("masks", format!("{masks} of {}", found.photographs)));
+        rows.push(("masks", format!("{} of {}", grouped(masks), grouped(found.photographs))));
         rows.extend(found.mask_notes.iter().map(|note| ("masks", note.clone())));
     }
     rows.push(("method", found.method.name().to_owned()));
     if let Some(preset) = found.preset {
-        rows.push(("preset", format!("{preset}, {} steps", found.iterations)));
+        rows.push(("preset", format!("{preset}, {}", counted(found.iterations, "step"))));
     }
     rows.extend(found.training.iter().flat_map(Training::rows));
     let mut text: String = rows.iter().map(|(name, value)| format!("{name:<14}{value}\n")).collect();

@@ -9,6 +9,7 @@ use anyhow::Context as _;
 use psrgs_vk::compare::{Finished, Run, Size, csv, markdown, page};
 use psrgs_vk::eval::Metrics;
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::counted;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 
@@ -97,9 +98,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
         }
         let one = read(run, &at)?;
         console.say(format_args!(
-            "  {:.2} dB, {} splats, {:.0} s",
+            "  {:.2} dB, {}, {:.0} s",
             one.metrics.psnr.unwrap_or(f64::NAN),
-            one.metrics.splats,
+            counted(one.metrics.splats, "splat"),
             one.seconds
         ));
         finished.push(one);

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use indicatif::HumanCount;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Method, SteppingForms};
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
@@ -14,6 +13,7 @@ use super::device;
 use super::interrupt::Interrupt;
 use super::progress::{counter, duration};
 use super::{train, train_run};
+use psrgs_vk::numbers::counted;
 
 /// Folder of the trained model inside the scene's.
 const TRAINED: &str = "trained";
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
 
 fn make(args: &Args, params: &WorldParams, console: &Console) -> anyhow::Result<Summary> {
     let begin = Instant::now();
-    console.say(format_args!("making a scene of {} m with {} photographs", params.extent, params.images));
+    console.say(format_args!("making a scene of {} m with {}", params.extent, counted(params.images, "photograph")));
     let bar = counter(console, params.images as usize, "photographs");
     let summary = generate(params, &args.out, &mut |progress| {
         if progress.stage == Stage::Photographs {
@@ -102,14 +102,14 @@ fn make(args: &Args, params: &WorldParams, console: &Console) -> anyhow::Result<
     bar.finish_and_clear();
     let summary = summary?;
     console.say(format_args!(
-        "{}: {} photographs of {}x{}, {} points; {} views from elsewhere; {} laser points; in {}",
+        "{}: {} of {}x{}, {}; {} from elsewhere; {}; in {}",
         args.out.display(),
-        summary.images,
+        counted(summary.images, "photograph"),
         summary.width,
         summary.height,
-        HumanCount(summary.points as u64),
-        summary.offpath,
-        HumanCount(summary.lidar as u64),
+        counted(summary.points, "point"),
+        counted(summary.offpath, "view"),
+        counted(summary.lidar, "laser point"),
         duration(begin.elapsed().as_secs_f64()),
     ));
     Ok(summary)

@@ -9,6 +9,7 @@ use std::time::Instant;
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
 use psrgs_vk::eval::{Geometry, GeometryTruth, geometry};
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::{counted, grouped, of_count};
 use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare};
 
@@ -166,9 +167,10 @@ fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
     sizes.dedup();
     let sizes = if sizes.len() > 3 { format!("{} sizes", sizes.len()) } else { sizes.join(", ") };
     console.say(format_args!(
-        "{} of {} photographs of {images} are scored (--split {}), at {sizes}, background {}",
-        views.len(),
-        dataset.views.len(),
+        "{} of {} of {images} {} scored (--split {}), at {sizes}, background {}",
+        grouped(views.len()),
+        counted(dataset.views.len(), "photograph"),
+        of_count(views.len(), "is", "are"),
         args.photographs.split,
         args.background
     ));
@@ -190,8 +192,8 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
     if args.photographs.split == Split::None {
         return Failure::Usage("--split none holds no photograph out: there is nothing to score".into()).into();
     }
-    let views = dataset.views.len();
-    Failure::Input(format!("{}: with {views} photographs none is held out to be scored", args.data.display())).into()
+    let views = counted(dataset.views.len(), "photograph");
+    Failure::Input(format!("{}: with {views} none is held out to be scored", args.data.display())).into()
 }
 
 /// Warns where the model is scored otherwise than it was trained.

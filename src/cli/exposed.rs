@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::eval::{ExposureScores, Exposures, mean};
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
+use psrgs_vk::numbers::{fraction, percent};
 use psrgs_vk::raster::Picture;
 use psrgs_vk::train::{View, score};
 
@@ -82,10 +83,9 @@ impl Exposed {
 
 /// The scores in a line.
 pub(crate) fn line(scores: &ExposureScores) -> String {
-    let own =
-        scores.psnr_own_colours.map_or_else(String::new, |psnr| format!("; {psnr:.2} dB in the model's own colours"));
-    let [order, place] = [scores.follows_order, scores.follows_place].map(|share| 100.0 * share);
-    format!(
-        "exposed by {order:.0} % of how the photographs before and after are, {place:.0} % of how those nearby are{own}"
-    )
+    let own = scores
+        .psnr_own_colours
+        .map_or_else(String::new, |psnr| format!("; {} dB in the model's own colours", fraction(psnr, 2)));
+    let [order, place] = [scores.follows_order, scores.follows_place].map(|share| percent(share, 0));
+    format!("exposed by {order} of how the photographs before and after are, {place} of how those nearby are{own}")
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
@@ -93,9 +94,9 @@ impl ModelFile {
         let bytes = std::fs::metadata(file).map(|m| m.len()).unwrap_or(0);
         let antialias = antialias || model.antialias.unwrap_or(false);
         console.say(format_args!(
-            "{}: {} splats, spherical harmonics of degree {}; coordinates: {frame}",
+            "{}: {}, spherical harmonics of degree {}; coordinates: {frame}",
             file.display(),
-            model.gaussians.len(),
+            counted(model.gaussians.len(), "splat"),
             model.sh_degree
         ));
         Ok(Self { model, frame, bytes, antialias })

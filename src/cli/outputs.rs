@@ -11,6 +11,7 @@ use psrgs_vk::eval::{
     self, ExposureScores, Geometry, GeometryTruth, Metrics, TrainingPhotograph, geometry, median_loss, misfits,
 };
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
+use psrgs_vk::numbers::{counted, grouped, of_count, percent};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{Settings, Trainer, View, prepare};
 use psrgs_vk::vk::Gpu;
@@ -98,12 +99,15 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> a
     if let Some(rows) = model.finite_rows() {
         let (all, file) = (model.len(), run.folder.file(MODEL));
         if rows.is_empty() {
-            let text = format!("{}: none of {all} splats has only finite values", file.display());
+            let text = format!("{}: none of {} has only finite values", file.display(), counted(all, "splat"));
             return Err(Failure::Output(text).into());
         }
         let lost = all - rows.len();
         console.warn(format_args!(
-            "{lost} of {all} splats have values that are not finite: {} is written without them",
+            "{} of {} {} values that are not finite: {} is written without them",
+            grouped(lost),
+            counted(all, "splat"),
+            of_count(lost, "has", "have"),
             file.display()
         ));
         model = model.rows(&rows);
@@ -240,7 +244,7 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     let shares: Vec<String> = [("stereo", metrics.seconds_stereo), ("masks", metrics.seconds_saliency)]
         .into_iter()
         .filter(|(_, part)| *part > 0.0)
-        .map(|(what, part)| format!("{what} {part:.1} s ({:.1} %)", 100.0 * part / seconds))
+        .map(|(what, part)| format!("{what} {part:.1} s ({})", percent(part / seconds, 1)))
         .collect();
     if !shares.is_empty() {
         console.say(format_args!("{seconds:.0} s in all, of which {}", shares.join(", ")));
@@ -250,7 +254,12 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     if !known.is_empty() {
         console.say(format_args!("against the ground truth: {}", known.join("; ")));
     }
-    console.say(format_args!("{} splats in {}; report: {}", metrics.splats, model.display(), report.display()));
+    console.say(format_args!(
+        "{} in {}; report: {}",
+        counted(metrics.splats, "splat"),
+        model.display(),
+        report.display()
+    ));
 }
 
 /// What a dataset is called: its folder's name.

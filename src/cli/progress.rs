@@ -6,6 +6,7 @@ use indicatif::{HumanBytes, HumanCount, HumanDuration, ProgressBar, ProgressDraw
 
 use super::console::Console;
 use super::plain::plain;
+use psrgs_vk::numbers::{counted, fraction};
 
 /// Steps after which the estimate of the whole run is told.
 const ESTIMATE_AFTER: u32 = 50;
@@ -88,8 +89,8 @@ impl Progress {
     /// Held-out photographs were scored.
     pub(crate) fn evaluated(&mut self, step: u32, psnr: f64, ssim: f64, splats: u32) {
         self.score = Some(psnr);
-        let splats = HumanCount(u64::from(splats));
-        self.say(format!("step {step}: held-out PSNR {psnr:.2} dB, SSIM {ssim:.4}, {splats} splats"));
+        let splats = counted(splats, "splat");
+        self.say(format!("step {step}: held-out PSNR {psnr:.2} dB, SSIM {}, {splats}", fraction(ssim, 4)));
     }
 
     /// A line above the bar.
@@ -119,7 +120,7 @@ impl Progress {
     }
 
     fn status(&self, step: u32, loss: f32, splats: u32) -> String {
-        let mut text = format!("loss {loss:.4}  {} splats", HumanCount(u64::from(splats)));
+        let mut text = format!("loss {loss:.4}  {}", counted(splats, "splat"));
         if let Some(rate) = self.rate() {
             let left = f64::from(self.total.saturating_sub(step)) / rate;
             text += &format!("  {}  {} left", speed(rate), duration(left));

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
+use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::Camera;
 use psrgs_vk::train::settings::{BlendingForms, DeviceChoice};
 
@@ -109,6 +110,6 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     drawn.warn_if_unseen(&args.model, &args.cameras, console);
-    console.say(format_args!("{} pictures in {}", wanted.len(), args.out.display()));
+    console.say(format_args!("{} in {}", counted(wanted.len(), "picture"), args.out.display()));
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use psrgs_vk::dataset::{self, Dataset, LoadOptions, Photograph, View};
 use psrgs_vk::format::image_out;
+use psrgs_vk::numbers::counted;
 use psrgs_vk::saliency::{Gate, Plane, Settings, split};
 use rayon::prelude::*;
 
@@ -108,7 +109,11 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     } else {
         format!(" ({})", args.gate)
     };
-    console.say(format_args!("maps and masks of {} photographs in {}{of}", sources.len(), args.out.display()));
+    console.say(format_args!(
+        "maps and masks of {} in {}{of}",
+        counted(sources.len(), "photograph"),
+        args.out.display()
+    ));
     Ok(())
 }
 

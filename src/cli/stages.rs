@@ -5,6 +5,7 @@ use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use psrgs_vk::eval::{StagePanel, ViewPanel};
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::{counted, of_count, percent};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Shot, Variants, Viewer};
 use psrgs_vk::saliency::{Plane, Settings as SaliencySettings};
@@ -120,19 +121,19 @@ pub(crate) fn sigmas(trainer: &mut Trainer, folder: &RunFolder) -> anyhow::Resul
         .collect();
     let (least, most) = learned.iter().fold((f64::MAX, f64::MIN), |(a, b), l| (a.min(l.sigma), b.max(l.sigma)));
     let flat = curves.iter().filter(|curve| curve.flat).count();
-    let rises: Vec<String> =
-        curves.iter().filter_map(|c| c.rise.map(|rise| format!("{:.1} %", 100.0 * rise))).collect();
+    let rises: Vec<String> = curves.iter().filter_map(|c| c.rise.map(|rise| percent(rise, 1))).collect();
     let mut sentence = format!(
-        "The width of the saliency filter was learned in {} updates of {} photographs: {least:.2} to {most:.2} bins of 256.",
-        updates.len(),
-        learned.len()
+        "The width of the saliency filter was learned in {} of {}: {least:.2} to {most:.2} bins of 256.",
+        counted(updates.len(), "update"),
+        counted(learned.len(), "photograph")
     );
     if !rises.is_empty() {
         sentence += &format!(
-            " From the best to the worst width the loss of {} photographs rises by {}; {flat} of them are flat (less than {:.0} %).",
-            rises.len(),
+            " From the best to the worst width the loss of {} rises by {}; {flat} of them {} flat (less than {}).",
+            counted(rises.len(), "photograph"),
             rises.join(", "),
-            100.0 * FLAT
+            of_count(flat, "is", "are"),
+            percent(FLAT, 0)
         );
     }
     let text = serde_json::to_string_pretty(&serde_json::json!({ "photographs": learned, "curves": curves }))?;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, DecodeLimit, Format, HostShare, LoadOptions, Role, Split, View};
 use psrgs_vk::eval::peak_host_bytes;
 use psrgs_vk::format::image_out::{
@@ -13,6 +12,7 @@ use psrgs_vk::format::image_out::{
 };
 use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
+use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
@@ -160,11 +160,12 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let views = scene.views.len() - scene.skipped.len();
     let valid = priors.iter().map(Prior::share).sum::<f64>() / views.max(1) as f64;
     console.say(format_args!(
-        "{views} photographs matched in {} ({:.2} s each): {:.1} % of their pixels have a depth; {} points in {}",
+        "{} matched in {} ({:.2} s each): {} of the pixels have a depth; {} in {}",
+        counted(views, "photograph"),
         progress::duration(matched),
         matched / views.max(1) as f64,
-        100.0 * valid,
-        HumanCount(cloud.len() as u64),
+        percent(valid, 1),
+        counted(cloud.len(), "point"),
         args.out.join("fused.ply").display()
     ));
     if cloud.is_empty() && views > 0 {
@@ -265,7 +266,7 @@ fn compare(
     console: &Console,
 ) -> anyhow::Result<()> {
     let truths = scene.names.iter().map(|name| known(dataset, name, limit)).collect::<anyhow::Result<Vec<_>>>()?;
-    let percent = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{:.2} %", 100.0 * v));
+    let percent = |v: Option<f64>| v.map_or("-".to_owned(), |v| percent(v, 2));
     if truths.iter().any(Option::is_some) {
         let found = Accuracy::of(&scene.views, priors, &truths);
         let normals = found.median_degrees().map_or("-".to_owned(), |v| format!("{v:.1}\u{b0}"));

@@ -12,6 +12,7 @@ use psrgs_vk::perceptual::{LpipsWeights, PUBLIC_FILES, PublicFile};
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::lpips;
+use psrgs_vk::numbers::grouped;
 
 /// List the public weights of lpips_squeeze: addresses, sizes, licences, checksums, and which are there
 #[derive(clap::Args)]
@@ -43,8 +44,10 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     let mut text =
         format!("Put these files into {} (or into a folder that --perceptual-weights names):\n", folder.display());
-    for file in &PUBLIC_FILES {
-        let size = file.bytes.map_or_else(|| "about 5 MB".to_owned(), |n| format!("{n} bytes"));
+    let found = LpipsWeights::find(&folder);
+    let used = found.as_ref().ok().map(LpipsWeights::files);
+    for (k, file) in PUBLIC_FILES.iter().enumerate() {
+        let size = file.bytes.map_or_else(|| "about 5 MB".to_owned(), |n| format!("{} bytes", grouped(n)));
         // Writing to a String cannot fail.
         let _ = write!(
             text,
@@ -54,14 +57,16 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
             file.address,
             file.licence,
             file.sha256,
-            state(&folder, file)?
+            state(&folder, file, used.map(|used| used[k]))?
         );
+    }
+    if let Some([trunk, linear]) = used {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "\nusable: {}, {}", trunk.display(), linear.display());
     }
     console::print(&text)?;
     if args.check {
-        let weights = LpipsWeights::find(&folder)?;
-        let [trunk, linear] = weights.files().map(|f| f.display().to_string());
-        console::print(&format!("\nusable: {trunk}, {linear}\n"))?;
+        found?;
     }
     Ok(())
 }
@@ -82,10 +87,13 @@ fn fetch_all(folder: &Path, from: Option<&str>, console: &Console) -> anyhow::Re
     failed.map_or(Ok(()), Err)
 }
 
-/// Whether the file is in the folder, and is the one that is meant.
-fn state(folder: &Path, file: &PublicFile) -> anyhow::Result<String> {
+/// Whether the file is in the folder, and is the one that is meant. Where another is `used` in its place, none is missing.
+fn state(folder: &Path, file: &PublicFile, used: Option<&Path>) -> anyhow::Result<String> {
     Ok(match sum_of(&folder.join(file.name))? {
-        None => "not there".to_owned(),
+        None => match used {
+            Some(used) => format!("not needed: {} is read in its place", used.display()),
+            None => "not there".to_owned(),
+        },
         Some(sum) if sum == file.sha256 => "there, as published".to_owned(),
         Some(sum) => format!("there, with other content: SHA-256 {sum}"),
     })

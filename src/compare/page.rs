@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::plan::Size;
 use super::table::{Finished, markdown};
 use crate::format::markup::escape;
+use crate::numbers::fraction;
 
 const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#3a7d44", "#edae49", "#6a4c93", "#00798c", "#8d6a9f", "#555555"];
 const WIDTH: f64 = 520.0;
@@ -123,11 +124,13 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
         let _ = write!(
             out,
             "<path d=\"M{px:.1} {TOP}V{bottom}M{LEFT} {py:.1}H{}\" stroke=\"#ddd\"/><text x=\"{px:.1}\" y=\"{}\" \
-             text-anchor=\"middle\">{x:.x_digits$}</text><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{y:.y_digits$}</text>",
+             text-anchor=\"middle\">{}</text><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             WIDTH - RIGHT,
             bottom + 16.0,
+            fraction(x, x_digits),
             LEFT - 4.0,
-            py + 4.0
+            py + 4.0,
+            fraction(y, y_digits)
         );
     }
     let mut labels: Vec<&str> = Vec::new();

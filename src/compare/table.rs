@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::interval::paired;
 use super::plan::{Run, Size};
 use crate::eval::Metrics;
+use crate::numbers::{fraction, signed};
 
 /// A run with what came of it.
 #[derive(Clone, Debug)]
@@ -72,8 +73,11 @@ impl Spread {
 
     fn shown(&self, digits: usize, seeds: usize) -> String {
         match seeds {
-            1 => format!("{:.digits$}", self.mean),
-            _ => format!("{:.digits$} ({:.digits$} to {:.digits$})", self.mean, self.low, self.high),
+            1 => fraction(self.mean, digits),
+            _ => {
+                let [mean, low, high] = [self.mean, self.low, self.high].map(|value| fraction(value, digits));
+                format!("{mean} ({low} to {high})")
+            }
         }
     }
 }
@@ -177,9 +181,9 @@ fn pairs<'a>(own: &[&'a Finished], label: &str, base: &str) -> Vec<(&'a Finished
 fn shown(differences: &[f64], digits: usize) -> String {
     match paired(differences) {
         None => String::new(),
-        Some(d) if d.half.is_infinite() => format!("{:+.digits$}", d.mean),
-        Some(d) if d.is_real() => format!("{:+.digits$} ± {:.digits$}", d.mean, d.half),
-        Some(d) => format!("no difference ({:+.digits$} ± {:.digits$})", d.mean, d.half),
+        Some(d) if d.half.is_infinite() => signed(d.mean, digits),
+        Some(d) if d.is_real() => format!("{} ± {:.digits$}", signed(d.mean, digits), d.half),
+        Some(d) => format!("no difference ({} ± {:.digits$})", signed(d.mean, digits), d.half),
     }
 }
 

@@ -9,6 +9,7 @@ use super::poses::WrongConvention;
 use crate::byte_size::readable;
 use crate::format::{self, OfRecord};
 use crate::host_memory::DecodeLimit;
+use crate::numbers::{counted, grouped, of_count};
 
 /// A dataset could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -87,8 +88,9 @@ pub enum Error {
     },
     /// Poses whose photographs are not there.
     #[error(
-        "{}: {count} of {total} photographs are missing, the first of them '{first}'{nearest}; \
-         put them back or remove their poses from the model", folder.display()
+        "{}: {} of {} {} missing, {}'{first}'{nearest}; put {} back or remove {} from the model",
+        folder.display(), grouped(*count), counted(*total, "photograph"), of_count(*count, "is", "are"),
+        of_count(*count, "", "the first of them "), of_count(*count, "the file", "them"), of_count(*count, "the pose", "their poses")
     )]
     MissingPhotographs {
         /// Where they should be.

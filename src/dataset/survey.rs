@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Dataset, Samples, Warning, random_points};
+use crate::numbers::counted;
 
 /// Pairs of views are compared by at most this many points.
 const COMPARED: usize = 20_000;
@@ -68,16 +69,13 @@ impl Dataset {
             views.map(|(view, _)| view.name.as_str()).collect()
         };
         for (names, what) in [
-            (
-                named(&|n| n == 0),
-                "without any point in view: their poses are wrong, or nothing was reconstructed there",
-            ),
+            (named(&|n| n == 0), "without any point in view: the poses are wrong, or nothing was reconstructed there"),
             (named(&|n| n > 0 && n < FEW_POINTS), "with fewer than 20 points in view"),
         ] {
             if !names.is_empty() {
                 let more = if names.len() > NAMED { ", ..." } else { "" };
                 let shown = names[..names.len().min(NAMED)].join(", ");
-                problems.push(format!("{} views {what}: {shown}{more}", names.len()));
+                problems.push(format!("{} {what}: {shown}{more}", counted(names.len(), "view")));
             }
         }
         problems
@@ -88,7 +86,7 @@ impl Dataset {
         let of = |samples: Samples| {
             let mut views = self.views.iter().filter(|view| view.samples == samples);
             let first = views.next()?;
-            Some(format!("{} photographs: {}", 1 + views.count(), first.tone.of(samples)))
+            Some(format!("{}: {}", counted(1 + views.count(), "photograph"), first.tone.of(samples)))
         };
         [Samples::Bits16, Samples::Float].into_iter().filter_map(of).collect()
     }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::colmap::Point;
 use super::random_points::{begins_somewhere, in_view};
+use crate::numbers::{counted, grouped, of_count};
 use crate::scene::Camera;
 
 /// A photograph is served by so many points in its picture that another photograph has in its picture too ...
@@ -42,12 +43,21 @@ impl fmt::Display for UselessPoints {
         let Self { file, points, served, views, kept } = self;
         write!(
             f,
-            "{}: the points are of little use: of {views} photographs to train on {served} have {LEAST_POINTS} of them or more, spread over \
+            "{}: the points are of little use: of {} to train on {} {} {LEAST_POINTS} of them or more, spread over \
              the picture, that another photograph has in view too. ",
-            file.display()
+            file.display(),
+            counted(*views, "photograph"),
+            grouped(*served),
+            of_count(*served, "has", "have")
         )?;
         if !kept.is_empty() {
-            write!(f, "{} of {points} points are kept. ", kept.len())?;
+            write!(
+                f,
+                "{} of {} {} kept. ",
+                grouped(kept.len()),
+                counted(*points, "point"),
+                of_count(kept.len(), "is", "are")
+            )?;
         }
         write!(
             f,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Colourless, Format, PoseFault, Renamed};
 use crate::format::LeftOut;
+use crate::numbers::{counted, grouped, of_count};
 
 /// Other models are named up to this many.
 const NAMED: usize = 5;
@@ -223,13 +224,24 @@ impl Warning {
     }
 }
 
+/// "1 of 9 masks".
+fn masks_of(masks: usize, of: usize) -> String {
+    format!("{} of {}", grouped(masks), counted(of, "mask"))
+}
+
+/// What is said before the name of the first; a single one is not the first of several.
+fn the_first(n: usize) -> &'static str {
+    of_count(n, "", "the first ")
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::CamerasAtOnePlace { cameras, extent } => write!(
                 f,
-                "the training cameras ({cameras}) are all at one place beside the distance of the points: the scene's extent is \
-                 taken from these ({extent} units)"
+                "the training cameras ({}) are all at one place beside the distance of the points: the scene's extent is \
+                 taken from these ({extent} units)",
+                grouped(*cameras)
             ),
             Self::CameraFarAway { name, times } => write!(
                 f,
@@ -253,38 +265,61 @@ impl fmt::Display for Warning {
             }
             Self::PosesAgainstPoints { file, wrong, of } => write!(
                 f,
-                "{}: {wrong} of {of} poses do not agree with the points that their photographs observe: poses and points are of different \
+                "{}: {} of {} {} not agree with the points that their photographs observe: poses and points are of different \
                  reconstructions, or in different coordinates. Export both from the same one",
-                file.display()
+                file.display(),
+                grouped(*wrong),
+                counted(*of, "pose"),
+                of_count(*wrong, "does", "do")
             ),
             Self::AllMasked { photographs: 1, first } => {
                 write!(f, "'{first}': every pixel is masked; it is left out")
             }
             Self::AllMasked { photographs, first } => {
-                write!(f, "{photographs} photographs, the first '{first}': every pixel is masked; they are left out")
+                write!(
+                    f,
+                    "{}, the first '{first}': every pixel is masked; they are left out",
+                    counted(*photographs, "photograph")
+                )
             }
             Self::MasksLeaveOutNothing { masks, of, first } => {
-                write!(f, "{masks} of {of} masks leave out no pixel, the first that of '{first}'")
+                write!(
+                    f,
+                    "{} {} out no pixel, {}that of '{first}'",
+                    masks_of(*masks, *of),
+                    of_count(*masks, "leaves", "leave"),
+                    the_first(*masks)
+                )
             }
             Self::MasksByTransparency { masks, of, first } => write!(
                 f,
-                "{masks} of {of} masks, the first that of '{first}', say by their transparency what is left out, as their colour says \
-                 nothing: transparent counts as black"
+                "{}, {}that of '{first}', {} transparency what is left out, as {} colour says nothing: transparent counts as black",
+                masks_of(*masks, *of),
+                the_first(*masks),
+                of_count(*masks, "says by its", "say by their"),
+                of_count(*masks, "its", "their")
             ),
             Self::BrighterThanWhite { photographs, pixels } => write!(
                 f,
-                "{photographs} photographs have pixels brighter than white ({pixels} in all), which are made white; \
-                 --white-level says what is"
+                "{} {} pixels brighter than white ({} in all), which are made white; --white-level says what is",
+                counted(*photographs, "photograph"),
+                of_count(*photographs, "has", "have"),
+                grouped(*pixels)
             ),
             Self::TransparentLeftOut { photographs, pixels } => write!(
                 f,
-                "{photographs} photographs have transparent pixels ({pixels} in all), which are left out: nothing keeps splats from \
-                 them. If nothing is to be seen there, say --transparent background"
+                "{} {} transparent pixels ({} in all), which are left out: nothing keeps splats from \
+                 them. If nothing is to be seen there, say --transparent background",
+                counted(*photographs, "photograph"),
+                of_count(*photographs, "has", "have"),
+                grouped(*pixels)
             ),
             Self::NothingHeldOut { views } => {
                 write!(
                     f,
-                    "{views} photographs are too few to hold any out: all are trained on, and no quality is measured"
+                    "{} {} too few to hold any out: all are trained on, and no quality is measured",
+                    counted(*views, "photograph"),
+                    of_count(*views, "is", "are")
                 )
             }
             Self::SeveralFormats { used, others } => {
@@ -299,20 +334,27 @@ impl fmt::Display for Warning {
             ),
             Self::OtherParts { used, parts, shots } => write!(
                 f,
-                "the reconstruction is in {} parts without a common frame: only the largest, of {used} photographs, is \
-                 used; {shots} photographs are not",
-                parts + 1
+                "the reconstruction is in {} parts without a common frame: only the largest, of {}, is used; {} {} not",
+                grouped(parts + 1),
+                counted(*used, "photograph"),
+                counted(*shots, "photograph"),
+                of_count(*shots, "is", "are")
             ),
             Self::OtherModels { used, images, others } => {
-                let named: Vec<String> =
-                    others.iter().take(NAMED).map(|(folder, images)| format!("{folder} ({images} images)")).collect();
+                let named: Vec<String> = others
+                    .iter()
+                    .take(NAMED)
+                    .map(|(folder, images)| format!("{folder} ({})", counted(*images, "image")))
+                    .collect();
                 let more = if others.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
-                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({images} images), is used; {}{more} \
-                     are not. Parts that share photographs can be joined by colmap model_merger",
+                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({}), is used; {}{more} \
+                     {} not. Parts that share photographs can be joined by colmap model_merger",
                     others.len() + 1,
-                    named.join(", ")
+                    counted(*images, "image"),
+                    named.join(", "),
+                    of_count(others.len(), "is", "are")
                 )
             }
             Self::OtherPlaces { used, others } => {
@@ -320,8 +362,10 @@ impl fmt::Display for Warning {
                 let more = if others.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
-                    "the model in {used} is read; there are others, in {named}{more}, which are not. To read another one, leave that one \
-                     alone in the dataset, in sparse/0"
+                    "the model in {used} is read; there {}, in {named}{more}, which {} not. To read another one, leave that one \
+                     alone in the dataset, in sparse/0",
+                    of_count(others.len(), "is another", "are others"),
+                    of_count(others.len(), "is", "are")
                 )
             }
             Self::SplitLists { used, unknown, first, in_none, in_both } => {
@@ -331,13 +375,26 @@ impl fmt::Display for Warning {
                 )?;
                 let mut said = Vec::new();
                 if let Some(first) = first {
-                    said.push(format!("{unknown} names in them are no frame, the first {first}"));
+                    said.push(format!(
+                        "{} in them {} no frame, {}{first}",
+                        counted(*unknown, "name"),
+                        of_count(*unknown, "is", "are"),
+                        the_first(*unknown)
+                    ));
                 }
                 if *in_none > 0 {
-                    said.push(format!("{in_none} frames are in none of them"));
+                    said.push(format!(
+                        "{} {} in none of them",
+                        counted(*in_none, "frame"),
+                        of_count(*in_none, "is", "are")
+                    ));
                 }
                 if *in_both > 0 {
-                    said.push(format!("{in_both} frames are to be trained on and to be held out"));
+                    said.push(format!(
+                        "{} {} to be trained on and to be held out",
+                        counted(*in_both, "frame"),
+                        of_count(*in_both, "is", "are")
+                    ));
                 }
                 let done = match used {
                     true => "frames in none are not used, and frames in two are held out",
@@ -348,8 +405,11 @@ impl fmt::Display for Warning {
             Self::OtherNames { what, of, renamed } => {
                 write!(
                     f,
-                    "{} of {of} {what} have other names than the model says and were found all the same: {renamed}",
-                    renamed.count()
+                    "{} of {} {what} {} than the model says and {} found all the same: {renamed}",
+                    grouped(renamed.count()),
+                    grouped(*of),
+                    of_count(renamed.count(), "has another name", "have other names"),
+                    of_count(renamed.count(), "was", "were")
                 )
             }
             Self::NoMaskMatches { folder } => {
@@ -376,24 +436,34 @@ impl fmt::Display for Warning {
                 let cut = if found < announced { "; it may have been cut off" } else { "" };
                 write!(
                     f,
-                    "{}: the comment at the top announces another number of {what} ({announced}) than the file holds ({found}), which are \
+                    "{}: the comment at the top announces another number of {what} ({}) than the file holds ({}), which are \
                      used{cut}",
-                    file.display()
+                    file.display(),
+                    grouped(*announced),
+                    grouped(*found)
                 )
             }
             Self::SharedNumber { number, images } => write!(
                 f,
-                "images with a number that another image has: {images}, the first of them with {number}; which of them points were seen \
-                 from is not known"
+                "images with a number that another image has: {}, the first of them with {number}; which of them points were seen \
+                 from is not known",
+                grouped(*images)
             ),
             Self::UnknownObservers { file, points, point, image } => write!(
                 f,
-                "{}: points that were seen from images that are not in the model: {points}, the first of them point {point} from image \
+                "{}: points that were seen from images that are not in the model: {}, the first of them point {point} from image \
                  {image}; these observations are not used",
-                file.display()
+                file.display(),
+                grouped(*points)
             ),
             Self::PhotographsWithoutPose { photographs } => {
-                write!(f, "{photographs} photographs have no pose in the model and are not used")
+                write!(
+                    f,
+                    "{} {} no pose in the model and {} not used",
+                    counted(*photographs, "photograph"),
+                    of_count(*photographs, "has", "have"),
+                    of_count(*photographs, "is", "are")
+                )
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Records of a file that cannot be used: a few are left out, and told.
 
+use crate::numbers::grouped;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +30,10 @@ impl fmt::Display for LeftOut {
         let (are, one) = if *count == 1 { ("is", "") } else { ("are", "the first of them ") };
         write!(
             f,
-            "{}: {count} of {of} {what} cannot be used and {are} left out, {one}{first}: {problem}",
-            file.display()
+            "{}: {} of {} {what} cannot be used and {are} left out, {one}{first}: {problem}",
+            file.display(),
+            grouped(*count),
+            grouped(*of)
         )
     }
 }
@@ -85,6 +88,7 @@ impl<E: OfRecord> Tally<E> {
         match self.first {
             Some((_, error)) if count * ONE_OF > of && count == 1 => Err(error),
             Some((_, error)) if count * ONE_OF > of => {
+                let (count, of) = (grouped(count), grouped(of));
                 Err(error.with(format!("; {count} of {of} {what} cannot be used, which is more than one of {ONE_OF}")))
             }
             _ => Ok(self.told(file, what, of)),

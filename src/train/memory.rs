@@ -17,6 +17,7 @@ use super::photographs::{Photographs, Residency};
 use super::settings::Settings;
 use crate::byte_size::readable;
 use crate::dataset::Depth;
+use crate::numbers::counted;
 use crate::raster::{Variants, Viewer, most_pairs, most_splats};
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Memory};
@@ -298,22 +299,25 @@ impl fmt::Display for MemoryPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (splats, pairs) = self.capacities;
         let (most, by_memory) = self.most_splats;
+        let most = counted(most, "splat");
         write!(
             f,
-            "device memory: {} for {} photographs{}, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; {} at the \
-             start, with room for {splats} splats and {pairs} pairs; of the {} that may be used, {}",
+            "device memory: {} for {}{}, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; {} at the \
+             start, with room for {} and {}; of the {} that may be used, {}",
             readable(self.photographs.1),
-            self.photographs.0,
+            counted(self.photographs.0, "photograph"),
             if self.residency == Residency::Streamed { ", uploaded in their steps" } else { "" },
             self.per_splat,
             self.per_pair,
             self.per_pixel,
             readable(self.at_start),
+            counted(splats, "splat"),
+            counted(pairs, "pair"),
             readable(self.limit),
             if by_memory {
-                format!("{most} splats fit with {PAIRS_PER_SPLAT} pairs each: growth stops there")
+                format!("{most} fit with {PAIRS_PER_SPLAT} pairs each: growth stops there")
             } else {
-                format!("more than {most} splats would fit, which is the most that a buffer holds")
+                format!("more than {most} would fit, which is the most that a buffer holds")
             }
         )
     }

@@ -20,7 +20,7 @@ fn damaged_datasets_are_told_apart() {
         (
             "a photograph is missing",
             |data| fs::remove_file(data.join("images/view_0004.jpg")).expect("removed"),
-            &["images", "1 of 9 photographs are missing", "view_0004.jpg"],
+            &["images", "1 of 9 photographs is missing", "view_0004.jpg"],
         ),
         (
             "a photograph of another shape",
@@ -235,7 +235,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     // A photograph without a pose, then a pose that looks away, then a pose without a photograph.
     fs::copy(data.path().join("images/view_0001.jpg"), data.path().join("images/extra.jpg")).expect("copied");
     let problems = checked(7)["problems"].clone();
-    assert!(problems[0].as_str().expect("text").contains("1 photographs have no pose"), "{problems}");
+    assert!(problems[0].as_str().expect("text").contains("1 photograph has no pose"), "{problems}");
     fs::remove_file(data.path().join("images/extra.jpg")).expect("removed");
     let file = data.path().join("sparse/0/images.bin");
     let whole = fs::read(&file).expect("images");
@@ -255,7 +255,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     assert!(problems[0].as_str().expect("text").contains("the pose of 'view_0000.jpg' is wrong"), "{problems}");
     fs::write(&file, &whole).expect("written");
     fs::remove_file(data.path().join("images/view_0003.jpg")).expect("removed");
-    fails(&["check", text(data.path())], 3, &["1 of 9 photographs are missing", "view_0003.jpg"]);
+    fails(&["check", text(data.path())], 3, &["1 of 9 photographs is missing", "view_0003.jpg"]);
 }
 
 /// What `train` refuses to begin with, `check` has told before.
@@ -379,4 +379,18 @@ fn a_photograph_with_a_wrong_pose_is_left_out_named_and_listed() {
     assert_eq!(left_out, ["view_0003.jpg"]);
     let report = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(report.contains("Each photograph trained on") && report.contains("left out: wrong pose"), "{report}");
+}
+
+#[test]
+fn an_error_of_check_is_said_once() {
+    let Some(shared) = shared() else { return };
+    let data = copy_of(&shared.data());
+    fs::write(data.path().join("images/view_0001.jpg"), "no picture").expect("written");
+    let output = psrgs(&["check", text(data.path())]);
+    assert!(!output.status.success());
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output);
+    let error = said.lines().find_map(|line| line.split_once("view_0001.jpg").map(|(_, error)| error));
+    let error = error.unwrap_or_else(|| panic!("the file is not named: {said}"));
+    assert!(error.len() > 10, "no reason: {said}");
+    assert_eq!(said.matches(error).count(), 1, "{said}");
 }

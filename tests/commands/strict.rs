@@ -36,7 +36,7 @@ fn once(said: &str, line: &str) {
 }
 
 const MISSING: &str = "1 of 12 photographs cannot be used and is left out, 'view_0005.jpg': there is no such file";
-const REFUSED: [&str; 2] = ["1 of 12 photographs are missing", "view_0005.jpg"];
+const REFUSED: [&str; 2] = ["1 of 12 photographs is missing", "view_0005.jpg"];
 
 #[test]
 fn every_command_leaves_out_a_record_of_many_and_refuses_it_strictly() {

@@ -99,3 +99,18 @@ fn what_is_published_is_fetched_and_not_fetched_again() {
     let said = stderr(&psrgs(&["weights", "--dir", text(&inside), "--fetch", "--from", &address]));
     assert!(said.contains(&format!("{}: there already", linear.name)), "{said}");
 }
+
+/// The trunk may be of another file than the published one.
+#[test]
+fn a_folder_whose_weights_can_be_read_lacks_no_file() {
+    let Some(file) = common::weights("lpips_squeeze_v0.1.pth") else { return };
+    let folder = text(file.parent().expect("a folder")).to_owned();
+    let said = |args: &[&str]| String::from_utf8(psrgs(args).stdout).expect("text");
+    let told = said(&["weights", "--dir", &folder]);
+    assert!(!told.contains("not there"), "{told}");
+    assert!(told.contains("not needed: ") && told.contains("\nusable: "), "{told}");
+    // In an empty folder both are missing.
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    let told = said(&["weights", "--dir", text(empty.path())]);
+    assert!(told.matches("not there").count() == 2 && !told.contains("usable: "), "{told}");
+}

@@ -125,7 +125,7 @@ fn white_level_and_curve_are_those_that_are_named() {
     // Said before training, in words.
     let said = load(root.path(), tone(Some(4095.0), Transfer::Linear)).deep_photographs().join("\n");
     assert!(said.contains("2 photographs: 16 bits per channel, white at 4095, linear"), "{said}");
-    assert!(said.contains("1 photographs: floating point, white at 4095"), "{said}");
+    assert!(said.contains("1 photograph: floating point, white at 4095"), "{said}");
 }
 
 #[test]

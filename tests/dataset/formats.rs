@@ -470,7 +470,7 @@ fn truncated_and_foreign_files_are_named() {
     complains(root.path(), &["sparse_pc.ply", "ply_file_path", "is not there"]);
     fs::remove_file(root.path().join("images/b.png")).expect("removed");
     fs::write(root.path().join("sparse_pc.ply"), cloud(&folder, true)).expect("points");
-    complains(root.path(), &["1 of 3 photographs are missing", "b.png"]);
+    complains(root.path(), &["1 of 3 photographs is missing", "b.png"]);
 }
 
 #[track_caller]

@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use psrgs_vk::bench::pareto::{self, Reference, Table};
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::settings::{Method, Run};
 use psrgs_vk::train::{Settings, prepare};
@@ -66,7 +67,7 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
     let model =
         model.context(Failure::Usage("--pareto without --train-steps needs a model: --init FILE.ply".into()))?;
     let cameras = cameras(&dataset);
-    console.say(format_args!("pictures and gradients of {} splats against double precision", model.len()));
+    console.say(format_args!("pictures and gradients of {} against double precision", counted(model.len(), "splat")));
     let reference = Reference::new(model, &cameras, settings.model.sh_degree, PIXELS).map_err(failure)?;
     tables.push(pareto::pictures(&gpu, &reference, ROUNDS).map_err(failure)?);
     tables.push(pareto::gradients(&gpu, &reference, ROUNDS).map_err(failure)?);
@@ -98,10 +99,15 @@ fn trainings(
     console: &Console,
 ) -> anyhow::Result<(Table, Option<Gaussians>)> {
     let knobs = pareto::training_knobs(gpu);
-    console.say(format_args!("{} trainings of {} steps each", knobs.len() + 1, args.train_steps));
+    console.say(format_args!("{} of {} each", counted(knobs.len() + 1, "training"), counted(args.train_steps, "step")));
     let input = |settings: &Settings| Ok(prepare::input(dataset, settings)?);
     let (table, scored) = pareto::trainings(gpu, settings, &knobs, input, |name, one| {
-        console.say(format_args!("  {name}: {:.2} dB, {} splats, {:.1} s", one.psnr, one.splats, one.seconds));
+        console.say(format_args!(
+            "  {name}: {:.2} dB, {}, {:.1} s",
+            one.psnr,
+            counted(one.splats, "splat"),
+            one.seconds
+        ));
     })
     .map_err(failure)?;
     Ok((table, scored.into_iter().next().map(|one| one.model)))

@@ -2,6 +2,7 @@
 
 use indicatif::{HumanBytes, HumanCount};
 use psrgs_vk::bench::{Quartiles, Report};
+use psrgs_vk::numbers::{counted, fraction};
 
 use crate::cli::console::table;
 
@@ -21,14 +22,14 @@ pub(super) fn text(report: &Report) -> String {
         word(&report.variants.gradients),
     );
     text += &format!(
-        "{} splats, {} visible, {} pairs; {}x{}, {} tiles, {} views in turn, harmonics of degree {}\n",
-        HumanCount(w.splats.into()),
+        "{}, {} visible, {}; {}x{}, {}, {} in turn, harmonics of degree {}\n",
+        counted(w.splats, "splat"),
         count(w.visible),
-        count(w.pairs),
+        counted(w.pairs.round() as u64, "pair"),
         w.size[0],
         w.size[1],
-        count(w.tiles),
-        w.views,
+        counted(w.tiles.round() as u64, "tile"),
+        counted(w.views, "view"),
         w.sh_degree,
     );
     if let Some(p) = w.splats_per_pixel {
@@ -109,12 +110,12 @@ fn number(x: f64) -> String {
         x if x >= 100.0 => format!("{x:.0}"),
         x if x >= 10.0 => format!("{x:.1}"),
         x if x >= 1.0 => format!("{x:.2}"),
-        _ => format!("{x:.3}"),
+        _ => fraction(x, 3),
     }
 }
 
 fn percent(share: f64) -> String {
-    format!("{:.1}%", 100.0 * share)
+    format!("{}%", fraction(100.0 * share, 1))
 }
 
 /// The name of a form as settings files have it.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::perceptual::LpipsWeights;
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::prepare::First;
@@ -110,7 +111,7 @@ impl Beginning {
         let matches = self.settings.geometry.depth_prior == DepthPrior::Stereo
             || self.settings.density.lidar == Some(LidarCloud::Mvs);
         if matches {
-            console.say(format_args!("looking for depths in {photographs} photographs"));
+            console.say(format_args!("looking for depths in {}", counted(photographs, "photograph")));
         }
         let from_points = self.is_from_points();
         self.depths = take_stereo(gpu, dataset, &mut self.input, &self.settings, &self.host.share, from_points)?;
@@ -123,17 +124,17 @@ impl Beginning {
     fn decide_by_photographs(&mut self, console: &Console) -> anyhow::Result<()> {
         if let Some(known) = prepare::grow_on(&self.input, &mut self.settings) {
             console.say(format_args!(
-                "depths are known of {:.0} % of the pixels only: splats grow for longer, and from lower gradients (--grow-on)",
-                100.0 * known
+                "depths are known of {} of the pixels only: splats grow for longer, and from lower gradients (--grow-on)",
+                percent(known, 0)
             ));
         }
         if let Some([half, quarter]) = prepare::coarse_by_spectra(&self.input, &mut self.settings)? {
             console.say(format_args!(
-                "photographs of half the size keep {:.0} % of the spectrum's amplitude, of a quarter {:.0} %: reduced ones in the first \
-                 {:.0} % of the steps",
-                100.0 * half,
-                100.0 * quarter,
-                100.0 * self.settings.frequencies.coarse_steps
+                "photographs of half the size keep {} of the spectrum's amplitude, of a quarter {}: reduced ones in the first \
+                 {} of the steps",
+                percent(half, 0),
+                percent(quarter, 0),
+                percent(self.settings.frequencies.coarse_steps, 0)
             ));
         }
         Ok(())

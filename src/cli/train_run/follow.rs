@@ -8,6 +8,7 @@ use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::progress::Progress;
 use crate::cli::train::Plan;
+use psrgs_vk::numbers::{counted, grouped, percent};
 
 /// Pulls messages until the end; gives the seconds of training. `done` is the last step of an earlier stretch.
 pub(super) fn follow(
@@ -63,25 +64,38 @@ fn stopped(trainer: &mut Trainer, plan: &Plan) -> anyhow::Result<Failure> {
 fn tell(message: &Message, progress: &mut Progress) {
     match message {
         Message::Step { step, loss, splats, seconds, .. } => progress.step(*step, *loss, *splats, *seconds),
-        Message::Density { step, cloned, split, pruned, splats } => progress
-            .detail(format_args!("step {step}: {cloned} cloned, {split} split, {pruned} pruned: {splats} splats")),
+        Message::Density { step, cloned, split, pruned, splats } => progress.detail(format_args!(
+            "step {step}: {cloned} cloned, {split} split, {pruned} pruned: {}",
+            counted(*splats, "splat")
+        )),
         Message::Sigma { step, learned } => progress.detail(format_args!(
             "step {step}: sigma {:.2} for photograph {} (loss {:.4})",
             learned.sigma, learned.view, learned.loss
         )),
         Message::Propagated { step, added, share, splats } => progress.detail(format_args!(
-            "step {step}: depths of {:.1} % of a photograph propagated, {added} splats added: {splats} splats",
-            100.0 * share
+            "step {step}: depths of {} of a photograph propagated, {} added: {}",
+            percent(*share, 1),
+            counted(*added, "splat"),
+            counted(*splats, "splat")
         )),
-        Message::Skirted { step, added, splats } => progress
-            .detail(format_args!("step {step}: {added} splats added where no photograph looks: {splats} splats")),
-        Message::Pruned { step, dropped, splats } => progress
-            .detail(format_args!("step {step}: {dropped} splats dropped for their weight or size: {splats} splats")),
-        Message::HarmonicsSettled { step, full, splats } => progress
-            .detail(format_args!("step {step}: {full} of {splats} splats have spherical harmonics above degree 1")),
+        Message::Skirted { step, added, splats } => progress.detail(format_args!(
+            "step {step}: {} added where no photograph looks: {}",
+            counted(*added, "splat"),
+            counted(*splats, "splat")
+        )),
+        Message::Pruned { step, dropped, splats } => progress.detail(format_args!(
+            "step {step}: {} dropped for weight or size: {}",
+            counted(*dropped, "splat"),
+            counted(*splats, "splat")
+        )),
+        Message::HarmonicsSettled { step, full, splats } => progress.detail(format_args!(
+            "step {step}: {} of {} with spherical harmonics above degree 1",
+            grouped(*full),
+            counted(*splats, "splat")
+        )),
         Message::OpacityReset { step } => progress.detail(format_args!("step {step}: opacities reset")),
         Message::Grown { what, capacity, replay_from } => {
-            progress.detail(format_args!("room for {capacity} {what}; going on from step {replay_from}"));
+            progress.detail(format_args!("room for {} {what}; going on from step {replay_from}", grouped(*capacity)));
         }
         Message::Evaluated { step, quality, splats, .. } => {
             progress.evaluated(*step, quality.psnr, quality.ssim, *splats);

@@ -1,7 +1,7 @@
 //! What is told of a training before its first step.
 
-use indicatif::HumanCount;
 use psrgs_vk::dataset::{Dataset, Role};
+use psrgs_vk::numbers::{counted, grouped, percent};
 use psrgs_vk::raster::Variants;
 use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{Estimate, Input, MemoryPlan, Settings, StereoReport, chosen_variants, prepare};
@@ -24,14 +24,14 @@ pub(super) fn dataset(dataset: &Dataset, console: &Console) {
     let size = dataset.views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
     let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
     console.say(format_args!(
-        "{}: {} dataset, {} photographs to train on, {} held out, {}x{} from {images}, {} points",
+        "{}: {} dataset, {} to train on, {} held out, {}x{} from {images}, {}",
         dataset.path.display(),
         dataset.format,
-        count(Role::Train),
-        count(Role::HeldOut),
+        counted(count(Role::Train), "photograph"),
+        grouped(count(Role::HeldOut)),
         size.0,
         size.1,
-        HumanCount(dataset.points.len() as u64),
+        counted(dataset.points.len(), "point"),
     ));
     if let Some(masks) = &dataset.masks {
         console.say(format_args!("masks: {} of {} (from {})", masks.matched, masks.of, masks.place.display()));
@@ -50,10 +50,10 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
     found.left_out.iter().for_each(|left_out| console.warn(left_out));
     if let (Some(cloud), Some(lidar)) = (&found.cloud, &settings.density.lidar) {
         console.say(format_args!(
-            "cloud from {lidar}: {} points; splats grow within {:.3} of it, as {:.1} % of the first ones are",
-            HumanCount(cloud.points as u64),
+            "cloud from {lidar}: {}; splats grow within {:.3} of it, as {} of the first ones are",
+            counted(cloud.points, "point"),
             cloud.within,
-            100.0 * cloud.near
+            percent(cloud.near, 1)
         ));
         if cloud.near < FEW_NEAR {
             console.warn(format_args!(
@@ -67,21 +67,22 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
     }
     let splats = match found.splats {
         0 => String::new(),
-        n => format!("; {} splats more to begin with", HumanCount(n as u64)),
+        n => format!("; {} more to begin with", counted(n, "splat")),
     };
     let splats = match found.surface {
         Some(surface) => format!("; their surfaces would fill {surface:.1} photographs{splats}"),
         None => splats,
     };
+    let views = counted(views, "photograph");
     let smaller =
         found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
     if prior == DepthPrior::Propagation {
-        console.say(format_args!("depths are propagated in {} of {views} photographs while training", found.views));
+        console.say(format_args!("depths are propagated in {} of {views} while training", found.views));
     } else {
         console.say(format_args!(
-            "depths from {prior}: {} of {views} photographs{smaller}, {:.1} % of their pixels{splats}",
-            found.views,
-            100.0 * found.share
+            "depths from {prior}: {} of {views}{smaller}, {} of their pixels{splats}",
+            grouped(found.views),
+            percent(found.share, 1)
         ));
     }
     without_depth(&found.skipped, console);
@@ -96,11 +97,11 @@ pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Cons
     }
     input.known.left_out.iter().for_each(|warning| console.warn(warning));
     console.say(format_args!(
-        "{}, {} steps, seed {}, {} splats to begin with",
+        "{}, {}, seed {}, {} to begin with",
         settings.method_name(),
-        HumanCount(settings.run.iterations.into()),
+        counted(settings.run.iterations, "step"),
         settings.run.seed,
-        HumanCount(beginning.splats().into()),
+        counted(beginning.splats(), "splat"),
     ));
     if beginning.restart.is_none() {
         first_splats(beginning, dataset, console);
@@ -116,9 +117,9 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
             console.warn(&coloured.colourless);
         }
         console.say(format_args!(
-            "{} of {} points have the colours of photographs that see them",
-            HumanCount(coloured.seen as u64),
-            HumanCount(coloured.points as u64)
+            "{} of {} with the colours of photographs that see them",
+            grouped(coloured.seen),
+            counted(coloured.points, "point")
         ));
     }
     if !input.sees_any() {
@@ -128,16 +129,16 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
     }
     if let Some(most) = settings.density.max_splats.filter(|most| input.initial.len() > *most as usize) {
         console.warn(format_args!(
-            "--max-splats {most}: the model of --init has {} splats, which stay; none are added",
-            HumanCount(input.initial.len() as u64)
+            "--max-splats {most}: the model of --init has {}, all of which stay; none are added",
+            counted(input.initial.len(), "splat")
         ));
     }
     let points = input.initial.len().saturating_sub(beginning.depths.splats);
     if beginning.is_from_points() && points < dataset.usable_points().len() {
         console.say(format_args!(
-            "of {} points {} are taken, evenly, for the sake of --max-splats",
-            HumanCount(dataset.usable_points().len() as u64),
-            HumanCount(points as u64)
+            "of {} {} are taken, evenly, for the sake of --max-splats",
+            counted(dataset.usable_points().len(), "point"),
+            grouped(points)
         ));
     }
 }

@@ -11,6 +11,7 @@ use super::extent::far_cameras;
 use super::model::Model;
 use super::random_points::in_view;
 use super::{Error, Role, View, Warning};
+use crate::numbers::{counted, fraction, grouped, of_count, percent};
 use crate::scene::Camera;
 pub(super) use colours::Coarse;
 use evidence::Evidence;
@@ -60,23 +61,34 @@ pub enum PoseFault {
 
 impl fmt::Display for PoseFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let percent = |share: f64| format!("{:.*} %", if share < 0.01 { 2 } else { 0 }, 100.0 * share);
+        let percent = |share: f64| percent(share, if share < 0.01 { 2 } else { 0 });
         match self {
             Self::Reprojection { points, off, .. } if !off.is_finite() => {
-                write!(f, "most of {points} points that it observes lie behind its camera")
+                write!(f, "most of {} that it observes lie behind its camera", counted(*points, "point"))
             }
             Self::Reprojection { points, off, usual } => write!(
                 f,
-                "{points} points that it observes lie {} of the picture's longer side away from where it shows them (usual: {})",
+                "{} that it observes {} {} of the picture's longer side away from where it shows {} (usual: {})",
+                counted(*points, "point"),
+                of_count(*points, "lies", "lie"),
                 percent(*off),
+                of_count(*points, "it", "them"),
                 percent(*usual)
             ),
             Self::OutOfView { points, inside } => {
-                write!(f, "of {points} points that it is said to observe {inside} are in its picture")
+                write!(
+                    f,
+                    "of {} that it is said to observe {} {} in its picture",
+                    counted(*points, "point"),
+                    grouped(*inside),
+                    of_count(*inside, "is", "are")
+                )
             }
             Self::Colours { fit, usual } => write!(
                 f,
-                "the colours of the points are not those of the photograph where they lie in its picture (correlation {fit:.2}, usual: {usual:.2})"
+                "the colours of the points are not those of the photograph where they lie in its picture (correlation {}, usual: {})",
+                fraction(*fit, 2),
+                fraction(*usual, 2)
             ),
             Self::FarAndBlind { times } => write!(
                 f,

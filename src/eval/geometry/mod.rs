@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::metrics::mean;
 use super::psnr_where;
+use crate::numbers::percent;
 use crate::raster::Picture;
 use crate::scene::{Camera, Gaussians};
 
@@ -98,7 +99,7 @@ pub fn measure<E: From<GeometryError>>(
 impl Geometry {
     /// Names and values of what is there, to be shown.
     pub fn rows(&self) -> Vec<(&'static str, String)> {
-        let percent = |v: f64| format!("{:.2} %", 100.0 * v);
+        let percent = |v: f64| percent(v, 2);
         [
             ("PSNR off the path", self.psnr_offpath.map(|v| format!("{v:.2} dB"))),
             ("depth error, median", self.depth_median_error.map(percent)),

@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
-use super::text::{grouped, rounded, tick};
+use super::text::{rounded, tick};
 use super::{Curve, CurveForm};
 use crate::format::markup::escape;
+use crate::numbers::grouped;
 
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 230.0;

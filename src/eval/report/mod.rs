@@ -18,9 +18,10 @@ use super::colormap::Colormap;
 use super::{ImageScore, Metrics};
 use crate::format::atomic;
 use crate::format::markup::escape;
+use crate::numbers::{counted, fraction, grouped};
 use panel::{STORAGES, Storage};
 use scores::{numbers, scores, tiles, trained};
-use text::{decibels, fill, grouped, link, significant};
+use text::{decibels, fill, link, significant};
 
 /// Largest size of the pictures on a page, as data addresses, bytes.
 const PICTURE_BUDGET: usize = 18_000_000;
@@ -185,8 +186,8 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
     let mut notes: Vec<String> = data.notes.clone();
     if shown < data.views.len() {
         notes.push(format!(
-            "Pictures of the first {shown} of {} held-out views are shown; the table has all of them.",
-            data.views.len()
+            "Pictures of the first {shown} of {} are shown; the table has all of them.",
+            counted(data.views.len(), "held-out view")
         ));
     }
     let notes: String = notes.iter().map(|n| format!("<p class=\"note\">{}</p>", escape(n))).collect();
@@ -345,7 +346,7 @@ fn card(
             ("number", &number.to_string()),
             ("name", &escape(&view.name)),
             ("psnr", &decibels(Some(view.psnr))),
-            ("ssim", &format!("{:.3}", view.ssim)),
+            ("ssim", &fraction(view.ssim, 3)),
             ("lpips", &lpips),
             ("masked", &masked(&view.counting)),
             ("shape", if size.1 > size.0 { " portrait" } else { "" }),

@@ -1,9 +1,10 @@
 //! The numbers of a report: tiles at the top, the run's, and a row for each held-out view.
 
 use super::row;
-use super::text::{bytes, decibels, duration, grouped};
+use super::text::{bytes, decibels, duration};
 use crate::eval::Metrics;
 use crate::format::markup::escape;
+use crate::numbers::{counted, fraction, grouped};
 
 /// Whether the numbers are of a training, and not of the scoring of a finished model.
 pub(super) fn trained(m: &Metrics) -> bool {
@@ -11,10 +12,10 @@ pub(super) fn trained(m: &Metrics) -> bool {
 }
 
 pub(super) fn tiles(m: &Metrics) -> String {
-    let ssim = m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.3}"));
+    let ssim = m.ssim.map_or_else(|| "\u{2013}".into(), |s| fraction(s, 3));
     let per_step =
         if trained(m) { format!("{} a step", duration(m.seconds_per_iteration)) } else { "to score".to_owned() };
-    let held_out = format!("mean of {} held-out views", m.test_images);
+    let held_out = format!("mean of {}", counted(m.test_images, "held-out view"));
     let lpips = m.lpips_squeeze.map(|v| ("LPIPS", format!("{v:.3}"), "", "on SqueezeNet, 0 is identical"));
     // The model's own colours first: an exposure belongs to a photograph, and no viewer of the model shows it.
     let own = m.exposures.and_then(|exposures| exposures.psnr_own_colours);
@@ -62,7 +63,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
         ("device", m.device.clone()),
         (if own.is_some() { "PSNR, exposed" } else { "PSNR" }, format!("{} dB", decibels(m.psnr))),
         ("PSNR, colours fitted", format!("{} dB", decibels(m.psnr_cc))),
-        ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| format!("{s:.4}"))),
+        ("SSIM", m.ssim.map_or_else(|| "\u{2013}".into(), |s| fraction(s, 4))),
         ("splats", grouped(m.splats as u64)),
         ("model file", bytes(m.bytes)),
         ("total time", duration(m.seconds)),

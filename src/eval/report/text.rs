@@ -1,5 +1,6 @@
 //! Numbers and text for people, and the page's templates.
 
+use crate::numbers::fraction;
 use std::fmt::Write;
 
 /// Replaces each `{{key}}` of a template, in one pass over the template: values are never searched.
@@ -20,19 +21,6 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
         }
     }
     out.push_str(rest);
-    out
-}
-
-/// 1234567 as "1,234,567".
-pub(super) fn grouped(n: u64) -> String {
-    let digits = n.to_string();
-    let mut out = String::new();
-    for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(c);
-    }
     out
 }
 
@@ -77,7 +65,7 @@ pub(super) fn rounded(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits.saturating_sub(1));
     let decade: i32 = scientific.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
     let decimals = (digits as i32 - 1 - decade).clamp(0, 9) as usize;
-    format!("{value:.decimals$}")
+    fraction(value, decimals)
 }
 
 /// An axis label: as many decimals as the step needs, thousands as k and M.
@@ -90,12 +78,12 @@ pub(super) fn tick(value: f64, step: f64) -> String {
         (value, "", step)
     };
     let digits = (-(step * 1.0001).log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{scaled:.digits$}{unit}")
+    format!("{}{unit}", fraction(scaled, digits))
 }
 
 /// Decibels, or a dash.
 pub(super) fn decibels(value: Option<f64>) -> String {
-    value.map_or_else(|| "\u{2013}".into(), |v| if v.is_finite() { format!("{v:.2}") } else { "\u{221e}".into() })
+    value.map_or_else(|| "\u{2013}".into(), |v| if v.is_finite() { fraction(v, 2) } else { "\u{221e}".into() })
 }
 
 /// Base64 with padding (RFC 4648).
@@ -132,7 +120,6 @@ mod tests {
 
     #[test]
     fn people_read_numbers() {
-        assert_eq!([grouped(0), grouped(999), grouped(1000), grouped(1_234_567)], ["0", "999", "1,000", "1,234,567"]);
         assert_eq!([bytes(12), bytes(999_600), bytes(1_234_567)], ["12 B", "1.00 MB", "1.23 MB"]);
         assert_eq!(
             [significant(9.996), significant(99.96), significant(0.001_234), significant(-4567.0)],

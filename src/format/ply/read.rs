@@ -7,6 +7,7 @@ use std::path::Path;
 use super::header::{self, Element, Encoding, Header, Kind};
 use super::{Model, REST_BY_DEGREE};
 use crate::format::{At, Error, Tally, source};
+use crate::numbers::counted;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
 /// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient can
@@ -399,7 +400,8 @@ pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> 
                 let count = count.parse().map_err(|_| wrong())?;
                 if count > all {
                     let problem = format!(
-                        "'{comment}', of {all} splats: another program has left some out; remove that line to read the rest"
+                        "'{comment}', of {}: another program has left some out; remove that line to read the rest",
+                        counted(all, "splat")
                     );
                     return Err(Error::malformed(file, "comment", At::Byte(*at), problem));
                 }

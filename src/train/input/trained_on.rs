@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::View;
+use crate::numbers::{counted, grouped};
 use crate::scene::Camera;
 use crate::train::Error;
 
@@ -55,9 +56,9 @@ impl TrainedOn {
         let other = |what: String| Err(Error::OtherPhotographs { what });
         if self.names.len() != now.names.len() {
             return other(format!(
-                "it has {} photographs to train on, and the run had {}",
-                now.names.len(),
-                self.names.len()
+                "it has {} to train on, and the run had {}",
+                counted(now.names.len(), "photograph"),
+                grouped(self.names.len())
             ));
         }
         for (k, (before, name)) in self.names.iter().zip(&now.names).enumerate() {
@@ -112,7 +113,7 @@ mod tests {
             |views: &[View]| run.check(&TrainedOn::of(views, None)).err().map(|e| e.to_string()).unwrap_or_default();
         assert_eq!(complaint(&[view("a", 0.0), view("b", 1.0 + 1e-9)]), "");
         for (views, words) in [
-            (vec![view("a", 0.0)], "1 photographs to train on, and the run had 2"),
+            (vec![view("a", 0.0)], "1 photograph to train on, and the run had 2"),
             (vec![view("a", 0.0), view("c", 1.0)], "'c' is where the run had 'b'"),
             (vec![view("a", 0.0), view("b", 1.001)], "camera of 'b'"),
         ] {

@@ -1,6 +1,7 @@
 //! What a trainer makes of an event that is done: messages, and what is learned from it.
 
 use super::{Message, Trainer};
+use crate::numbers::{counted, of_count};
 use crate::pass::counters;
 use crate::train::Error;
 use crate::train::engine::Outcome;
@@ -61,7 +62,10 @@ impl Trainer {
         if !self.pending_check {
             self.pending_check = true;
             self.tell(Message::Warning(format!(
-                "step {step}: {count} splats with values that are not finite are left out; the next density change drops them"
+                "step {step}: {} with values that are not finite {} left out, until the next density change drops {}",
+                counted(count, "splat"),
+                of_count(count, "is", "are"),
+                of_count(count, "it", "them")
             )));
         }
     }

@@ -1,6 +1,7 @@
 //! What a trainer does when something did not fit.
 
 use super::{Message, Trainer};
+use crate::numbers::counted;
 use crate::train::Error;
 use crate::train::schedule::{Event, Kind};
 
@@ -46,8 +47,9 @@ impl Trainer {
         }
         self.told_full = true;
         self.tell(Message::Warning(format!(
-            "step {step}: growth stops at {splats} splats, because the device memory that may be used has room for no more; \
-             --max-device-memory gives more, a smaller --max-side leaves more of it"
+            "step {step}: growth stops at {}, because the device memory that may be used has room for no more; \
+             --max-device-memory gives more, a smaller --max-side leaves more of it",
+            counted(splats, "splat")
         )));
     }
 }

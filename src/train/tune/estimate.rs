@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::seconds_per_step;
+use crate::numbers::counted;
 use crate::raster::Variants;
 use crate::train::Error;
 use crate::train::input::Input;
@@ -50,8 +51,9 @@ impl fmt::Display for Estimate {
         let each = if each < 1.0 { format!("{:.3} ms", 1e3 * each) } else { format!("{each:.2} s") };
         write!(
             f,
-            "{} steps of {each}, as timed on this device with the {} splats to begin with",
-            self.steps, self.splats
+            "{} of {each}, as timed on this device with the {} to begin with",
+            counted(self.steps, "step"),
+            counted(self.splats, "splat")
         )?;
         if self.grows { f.write_str("; more splats take longer, often several times as long") } else { Ok(()) }
     }
