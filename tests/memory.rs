@@ -148,7 +148,12 @@ fn growth_stops_where_memory_ends_and_training_goes_on() {
     assert!((1000..4000).contains(&most), "{most} splats");
     let told: Vec<&String> = warnings.iter().filter(|w| w.contains("growth stops")).collect();
     assert_eq!(told.len(), 1, "{warnings:?}");
-    assert!(told[0].contains(&format!("{most} splats")) && told[0].contains("--max-device-memory"), "{}", told[0]);
+    assert!(
+        told[0].contains(&format!("{} splats", psrgs_vk::numbers::grouped(most)))
+            && told[0].contains("--max-device-memory"),
+        "{}",
+        told[0]
+    );
     let again = train().expect("a device");
     assert_eq!((again.1, again.2), (losses, most), "the same bits under the same limit");
 }

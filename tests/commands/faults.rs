@@ -306,6 +306,7 @@ fn splats_that_are_not_finite_do_not_reach_the_model() {
     };
     let all = spoil(&mut |means| (means[4], means[30]) = (f32::NAN, f32::INFINITY));
     let said = works(&["train", "--resume", text(&out)]);
+    let all = psrgs_vk::numbers::grouped(all);
     assert!(said.contains(&format!("2 of {all} splats have values that are not finite")), "{said}");
     let (model, data, pictures) = (out.join("point_cloud.ply"), shared.data(), folder.path().join("pictures"));
     works(&["render", text(&model), "--cameras", text(&data), "--out", text(&pictures), "--strict"]);

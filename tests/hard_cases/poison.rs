@@ -143,7 +143,11 @@ fn splats_that_are_not_numbers_leave_no_trace_in_others() {
             }
             assert!(end.params.iter().flatten().all(|v| v.is_finite()), "{what}");
             assert_eq!(told.warnings.len(), 1, "{what}: {:?}", told.warnings);
-            assert!(told.warnings[0].contains(&format!(" {found} splats")), "{what}: {found}, {}", told.warnings[0]);
+            assert!(
+                told.warnings[0].contains(&format!(" {}", psrgs_vk::numbers::counted(found, "splat"))),
+                "{what}: {found}, {}",
+                told.warnings[0]
+            );
             let [first, want] = [&told, &clean_told].map(|told| told.changes[0]);
             assert_eq!(first, [want[0], want[1], want[2] + VICTIMS], "{what}: grown and pruned");
         }
