@@ -117,9 +117,9 @@ pub enum Error {
     },
     /// What training needs does not fit the device memory that may be used.
     #[error(
-        "out of device memory: no room for {wanted} {what}; with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
+        "out of device memory: no room for {} {what}; with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
          Give more with --max-device-memory, or need less with a smaller --max-side or --max-splats{}",
-        readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
+        crate::numbers::grouped(*wanted), readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
     )]
     MemoryLimit {
         /// What there is no room for.
