@@ -43,6 +43,7 @@ mod usable;
 mod useless;
 mod warning;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -216,6 +217,8 @@ impl Dataset {
         }
         let colourless = colourless(&mut model);
         model.warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
+        // Of all photographs: one that is missing does not change what the others are for.
+        let planned = split::planned(options.split, &model.shots);
         let images = if options.photographs { Some(find_photographs(path, options, &mut model)?) } else { None };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
@@ -224,7 +227,7 @@ impl Dataset {
             Some(_) => masks::find(path, masks_folder.as_deref(), &mut model)?,
             None => vec![None; model.shots.len()],
         };
-        let roles = roles(options.split, &model.shots, &mut model.warnings);
+        let roles = roles(&planned, &model.shots, &mut model.warnings);
         let views = model
             .shots
             .par_iter()
@@ -412,8 +415,9 @@ fn count_masks(model: &mut Model, folder: Option<PathBuf>, views: &[View]) -> Op
 }
 
 /// The role of every view. With so few views that none would be left to train on, nothing is held out.
-fn roles(split: Split, shots: &[Shot], warnings: &mut Vec<Warning>) -> Vec<Role> {
-    let roles = split.roles(&shots.iter().map(|shot| shot.part).collect::<Vec<_>>());
+fn roles(planned: &HashMap<String, Role>, shots: &[Shot], warnings: &mut Vec<Warning>) -> Vec<Role> {
+    let role = |shot: &Shot| planned.get(&shot.name).copied().unwrap_or(Role::Train);
+    let roles: Vec<Role> = shots.iter().map(role).collect();
     if roles.contains(&Role::Train) {
         return roles;
     }

@@ -1,7 +1,11 @@
 //! Which photographs are trained on and which are held out.
 
-/// How to hold photographs out. Positions count the views sorted bytewise by name, the convention of Mip-NeRF 360 and of the
-/// 3DGS reference.
+use std::collections::HashMap;
+
+use super::model::Shot;
+
+/// How to hold photographs out. Positions count the views sorted bytewise by name (one whose photograph is missing too), the convention of
+/// Mip-NeRF 360 and of the 3DGS reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Split {
     /// Every 8th photograph (index % 8 == 0) is a test photograph.
@@ -84,4 +88,10 @@ impl Split {
         };
         parts.iter().map(&mut role).collect()
     }
+}
+
+/// The role of every photograph by its name, for photographs sorted by name.
+pub(super) fn planned(split: Split, shots: &[Shot]) -> HashMap<String, Role> {
+    let roles = split.roles(&shots.iter().map(|shot| shot.part).collect::<Vec<_>>());
+    shots.iter().map(|shot| shot.name.clone()).zip(roles).collect()
 }
