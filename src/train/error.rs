@@ -156,7 +156,7 @@ pub enum Error {
     },
     /// A run cannot go on with photographs that it has not been trained on.
     #[error(
-        "the dataset is not the one that the run was trained on: {what}. Put that one back, or train anew with another --out"
+        "the dataset is not the one that the run was trained on: {what}. Put back what it was trained on, or train anew with another --out"
     )]
     OtherPhotographs {
         /// The first difference.

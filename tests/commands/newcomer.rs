@@ -167,6 +167,44 @@ fn a_run_does_not_go_on_with_another_dataset() {
     works(&go_on);
 }
 
+/// A photograph that was trained on has gone, or cannot be decoded any more; one that is held out may.
+#[test]
+fn a_run_does_not_go_on_without_a_photograph_that_it_was_trained_on() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (folder.path().join("scene"), folder.path().join("run"));
+    let params = WorldParams { images: 12, max_side: 64, offpath: 0, pixels_per_point: 16, ..WorldParams::default() };
+    generate(&params, &data, &mut |_| ()).expect("a scene");
+    let begin = ["train", text(&data), "--out", text(&out), "--iterations", "2", "--checkpoint-every", "1"];
+    works(&[&begin[..], &["--scale-schedule=false"]].concat());
+    let resumed = |iterations: &'static str| ["train", "--resume", text(&out), "--iterations", iterations];
+    let damages: [fn(&Path); 2] = [
+        |file| fs::remove_file(file).expect("removed"),
+        |file| {
+            let bytes = fs::read(file).expect("read");
+            fs::write(file, &bytes[..bytes.len() / 2]).expect("written");
+        },
+    ];
+    let photograph = data.join("images/view_0005.jpg");
+    let whole = fs::read(&photograph).expect("read");
+    for damage in damages {
+        damage(&photograph);
+        let words = ["not the one that the run was trained on", "'view_0005.jpg' is not to be trained on any more"];
+        fails(&resumed("3"), 3, &[&words[..], &["missing, unusable or held out", "Put back"]].concat());
+        fs::write(&photograph, &whole).expect("written");
+    }
+    let held_out = data.join("images/view_0008.jpg");
+    let whole = fs::read(&held_out).expect("read");
+    for (damage, iterations) in damages.into_iter().zip(["3", "4"]) {
+        damage(&held_out);
+        let said = works(&resumed(iterations));
+        assert!(said.contains("1 of 12 photographs cannot be used and is left out, 'view_0008.jpg'"), "{said}");
+        fs::write(&held_out, &whole).expect("written");
+    }
+}
+
 /// Stages of a training are shares of its steps: one that is over does not begin again because there are to be more steps.
 #[test]
 fn a_stage_that_is_over_does_not_begin_again() {

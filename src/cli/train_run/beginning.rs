@@ -83,6 +83,10 @@ impl Beginning {
         }
         console.say(host);
         let mut input = prepare::input_within(dataset, initial, host.share)?;
+        // Before depths take their time.
+        if let Some(before) = restart.as_ref().and_then(|restart| restart.trained_on.as_ref()) {
+            before.check_views(&input.train)?;
+        }
         if let (Some(points), None) = (uncoloured, &restart) {
             points.take_colours(dataset, &mut input)?;
         }

@@ -1,9 +1,10 @@
 //! Which photographs a training looks at, kept with it: a resumed one is to look at the same.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use super::View;
-use crate::numbers::{counted, grouped};
+use crate::numbers::{counted, grouped, of_count};
 use crate::scene::Camera;
 use crate::train::Error;
 
@@ -51,14 +52,33 @@ impl TrainedOn {
         }
     }
 
+    /// Whether a training that looked at these may go on with these views.
+    pub fn check_views(&self, views: &[View]) -> Result<(), Error> {
+        self.check(&Self::of(views, None))
+    }
+
     /// Whether a training that looked at these may go on with others.
     pub(in crate::train) fn check(&self, now: &Self) -> Result<(), Error> {
         let other = |what: String| Err(Error::OtherPhotographs { what });
-        if self.names.len() != now.names.len() {
+        let there: HashSet<&str> = now.names.iter().map(String::as_str).collect();
+        let mut gone = self.names.iter().filter(|name| !there.contains(name.as_str()));
+        if let Some(first) = gone.next() {
+            let count = 1 + gone.count();
             return other(format!(
-                "it has {} to train on, and the run had {}",
+                "{}'{first}'{} not to be trained on any more, as {} missing, unusable or held out now",
+                if count == 1 { String::new() } else { format!("{} photographs, the first of them ", grouped(count)) },
+                of_count(count, " is", ", are"),
+                of_count(count, "the photograph is", "they are"),
+            ));
+        }
+        if self.names.len() != now.names.len() {
+            let before: HashSet<&str> = self.names.iter().map(String::as_str).collect();
+            let new = now.names.iter().find(|name| !before.contains(name.as_str()));
+            return other(format!(
+                "it has {} to train on, and the run had {}{}",
                 counted(now.names.len(), "photograph"),
-                grouped(self.names.len())
+                grouped(self.names.len()),
+                new.map_or(String::new(), |name| format!(", without '{name}'"))
             ));
         }
         for (k, (before, name)) in self.names.iter().zip(&now.names).enumerate() {
@@ -113,8 +133,14 @@ mod tests {
             |views: &[View]| run.check(&TrainedOn::of(views, None)).err().map(|e| e.to_string()).unwrap_or_default();
         assert_eq!(complaint(&[view("a", 0.0), view("b", 1.0 + 1e-9)]), "");
         for (views, words) in [
-            (vec![view("a", 0.0)], "1 photograph to train on, and the run had 2"),
-            (vec![view("a", 0.0), view("c", 1.0)], "'c' is where the run had 'b'"),
+            (vec![view("a", 0.0)], "'b' is not to be trained on any more"),
+            (vec![], "2 photographs, the first of them 'a', are not to be trained on any more"),
+            (vec![view("a", 0.0), view("c", 1.0)], "'b' is not to be trained on any more"),
+            (
+                vec![view("a", 0.0), view("b", 1.0), view("c", 1.0)],
+                "3 photographs to train on, and the run had 2, without 'c'",
+            ),
+            (vec![view("b", 1.0), view("a", 0.0)], "'b' is where the run had 'a'"),
             (vec![view("a", 0.0), view("b", 1.001)], "camera of 'b'"),
         ] {
             assert!(complaint(&views).contains(words), "{}", complaint(&views));
