@@ -139,14 +139,15 @@ impl Args {
     }
 
     /// What the steps are taken on.
-    fn input(&self, data: &Path, settings: &Settings) -> anyhow::Result<Input> {
+    fn input(&self, data: &Path, settings: &Settings, console: &Console) -> anyhow::Result<Input> {
         let dataset = Dataset::load(data, &prepare::load_options_of(settings))?;
         let mut initial = prepare::initial(&dataset, settings)?;
         if let Some(splats) = self.splats {
             initial = bench::resized(&initial, splats, self.seed);
         }
         let mut share = prepare::host_share(&dataset, Role::Train, &self.host);
-        let train = prepare::views(&dataset, Role::Train, &mut share)?;
+        let (train, undecoded) = prepare::views(&dataset, Role::Train, &mut share)?;
+        undecoded.warning.iter().for_each(|warning| console.warn(warning));
         Ok(Input {
             train,
             held_out: Vec::new(),
@@ -184,7 +185,7 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     let settings = args.settings();
     settings.check()?;
     let gpu = args.open(console)?;
-    let input = args.input(data, &settings)?;
+    let input = args.input(data, &settings, console)?;
     let options = Options { warm_up: args.warm_up, steps: args.steps, side: args.side, copy_bytes: bench::COPY_BYTES };
     if args.list_commands {
         let commands = bench::commands(&gpu, input, &settings, &options).map_err(failure)?;

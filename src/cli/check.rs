@@ -5,7 +5,7 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, Format, HostShare, PoseFault, Role, Supply, Warning};
+use psrgs_vk::dataset::{self, Dataset, Decoding, Format, HostShare, PoseFault, Role, Supply, Warning};
 use psrgs_vk::numbers::{counted, fraction, grouped, percent};
 use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     }
     settings.check()?;
     let mut options = prepare::load_options_of(&settings);
-    let (dataset, missing) = match Dataset::load(&args.data, &options) {
+    let (mut dataset, missing) = match Dataset::load(&args.data, &options) {
         Ok(dataset) => (dataset, None),
         Err(error @ (dataset::Error::MissingPhotographs { .. } | dataset::Error::NoPhotographs { .. })) => {
             // The poses can be told of without them.
@@ -124,11 +124,12 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         }
         Err(error) => return Err(error.into()),
     };
-    let mut found = found(&dataset, &settings);
+    let mut decoded = Decoded::default();
     let mut missing = match missing {
         Some(error) => Some(error.into()),
-        None => unusable(&dataset, &settings, &mut found),
+        None => decoded.look_at(&mut dataset, &settings),
     };
+    let mut found = found(&dataset, &settings, decoded);
     if missing.is_none() {
         match training::plan(&dataset, &settings, &mut found.problems, console) {
             Ok(training) => found.training = training,
@@ -154,40 +155,62 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     }
 }
 
-/// What keeps a training from beginning with these photographs: the first that cannot be decoded, or that all are masked. None is kept.
-/// What masks do is added to what was found.
-fn unusable(dataset: &Dataset, settings: &Settings, found: &mut Found) -> Option<anyhow::Error> {
-    let decoded = |role| {
-        let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.host) };
-        dataset.take_in(role, &mut share)
-    };
-    let (train, held_out) = match (decoded(Role::Train), decoded(Role::HeldOut)) {
-        (Err(error), _) | (_, Err(error)) => return Some(error.into()),
-        (Ok(train), Ok(held_out)) => (train, held_out),
-    };
-    let mut views = Vec::new();
-    for (role, photographs) in [(Role::Train, &train), (Role::HeldOut, &held_out)] {
-        let of_role = dataset.views_of(role).zip(photographs);
-        views.extend(of_role.map(|((_, view), photograph)| (view.name.as_str(), photograph.as_ref())));
+/// What shows when photographs are decoded.
+#[derive(Default)]
+struct Decoded {
+    problems: Vec<String>,
+    mask_notes: Vec<String>,
+}
+
+impl Decoded {
+    /// Decodes the photographs, of which none is kept, and leaves a few out that cannot be. Gives what keeps a training from beginning with
+    /// them: that more cannot be decoded, or that all are masked.
+    fn look_at(&mut self, dataset: &mut Dataset, settings: &Settings) -> Option<anyhow::Error> {
+        self.taken_in(dataset, settings).err()
     }
-    for warning in prepare::told_of(&views) {
-        match &warning {
-            Warning::MasksLeaveOutNothing { masks, of, .. } if masks < of => found.mask_notes.push(warning.to_string()),
-            Warning::MasksByTransparency { .. } => found.mask_notes.push(warning.to_string()),
-            Warning::AllMasked { .. } | Warning::MasksLeaveOutNothing { .. } => {
-                found.problems.push(warning.to_string())
+
+    fn taken_in(&mut self, dataset: &mut Dataset, settings: &Settings) -> anyhow::Result<()> {
+        let mut decoding = Decoding::of(dataset);
+        let mut decoded = |role| {
+            let mut share = HostShare { keep: 0, ..prepare::host_share(dataset, role, &settings.host) };
+            decoding.take_in(dataset, role, &mut share)
+        };
+        let (train, held_out) = (decoded(Role::Train)?, decoded(Role::HeldOut)?);
+        let undecoded = decoding.end()?;
+        self.problems.extend(undecoded.warning.iter().map(ToString::to_string));
+        let gone = |name: &str| undecoded.photographs.iter().any(|photograph| photograph.name == name);
+        let mut views = Vec::new();
+        for (role, photographs) in [(Role::Train, &train), (Role::HeldOut, &held_out)] {
+            let of_role = dataset.views_of(role).zip(photographs).filter(|((_, view), _)| !gone(&view.name));
+            views.extend(of_role.map(|((_, view), photograph)| (view.name.as_str(), photograph.as_ref())));
+        }
+        self.take_warnings(prepare::told_of(&views));
+        for (role, photographs, left_out) in [(Role::Train, &train, true), (Role::HeldOut, &held_out, false)] {
+            self.problems.extend(wrong_poses(dataset, role, photographs, left_out)?);
+        }
+        let nothing = !train.is_empty() && train.iter().all(Option::is_none);
+        dataset.leave_out(&undecoded);
+        match nothing {
+            true => Err(Failure::all_masked(&dataset.path, Role::Train).into()),
+            false => Ok(()),
+        }
+    }
+
+    /// Of masks some are no problem.
+    fn take_warnings(&mut self, warnings: Vec<Warning>) {
+        for warning in warnings {
+            match &warning {
+                Warning::MasksLeaveOutNothing { masks, of, .. } if masks < of => {
+                    self.mask_notes.push(warning.to_string())
+                }
+                Warning::MasksByTransparency { .. } => self.mask_notes.push(warning.to_string()),
+                Warning::AllMasked { .. } | Warning::MasksLeaveOutNothing { .. } => {
+                    self.problems.push(warning.to_string())
+                }
+                _ => {}
             }
-            _ => {}
         }
     }
-    for (role, photographs, left_out) in [(Role::Train, &train, true), (Role::HeldOut, &held_out, false)] {
-        match wrong_poses(dataset, role, photographs, left_out) {
-            Ok(wrong) => found.problems.extend(wrong),
-            Err(error) => return Some(error.into()),
-        }
-    }
-    let nothing = !train.is_empty() && train.iter().all(Option::is_none);
-    nothing.then(|| Failure::all_masked(&dataset.path, Role::Train).into())
 }
 
 /// What is to be said of photographs that the colours of the points do not fit.
@@ -222,7 +245,7 @@ impl Args {
 /// What a group has in common: model, whether it is undistorted, size on disk and size.
 type Key<'a> = (&'a str, bool, (u32, u32), (u32, u32));
 
-fn found(dataset: &Dataset, settings: &Settings) -> Found {
+fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Found {
     let sights = dataset.sights();
     let mut groups: BTreeMap<Key<'_>, usize> = BTreeMap::new();
     for view in &dataset.views {
@@ -249,7 +272,7 @@ fn found(dataset: &Dataset, settings: &Settings) -> Found {
         center: dataset.frame.offset,
         coordinates: dataset.coordinates.clone(),
         masks: dataset.masks.as_ref().map(|masks| masks.matched),
-        mask_notes: Vec::new(),
+        mask_notes: decoded.mask_notes,
         points_in_view: median(sights.iter().map(|s| s.points as f64).collect()),
         overlap: median(sights.iter().filter_map(|s| s.overlap).collect()),
         photograph_bytes: dataset.views_of(Role::Train).map(|(_, view)| view.pixel_bytes()).sum(),
@@ -257,7 +280,7 @@ fn found(dataset: &Dataset, settings: &Settings) -> Found {
         method: settings.run.method,
         iterations: settings.run.iterations,
         training: None,
-        problems: dataset.problems(&sights),
+        problems: [dataset.problems(&sights), decoded.problems].concat(),
     }
 }
 

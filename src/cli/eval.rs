@@ -78,9 +78,9 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let model = model_with_splats(args, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
     let options = LoadOptions { host_memory: args.host.host_memory.map(|bytes| bytes.0), ..options };
-    let dataset = dataset_with_held_out(args, &options)?;
+    let mut dataset = dataset_with_held_out(args, &options)?;
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
-    let views = held_out_views(args, &dataset, console)?;
+    let views = held_out_views(args, &mut dataset, console)?;
     tell(args, &dataset, &views, console);
     warn_of_differences(args, &options, &dataset, console);
     let mut lpips = Lpips::find(&args.scoring, console)?;
@@ -149,9 +149,14 @@ fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<D
 }
 
 /// The held-out photographs. Warns of those that are left out and of pixels that do not count.
-fn held_out_views(args: &Args, dataset: &Dataset, console: &Console) -> anyhow::Result<Vec<View>> {
+fn held_out_views(args: &Args, dataset: &mut Dataset, console: &Console) -> anyhow::Result<Vec<View>> {
     let mut share = prepare::host_share(dataset, Role::HeldOut, &args.host);
-    let views = prepare::views(dataset, Role::HeldOut, &mut share)?;
+    let (views, undecoded) = prepare::views(dataset, Role::HeldOut, &mut share)?;
+    dataset.leave_out(&undecoded);
+    undecoded.warning.iter().for_each(|warning| console.warn(warning));
+    if dataset.views_of(Role::HeldOut).next().is_none() {
+        return Err(nothing_held_out(args, dataset));
+    }
     if views.is_empty() {
         return Err(Failure::all_masked(&dataset.path, Role::HeldOut).into());
     }

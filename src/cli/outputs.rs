@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role, Warning};
+use psrgs_vk::dataset::{Dataset, Role, Undecoded, Warning};
 use psrgs_vk::eval::{
     self, ExposureScores, Geometry, GeometryTruth, Metrics, TrainingPhotograph, geometry, median_loss, misfits,
 };
@@ -40,8 +40,10 @@ pub(crate) struct Finished<'a> {
     pub(crate) earlier_seconds: f64,
     /// Seconds of multi-view stereo.
     pub(crate) stereo_seconds: f64,
-    /// Photographs that were left out when they had been decoded.
+    /// What is to be told of photographs that were left out when they were decoded.
     pub(crate) left_out: &'a [Warning],
+    /// Those of them that could not be.
+    pub(crate) undecoded: &'a Undecoded,
 }
 
 /// The model of a finished training, as it was saved.
@@ -200,7 +202,7 @@ fn metrics(
     }
 }
 
-/// The photographs that were trained on, the one that is fitted worst first, and those that were left out for their poses.
+/// The photographs that were trained on, the one that is fitted worst first, and those that were left out.
 fn training_photographs(run: &Finished<'_>, trainer: &Trainer) -> Vec<TrainingPhotograph> {
     let left_out = run.dataset.warnings.iter().chain(run.left_out).filter_map(|warning| match warning {
         Warning::PoseWrong { name, fault, left_out: true } => Some(TrainingPhotograph {
@@ -211,7 +213,14 @@ fn training_photographs(run: &Finished<'_>, trainer: &Trainer) -> Vec<TrainingPh
         }),
         _ => None,
     });
-    trainer.training_photographs().into_iter().chain(left_out).collect()
+    let undecodable = run.undecoded.photographs.iter().filter(|photograph| photograph.role == Role::Train);
+    let undecodable = undecodable.map(|photograph| TrainingPhotograph {
+        name: photograph.name.clone(),
+        loss: None,
+        steps: 0,
+        left_out: Some(format!("cannot be decoded: {}", photograph.problem)),
+    });
+    trainer.training_photographs().into_iter().chain(left_out).chain(undecodable).collect()
 }
 
 /// Names photographs that are fitted far worse than the others.

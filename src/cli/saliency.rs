@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use psrgs_vk::dataset::{self, Dataset, LoadOptions, Photograph, View};
+use psrgs_vk::dataset::{self, Dataset, Decoding, LoadOptions, Photograph, View};
 use psrgs_vk::format::image_out;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::saliency::{Gate, Plane, Settings, split};
@@ -80,12 +80,15 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let settings = Settings { side: args.side, share: args.share, ..Settings::default() };
     settings.check()?;
     Settings::check_sigma(args.sigma)?;
-    let sources = sources(args, console)?;
+    let (sources, decoding) = sources(args, console)?;
     let names: Vec<String> = sources.iter().map(Source::name).collect();
     let pictures = Pictures::new(&args.out, names.iter().map(String::as_str), 1.0)?;
     let bar = progress::counter(console, sources.len(), "photographs");
-    sources.par_iter().enumerate().try_for_each(|(i, source)| -> anyhow::Result<()> {
-        let photograph = source.photograph()?;
+    let one = |(i, source): (usize, &Source)| -> anyhow::Result<Option<dataset::Error>> {
+        let photograph = match source.photograph() {
+            Err(problem) if !args.strict => return Ok(Some(problem)),
+            photograph => photograph?,
+        };
         let luma = Plane::luma(photograph.width, photograph.height, &photograph.pixels)?.reduced(settings.side);
         let found = args.gate.mask(&luma, args.sigma, args.seed.wrapping_add(i as u64), &settings)?;
         let white = quantile(found.map.values(), SHOWN);
@@ -101,9 +104,11 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         }
         console.detail(format_args!("{}: {}x{}", source.name(), luma.width(), luma.height()));
         bar.inc(1);
-        Ok(())
-    })?;
+        Ok(None)
+    };
+    let problems = sources.par_iter().enumerate().map(one).collect::<anyhow::Result<Vec<_>>>()?;
     bar.finish_and_clear();
+    let left_out = left_out(&sources, problems, decoding, console)?;
     let of = if args.gate == Gate::Spectral {
         format!(" ({}, sigma {})", args.gate, args.sigma)
     } else {
@@ -111,15 +116,38 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     };
     console.say(format_args!(
         "maps and masks of {} in {}{of}",
-        counted(sources.len(), "photograph"),
+        counted(sources.len() - left_out, "photograph"),
         args.out.display()
     ));
     Ok(())
 }
 
-fn sources(args: &Args, console: &Console) -> anyhow::Result<Vec<Source>> {
+/// Tells of photographs of a dataset that cannot be decoded, and gives their number. A single photograph must be one that can, and so must
+/// nearly all of a dataset.
+fn left_out(
+    sources: &[Source],
+    problems: Vec<Option<dataset::Error>>,
+    decoding: Option<Decoding>,
+    console: &Console,
+) -> anyhow::Result<usize> {
+    let problems = sources.iter().zip(problems).filter_map(|(source, problem)| Some((source, problem?)));
+    let Some(mut decoding) = decoding else {
+        return problems.map(|(_, problem)| problem).next().map_or(Ok(0), |problem| Err(problem.into()));
+    };
+    for (source, problem) in problems {
+        match source {
+            Source::View(view) => decoding.take::<()>(view, Err(problem))?,
+            Source::File(_) => return Err(problem.into()),
+        };
+    }
+    let undecoded = decoding.end()?;
+    undecoded.warning.iter().for_each(|warning| console.warn(warning));
+    Ok(undecoded.photographs.len())
+}
+
+fn sources(args: &Args, console: &Console) -> anyhow::Result<(Vec<Source>, Option<Decoding>)> {
     if !args.input.is_dir() {
-        return Ok(vec![Source::File(args.input.clone())]);
+        return Ok((vec![Source::File(args.input.clone())], None));
     }
     // Of the whole photograph: the map is reduced, not what it is made of.
     let options = LoadOptions { max_side: None, strict: args.strict, ..LoadOptions::default() };
@@ -132,7 +160,8 @@ fn sources(args: &Args, console: &Console) -> anyhow::Result<Vec<Source>> {
             false => console.detail(warning),
         }
     }
-    Ok(dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect())
+    let decoding = Decoding::of(&dataset);
+    Ok((dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect(), Some(decoding)))
 }
 
 /// The value that a share of the values does not exceed.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use psrgs_vk::dataset::{Dataset, DecodeLimit, Format, HostShare, LoadOptions, Role, Split, View};
+use psrgs_vk::dataset::{Dataset, DecodeLimit, Decoding, Format, HostShare, LoadOptions, Role, Split, View};
 use psrgs_vk::eval::peak_host_bytes;
 use psrgs_vk::format::image_out::{
     read_depth_within, read_normals_within, write_depth, write_luminance, write_normals,
@@ -13,7 +13,7 @@ use psrgs_vk::format::image_out::{
 use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
-use psrgs_vk::stereo::{Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
+use psrgs_vk::stereo::{self, Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
 use psrgs_vk::vk::Gpu;
@@ -128,12 +128,12 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         strict: args.strict,
         ..LoadOptions::default()
     };
-    let dataset = Dataset::load(&args.data, &options)?;
+    let mut dataset = Dataset::load(&args.data, &options)?;
     out_folder::check(&args.out, &dataset)?;
     dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
     let share = host_share(&gpu, &dataset, &settings, args, console)?;
-    let mut scene = Scene::of(&dataset, &settings, &share, View::photograph)?;
+    let mut scene = scene(&mut dataset, &settings, &share, console)?;
     if args.random_start {
         scene.views.iter_mut().for_each(|view| view.start = Start::Random);
     }
@@ -178,6 +178,21 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let peak = peak_host_bytes().map_or(String::new(), |bytes| format!(", {} of host memory at most", mib(bytes)));
     console.detail(format_args!("{} in all{peak}", progress::duration(started.elapsed().as_secs_f64())));
     Ok(())
+}
+
+/// What the photographs see. A few that cannot be decoded are left out.
+fn scene(dataset: &mut Dataset, settings: &Settings, share: &HostShare, console: &Console) -> anyhow::Result<Scene> {
+    match Scene::of(dataset, settings, share, View::photograph) {
+        Err(stereo::Error::Dataset(_)) => {}
+        found => return Ok(found?),
+    }
+    // All are looked at once more, which costs time only where something is wrong.
+    let mut decoding = Decoding::of(dataset);
+    decoding.take_in(dataset, Role::Train, &mut HostShare { keep: 0, ..*share })?;
+    let undecoded = decoding.end()?;
+    undecoded.warning.iter().for_each(|warning| console.warn(warning));
+    dataset.leave_out(&undecoded);
+    Ok(Scene::of(dataset, settings, share, View::photograph)?)
 }
 
 fn mib(bytes: u64) -> String {

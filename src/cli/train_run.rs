@@ -24,7 +24,7 @@ use beginning::Beginning;
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
-    let dataset = load(plan, console)?;
+    let mut dataset = load(plan, console)?;
     if !plan.resume {
         out_folder::check(&plan.out, &dataset)?;
     }
@@ -36,12 +36,13 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     let restart = resume::restart(plan, &folder, console)?;
     let gpu = device::open(&plan.settings.device, false, console)?;
     let beginning = Beginning::prepare(plan, &gpu, &dataset, lpips.weights(), restart, console)?;
+    dataset.leave_out(&beginning.input.known.undecoded);
     told_before::beginning(&beginning, &dataset, console);
     told_before::demands(&beginning, &gpu, console)?;
 
     let Beginning { settings, input, restart, host, stereo_seconds, .. } = beginning;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
-    let left_out = input.known.left_out.clone();
+    let (left_out, undecoded) = (input.known.left_out.clone(), input.known.undecoded.clone());
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
     interrupt.work_begins("stopping after this step and saving; once more to stop at once");
     trainer.give_up_scoring_when({
@@ -71,6 +72,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
             earlier_seconds,
             stereo_seconds,
             left_out: &left_out,
+            undecoded: &undecoded,
         };
         outputs::write(&finished, &mut trainer, &mut lpips, console)
     };

@@ -257,6 +257,9 @@ impl OfRecord for Error {
         match self {
             Self::File(file) => Self::File(file.with(more)),
             Self::OutOfRange { file, what, problem } => Self::OutOfRange { file, what, problem: problem + &more },
+            Self::Undecodable { file, field, at, problem } => {
+                Self::Undecodable { file, field, at, problem: problem + &more }
+            }
             other => other,
         }
     }

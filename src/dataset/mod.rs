@@ -38,6 +38,7 @@ mod survey;
 mod tone;
 mod tracks;
 mod turns;
+mod undecoded;
 mod undistort;
 mod usable;
 mod useless;
@@ -67,6 +68,7 @@ pub use supply::{HostShare, Supply};
 pub use survey::Sight;
 pub use tone::{Samples, Tone, Transfer};
 pub use tracks::Tracks;
+pub use undecoded::{Decoding, Undecodable, Undecoded};
 pub use useless::UselessPoints;
 pub use warning::Warning;
 
@@ -201,6 +203,8 @@ pub struct Dataset {
     pub frame: Frame,
     /// 1.1 x the largest distance of a training camera from their mean, in dataset units; [`Frame::EXTENT`] in the scene.
     pub extent: f64,
+    /// Whether a photograph whose pixels cannot be decoded is an error: see [`LoadOptions::strict`].
+    pub strict: bool,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -300,6 +304,7 @@ impl Dataset {
             tracks: model.tracks,
             frame,
             extent,
+            strict: options.strict,
             warnings: model.warnings,
         })
     }

@@ -218,14 +218,19 @@ impl Dataset {
     /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows; what is kept is taken off it.
     /// In the order of [`Dataset::views_of`]; `None` where every pixel is masked. No photograph of another role is read.
     pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
+        // In the order of the names, so that of several problems always the same one is told.
+        self.decoded(role, share).into_iter().collect()
+    }
+
+    /// [`Self::take_in`] with the problem of each.
+    pub(super) fn decoded(&self, role: Role, share: &mut HostShare) -> Vec<Result<Option<Supply>, Error>> {
         let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
         let all: u64 = views.iter().map(|view| view.pixel_bytes()).sum();
         let intake = Intake { decoded: all <= share.keep, left: Mutex::new(share.keep) };
         let costs: Vec<u64> = views.iter().map(|view| view.decoding_bytes()).collect();
         let found = share.in_turns(&costs, |at| views.get(at).map_or(Ok(None), |view| intake.one(view)));
         share.keep = *lock(&intake.left);
-        // In the order of the names, so that of several problems always the same one is told.
-        found.into_iter().collect()
+        found
     }
 }
 

@@ -63,9 +63,11 @@ pub(super) fn views(model: &mut Model, views: Vec<Result<View, Error>>, strict: 
 }
 
 /// Whether other photographs can do without.
-fn is_of_one_photograph(error: &Error) -> bool {
+pub(super) fn is_of_one_photograph(error: &Error) -> bool {
     match error {
-        Error::File(FileError::Io { source, .. }) => source.kind() != ErrorKind::PermissionDenied,
+        Error::File(FileError::Io { source, .. }) => {
+            !matches!(source.kind(), ErrorKind::PermissionDenied | ErrorKind::OutOfMemory)
+        }
         Error::File(FileError::Malformed { .. })
         | Error::Undecodable { .. }
         | Error::AspectRatio { .. }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::cloud::Gate;
 use super::prepare::Coloured;
-use crate::dataset::{Depth, Pixels, Supply, Warning};
+use crate::dataset::{Depth, Pixels, Supply, Undecoded, Warning};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
 use crate::stereo::{Prior, Scene};
@@ -65,8 +65,10 @@ pub struct Known {
     pub gate: Option<Arc<Gate>>,
     /// Splats that come when growth has ended and splats of little weight have gone: what lies where no photograph looks.
     pub skirt: Option<Arc<Gaussians>>,
-    /// Photographs that were left out, as their poses are wrong.
+    /// What is to be told of photographs that were left out, as their poses are wrong or their pixels cannot be decoded.
     pub left_out: Vec<Warning>,
+    /// Those of them whose pixels cannot be decoded.
+    pub undecoded: Undecoded,
     /// The views as stereo sees them, in their order, where depths are propagated.
     pub scene: Option<Arc<Scene>>,
 }

@@ -15,7 +15,9 @@ use super::Error;
 use super::input::{Input, Known, Outline, View};
 use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
-use crate::dataset::{Colourless, Dataset, HostShare, LoadOptions, MaskUse, NoColours, Role, Supply, Tone, Warning};
+use crate::dataset::{
+    Colourless, Dataset, Decoding, HostShare, LoadOptions, MaskUse, NoColours, Role, Supply, Tone, Undecoded, Warning,
+};
 use crate::format::ply::{self, Cloud, Content};
 use crate::format::{At, Error as FileError, LeftOut};
 use crate::saliency::{Plane, kept_when_reduced};
@@ -46,10 +48,11 @@ pub fn load_options_of(settings: &Settings) -> LoadOptions {
 
 /// The views of a role with their photographs, cameras in scene coordinates. Every photograph is decoded once and kept as `share`
 /// allows, which what is kept is taken off. Pixels less than half opaque are masked; a photograph without any other is left out:
-/// see [`left_out`].
-pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<Vec<View>, Error> {
-    let photographs = dataset.take_in(role, share)?;
-    Ok(with_photographs(dataset, role, photographs))
+/// see [`left_out`]. So are a few that cannot be decoded, which [`Dataset::leave_out`] takes out of the dataset too.
+pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<(Vec<View>, Undecoded), Error> {
+    let mut decoding = Decoding::of(dataset);
+    let photographs = decoding.take_in(dataset, role, share)?;
+    Ok((with_photographs(dataset, role, photographs), decoding.end()?))
 }
 
 fn with_photographs(dataset: &Dataset, role: Role, photographs: Vec<Option<Supply>>) -> Vec<View> {
@@ -205,7 +208,9 @@ pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
 
 /// The same for a model to begin with, photographs being kept as `share` allows: those to train on first.
 pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare) -> Result<Input, Error> {
-    let mut photographs = dataset.take_in(Role::Train, &mut share)?;
+    // Counted together: of few that are held out a single one is soon a tenth.
+    let mut decoding = Decoding::of(dataset);
+    let mut photographs = decoding.take_in(dataset, Role::Train, &mut share)?;
     let mut left_out = Vec::new();
     for (at, fault) in dataset.poses_against_colours(Role::Train, &photographs)? {
         if let (Some(photograph), Some((_, view))) = (photographs.get_mut(at), dataset.views_of(Role::Train).nth(at)) {
@@ -213,12 +218,15 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
             left_out.push(Warning::PoseWrong { name: view.name.clone(), fault, left_out: true });
         }
     }
+    let held_out = decoding.take_in(dataset, Role::HeldOut, &mut share)?;
+    let undecoded = decoding.end()?;
+    left_out.extend(undecoded.warning.clone());
     Ok(Input {
         train: with_photographs(dataset, Role::Train, photographs),
-        held_out: views(dataset, Role::HeldOut, &mut share)?,
+        held_out: with_photographs(dataset, Role::HeldOut, held_out),
         initial,
         extent: Frame::EXTENT as f32,
-        known: Known { left_out, ..Known::default() },
+        known: Known { left_out, undecoded, ..Known::default() },
     })
 }
 

@@ -12,10 +12,15 @@ use crate::run::{fails, psrgs, stderr, text, works};
 
 /// A scene of twelve photographs, of which one is not there.
 fn scene(folder: &Path) -> PathBuf {
+    let data = whole_scene(folder);
+    fs::remove_file(data.join("images/view_0005.jpg")).expect("removed");
+    data
+}
+
+fn whole_scene(folder: &Path) -> PathBuf {
     let data = folder.join("scene");
     let params = WorldParams { images: 12, max_side: 64, pixels_per_point: 16, offpath: 0, ..WorldParams::default() };
     generate(&params, &data, &mut |_| ()).expect("a scene");
-    fs::remove_file(data.join("images/view_0005.jpg")).expect("removed");
     data
 }
 
@@ -37,6 +42,75 @@ fn once(said: &str, line: &str) {
 
 const MISSING: &str = "1 of 12 photographs cannot be used and is left out, 'view_0005.jpg': there is no such file";
 const REFUSED: [&str; 2] = ["1 of 12 photographs is missing", "view_0005.jpg"];
+
+/// Its header stays.
+fn cut(photograph: &Path) {
+    let bytes = fs::read(photograph).expect("read");
+    fs::write(photograph, &bytes[..bytes.len() * 2 / 3]).expect("written");
+}
+
+const CUT: &str = "1 of 12 photographs cannot be used and is left out, 'view_0005.jpg': pixels at byte";
+
+#[test]
+fn every_command_leaves_out_a_photograph_whose_pixels_are_cut_off() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let data = whole_scene(folder.path());
+    let out = |name: &str| folder.path().join(name);
+    let (run, depths, maps) = (out("run"), out("depths"), out("maps"));
+    let model = model(&data, folder.path());
+    let photograph = data.join("images/view_0005.jpg");
+    let whole = fs::read(&photograph).expect("read");
+    cut(&photograph);
+    let train = ["train", text(&data), "--out", text(&run), "--method", "3dgs", "--iterations", "3", "--overwrite"];
+    let stereo = ["stereo", text(&data), "--out", text(&depths), "--max-side", "32", "--iterations", "1"];
+    let saliency = ["saliency", text(&data), "--out", text(&maps), "--gate", "gradient", "--side", "32"];
+    let check = ["check", text(&data)];
+    for args in [&train[..], &stereo, &saliency] {
+        let said = works(args);
+        once(&said, CUT);
+        assert!(!said.contains("every pixel is masked"), "{said}");
+    }
+    assert!(maps.join("view_0004.map.png").exists() && !maps.join("view_0005.map.png").exists());
+    let metrics = fs::read_to_string(run.join("metrics.json")).expect("metrics");
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
+    assert!(metrics["train_images"] == 9 && metrics["test_images"] == 2, "{metrics}");
+    let photographs = metrics["training_photographs"].as_array().expect("a list");
+    let left_out: Vec<&serde_json::Value> = photographs.iter().filter(|p| p["left_out"].is_string()).collect();
+    assert!(left_out.len() == 1 && left_out[0]["name"] == "view_0005.jpg", "{left_out:?}");
+    assert!(left_out[0]["left_out"].as_str().is_some_and(|why| why.starts_with("cannot be decoded: pixels at byte")));
+    assert!(fs::read_to_string(run.join("report.html")).expect("a report").contains("cannot be decoded: pixels"));
+
+    let output = psrgs(&check);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(7), "{told} {}", stderr(&output));
+    once(&told, &format!("problem: {}: {CUT}", data.join("images").display()));
+    assert!(told.contains("11: 9 to train on, 2 held out"), "{told}");
+    for args in [&train[..], &stereo, &saliency, &check] {
+        fails(&[args, &["--strict"]].concat(), 3, &["view_0005.jpg", "the file ends before the picture does"]);
+    }
+
+    // One that is held out, which stereo does not look at.
+    fs::write(&photograph, whole).expect("written");
+    let held_out = data.join("images/view_0008.jpg");
+    cut(&held_out);
+    let eval = ["eval", text(&model), text(&data)];
+    for args in [&train[..], &eval] {
+        once(&works(args), &CUT.replace("0005", "0008"));
+    }
+    fails(&[&train[..], &["--strict"]].concat(), 3, &["view_0008.jpg", "the file ends before the picture does"]);
+    let metrics = fs::read_to_string(run.join("metrics.json")).expect("metrics");
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
+    assert!(metrics["train_images"] == 10 && metrics["test_images"] == 1, "{metrics}");
+
+    // More than a tenth.
+    cut(&photograph);
+    for args in [&train[..], &saliency, &check] {
+        fails(args, 3, &["view_000", "2 of 12 photographs cannot be used, which is more than one of 10"]);
+    }
+}
 
 #[test]
 fn every_command_leaves_out_a_record_of_many_and_refuses_it_strictly() {

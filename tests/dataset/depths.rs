@@ -133,7 +133,8 @@ fn what_is_cut_is_told_before_training() {
     let root = copies(false);
     let options = Photographs { white_level: Some(0.5), transfer: Transfer::Srgb, ..Photographs::default() };
     let dataset = load(root.path(), prepare::load_options(&options, [0.0; 3]));
-    let views = prepare::views(&dataset, Role::Train, &mut psrgs_vk::dataset::HostShare::unlimited()).expect("decoded");
+    let (views, _) =
+        prepare::views(&dataset, Role::Train, &mut psrgs_vk::dataset::HostShare::unlimited()).expect("decoded");
     let said: Vec<String> = prepare::left_out(&dataset, Role::Train, &views).iter().map(ToString::to_string).collect();
     assert!(said.len() == 1 && said[0].contains("3 photographs have pixels brighter than white"), "{said:?}");
 }

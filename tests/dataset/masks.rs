@@ -142,7 +142,7 @@ fn transparent_pixels_show_what_is_behind_where_that_is_asked_for() {
     let said = |behind| {
         let options = LoadOptions { behind, ..LoadOptions::default() };
         let dataset = Dataset::load(root.path(), &options).expect("loads");
-        let views = prepare::views(&dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
+        let (views, _) = prepare::views(&dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
         let told: Vec<String> =
             prepare::left_out(&dataset, Role::Train, &views).iter().map(ToString::to_string).collect();
         (told.join("\n"), views.iter().map(|view| view.masked()).sum::<u32>())
@@ -207,7 +207,7 @@ fn a_mask_in_the_transparency_masks_and_says_so() {
 
 /// What is to be told of the photographs to train on.
 fn told(dataset: &Dataset) -> Vec<String> {
-    let views = prepare::views(dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
+    let (views, _) = prepare::views(dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
     prepare::left_out(dataset, Role::Train, &views).iter().map(ToString::to_string).collect()
 }
 

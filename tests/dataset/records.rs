@@ -1,11 +1,14 @@
 //! Records that cannot be used: a few of many are left out and told, more are an error, and so is the first where that is asked for.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
-use psrgs_vk::dataset::{Dataset, Error, LoadOptions, Warning};
+use image::{ImageFormat, RgbImage};
+use psrgs_vk::dataset::{Dataset, Error, HostShare, LoadOptions, Role, Warning};
 use psrgs_vk::format::{LeftOut, ply};
 use psrgs_vk::scene::{Frame, Gaussians};
+use psrgs_vk::train::prepare;
 
 use crate::colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow};
 use crate::formats::{cloud, nerfstudio, opensfm, reconstruction, transforms, turned, write_json};
@@ -276,6 +279,129 @@ fn photographs_that_are_missing_or_none_are_left_out() {
         let error = load(root.path()).expect_err("three of twenty").to_string();
         assert!(error.contains("05.png") && error.contains(words), "{error}");
     }
+}
+
+/// A picture of noise, of the size of those of the ring.
+fn noise(format: ImageFormat) -> Vec<u8> {
+    let mut state = 1_u32;
+    let picture = RgbImage::from_fn(24, 16, |_, _| {
+        image::Rgb([0; 3].map(|_: u8| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        }))
+    });
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, format).expect("a picture");
+    bytes.into_inner()
+}
+
+/// Pictures with a sound header whose pixels cannot be decoded.
+fn without_pixels() -> Vec<(&'static str, Vec<u8>)> {
+    let cut = |format| {
+        let bytes = noise(format);
+        bytes[..bytes.len() * 2 / 3].to_vec()
+    };
+    let mut flipped = noise(ImageFormat::Png);
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 0x55;
+    // The strip of pixels is said to lie beyond the end of the file: tag 273, a LONG, one of them.
+    let mut beyond = noise(ImageFormat::Tiff);
+    let strip = [0x11, 1, 4, 0, 1, 0, 0, 0];
+    let at = beyond.windows(8).position(|bytes| bytes == strip).expect("a strip") + 8;
+    beyond[at..at + 4].copy_from_slice(&0x00ff_ffff_u32.to_le_bytes());
+    vec![
+        ("a JPEG cut off", cut(ImageFormat::Jpeg)),
+        ("a PNG cut off", cut(ImageFormat::Png)),
+        ("a WebP cut off", cut(ImageFormat::WebP)),
+        ("a PNG with a wrong byte", flipped),
+        ("a TIFF without its strip", beyond),
+    ]
+}
+
+/// The dataset decoded for a training that keeps so many bytes of photographs.
+fn decoded(root: &Path, strict: bool, keep: u64) -> Result<psrgs_vk::train::Input, String> {
+    let dataset = Dataset::load(root, &LoadOptions { strict, ..LoadOptions::default() }).expect("sound headers");
+    assert_eq!((dataset.views.len(), left_out(&dataset).len()), (20, 0));
+    let initial = dataset.first_gaussians().expect("splats");
+    let share = HostShare { keep, ..HostShare::unlimited() };
+    prepare::input_within(&dataset, initial, share).map_err(|error| error.to_string())
+}
+
+#[test]
+fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
+    for (what, bytes) in without_pixels() {
+        // Held out, trained on.
+        for (k, role) in [(8, Role::HeldOut), (5, Role::Train)] {
+            println!("{what}, {role:?}");
+            let root = ring().dataset(false);
+            let (name, file) = (format!("{k:02}.png"), |k: i32| root.path().join(format!("images/{k:02}.png")));
+            let whole = fs::read(file(k)).expect("read");
+            fs::write(file(k), &bytes).expect("written");
+            for keep in [0, 3000, u64::MAX] {
+                let input = decoded(root.path(), false, keep).expect("one of twenty");
+                let views: Vec<&str> = input.train.iter().chain(&input.held_out).map(|v| v.name.as_str()).collect();
+                assert!(views.len() == 19 && !views.contains(&name.as_str()), "{views:?}");
+                let [Warning::LeftOut(told)] = &input.known.left_out[..] else { panic!("{:?}", input.known.left_out) };
+                assert_eq!((told.what, told.count, told.of), ("photographs", 1, 20));
+                assert!(told.first == format!("'{name}'") && told.problem.contains("pixels at byte"), "{told}");
+                let [undecodable] = &input.known.undecoded.photographs[..] else { panic!("one") };
+                assert_eq!((&undecodable.name, undecodable.role), (&name, role));
+                // Everything else is as it is with the photograph.
+                let mut dataset = load(root.path()).expect("loads");
+                let before = dataset.clone();
+                dataset.leave_out(&input.known.undecoded);
+                assert!(dataset.views.len() == 19 && dataset.frame == before.frame);
+                let seen = |dataset: &Dataset, point| -> Vec<String> {
+                    dataset.tracks.of(point).iter().map(|v| dataset.views[*v as usize].name.clone()).collect()
+                };
+                for point in 0..12 {
+                    let mut want = seen(&before, point);
+                    want.retain(|seen| *seen != name);
+                    assert_eq!(seen(&dataset, point), want);
+                }
+            }
+            let error = decoded(root.path(), true, u64::MAX).expect_err("strict");
+            assert!(error.contains(&name) && error.contains("pixels at byte"), "{error}");
+            // Counted among all: two are a tenth of twenty, though not of those held out.
+            fs::write(file(if k == 8 { 16 } else { 6 }), &bytes).expect("written");
+            assert_eq!(decoded(root.path(), false, u64::MAX).expect("a tenth").known.undecoded.photographs.len(), 2);
+            fs::write(file(1), &bytes).expect("written");
+            let error = decoded(root.path(), false, u64::MAX).expect_err("three of twenty");
+            assert!(error.contains("3 of 20 photographs cannot be used") && error.contains("01.png"), "{error}");
+            fs::write(file(k), whole).expect("written");
+        }
+    }
+}
+
+#[test]
+fn a_photograph_whose_mask_cannot_be_decoded_is_left_out() {
+    let root = ring().dataset(false);
+    let masks = root.path().join("masks");
+    fs::create_dir_all(&masks).expect("a folder");
+    for name in many() {
+        fs::write(masks.join(format!("{name}.png")), noise(ImageFormat::Png)).expect("written");
+    }
+    let bytes = noise(ImageFormat::Png);
+    fs::write(masks.join("05.png.png"), &bytes[..bytes.len() / 2]).expect("written");
+    let input = decoded(root.path(), false, u64::MAX).expect("one of twenty");
+    let said: Vec<String> = input.known.left_out.iter().map(ToString::to_string).collect();
+    let want = ["1 of 20 photographs cannot be used and is left out, '05.png'", "05.png.png: pixels at byte"];
+    assert!(said.len() == 1 && want.iter().all(|want| said[0].contains(want)), "{said:?}");
+    let error = decoded(root.path(), true, u64::MAX).expect_err("strict");
+    assert!(error.contains("05.png.png: pixels at byte"), "{error}");
+}
+
+/// The split counts photographs that are missing: the others stay what they are for.
+#[test]
+fn a_missing_photograph_changes_no_other_ones_role() {
+    let root = ring().dataset(false);
+    let whole = load(root.path()).expect("loads");
+    fs::remove_file(root.path().join("images/05.png")).expect("removed");
+    let dataset = load(root.path()).expect("loads");
+    let roles = |dataset: &Dataset| -> Vec<(String, Role)> {
+        dataset.views.iter().filter(|v| v.name != "05.png").map(|v| (v.name.clone(), v.role)).collect()
+    };
+    assert_eq!((dataset.views.len(), roles(&dataset)), (19, roles(&whole)));
 }
 
 #[test]
