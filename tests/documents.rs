@@ -1,5 +1,8 @@
 //! What the documents promise about the tests is there.
 
+#[path = "common/skips.rs"]
+mod skips;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -271,4 +274,14 @@ fn tests_that_cannot_run_say_so_where_it_is_heard() {
     }
     let ci = fs::read_to_string(root.join(".ci/run")).unwrap();
     assert!(ci.contains("export PSRGS_REQUIRE_ALL="), "CI would pass without a driver");
+}
+
+#[test]
+fn tables_of_the_results_page_are_those_of_the_kept_rows() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/bench/results");
+    let Ok(checked) = Command::new("python3").arg(script).arg("check").output() else {
+        skips::skipped("python3 is not there");
+        return;
+    };
+    assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
 }
