@@ -178,7 +178,7 @@ fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut input = plane_scene::input(3, 256, 192, 2000);
     let mut settings = settings(60);
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     settings.optimiser.lr_scales = 0.3;
     // The loss pushes them wherever it likes at that rate; larger ones cover more tiles.
     input.initial.scales.iter_mut().for_each(|s| *s -= 3.0);

@@ -89,7 +89,7 @@ fn harmonics_of_few_splats_wait_for_the_end_of_growth() {
     let degrees: Vec<u32> = [999, 1000, 14_999, 15_000, 30_000].map(|t| s.step(t).sh_degree).to_vec();
     assert_eq!(degrees, [0, 1, 1, 3, 3]);
     assert_eq!(steps(&s, |t| s.settles_sh(t)), [15_000]);
-    let still = schedule(|s| (s.model.sh_share, s.run.no_densify) = (0.3, true));
+    let still = schedule(|s| (s.model.sh_share, s.density.no_densify) = (0.3, true));
     assert_eq!(steps(&still, |t| still.settles_sh(t)), [2000]);
     assert_eq!([1999, 2000, 3000].map(|t| still.step(t).sh_degree), [1, 2, 3]);
     let none = |change: fn(&mut Settings)| steps(&schedule(change), |t| schedule(change).settles_sh(t)).len();
@@ -149,7 +149,7 @@ fn opacities_are_reset_while_growing() {
 
 #[test]
 fn a_fixed_set_has_no_density_control_at_all() {
-    let s = schedule(|o| o.run.no_densify = true);
+    let s = schedule(|o| o.density.no_densify = true);
     assert!(densified(&s).is_empty() && resets(&s).is_empty() && steps(&s, |t| s.step(t).accumulate).is_empty());
     assert_eq!(steps(&s, |t| s.step(t).adam != Adam::All), [30_000]);
 }
@@ -186,7 +186,7 @@ fn optimiser_steps_are_those_counted_one_by_one() {
             o.run.iterations = 1500;
             o.run.scale_schedule = true;
         }),
-        schedule(|o| o.run.no_densify = true),
+        schedule(|o| o.density.no_densify = true),
     ];
     for s in schedules {
         let (mut all, mut opacities) = (0, 0);
@@ -349,7 +349,7 @@ fn a_limited_set_is_recycled_while_it_grows() {
     let wanted: Vec<u32> = (600..14_900).step_by(200).map(|t| t + 1).collect();
     assert_eq!(recycled(&s), wanted);
     assert!(recycled(&schedule(|_| {})).is_empty());
-    assert!(recycled(&schedule(|s| (s.density.recycle_share, s.run.no_densify) = (0.2, true))).is_empty());
+    assert!(recycled(&schedule(|s| (s.density.recycle_share, s.density.no_densify) = (0.2, true))).is_empty());
     // Scaled, changes are 100 steps apart: every second.
     let scaled = |share: f64| {
         schedule(|s| {

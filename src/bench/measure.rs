@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
             }
         }
         let mut settings = settings.clone();
-        settings.run.no_densify = true;
+        settings.density.no_densify = true;
         // The end of a run has no optimiser step.
         settings.run.iterations = settings.run.iterations.max(2 * options.total() + 100);
         let variants = train::chosen_variants(gpu, &settings)?;

@@ -92,9 +92,6 @@ pub(crate) struct Args {
     pub(crate) json: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
-    /// Take the shortcuts of `train --fast`
-    #[arg(long, help_heading = "Shortcuts", conflicts_with_all = ["moment_bits", "sh_every", "sh_rate", "visible_adam", "alpha_cutoff", "early_steps", "early_cutoff", "transmittance_cutoff", "exponential"])]
-    pub(crate) fast: bool,
     #[command(flatten)]
     pub(crate) shortcuts: Shortcuts,
     #[command(flatten)]
@@ -130,11 +127,11 @@ impl Args {
         settings.blending = self.blending.clone();
         settings.stepping = self.stepping.clone();
         settings.run.deterministic = self.deterministic;
-        settings.run.no_densify = true;
+        settings.density.no_densify = true;
         settings.run.seed = self.seed;
         settings.run.init = self.init.clone();
         settings.model.sh_degree = self.sh_degree;
-        settings.shortcuts = if self.fast { Shortcuts::FAST } else { self.shortcuts.clone() };
+        settings.shortcuts = self.shortcuts.clone();
         settings
     }
 

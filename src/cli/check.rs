@@ -13,10 +13,11 @@ use psrgs_vk::train::settings::{
 };
 use psrgs_vk::train::{self, Settings, prepare};
 
+use super::asked::named;
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::presets;
-use super::train::{METHOD, named};
+use super::train::METHOD;
 use training::Training;
 
 /// Look at a dataset: what was found, what training takes, and what is wrong

@@ -186,7 +186,11 @@ fn of_training(error: &train::Error) -> u8 {
 
 fn of_settings(error: &SettingsError) -> u8 {
     match error {
-        SettingsError::Io { .. } | SettingsError::Parse { .. } | SettingsError::Value { .. } => USAGE,
+        SettingsError::Io { .. }
+        | SettingsError::Parse { .. }
+        | SettingsError::Value { .. }
+        | SettingsError::UnknownKey { .. }
+        | SettingsError::BadValue { .. } => USAGE,
         SettingsError::Write(_) => FAILURE,
     }
 }
@@ -364,7 +368,7 @@ mod tests {
         assert_eq!((code(&no_room().into()), remedies(&no_room().into()).len()), (MEMORY, 2));
         assert_eq!(codes(|| dataset::Error::from(section())), [INPUT; 3]);
         assert_eq!(codes(|| psrgs_vk::scene::init::InitError::NoPoints)[2], INPUT);
-        assert_eq!(codes(|| SettingsError::Value { key: "iterations", want: "1" }), [USAGE; 3]);
+        assert_eq!(codes(|| SettingsError::Value { key: "iterations".into(), want: "1" }), [USAGE; 3]);
 
         let training = |error: train::Error| code(&error.into());
         assert_eq!(training(train::Error::NoViews), INPUT);

@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand, and what they share.
 
+mod asked;
 mod bench;
 mod check;
 mod colour;
@@ -127,6 +128,13 @@ pub(crate) fn main() -> ExitCode {
 
 /// Ends the program over its arguments, which may be names that a shell has put there.
 fn wrong_arguments(error: &clap::Error) -> ! {
+    if let Some(clap::error::ContextValue::String(name)) = error.get(clap::error::ContextKind::InvalidArg)
+        && error.kind() == clap::error::ErrorKind::UnknownArgument
+        && let Some(remedy) = asked::no_option(name)
+    {
+        console::error(&remedy, &[]);
+        std::process::exit(error.exit_code())
+    }
     let text = error.render().to_string();
     if error.use_stderr() && plain::plain(&text) != text {
         console::error(text.trim_end().trim_start_matches("error: "), &[]);

@@ -49,8 +49,8 @@ impl ModelFile {
             (Set::High, Some(first)) => all.min(first as u32)..all,
             (_, None) => {
                 return Err(Failure::Input(format!(
-                    "{}: --set: the file has no line 'comment psrgs-vk constrained N', so its splats are not told apart by stage; \
-                     train with --low-stage (as psrgs does), or leave --set out",
+                    "{}: --part: the file has no line 'comment psrgs-vk constrained N', so its splats are not told apart by stage; \
+                     train by psrgs or psrgs-paper, which have such stages, or leave --part out",
                     file.display()
                 )));
             }

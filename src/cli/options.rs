@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use clap::{Arg, Command};
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::Method;
+use psrgs_vk::train::settings::{self, Method};
 
 use super::console;
 
@@ -18,17 +18,27 @@ const PLAIN: &str = "Options";
 const OPENING: &str = "\
 # Options
 
-Every option of every command, as `psrgs-vk options` prints them; `psrgs-vk COMMAND --help` has the same with examples. Options without a
-default are off or unset. `-q` says only what went wrong and `-v` says more, in every command.
+The options of every command, as `psrgs-vk options` prints them; `psrgs-vk COMMAND --help` shows the same texts with examples. Options
+without a default are off or unset. In every command `-q` prints errors alone and `-v` prints more.
 
-The options of `train`, but for those of its files, are keys of `settings.toml` too, without the dashes in front (`--config`).
+Every setting of a training is a key of `settings.toml`. Most keys are set by `train --set KEY=VALUE` alone: [Keys](#keys). The options of
+`train`, but for those of its files, are keys too, without the dashes in front.
+";
+
+const KEYS: &str = "
+## Keys
+
+Settings of a training that are no options: `train --set KEY=VALUE`, or lines of a settings file under their group.
+
+| group | key | default | takes | |
+|---|---|---|---|---|
 ";
 
 const METHODS: &str = "
 ## What the methods set
 
-Options that methods of `train` set otherwise than their defaults, in a schedule of 30,000 steps. An option that is named wins over its
-method. With fewer steps `lean`, `psrgs` and `psrgs-paper` scale their schedule too.
+Keys to which methods give another value than the default, in a schedule of 30,000 steps. A key that is named, as an option or by `--set`,
+wins over its method. With fewer steps `lean`, `psrgs` and `psrgs-paper` scale their schedule too.
 ";
 
 /// Prints the document of a program's options.
@@ -40,8 +50,24 @@ pub(crate) fn run(mut program: Command) -> anyhow::Result<()> {
     for command in commands {
         text += &section(command);
     }
+    text += &keys(&program);
     text += &methods()?;
     console::print(&text)
+}
+
+/// The keys of `train` that are no options of it.
+fn keys(program: &Command) -> String {
+    let train = program.find_subcommand("train");
+    let is_option = |name: &str| {
+        let long = |arg: &Arg| arg.get_long() == Some(name);
+        train.is_some_and(|train| train.get_arguments().any(long))
+    };
+    let keys = Settings::all_keys().into_iter().filter(|(_, key)| !is_option(&key.name));
+    let row = |(group, key): (&str, settings::Key)| {
+        let (default, takes) = (cell(&key.default), cell(key.range.unwrap_or_default()));
+        format!("| `[{group}]` | `{}` | {default} | {takes} | {} |\n", key.name, cell(&paragraph(key.help)))
+    };
+    KEYS.to_owned() + &keys.map(row).collect::<String>()
 }
 
 fn section(command: &Command) -> String {
@@ -117,8 +143,7 @@ fn methods() -> anyhow::Result<String> {
         method.apply(&mut settings, |_| false);
         set.push(values(&settings)?);
     }
-    let mut text =
-        format!("{METHODS}\n| option | default | `{}` |\n|---|---|{}\n", names.join("` | `"), "---|".repeat(7));
+    let mut text = format!("{METHODS}\n| key | default | `{}` |\n|---|---|{}\n", names.join("` | `"), "---|".repeat(7));
     let keys: BTreeSet<&String> = set.iter().flat_map(BTreeMap::keys).collect();
     for key in keys.into_iter().filter(|key| *key != "method") {
         let default = defaults.get(key);
@@ -127,7 +152,7 @@ fn methods() -> anyhow::Result<String> {
             .map(|of| of.get(key).filter(|value| Some(*value) != default).map_or("", String::as_str))
             .collect();
         if cells.iter().any(|cell| !cell.is_empty()) {
-            text += &format!("| `--{key}` | {} | {} |\n", default.map_or("", String::as_str), cells.join(" | "));
+            text += &format!("| `{key}` | {} | {} |\n", default.map_or("", String::as_str), cells.join(" | "));
         }
     }
     Ok(text)

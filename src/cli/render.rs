@@ -22,7 +22,7 @@ use super::{device, out_folder, progress};
 Examples:
   psrgs-vk render fox-model/point_cloud.ply --cameras fox --out pictures
   psrgs-vk render fox-model/point_cloud.ply --cameras fox --views test --depth --out pictures
-  psrgs-vk render fox-model/point_cloud.ply --cameras fox --set low --out low")]
+  psrgs-vk render fox-model/point_cloud.ply --cameras fox --part low --out low")]
 pub(crate) struct Args {
     /// Model, a PLY file in the INRIA layout
     pub(crate) model: PathBuf,
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     pub(crate) depth: bool,
     /// Which splats: those that were there at the end of the low-frequency stage (low), those that came after (high), or all (full)
     #[arg(long, value_enum, default_value_t = Set::Full)]
-    pub(crate) set: Set,
+    pub(crate) part: Set,
     /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
     #[arg(long, value_name = "COLOUR", default_value = "black")]
     pub(crate) background: Colour,
@@ -83,7 +83,7 @@ impl Views {
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
-    let model = model.of_set(args.set, &args.model)?;
+    let model = model.of_set(args.part, &args.model)?;
     let (max_side, strict) = (Some(args.max_side), args.strict);
     let options = LoadOptions { max_side, strict, photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf, absolute};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use clap::parser::ValueSource;
 use psrgs_vk::format::names;
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{LidarCloud, Method, Shortcuts};
+use psrgs_vk::train::settings::{LidarCloud, Method};
 
+use super::asked::Asked;
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::interrupt::Interrupt;
@@ -26,13 +26,10 @@ const FREE_ON_RESUME: [&str; 8] = [
     "host-memory",
 ];
 
-/// Keys that `--fast` sets.
-const SHORTCUTS: [&str; 3] = ["moment-bits", "sh-every", "sh-rate"];
+/// Heading of the options that most trainings need.
+const MOST_USED: &str = "Most used";
 
 /// Train a model on posed photographs
-///
-/// Defaults are given as the method 3dgs has them at 30,000 steps. Every other method, --preset and --scale-schedule change some: `DATA
-/// --method M --print-settings` prints those that hold.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,30 +38,25 @@ Examples:
   psrgs-vk train fox --out small --max-side 640 --iterations 2000
   psrgs-vk train fox --out again --config fox-model/settings.toml --seed 1
   psrgs-vk train --resume fox-model
-  psrgs-vk train fox --iterations 7000 --print-settings > my.toml
 
-DATA holds images/ (or images_2/, images_4/ ...) and sparse/0/ with a COLMAP model (of several in sparse/ the one with the most \
-images is taken), transforms.json of nerfstudio or instant-ngp, NeRF's transforms_train.json, or reconstruction.json of OpenSfM. \
-Written to the --out folder: point_cloud.ply, frame.json, held-out renders, depth and normals, metrics.json, report.html, \
-settings.toml, checkpoints; exposures.json and sigma.json where these are learned.")]
+Defaults are those of the method 3dgs; other methods, --preset and --scale-schedule change some: --print-settings prints the values \
+that hold. Every other setting is a key for --set: `psrgs-vk options` lists the keys, their values and their effects.")]
 pub(crate) struct Args {
-    /// Folder for the results [default: DATA's name followed by the method, as in fox-psrgs, in the current folder]
-    #[arg(long, value_name = "DIR", help_heading = "Run")]
+    /// Write results to this folder [default: DATA's name followed by the method, as in fox-psrgs]
+    #[arg(long, value_name = "DIR", help_heading = MOST_USED, display_order = 0)]
     pub(crate) out: Option<PathBuf>,
     /// Go on with an interrupted run from its last checkpoint, in the same folder; DATA says where its dataset is now
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "config", "overwrite"], help_heading = "Run")]
+    #[arg(
+        long, value_name = "DIR", conflicts_with_all = ["out", "config", "overwrite"], help_heading = MOST_USED, display_order = 1
+    )]
     pub(crate) resume: Option<PathBuf>,
-    /// Read settings from a file; options given by name win over it
+    /// Replace the results of an earlier run in the --out folder
+    #[arg(long, help_heading = MOST_USED, display_order = 2)]
+    pub(crate) overwrite: bool,
+    /// Read settings from a file; named options and --set win over it
     #[arg(long, value_name = "FILE", help_heading = "Run")]
     pub(crate) config: Option<PathBuf>,
-    /// Replace the results of an earlier run in the --out folder
-    #[arg(long, help_heading = "Run")]
-    pub(crate) overwrite: bool,
-    /// Take the shortcuts that make steps cheaper and results a little different: --moment-bits 16 --sh-every 4 --sh-rate 4; options
-    /// given by name win
-    #[arg(long, help_heading = "Shortcuts")]
-    pub(crate) fast: bool,
-    /// Print the settings that would be used as a settings file, and stop
+    /// Print the settings that would hold, as a settings file, and stop
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
     /// For tests: the device is as if lost after this step
@@ -76,7 +68,7 @@ pub(crate) struct Args {
     #[arg(long, hide = true)]
     pub(crate) keep_no_photographs: bool,
     #[command(flatten)]
-    pub(crate) settings: Settings,
+    pub(crate) asked: Asked,
 }
 
 /// The method where none is named.
@@ -104,15 +96,9 @@ pub(crate) struct Plan {
 impl Args {
     /// The run that the options describe; `matches` tell which were given by name.
     pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<Plan> {
-        let given = |key: &str| named(matches, key);
-        let mut asked = self.settings.clone();
+        let (asked, named) = self.asked.settings(matches)?;
+        let given = |key: &str| named.has(key);
         can_be_kept(&asked)?;
-        if self.fast {
-            let shortcuts = Settings { shortcuts: Shortcuts::FAST, ..asked.clone() };
-            asked = asked.over(&shortcuts, given)?;
-        }
-        // The shortcuts count as given by name.
-        let given = |key: &str| given(key) || self.fast && SHORTCUTS.contains(&key);
         let mut preset = None;
         let mut settings = match (&self.resume, &self.config) {
             (Some(run), _) => {
@@ -189,18 +175,6 @@ fn can_be_kept(settings: &Settings) -> Result<(), Failure> {
         ))),
         None => Ok(()),
     }
-}
-
-/// Whether an option was given by name, on the command line or in the environment.
-pub(crate) fn named(matches: &clap::ArgMatches, key: &str) -> bool {
-    matches!(source(matches, key), Some(ValueSource::CommandLine | ValueSource::EnvVariable))
-}
-
-/// Where the value of a setting comes from.
-pub(crate) fn source(matches: &clap::ArgMatches, key: &str) -> Option<ValueSource> {
-    let id = key.replace('-', "_");
-    // Not every command has every option.
-    if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
 }
 
 fn default_out(data: &Path, settings: &Settings) -> PathBuf {

@@ -239,7 +239,7 @@ pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
         1.0 - f64::from(view.masked()) / (f64::from(view.camera.width) * f64::from(view.camera.height)).max(1.0)
     };
     let share = known / input.train.iter().map(counts).sum::<f64>().max(f64::MIN_POSITIVE);
-    if settings.run.no_densify || share >= density.grow_on {
+    if density.no_densify || share >= density.grow_on {
         return None;
     }
     density.grow_on = 0.0;

@@ -198,13 +198,13 @@ impl Schedule {
             recycle_share: density.recycle_share,
             recycle_every: recycle_steps(views, run.bands).div_ceil(densify_interval.max(1)),
             sh_degree: settings.model.sh_degree,
-            settle_sh: match (settings.model.sh_share < 1.0, run.no_densify) {
+            settle_sh: match (settings.model.sh_share < 1.0, settings.density.no_densify) {
                 (false, _) => 0,
                 (true, false) => densify_until.max(1),
                 (true, true) => 2 * scaled(settings.model.sh_interval).max(1),
             },
             sh_every,
-            densify: !run.no_densify,
+            densify: !settings.density.no_densify,
             background: settings.model.background,
             rates: RateSchedule::new(settings, lr_means_steps),
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],

@@ -15,7 +15,7 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
         let mut args =
             vec!["compare", text(&data), "--out", text(&out), "--methods", "3dgs,lean,psrgs", "--seeds", seeds];
         args.extend(["--iterations", "40", "--max-side", "64", "--percent", "50"]);
-        args.extend(["--", "--densify-from", "5", "--densify-interval", "10", "--stereo-side", "64"]);
+        args.extend(["--", "--densify-from", "5", "--densify-interval", "10", "--set", "stereo-side=64"]);
         args
     };
     works(&args("1"));
@@ -83,7 +83,7 @@ fn rsgs_takes_the_scan_of_the_dataset_or_says_that_it_had_none() {
         let out = folder.path().join(out);
         let ends =
             ["compare", text(&data), "--out", text(&out), "--seeds", "1", "--iterations", "25", "--max-side", "64"];
-        works(&[&ends[..], more, &["--", "--stereo-side", "64", "--propagate-from", "0"]].concat());
+        works(&[&ends[..], more, &["--", "--set", "stereo-side=64", "--set", "propagate-from=0"]].concat());
         assert!(out.join("runs/scene-rsgs-s0/metrics.json").is_file());
         fs::read_to_string(out.join("table.md")).expect("a table")
     };

@@ -7,7 +7,7 @@ use psrgs_vk::format::ply::Cloud;
 use crate::run::{fails, shared, text, works};
 
 const SHORT: [&str; 8] =
-    ["--iterations", "25", "--densify-from", "5", "--densify-interval", "10", "--stereo-side", "64"];
+    ["--iterations", "25", "--densify-from", "5", "--densify-interval", "10", "--set", "stereo-side=64"];
 
 #[test]
 fn a_scan_of_the_dataset_is_taken_and_without_one_stereo_stands_in() {

@@ -57,7 +57,7 @@ fn the_budget_holds_with_photographs_larger_than_it() {
     let decoded = names.len() as u64 * 4 * u64::from(width) * u64::from(height);
     assert!(decoded > BUDGET);
     // Depths are found of them first, which looks at all of them.
-    for (run, more) in [("plain", &[][..]), ("depths", &["--depth-prior", "stereo", "--stereo-side", "48"])] {
+    for (run, more) in [("plain", &[][..]), ("depths", &["--depth-prior", "stereo", "--set", "stereo-side=48"])] {
         let out = root.path().join(run);
         let budget = BUDGET.to_string();
         let ends = ["train", text(root.path()), "--out", text(&out), "--iterations", "3", "--split", "none"];

@@ -117,10 +117,10 @@ fn the_sets_of_the_stages_are_rendered_apart() {
     args.extend([
         "--densify-until",
         "90",
-        "--sigma-every",
-        "5",
-        "--low-stage",
-        "0.4",
+        "--set",
+        "sigma-every=5",
+        "--set",
+        "low-stage=0.4",
         "--grad-threshold",
         "1e-4",
         "-v",
@@ -142,15 +142,26 @@ fn the_sets_of_the_stages_are_rendered_apart() {
     let mut pictures = Vec::new();
     for set in ["low", "high", "full"] {
         let out = folder.path().join(set);
-        works(&["render", text(&file), "--cameras", text(&data), "--out", text(&out), "--set", set, "--views", "test"]);
+        works(&[
+            "render",
+            text(&file),
+            "--cameras",
+            text(&data),
+            "--out",
+            text(&out),
+            "--part",
+            set,
+            "--views",
+            "test",
+        ]);
         pictures.push(rgb(&out.join("view_0008.png")));
     }
     moved(&pictures[2], &rgb(&run.join("renders/view_0008.render.png")));
     let apart = |a: &[u8], b: &[u8]| a.iter().zip(b).filter(|(x, y)| x.abs_diff(**y) > 8).count();
     assert!(apart(&pictures[0], &pictures[2]) > 100 && apart(&pictures[1], &pictures[2]) > 100);
     let without = shared.model();
-    let args = ["render", text(&without), "--cameras", text(&data), "--set", "low", "--out", text(folder.path())];
-    fails(&args, 3, &["point_cloud.ply", "constrained", "--low-stage"]);
+    let args = ["render", text(&without), "--cameras", text(&data), "--part", "low", "--out", text(folder.path())];
+    fails(&args, 3, &["point_cloud.ply", "constrained", "psrgs-paper"]);
 }
 
 #[test]

@@ -86,7 +86,7 @@ fn load(scale: f64, offset: [f64; 3]) -> Loaded {
 /// First moments after one step: a tenth of its gradients.
 fn first_gradients(gpu: &Gpu, input: &Input) -> [Vec<f32>; 8] {
     let mut s = settings(2);
-    s.run.no_densify = true;
+    s.density.no_densify = true;
     let (mut trainer, _) = trained(gpu, input.clone(), &s);
     let mut end = state(&mut trainer);
     assert_eq!(end.ids.len(), 300);

@@ -28,7 +28,7 @@ fn seen_everywhere() -> Input {
 /// Nothing moves, and what the optimiser remembers of its gradients tells what they are.
 fn still(bands: u32, steps: u32) -> Settings {
     let mut settings = settings(steps);
-    (settings.run.bands, settings.run.no_densify) = (bands, true);
+    (settings.run.bands, settings.density.no_densify) = (bands, true);
     // What SSIM compares across the ends of bands is left out: the absolute differences are sums over pixels.
     settings.optimiser.lambda_dssim = 0.0;
     let optimiser = &mut settings.optimiser;

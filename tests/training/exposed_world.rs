@@ -91,7 +91,7 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
     let mut settings = Settings::default();
     settings.run.iterations = 2000;
     settings.run.eval_every = 0;
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     settings.run.init = Some(folder.path().join("lidar.ply"));
     settings.model.sh_degree = 0;
     settings.model.background = Background::Random;

@@ -82,7 +82,7 @@ fn colours_only(iterations: u32, exposure: Exposure) -> Settings {
     let mut s = Settings::default();
     s.run.iterations = iterations;
     s.run.eval_every = 0;
-    s.run.no_densify = true;
+    s.density.no_densify = true;
     s.model.sh_degree = 0;
     s.optimiser.exposure = exposure;
     s.optimiser.lr_sh_base = 5e-3;

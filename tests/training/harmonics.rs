@@ -133,7 +133,7 @@ fn settling_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     let state = run(&gpu, input.clone(), &none, Pacing::default()).state;
     assert!(!used(&state).contains(&true) && counters::full_rows(&state.counters) == 0);
     let mut still = limited();
-    still.run.no_densify = true;
+    still.density.no_densify = true;
     let state = run(&gpu, input, &still, Pacing::default()).state;
     assert_eq!((state.ids.len(), counters::full_rows(&state.counters)), (300, 90));
 }

@@ -200,7 +200,10 @@ fn stopped_and_resumed_is_bit_equal_with_shortcuts() {
 }
 
 fn fast_settings(iterations: u32) -> Settings {
-    Settings { shortcuts: Shortcuts::FAST, ..settings(iterations) }
+    Settings {
+        shortcuts: Shortcuts { moment_bits: 16, sh_every: 4, sh_rate: 4.0, ..Shortcuts::default() },
+        ..settings(iterations)
+    }
 }
 
 #[test]
@@ -209,7 +212,7 @@ fn shortcuts_learn_nearly_the_same() {
     let input = plane_scene::input(6, 64, 48, 300);
     let fixed = |s: Settings| {
         let mut s = s;
-        s.run.no_densify = true;
+        s.density.no_densify = true;
         run(&gpu, input.clone(), &s, Pacing::default())
     };
     let (exact, fast) = (fixed(settings(120)), fixed(fast_settings(120)));

@@ -87,7 +87,7 @@ fn growth_goes_on_where_little_is_known() {
     assert_eq!(after(&input).0, Some(0.0));
     // Nor is there growth to go on where density stays as it is.
     let mut still = settings.clone();
-    still.run.no_densify = true;
+    still.density.no_densify = true;
     assert_eq!(prepare::grow_on(&input, &mut still), None);
     // Whoever says how splats grow has it so.
     for key in ["densify-until", "grad-threshold", "low-grad-threshold", "grow-on"] {
@@ -184,7 +184,7 @@ fn a_prior_without_weights_is_no_loss() {
 fn a_weight_on_harmonics_makes_colours_depend_less_on_the_direction() {
     let Some(gpu) = gpu() else { return };
     let mut s = settings(40);
-    s.run.no_densify = true;
+    s.density.no_densify = true;
     s.model.sh_interval = 5;
     let rest = |weight: f64| {
         s.optimiser.lambda_sh = weight;
@@ -216,7 +216,7 @@ fn off_the_ground(settings: &Settings, input: Input, gpu: &psrgs_vk::vk::Gpu) ->
 fn depth_priors_bring_splats_to_the_surface() {
     let Some(gpu) = gpu() else { return };
     let mut with = settings(30);
-    with.run.no_densify = true;
+    with.density.no_densify = true;
     with.optimiser.lr_means = 2e-3;
     with.optimiser.lr_means_final = 2e-3;
     with.geometry.depth_prior = DepthPrior::Stereo;
@@ -288,7 +288,7 @@ fn harmonics_that_are_stepped_rarely_rest_in_steps_with_depth() {
     let Some(gpu) = gpu() else { return };
     let mut with = everything(24);
     with.texture = Default::default();
-    with.run.no_densify = true;
+    with.density.no_densify = true;
     with.run.scale_schedule = false;
     with.model.sh_interval = 2;
     with.geometry.depth_steps = 1.0;

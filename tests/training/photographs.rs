@@ -54,7 +54,7 @@ fn streamed_photographs_train_to_the_same_bits() {
 fn streaming_waits_for_nothing_on_the_device() {
     let Some(gpu) = common::gpu() else { return };
     let mut settings = settings(40);
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     let input = plane_scene::input(5, 64, 48, 300);
     let large = Pacing { splat_capacity: 400, pair_capacity: 400_000, ..streamed(4) };
     let mut trainer = Trainer::new(&gpu, input, &settings, large, None).expect("trainer");

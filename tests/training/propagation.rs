@@ -74,7 +74,7 @@ fn half(mut input: Input) -> Input {
 fn splats_are_added_where_propagated_depths_are_not_those_rendered() {
     let Some(gpu) = gpu() else { return };
     let mut settings = gspro(30);
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     let whole = input(&settings);
     let half = half(whole.clone());
     let begun = half.initial.len();

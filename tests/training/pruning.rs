@@ -203,7 +203,7 @@ fn a_limit_that_was_reached_just_now_is_seen_with_any_number_of_events_on_their_
 fn nothing_is_dropped_where_density_stays_as_it_is() {
     let Some(gpu) = common::gpu() else { return };
     let mut settings = pruned();
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     let run = run(&gpu, plane_scene::input(3, 64, 48, 300), &settings, Pacing::default());
     assert_eq!(run.state.ids.len(), 300);
 }

@@ -26,7 +26,7 @@ fn visible(iterations: u32) -> Settings {
 }
 
 fn fixed(mut settings: Settings) -> Settings {
-    settings.run.no_densify = true;
+    settings.density.no_densify = true;
     settings
 }
 

@@ -6,7 +6,7 @@ use super::super::Error;
 use super::{AGAIN, Setting, Table};
 use crate::raster::{Exponential, GradientSum, TileShape, Variants};
 use crate::scene::Gaussians;
-use crate::train::settings::{Growth, Shortcuts};
+use crate::train::settings::Growth;
 use crate::train::{Input, Message, Pacing, Settings, Trainer};
 use crate::vk::{DeviceKind, Gpu};
 
@@ -30,7 +30,6 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
     let mut all = vec![
         knob("default", "", |_| ()),
         knob("deterministic", "--deterministic", |s| s.run.deterministic = true),
-        knob("fast", "--fast", |s| s.shortcuts = Shortcuts::FAST),
         knob("moments of 16 bits", "--moment-bits 16", |s| s.shortcuts.moment_bits = 16),
         knob("view-dependent colours every 2nd step", "--sh-every 2", |s| s.shortcuts.sh_every = 2),
         knob("view-dependent colours every 4th step", "--sh-every 4", |s| s.shortcuts.sh_every = 4),

@@ -1,13 +1,12 @@
 //! The rows of a method without its parts.
 
-use clap::parser::ValueSource;
-use clap::{ArgMatches, Args as _, Command, FromArgMatches as _};
+use clap::{Args as _, Command, FromArgMatches as _};
 use psrgs_vk::compare::{ABLATIONS, Ablation, OWN_GRAD_THRESHOLD};
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 
+use crate::cli::asked::Asked;
 use crate::cli::exit::Failure;
-use crate::cli::train::source;
 
 /// A row: what it is called, its method, and the options that make it.
 pub(super) type Row = (String, String, Vec<String>);
@@ -29,7 +28,7 @@ pub(super) fn rows(method: &str) -> anyhow::Result<Vec<Row>> {
 
 fn options_of(ablation: &Ablation, whole: &Settings) -> Vec<String> {
     let one = |option: &&str| match *option {
-        OWN_GRAD_THRESHOLD => whole.density.grad_threshold.to_string(),
+        OWN_GRAD_THRESHOLD => format!("--set=low-grad-threshold={}", whole.density.grad_threshold),
         option => option.to_owned(),
     };
     ablation.options.iter().map(one).collect()
@@ -45,16 +44,12 @@ fn can_be_trained(changed: &Settings) -> bool {
     settings.check().is_ok()
 }
 
-/// Settings with options of `train` in place of their own values.
+/// Settings with options of `train` in place of their own values. What the environment says is the same for every row, and no part of any.
 fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
-    let command = Settings::augment_args(Command::new("train").no_binary_name(true));
+    let command = Asked::augment_args(Command::new("train").no_binary_name(true));
     let matches = command.try_get_matches_from(options)?;
-    Ok(Settings::from_arg_matches(&matches)?.over(whole, |key| is_option(&matches, key))?)
-}
-
-/// Whether a value stands among the options. What the environment says is the same for every row, and no part of any.
-fn is_option(matches: &ArgMatches, key: &str) -> bool {
-    source(matches, key) == Some(ValueSource::CommandLine)
+    let (asked, named) = Asked::from_arg_matches(&matches)?.settings(&matches)?;
+    Ok(asked.over(whole, |key| named.is_option(key))?)
 }
 
 #[cfg(test)]
@@ -63,15 +58,6 @@ mod tests {
 
     fn names(method: &str) -> Vec<String> {
         rows(method).expect("rows").into_iter().map(|(label, ..)| label).collect()
-    }
-
-    #[test]
-    fn what_the_environment_says_makes_no_row() {
-        // Every environment has a PATH.
-        let command = || Command::new("train").no_binary_name(true).arg(clap::Arg::new("a_b").long("a-b").env("PATH"));
-        let of = |options: &[&str]| is_option(&command().get_matches_from(options), "a-b");
-        assert!(!of(&[]) && of(&["--a-b", "value"]));
-        assert!(!is_option(&command().get_matches_from([""; 0]), "not-there"));
     }
 
     /// What is changed and cannot be trained is left out: only where a part is nothing without another that the method has not.

@@ -31,7 +31,7 @@ pub(super) fn follow(
                     gpu.pretend_lost();
                 }
                 if progress.wants_estimate(step) {
-                    progress.estimate(step, now, gpu.memory_use().current, !run.no_densify);
+                    progress.estimate(step, now, gpu.memory_use().current, !plan.settings.density.no_densify);
                 }
                 if interrupt.asked() && step < run.iterations {
                     progress.finish();

@@ -31,10 +31,28 @@ pub enum SettingsError {
     /// A value outside its range.
     #[error("{key} must be {want}")]
     Value {
-        /// Key in the file, option name on the command line.
-        key: &'static str,
+        /// Key in the file.
+        key: String,
         /// What it takes.
         want: &'static str,
+    },
+    /// There is no setting of this name.
+    #[error("no setting `{key}`{}", nearest.as_ref().map_or(String::new(), |nearest| format!("; the nearest name is `{nearest}`")))]
+    UnknownKey {
+        /// The name.
+        key: String,
+        /// The known name that is spelled most like it.
+        nearest: Option<String>,
+    },
+    /// A value of the wrong kind.
+    #[error("{key} cannot be `{value}`: {message}")]
+    BadValue {
+        /// Key in the file.
+        key: String,
+        /// The value.
+        value: String,
+        /// What the key takes.
+        message: String,
     },
     /// The settings could not be written as TOML.
     #[error("settings cannot be written as TOML: {0}")]

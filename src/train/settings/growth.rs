@@ -1,146 +1,127 @@
 //! Growth, and low and high frequencies apart.
 
 use super::group::group;
-use super::{Gate, Growth, LidarCloud, SigmaLearning};
+use super::{Gate, Growth, LidarCloud, Range, SigmaLearning};
 
 group! {
     /// Growth and pruning of the set of splats.
-    pub struct Density("Density control") {
-        /// Growth begins after this step
-        #[arg(value_name = "N")]
+    pub struct Density("Growth")
+    options {
+        /// Begin growth after this step
+        #[arg(value_name = "STEP")]
         pub densify_from: u32 = 500,
-        /// Growth ends before this step
-        #[arg(value_name = "N")]
+        /// End growth before this step; later makes more splats and finer texture
+        #[arg(value_name = "STEP")]
         pub densify_until: u32 = 15_000,
-        /// Steps between density changes
+        /// Grow and prune every N steps; fewer steps between make more splats
         #[arg(value_name = "N")]
-        pub densify_interval: u32 = 100,
-        /// Which splats grow: threshold (all whose gradient reaches it are cloned or split) or sampled (a sample of these is split along
-        /// their longest axis)
-        #[arg(value_name = "RULE")]
-        pub growth: Growth = Growth::Threshold,
-        /// Mean screen-space gradient (normalised device coordinates) from which a splat is cloned or split
+        pub densify_interval: u32 = 100; Range::COUNT,
+        /// Grow splats whose mean gradient on the screen (normalised device coordinates) is at least G; a higher G makes fewer splats
         #[arg(value_name = "G")]
-        pub grad_threshold: f64 = 2e-4,
-        /// The same for splats of low frequencies (mask value 0) in the low-frequency stage, where growth is sampled
-        #[arg(value_name = "G")]
-        pub low_grad_threshold: f64 = 2e-4,
-        /// Probability that a splat at the threshold is split, where growth is sampled
-        #[arg(value_name = "P")]
-        pub sample_rate: f64 = 0.5,
-        /// How much of that probability is in proportion to the splat's mask value, from 0 to 1
-        #[arg(value_name = "SHARE")]
-        pub sample_mask_share: f64 = 0.0,
-        /// How much of it is in proportion to the share of views in which the splat is wrong, from 0 to 1
-        #[arg(value_name = "SHARE")]
-        pub sample_error_share: f64 = 0.0,
-        /// Mean absolute difference to the photograph above which the render is wrong at a splat
-        #[arg(value_name = "E")]
-        pub sample_error: f64 = 0.05,
-        /// What opacities are multiplied by at each density change, where growth is sampled
-        #[arg(value_name = "SHARE")]
-        pub keep_opacity: f64 = 1.0,
-        /// Splats larger than this share of the scene's extent are split, smaller ones cloned
-        #[arg(value_name = "SHARE")]
-        pub percent_dense: f64 = 0.01,
-        /// Splats less opaque than this are pruned
-        #[arg(value_name = "O")]
-        pub prune_opacity: f64 = 0.005,
-        /// Drop splats whose weight (alpha times transmittance) is below this in every pixel of every photograph that is trained on, when
-        /// growth has ended (--prune-young) and after four fifths of the steps (0: keep them)
+        pub grad_threshold: f64 = 2e-4; Range::THRESHOLD,
+        /// Prune splats with an opacity below this, from 0 to 1; higher keeps fewer splats
+        #[arg(value_name = "OPACITY")]
+        pub prune_opacity: f64 = 0.005; Range::BELOW_1,
+        /// Prune splats whose weight (alpha times transmittance) is below W in every pixel of every training photograph, when growth has
+        /// ended and after four fifths of the steps; higher keeps fewer splats (0: prune none)
         #[arg(value_name = "W")]
-        pub prune_weight: f64 = 0.0,
-        /// Drop no splats below --prune-weight before this step: until opacities have been learned, weights say little
-        #[arg(value_name = "STEP")]
-        pub prune_weight_from: u32 = 500,
-        /// When growth has ended, take this share of --prune-weight, as what is young weighs little yet (0: drop none then)
-        #[arg(value_name = "SHARE")]
-        pub prune_young: f64 = 1.0,
-        /// Where --max-splats holds growth up, drop this share of the splats, those of the least weight, after some density changes, which
-        /// makes room for others (0: none)
-        #[arg(value_name = "SHARE")]
-        pub recycle_share: f64 = 0.0,
-        /// Splats larger than this share of the scene's extent are pruned once opacities have been reset (0: keep them)
-        #[arg(value_name = "SHARE")]
-        pub prune_extent: f64 = 0.1,
-        /// When growth has ended, drop splats that are larger than this share of their distance from the cameras' mean, or of the scene's extent
-        /// within it: 0.2 takes away what stands in the air over a flight (not before --prune-weight-from; 0: keep them)
-        #[arg(value_name = "SHARE")]
-        pub prune_distance: f64 = 0.0,
-        /// Where depths of less than this share of the pixels are known before the first step, growth ends at --grow-on-until and is from
-        /// --grow-on-threshold (0: as everywhere)
-        #[arg(value_name = "SHARE")]
-        pub grow_on: f64 = 0.0,
-        /// Last step of growth there
-        #[arg(value_name = "STEP")]
-        pub grow_on_until: u32 = 15_000,
-        /// Mean gradient from which splats grow there
-        #[arg(value_name = "G")]
-        pub grow_on_threshold: f64 = 6e-4,
-        /// Steps between opacity resets (0: none)
+        pub prune_weight: f64 = 0.0; Range::BELOW_1,
+        /// Reset opacities every N steps, which removes floaters and costs steps (0: never)
         #[arg(value_name = "N")]
         pub opacity_reset_interval: u32 = 3000,
-        /// Splats farther than this share of the scene's extent from the cloud of --lidar do not grow
-        #[arg(value_name = "SHARE")]
-        pub lidar_distance: f64 = 0.02,
     }
     flags {
-        /// Judge splits by sums of absolute gradients of pixels, which do not cancel; with sampled growth all of it
-        pub absgrad,
-        /// Prune splats that have blended into no pixel since the last density change, where growth is sampled and the steps since then are
-        /// as many as there are photographs
-        pub prune_unseen,
-        /// Where growth is sampled, split splats along that of their axes along which the loss changes most, by the optimiser's mean
-        /// gradient of their centres, in place of the longest
-        pub split_along_gradient,
+        /// Keep the set of splats as it begins: no growth, no pruning, no opacity resets
+        pub no_densify,
     }
     optional {
-        /// The threshold for splits where it is not that for clones
-        #[arg(value_name = "G")]
-        pub split_grad_threshold: f64,
-        /// Have at most this many splats, those to begin with included; only a model of --init stays whole
-        #[arg(value_name = "N")]
-        pub max_splats: u32,
-        /// Splats grow only near this cloud: a laser scan in the dataset's coordinates (PLY, LAS or LAZ), or mvs for the surfaces that
-        /// stereo finds
-        #[arg(value_name = "FILE")]
+        /// Limit the number of splats, those at the start included; more splats show finer texture and need more memory and time
+        #[arg(value_name = "N", help_heading = super::MOST_USED, display_order = 8)]
+        pub max_splats: u32; Range::COUNT,
+        /// Grow splats only near the points of this cloud: a laser scan in the dataset's coordinates (PLY, LAS or LAZ), or `mvs` for
+        /// the surfaces that stereo finds
+        #[arg(value_name = "FILE", help_heading = "Model")]
         pub lidar: LidarCloud,
+    }
+    constants {
+        /// Rule of growth. `threshold`: all splats whose gradient reaches grad-threshold are cloned or split. `sampled`: a sample of
+        /// these splats is split along their longest axis
+        pub growth: Growth = Growth::Threshold,
+        /// As grad-threshold, for splats of low frequencies (mask value 0) in the low-frequency stage, with sampled growth
+        pub low_grad_threshold: f64 = 2e-4; Range::THRESHOLD,
+        /// Probability that a splat at the threshold is split, with sampled growth
+        pub sample_rate: f64 = 0.5; Range::SHARE,
+        /// Share of sample-rate that is in proportion to the splat's mask value
+        pub sample_mask_share: f64 = 0.0; Range::SHARE,
+        /// Share of sample-rate that is in proportion to the share of photographs in which the splat's render is wrong
+        pub sample_error_share: f64 = 0.0; Range::SHARE,
+        /// Mean absolute difference from the photograph, in colours from 0 to 1, above which the render is wrong at a splat
+        pub sample_error: f64 = 0.05; Range::WEIGHT,
+        /// Factor of all opacities at each density change, with sampled growth
+        pub keep_opacity: f64 = 1.0; Range::SHARE_ABOVE_0,
+        /// Share of the scene's extent from which a splat is split; a smaller splat is cloned
+        pub percent_dense: f64 = 0.01; Range::THRESHOLD,
+        /// First step at which prune-weight may drop splats
+        pub prune_weight_from: u32 = 500,
+        /// Share of prune-weight that counts when growth has just ended (0: drop none then)
+        pub prune_young: f64 = 1.0; Range::SHARE,
+        /// Share of the splats, those of the least weight, that is dropped after some density changes where max-splats stops growth
+        /// (0: none)
+        pub recycle_share: f64 = 0.0; Range::BELOW_1,
+        /// Share of the scene's extent above which splats are pruned once opacities have been reset (0: keep splats of any size)
+        pub prune_extent: f64 = 0.1; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
+        /// As prune-extent, as a share of the splat's distance from the cameras' mean, when growth has ended (0: keep splats of any size)
+        pub prune_distance: f64 = 0.0; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
+        /// Share of the pixels with a depth before the first step below which growth-on values hold: growth ends at grow-on-until and
+        /// begins at a gradient of grow-on-threshold (0: nowhere)
+        pub grow_on: f64 = 0.0; Range::SHARE,
+        /// Last step of growth where depths of few pixels are known
+        pub grow_on_until: u32 = 15_000,
+        /// Threshold of growth where depths of few pixels are known
+        pub grow_on_threshold: f64 = 6e-4; Range::THRESHOLD,
+        /// Share of the scene's extent from the cloud of lidar beyond which splats do not grow
+        pub lidar_distance: f64 = 0.02; Range::THRESHOLD,
+        /// Whether splits are judged by sums of absolute gradients of pixels, which do not cancel; with sampled growth all growth is
+        pub absgrad: bool = false,
+        /// Whether splats are pruned that were blended into no pixel since the last density change, with sampled growth
+        pub prune_unseen: bool = false,
+        /// Whether splats are split along the axis along which the loss changes most, in place of the longest, with sampled growth
+        pub split_along_gradient: bool = false,
+    }
+    unset {
+        /// Threshold for splits where it differs from the threshold for clones
+        pub split_grad_threshold: f64; Range::THRESHOLD,
     }
 }
 
 group! {
     /// Low and high frequencies apart.
-    pub struct Frequencies("Low and high frequencies") {
-        /// Share of the steps that the low-frequency stage takes (0: there is none)
-        #[arg(value_name = "SHARE")]
-        pub low_stage: f64 = 0.0,
-        /// What tells texture from the rest: spectral, phase, gradient, random or off (nothing does)
-        #[arg(value_name = "GATE")]
+    pub struct Frequencies("Model")
+    options {
+        /// Tell texture from the rest by a mask of each photograph: spectral, phase, gradient, random or off (no mask)
+        #[arg(value_name = "MASK")]
         pub gate: Gate = Gate::Spectral,
-        /// Width of the filter of the spectral gate, in bins of a spectrum of 256
-        #[arg(value_name = "BINS")]
-        pub sigma: f64 = 3.0,
-        /// How that width is learned for each photograph: off, errors (a mask is to tell where the model fails) or composite (a mask is to be
-        /// where the splats after the low-frequency stage are worth their price)
-        #[arg(value_name = "HOW")]
-        pub sigma_learning: SigmaLearning = SigmaLearning::Off,
-        /// Steps between updates of what is learned
-        #[arg(value_name = "N")]
-        pub sigma_every: u32 = 15,
-        /// Weight of texture in the loss of the low-frequency stage (1: that of the rest)
-        #[arg(value_name = "W")]
-        pub low_texture_weight: f64 = 1.0,
-        /// Share of the steps that see photographs of half the size or less
-        #[arg(value_name = "SHARE")]
-        pub coarse_steps: f64 = 0.0,
-        /// Share of those that see a quarter of the size, the first ones
-        #[arg(value_name = "SHARE")]
-        pub coarse_quarter: f64 = 0.25,
     }
-    flags {
-        /// Make the coarse steps as many as reduced photographs keep of the spectra: --coarse-steps times the share that half the size
-        /// keeps, and among them as many with a quarter of the size as that keeps
-        pub coarse_spectrum,
-    }
+    flags {}
     optional {}
+    constants {
+        /// Share of the steps that the low-frequency stage takes (0: there is none)
+        pub low_stage: f64 = 0.0; Range::SHARE,
+        /// Width of the filter of the spectral mask, in bins of a spectrum of 256
+        pub sigma: f64 = 3.0; Range::new("a number from 0 to 1000", |v| (0.0..=1000.0).contains(&v)),
+        /// How sigma is learned for each photograph. `errors`: the mask is to tell where the model fails. `composite`: the mask is to
+        /// be where the splats after the low-frequency stage are worth their price. `off`: sigma stays as it is
+        pub sigma_learning: SigmaLearning = SigmaLearning::Off,
+        /// Steps between updates of sigma
+        pub sigma_every: u32 = 15; Range::COUNT,
+        /// Weight of texture in the loss of the low-frequency stage, against 1 of the rest
+        pub low_texture_weight: f64 = 1.0; Range::SHARE,
+        /// Share of the steps that see photographs of half the size or less
+        pub coarse_steps: f64 = 0.0; Range::SHARE,
+        /// Share of the coarse steps, the first ones, that see a quarter of the size
+        pub coarse_quarter: f64 = 0.25; Range::SHARE,
+        /// Whether the number of coarse steps follows the share of the spectra that reduced photographs keep
+        pub coarse_spectrum: bool = false,
+    }
+    unset {}
 }

@@ -1,7 +1,7 @@
 //! Terms of the loss beside that of colours.
 
-use super::DepthPrior;
 use super::group::group;
+use super::{DepthPrior, Range};
 use crate::scene::init::FIRST_OPACITY;
 
 /// Least NCC of the depths that a model is trained with and begins on. Bare ground, which a lower one would add (see
@@ -13,131 +13,107 @@ const TRAINED_WINDOW: (u32, u32) = (3, 2);
 
 group! {
     /// Depth and normals: where they are known from, and how they are trained with.
-    pub struct Geometry("Depth and normals") {
-        /// Where depths to train with come from: none, sfm (the reconstructed points), stereo (the training photographs), lidar (the
-        /// cloud of --lidar) or propagation (renders that stereo goes on from in early steps, once for each photograph)
+    pub struct Geometry("Model")
+    options {
+        /// Take depths to train with from: none, sfm (the dataset's points), stereo (the training photographs), lidar (the cloud of
+        /// --lidar) or propagation (renders that stereo improves while training goes on)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
-        /// Stereo works on photographs of at most this many pixels on the longer side
-        #[arg(value_name = "PX")]
-        pub stereo_side: u32 = 160,
-        /// Stereo takes at most about this share of the time of the steps: where it would take more, photographs become smaller, and
-        /// sources and rounds fewer
-        #[arg(value_name = "SHARE")]
-        pub stereo_share: f64 = 0.12,
-        /// Stereo leaves out pixels whose mask value is this or more, which are texture (1: none)
-        #[arg(value_name = "M")]
-        pub stereo_texture: f64 = 1.0,
-        /// Begin with so many splats more, on surfaces that stereo has found (0: none)
+        /// Begin with N splats more, on surfaces that stereo has found; more show finer texture and need more memory and time (0: none)
         #[arg(value_name = "N")]
         pub stereo_splats: u32 = 0,
-        /// So many of them for each photograph that these surfaces would fill, where that is more than --stereo-splats and memory allows it:
-        /// flights begin with more than what is seen from all around (0: --stereo-splats as it is)
-        #[arg(value_name = "N")]
-        pub stereo_density: u32 = 0,
-        /// Of --stereo-splats no more than so many for each such photograph: little surface asks for few (0: all of them)
-        #[arg(value_name = "N")]
-        pub stereo_densest: u32 = 0,
-        /// These numbers are for photographs of so many pixels on the longer side; a training on larger ones begins with more where memory
-        /// allows it, in proportion to that side, but at most to the square root of the steps: with twice as many from 7,000 steps on (0: with
-        /// as many at any size)
-        #[arg(value_name = "PX")]
-        pub stereo_splats_for: u32 = 0,
-        /// How wide these are to begin with, as a share of the root mean square of the distances to the three nearest splats
-        #[arg(value_name = "SHARE")]
-        pub stereo_width: f64 = 1.0,
-        /// How thick these are along the normals that stereo has found, as a share of their width
-        #[arg(value_name = "SHARE")]
-        pub stereo_thickness: f64 = 1.0,
-        /// How opaque these are to begin with (splats of reconstructed points: 0.1)
-        #[arg(value_name = "O")]
-        pub stereo_opacity: f64 = FIRST_OPACITY,
-        /// Some of these lie where stereo knows nothing and at most so many photographs look, on its surfaces continued (0: nowhere)
-        #[arg(value_name = "N")]
-        pub stereo_alone: u32 = 0,
-        /// Towards the end wide splats come where no photograph looks, up to this share of its longer side beside one, in the colours of its
-        /// edge (0: none; none with --sh-share either)
-        #[arg(value_name = "SHARE")]
-        pub stereo_skirt: f64 = 0.0,
-        /// Share of the steps that have a loss on depth and normals
-        #[arg(value_name = "SHARE")]
-        pub depth_steps: f64 = 0.5,
-        /// One step in so many has it, with as much more weight
-        #[arg(value_name = "N")]
-        pub depth_every: u32 = 2,
-        /// What is left of its weight at the end of these steps
-        #[arg(value_name = "SHARE")]
-        pub depth_left: f64 = 0.01,
-        /// Weight of relative errors of depth
-        #[arg(value_name = "W")]
-        pub lambda_depth: f64 = 0.1,
-        /// Relative error of depth from which on its loss is linear
-        #[arg(value_name = "R")]
-        pub depth_huber: f64 = 0.02,
-        /// How much more an error of depth counts at an edge of the photograph
-        #[arg(value_name = "B")]
-        pub depth_edges: f64 = 1.0,
-        /// Weight of second differences of depth, within that of depth
-        #[arg(value_name = "W")]
-        pub lambda_smooth: f64 = 0.01,
-        /// How fast smoothness ends towards edges of the photograph
-        #[arg(value_name = "G")]
-        pub smooth_edge_stop: f64 = 10.0,
-        /// Weight of errors of normals
-        #[arg(value_name = "W")]
-        pub lambda_normal: f64 = 0.01,
-        /// Weight of the smallest standard deviation of each splat, in units of the scene's extent
-        #[arg(value_name = "W")]
-        pub lambda_flatten: f64 = 0.0,
-        /// Depths are propagated after this step
-        #[arg(value_name = "N")]
-        pub propagate_from: u32 = 1000,
-        /// Depths are propagated before this step
-        #[arg(value_name = "N")]
-        pub propagate_until: u32 = 6000,
-        /// Steps between propagations
-        #[arg(value_name = "N")]
-        pub propagate_every: u32 = 20,
-        /// Splats are added where the rendered depth differs from the propagated one by more than this share of it, at first ...
-        #[arg(value_name = "R")]
-        pub propagate_ratio: f64 = 1.0,
-        /// ... and at last
-        #[arg(value_name = "R")]
-        pub propagate_ratio_final: f64 = 0.8,
+        /// Weigh relative errors of depth by W in the loss; higher follows the known depths more and the photographs less
+        #[arg(value_name = "W", help_heading = super::LOSS)]
+        pub lambda_depth: f64 = 0.1; Range::WEIGHT,
+        /// Weigh errors of normals by W in the loss; higher makes smoother surfaces
+        #[arg(value_name = "W", help_heading = super::LOSS)]
+        pub lambda_normal: f64 = 0.01; Range::WEIGHT,
     }
     flags {}
     optional {}
+    constants {
+        /// Pixels of the longer side of the photographs that stereo compares, at most
+        pub stereo_side: u32 = 160; Range::new("at least 16 pixels", |v| v >= 16.0),
+        /// Share of the time of the steps that stereo takes, at most: photographs become smaller, and sources and rounds fewer, until
+        /// it fits
+        pub stereo_share: f64 = 0.12; Range::POSITIVE,
+        /// Mask value from which a pixel is texture and left out of stereo (1: none is)
+        pub stereo_texture: f64 = 1.0; Range::SHARE_ABOVE_0,
+        /// Splats of stereo for each photograph that its surfaces would fill, where that is more than stereo-splats and memory allows
+        /// it (0: stereo-splats as it is)
+        pub stereo_density: u32 = 0,
+        /// Upper limit of stereo-splats for each photograph that the surfaces would fill (0: no limit)
+        pub stereo_densest: u32 = 0,
+        /// Longer side of photographs, in pixels, that stereo-splats and stereo-density are for. Larger photographs begin with more
+        /// splats in proportion, at most to the square root of the steps (0: as many at any size)
+        pub stereo_splats_for: u32 = 0,
+        /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest splats
+        pub stereo_width: f64 = 1.0; Range::POSITIVE,
+        /// Thickness of the splats of stereo along their normals, as a share of their width
+        pub stereo_thickness: f64 = 1.0; Range::SHARE_ABOVE_0,
+        /// Opacity of the splats of stereo at the start
+        pub stereo_opacity: f64 = FIRST_OPACITY; Range::new("a number above 0, below 1", |v| v > 0.0 && v < 1.0),
+        /// Photographs that look at a place at most for stereo's surfaces to be continued there (0: nowhere)
+        pub stereo_alone: u32 = 0,
+        /// Width of the skirt beside a photograph, as a share of its longer side: wide splats in the colours of its edge where no
+        /// photograph looks (0: no skirt)
+        pub stereo_skirt: f64 = 0.0; Range::SHARE,
+        /// Share of the steps that have a loss on depth and normals
+        pub depth_steps: f64 = 0.5; Range::SHARE,
+        /// Steps from one with a loss on depth to the next; each has so many times the weight
+        pub depth_every: u32 = 2; Range::COUNT,
+        /// Share of the weight of depth that is left at the end of its steps
+        pub depth_left: f64 = 0.01; Range::SHARE_ABOVE_0,
+        /// Relative error of depth from which its loss is linear
+        pub depth_huber: f64 = 0.02; Range::POSITIVE,
+        /// Additional weight of an error of depth at an edge of the photograph
+        pub depth_edges: f64 = 1.0; Range::WEIGHT,
+        /// Weight of second differences of depth, within lambda-depth
+        pub lambda_smooth: f64 = 0.01; Range::WEIGHT,
+        /// How fast smoothness ends towards edges of the photograph
+        pub smooth_edge_stop: f64 = 10.0; Range::WEIGHT,
+        /// Weight of the smallest scale of each splat, in units of the scene's extent
+        pub lambda_flatten: f64 = 0.0; Range::WEIGHT,
+        /// Step after which depths are propagated
+        pub propagate_from: u32 = 1000,
+        /// Step before which depths are propagated
+        pub propagate_until: u32 = 6000,
+        /// Steps between propagations
+        pub propagate_every: u32 = 20; Range::COUNT,
+        /// Relative difference of rendered and propagated depth from which splats are added, at first
+        pub propagate_ratio: f64 = 1.0; Range::WEIGHT,
+        /// The same at last
+        pub propagate_ratio_final: f64 = 0.8; Range::WEIGHT,
+    }
+    unset {}
 }
 
 group! {
     /// Losses on texture, after the low-frequency stage.
-    pub struct Texture("Texture") {
-        /// Weight of the correlation of gradient maps
+    pub struct Texture("Loss and learning rates")
+    options {
+        /// Weigh the perceptual distance by W in the loss; higher makes texture sharper and PSNR lower
         #[arg(value_name = "W")]
-        pub lambda_gradients: f64 = 0.0,
-        /// The same of the gradient maps of the constrained set: the splats that were there at the end of the low-frequency stage,
-        /// rendered alone
-        #[arg(value_name = "W")]
-        pub lambda_constrained: f64 = 0.0,
-        /// Weight of the total variation of what is between render and photograph
-        #[arg(value_name = "W")]
-        pub lambda_variation: f64 = 0.0,
-        /// One step in so many has these three, with as much more weight
-        #[arg(value_name = "N")]
-        pub gradients_every: u32 = 4,
-        /// Weight of the perceptual distance
-        #[arg(value_name = "W")]
-        pub lambda_perceptual: f64 = 0.0,
-        /// One step in so many has it, with as much more weight
-        #[arg(value_name = "N")]
-        pub perceptual_every: u32 = 12,
-        /// Such a step has windows of so many views, with the weight of one among them: its own and those of the steps before it (at
-        /// most 8)
-        #[arg(value_name = "N")]
-        pub perceptual_views: u32 = 1,
+        pub lambda_perceptual: f64 = 0.0; Range::WEIGHT,
     }
     flags {}
     optional {}
+    constants {
+        /// Weight of the correlation of gradient maps
+        pub lambda_gradients: f64 = 0.0; Range::WEIGHT,
+        /// Weight of the correlation of gradient maps of the constrained set: the splats of the end of the low-frequency stage, rendered
+        /// alone
+        pub lambda_constrained: f64 = 0.0; Range::WEIGHT,
+        /// Weight of the total variation of the difference between render and photograph
+        pub lambda_variation: f64 = 0.0; Range::WEIGHT,
+        /// Steps from one with these three losses to the next; each has so many times the weight
+        pub gradients_every: u32 = 4; Range::COUNT,
+        /// Steps from one with a perceptual loss to the next; each has so many times the weight
+        pub perceptual_every: u32 = 12; Range::COUNT,
+        /// Photographs of which a perceptual step sees a window: its own and those of the steps before it
+        pub perceptual_views: u32 = 1; Range::new("from 1 to 8", |v| (1.0..=8.0).contains(&v)),
+    }
+    unset {}
 }
 
 impl Geometry {

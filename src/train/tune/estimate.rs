@@ -35,7 +35,7 @@ impl Estimate {
             steps: settings.run.iterations,
             splats: input.initial.len(),
             seconds_per_step,
-            grows: !settings.run.no_densify,
+            grows: !settings.density.no_densify,
         }))
     }
 

@@ -1,0 +1,144 @@
+//! Settings as the options of a command line give them, and which of them were named.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use clap::ArgMatches;
+use clap::parser::ValueSource;
+use psrgs_vk::train::Settings;
+
+use super::exit::Failure;
+
+/// `KEY=VALUE`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Assignment {
+    key: String,
+    value: String,
+}
+
+impl FromStr for Assignment {
+    type Err = String;
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word.split_once('=') {
+            Some((key, value)) if !key.trim().is_empty() => {
+                Ok(Self { key: key.trim().to_owned(), value: value.trim().to_owned() })
+            }
+            _ => Err("it must be KEY=VALUE, such as sample-rate=0.3; `psrgs-vk options` lists the keys".to_owned()),
+        }
+    }
+}
+
+/// The settings of a training, as options and as keys.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct Asked {
+    /// Set any key of settings.toml, such as --set sample-rate=0.3; may be repeated. `psrgs-vk options` lists the keys
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Run")]
+    set: Vec<Assignment>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+impl Asked {
+    /// The settings with what `--set` says, and the keys that were named in either way.
+    pub(crate) fn settings<'a>(&self, matches: &'a ArgMatches) -> anyhow::Result<(Settings, Named<'a>)> {
+        let mut settings = self.settings.clone();
+        let mut keys = BTreeSet::new();
+        for Assignment { key, value } in &self.set {
+            if named(matches, key) || !keys.insert(key.clone()) {
+                return Err(Failure::Usage(format!("--set {key}: this key is given twice")).into());
+            }
+            settings.set(key, value)?;
+        }
+        Ok((settings, Named { matches, keys }))
+    }
+}
+
+/// Which keys were named on the command line or in the environment.
+pub(crate) struct Named<'a> {
+    matches: &'a ArgMatches,
+    keys: BTreeSet<String>,
+}
+
+impl Named<'_> {
+    /// Whether the value of `key` was named: methods, presets and files leave it alone.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.keys.contains(key) || named(self.matches, key)
+    }
+
+    /// Whether it was named among the options, whatever the environment says.
+    pub(crate) fn is_option(&self, key: &str) -> bool {
+        self.keys.contains(key) || source(self.matches, key) == Some(ValueSource::CommandLine)
+    }
+}
+
+/// Whether an option was given by name, on the command line or in the environment.
+pub(crate) fn named(matches: &ArgMatches, key: &str) -> bool {
+    matches!(source(matches, key), Some(ValueSource::CommandLine | ValueSource::EnvVariable))
+}
+
+/// Where the value of an option comes from.
+fn source(matches: &ArgMatches, key: &str) -> Option<ValueSource> {
+    let id = key.replace('-', "_");
+    // Not every command has every option.
+    if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
+}
+
+/// What to say of an option that a command does not have and that is a key of the settings, or was an option once.
+pub(crate) fn no_option(name: &str) -> Option<String> {
+    let key = name.trim_start_matches('-').split('=').next().unwrap_or_default();
+    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == key) {
+        return Some(format!("--{key} is no option any more: {instead}"));
+    }
+    let known = Settings::all_keys().into_iter().any(|(_, known)| known.name == key);
+    known.then(|| format!("--{key} is no option but a key of the settings: --set {key}=VALUE"))
+}
+
+/// Options of earlier versions that are no key either, and what to do in their place.
+const REMOVED: [(&str, &str); 1] = [("fast", "--set moment-bits=16 has what it saved in memory")];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{Args as _, Command, FromArgMatches as _};
+
+    fn asked(options: &[&str]) -> anyhow::Result<(Settings, Vec<bool>)> {
+        let matches = Asked::augment_args(Command::new("train").no_binary_name(true)).try_get_matches_from(options)?;
+        let (settings, named) = Asked::from_arg_matches(&matches)?.settings(&matches)?;
+        Ok((settings, ["sample-rate", "iterations", "seed"].map(|key| named.has(key)).to_vec()))
+    }
+
+    #[test]
+    fn a_key_that_is_set_counts_as_named() {
+        let (settings, named) = asked(&["--set", "sample-rate=0.3", "--iterations", "7"]).unwrap();
+        assert_eq!((settings.density.sample_rate, settings.run.iterations), (0.3, 7));
+        assert_eq!(named, [true, true, false]);
+    }
+
+    #[test]
+    fn a_key_given_twice_is_refused() {
+        for options in [["--set", "seed=1", "--seed=2"].as_slice(), &["--set", "seed=1", "--set", "seed=2"]] {
+            let message = asked(options).unwrap_err().to_string();
+            assert!(message.contains("seed") && message.contains("twice"), "{message}");
+        }
+        assert!(asked(&["--set", "seed"]).unwrap_err().to_string().contains("KEY=VALUE"));
+        assert!(asked(&["--set", "sede=1"]).unwrap_err().to_string().contains("seed"));
+    }
+
+    #[test]
+    fn a_former_option_names_what_to_use() {
+        assert!(no_option("--sample-rate").unwrap().contains("--set sample-rate=VALUE"));
+        assert!(no_option("--stereo-side=80").unwrap().contains("--set stereo-side=VALUE"));
+        assert!(no_option("--fast").unwrap().contains("moment-bits"));
+        assert_eq!(no_option("--nonsense"), None);
+    }
+
+    #[test]
+    fn what_the_environment_says_is_no_option() {
+        // Every environment has a PATH.
+        let command = || Command::new("train").no_binary_name(true).arg(clap::Arg::new("a_b").long("a-b").env("PATH"));
+        let of = |options: &[&str]| {
+            Named { matches: &command().get_matches_from(options), keys: BTreeSet::new() }.is_option("a-b")
+        };
+        assert!(!of(&[]) && of(&["--a-b", "value"]));
+    }
+}
