@@ -83,6 +83,7 @@ impl Beginning {
         }
         console.say(host);
         let mut input = prepare::input_within(dataset, initial, host.share)?;
+        input.known.left_out.iter().for_each(|warning| console.warn(warning));
         // Before depths take their time.
         if let Some(before) = restart.as_ref().and_then(|restart| restart.trained_on.as_ref()) {
             before.check_views(&input.train)?;

@@ -95,7 +95,6 @@ pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Cons
         let told = prepare::left_out_besides(dataset, role, views, &input.known.left_out);
         told.iter().for_each(|warning| console.warn(warning));
     }
-    input.known.left_out.iter().for_each(|warning| console.warn(warning));
     console.say(format_args!(
         "{}, {}, seed {}, {} to begin with",
         settings.method_name(),
