@@ -125,6 +125,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
         CameraFarAway { name: "a.jpg".into(), times: 1e6 },
         PoseWrong { name: "a.jpg".into(), fault: PoseFault::FarAndBlind { times: 12.0 }, left_out: true },
         PoseWrong { name: "a.jpg".into(), fault: PoseFault::OutOfView { points: 90, inside: 7 }, left_out: false },
+        PoseWrong { name: "a.jpg".into(), fault: PoseFault::OtherPose { fit: 0.4, other: 0.8 }, left_out: true },
         PoseDoubtful { name: "a.jpg".into(), fault: PoseFault::Reprojection { points: 90, off: 0.01, usual: 0.0002 } },
         PosesAgainstPoints { file: "images.bin".into(), wrong: 9, of: 12 },
         AllMasked { photographs: 1, first: "a.jpg".into() },

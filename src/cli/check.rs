@@ -221,7 +221,7 @@ fn wrong_poses(
     photographs: &[Option<Supply>],
     left_out: bool,
 ) -> Result<Vec<String>, dataset::Error> {
-    let wrong = dataset.poses_against_colours(role, photographs)?;
+    let wrong = dataset.poses_against_photographs(role, photographs)?;
     let told = |(at, fault): (usize, PoseFault)| {
         let (_, view) = dataset.views_of(role).nth(at)?;
         Some(Warning::PoseWrong { name: view.name.clone(), fault, left_out }.to_string())

@@ -76,6 +76,20 @@ pub enum Error {
         /// What they are, and what to do.
         what: WrongConvention,
     },
+    /// Names and poses that do not belong together.
+    #[error(
+        "{}: {} of {} fit better from the poses of others than from their own, as the colours of the points show: names and poses are \
+         not in the same order. Export them again from the reconstruction",
+        file.display(), grouped(*changed), counted(*of, "photograph")
+    )]
+    PosesOfOthers {
+        /// The dataset.
+        file: PathBuf,
+        /// How many photographs fit better from the pose of another.
+        changed: usize,
+        /// All that were looked at.
+        of: usize,
+    },
     /// No folder with photographs.
     #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images{elsewhere}", folder.display())]
     NoPhotographs {

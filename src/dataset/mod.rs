@@ -167,6 +167,8 @@ pub struct View {
     pub limit: DecodeLimit,
     /// What the view is used for.
     pub role: Role,
+    /// Whether its pose was held against where the photograph shows the points that it observes.
+    pub pose_checked: bool,
 }
 
 impl View {
@@ -269,6 +271,7 @@ impl Dataset {
                     tone,
                     limit,
                     role,
+                    pose_checked: false,
                 };
                 range::check_camera(&file, &view).map(|()| view)
             })

@@ -212,7 +212,7 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
     let mut decoding = Decoding::of(dataset);
     let mut photographs = decoding.take_in(dataset, Role::Train, &mut share)?;
     let mut left_out = Vec::new();
-    for (at, fault) in dataset.poses_against_colours(Role::Train, &photographs)? {
+    for (at, fault) in dataset.poses_against_photographs(Role::Train, &photographs)? {
         if let (Some(photograph), Some((_, view))) = (photographs.get_mut(at), dataset.views_of(Role::Train).nth(at)) {
             *photograph = None;
             left_out.push(Warning::PoseWrong { name: view.name.clone(), fault, left_out: true });

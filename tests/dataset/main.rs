@@ -14,6 +14,7 @@ mod pictures;
 mod places;
 mod points;
 mod poses;
+mod poses_by_photographs;
 mod records;
 mod split_lists;
 mod supplies;

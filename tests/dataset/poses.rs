@@ -1,8 +1,6 @@
 //! Poses that the reconstruction's own points speak against.
 
-use psrgs_vk::dataset::{
-    Convention, Dataset, Error, Format, HostShare, LoadOptions, PoseFault, Role, Split, Supply, Tracks, Warning,
-};
+use psrgs_vk::dataset::{Convention, Dataset, Error, Format, LoadOptions, PoseFault, Role, Split, Warning};
 
 use super::{
     colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow},
@@ -13,14 +11,14 @@ const VIEWS: u32 = 12;
 const SIZE: [u64; 2] = [96, 64];
 const FOCAL: f64 = 80.0;
 
-type Matrix = [[f64; 3]; 3];
+pub(super) type Matrix = [[f64; 3]; 3];
 
-fn apply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
+pub(super) fn apply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| (0..3).map(|k| row[k] * v[k]).sum())
 }
 
 /// World to camera of a quaternion, w first.
-fn matrix([w, x, y, z]: [f64; 4]) -> Matrix {
+pub(super) fn matrix([w, x, y, z]: [f64; 4]) -> Matrix {
     [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
@@ -28,7 +26,7 @@ fn matrix([w, x, y, z]: [f64; 4]) -> Matrix {
     ]
 }
 
-fn product([a, b, c, d]: [f64; 4], [e, f, g, h]: [f64; 4]) -> [f64; 4] {
+pub(super) fn product([a, b, c, d]: [f64; 4], [e, f, g, h]: [f64; 4]) -> [f64; 4] {
     [
         a * e - b * f - c * g - d * h,
         a * f + b * e + c * h - d * g,
@@ -51,7 +49,7 @@ fn place(k: u32) -> ([f64; 4], [f64; 3]) {
     (quaternion, axis.map(|v| -3.0 * v))
 }
 
-fn translation(quaternion: [f64; 4], center: [f64; 3]) -> [f64; 3] {
+pub(super) fn translation(quaternion: [f64; 4], center: [f64; 3]) -> [f64; 3] {
     apply(&matrix(quaternion), center).map(|v| -v)
 }
 
@@ -259,7 +257,7 @@ fn poses_and_points_of_different_reconstructions_are_named() {
 
 const VIEWS_ALL: usize = VIEWS as usize;
 
-fn turned_about(m: &Matrix) -> Matrix {
+pub(super) fn turned_about(m: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|k| m[k][i]))
 }
 
@@ -271,7 +269,10 @@ fn quaternion(m: &Matrix) -> [f64; 4] {
 
 /// Matrices of four rows that a file may have instead of world to camera with y down and z forwards.
 fn written(image: &ImageRow, found: Option<Convention>) -> (Matrix, [f64; 3]) {
-    let (r, t) = (matrix(image.quaternion), image.translation);
+    written_of((matrix(image.quaternion), image.translation), found)
+}
+
+pub(super) fn written_of((r, t): (Matrix, [f64; 3]), found: Option<Convention>) -> (Matrix, [f64; 3]) {
     let axes = |(r, t): (Matrix, [f64; 3])| ([r[0], r[1].map(|v| -v), r[2].map(|v| -v)], [t[0], -t[1], -t[2]]);
     let back = |(r, t): (Matrix, [f64; 3])| {
         let m = turned_about(&r);
@@ -380,44 +381,5 @@ fn real_scenes_stay_whole_and_as_large_as_their_farthest_camera() {
             });
             assert_eq!(dataset.extent, 1.1 * far.fold(0.0, f64::max), "{name}");
         }
-    }
-}
-
-/// A real scene, of whose points nothing says which photographs show them, and its photographs.
-fn without_tracks(name: &str) -> Option<(Dataset, Vec<Option<Supply>>)> {
-    let options = LoadOptions { split: Split::None, ..LoadOptions::default() };
-    let mut dataset = Dataset::load(&common::data(name)?, &options).unwrap();
-    dataset.tracks = Tracks::default();
-    let photographs = dataset.take_in(Role::Train, &mut HostShare::unlimited()).unwrap();
-    Some((dataset, photographs))
-}
-
-#[test]
-fn colours_of_points_tell_wrong_poses_where_there_are_no_tracks() {
-    for (name, wrong) in [("ochota", 30), ("caliterra", 20), ("seneca", 0), ("fox", 0), ("garfield", 0)] {
-        let Some((mut dataset, photographs)) = without_tracks(name) else { continue };
-        let found = |dataset: &Dataset| -> Vec<usize> {
-            let found = dataset.poses_against_colours(Role::Train, &photographs).unwrap();
-            found.into_iter().map(|(at, _)| at).collect()
-        };
-        assert_eq!(found(&dataset), [0; 0], "{name}");
-        if wrong > 0 {
-            dataset.views[wrong].camera = dataset.views[3].camera;
-            assert_eq!(found(&dataset), [wrong], "{name}");
-        }
-    }
-}
-
-#[test]
-fn colours_of_points_tell_poses_of_another_convention() {
-    let Some((mut dataset, photographs)) = without_tracks("fox") else { return };
-    for view in &mut dataset.views {
-        let (r, t) = (view.camera.rotation, view.camera.translation);
-        view.camera.rotation = turned_about(&r);
-        view.camera.translation = apply(&view.camera.rotation, t).map(|v| -v);
-    }
-    match dataset.poses_against_colours(Role::Train, &photographs) {
-        Err(Error::PosesInOtherConvention { what, .. }) => assert_eq!(what.found, Convention::Inverted),
-        other => panic!("{other:?}"),
     }
 }

@@ -1,8 +1,12 @@
 //! Poses that the reconstruction's own points speak against.
 
+mod coarse;
 mod colours;
 mod evidence;
 mod inverted;
+mod matches;
+mod places;
+mod sketch;
 
 use std::fmt;
 
@@ -13,7 +17,7 @@ use super::random_points::in_view;
 use super::{Error, Role, View, Warning};
 use crate::numbers::{counted, fraction, grouped, of_count, percent};
 use crate::scene::Camera;
-pub(super) use colours::Coarse;
+pub(super) use coarse::Coarse;
 use evidence::Evidence;
 pub use inverted::{Convention, WrongConvention};
 
@@ -57,6 +61,13 @@ pub enum PoseFault {
         /// That of half of all photographs, at least.
         usual: f64,
     },
+    /// The colours of the points fit the photograph from the pose of another one, and less from its own.
+    OtherPose {
+        /// The correlation of both from its own pose.
+        fit: f64,
+        /// The same from that of the other.
+        other: f64,
+    },
 }
 
 impl fmt::Display for PoseFault {
@@ -90,6 +101,13 @@ impl fmt::Display for PoseFault {
                 fraction(*fit, 2),
                 fraction(*usual, 2)
             ),
+            Self::OtherPose { fit, other } => write!(
+                f,
+                "the colours of the points fit the photograph better from the pose of another one (correlation {}, from its own: {}): \
+                 have photographs changed places?",
+                fraction(*other, 2),
+                fraction(*fit, 2)
+            ),
             Self::FarAndBlind { times } => write!(
                 f,
                 "its camera is {times:.0} times as far from the others as they are from one another, and no point is in its picture"
@@ -107,6 +125,8 @@ pub(super) struct Judgement {
     wrong: Vec<(usize, PoseFault)>,
     /// Positions of photographs whose pose is in doubt.
     doubtful: Vec<(usize, PoseFault)>,
+    /// Of each photograph whether its pose was judged by where it shows points.
+    by_places: Vec<bool>,
     warning: Option<Warning>,
 }
 
@@ -130,6 +150,7 @@ impl Judgement {
         }
         let usual = usual(&all);
         let mut out = Self { fits: vec![false; all.len()], ..Self::default() };
+        out.by_places = all.iter().map(|evidence| evidence.is_some_and(|evidence| evidence.off.is_some())).collect();
         for (at, evidence) in all.iter().enumerate() {
             let Some(evidence) = evidence else { continue };
             let off = evidence.off.unwrap_or(0.0);
@@ -152,6 +173,9 @@ impl Judgement {
     /// Leaves photographs with wrong poses out of training, and tells of these and of those in doubt. `views` are those of the model.
     pub(super) fn apply(&mut self, views: &mut [View], warnings: &mut Vec<Warning>) {
         warnings.extend(self.warning.take());
+        for (view, by_places) in views.iter_mut().zip(&self.by_places) {
+            view.pose_checked = *by_places;
+        }
         for (at, fault) in std::mem::take(&mut self.wrong) {
             if let Some(view) = views.get_mut(at) {
                 leave_out(view, fault, warnings);
