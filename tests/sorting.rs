@@ -9,7 +9,7 @@ use psrgs_vk::pass::plan::{self, Entry};
 use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
 use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
 use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, SPLAT_ENTRIES, TileLists};
-use psrgs_vk::twin::tile::{TileGrid, list};
+use psrgs_vk::scene::tile::{TileGrid, list};
 use psrgs_vk::vk::{Addresses, Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Subgroup};
 
 fn words(state: u64, count: usize) -> Vec<u32> {

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use psrgs_vk::twin::tile::{TileGrid, count, list};
+use psrgs_vk::scene::tile::{TileGrid, count, list};
 
 /// A small counter-based generator.
 struct Random(u64);

@@ -1,6 +1,7 @@
 //! Points to begin with where nothing was triangulated.
 
 use crate::scene::Camera;
+use crate::scene::random::Random;
 
 /// How many points are drawn.
 const POINTS: usize = 50_000;
@@ -23,17 +24,17 @@ const OVERLAPPING: f64 = 4.0;
 /// neighbouring pictures overlap by three quarters, as aerial ones do.
 pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
     let Some(typical) = typical_depth(cameras) else { return Vec::new() };
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let shared_by = SHARED_BY.min(cameras.len());
     let mut points = Vec::with_capacity(POINTS);
     for _ in 0..TRIES * POINTS {
         if points.len() == POINTS {
             break;
         }
-        let camera = &cameras[(random.next() * cameras.len() as f64) as usize % cameras.len()];
-        let z = typical * DEPTHS.powf(2.0 * random.next() - 1.0);
-        let u = random.next() * f64::from(camera.width);
-        let v = random.next() * f64::from(camera.height);
+        let camera = &cameras[(random.unit() * cameras.len() as f64) as usize % cameras.len()];
+        let z = typical * DEPTHS.powf(2.0 * random.unit() - 1.0);
+        let u = random.unit() * f64::from(camera.width);
+        let v = random.unit() * f64::from(camera.height);
         let seen = [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z];
         let center = camera.center();
         let point = std::array::from_fn(|i| center[i] + (0..3).map(|k| camera.rotation[k][i] * seen[k]).sum::<f64>());
@@ -115,18 +116,4 @@ fn overlapping(cameras: &[Camera], centers: &[[f64; 3]]) -> Option<f64> {
     let mut depths: Vec<f64> = cameras.iter().enumerate().map(|(i, c)| OVERLAPPING * nearest(i) * long(c)).collect();
     depths.sort_by(f64::total_cmp);
     depths.get(depths.len() / 2).copied()
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014).
-struct Random(u64);
-
-impl Random {
-    /// From 0 to 1, 1 excluded.
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
 }

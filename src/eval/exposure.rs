@@ -5,8 +5,7 @@ use std::ops::Bound::{Excluded, Unbounded};
 
 use glam::DVec3;
 
-/// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1) of the model, colours from 0 to 1.
-pub type ExposureMatrix = [[f64; 4]; 3];
+use crate::scene::ExposureMatrix;
 
 const IDENTITY: ExposureMatrix = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 /// Means of the products of (r, g, b, 1) where colours are spread evenly from 0 to 1.

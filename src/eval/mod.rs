@@ -13,7 +13,7 @@ mod texture;
 mod training_photographs;
 
 pub use colour_fit::{psnr_cc, psnr_cc_where};
-pub use exposure::{ExposureMatrix, Exposures, Follows};
+pub use exposure::{Exposures, Follows};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
 pub use metrics::{

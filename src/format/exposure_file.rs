@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{At, Error, atomic, read_text};
-use crate::eval::ExposureMatrix;
+use crate::scene::ExposureMatrix;
 
 /// The name of the file, in the folder of the run.
 pub const EXPOSURE_FILE: &str = "exposures.json";

@@ -83,5 +83,4 @@ pub const PASS: Pass = Pass {
           element whose gradient is not finite stays as it is.",
     dispatch: "one thread per float: splats of the model x floats per splat",
     push: Push::FIELDS,
-    twin: crate::twin::adam::run,
 };

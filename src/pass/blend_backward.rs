@@ -4,7 +4,6 @@
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
 use super::cutoffs::{ALPHA_MIN, CUBIC_EXPONENTIAL};
 use super::{Pass, module};
-use crate::twin::{TwinCall, blend_backward as twin};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 /// Sum absolute values of the mean's per-pixel gradient into columns 10 and 11 (0 or 1); without it they are 0.
@@ -60,13 +59,7 @@ enum Owned {
     Splats,
 }
 
-const fn pass(
-    name: &'static str,
-    owned: Owned,
-    bindings: &'static [Binding],
-    constants: &'static [Constant],
-    run: fn(&mut TwinCall<'_>),
-) -> Pass {
+const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], constants: &'static [Constant]) -> Pass {
     Pass {
         kernel: Kernel {
             name,
@@ -87,64 +80,43 @@ const fn pass(
         },
         dispatch: "one workgroup per tile",
         push: Push::FIELDS,
-        twin: run,
     }
 }
 
 /// COLUMN shape (subgroups exactly 8 wide), partial sums to slots: deterministic, and on lavapipe the fastest.
-pub const COLUMN_SLOTS: Pass =
-    pass("blend_backward_column_slots", Owned::Columns, SLOT_BINDINGS, CONSTANTS, twin::run_column_slots);
+pub const COLUMN_SLOTS: Pass = pass("blend_backward_column_slots", Owned::Columns, SLOT_BINDINGS, CONSTANTS);
 /// COLUMN shape, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
-pub const COLUMN_ATOMIC: Pass =
-    pass("blend_backward_column_atomic", Owned::Columns, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+pub const COLUMN_ATOMIC: Pass = pass("blend_backward_column_atomic", Owned::Columns, SUM_BINDINGS, CONSTANTS);
 /// COLUMN shape, compare-and-swap.
-pub const COLUMN_CAS: Pass =
-    pass("blend_backward_column_cas", Owned::Columns, SUM_BINDINGS, CONSTANTS, twin::run_column_sums);
+pub const COLUMN_CAS: Pass = pass("blend_backward_column_cas", Owned::Columns, SUM_BINDINGS, CONSTANTS);
 /// COLUMN shape with its shuffles through shared memory, slots.
 pub const COLUMN_EMULATED_SLOTS: Pass = pass(
     "blend_backward_column_emulated_slots",
     Owned::Columns,
     SLOT_BINDINGS,
     &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8, ALPHA_MIN, CUBIC_EXPONENTIAL],
-    twin::run_column_slots,
 );
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
-pub const PIXEL_SLOTS: Pass =
-    pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+pub const PIXEL_SLOTS: Pass = pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS);
 /// PIXEL shape, subgroup sums to slots: deterministic at any one width of subgroups.
-pub const PIXEL_APART_SLOTS: Pass = pass(
-    "blend_backward_pixel_apart_slots",
-    Owned::Pixels,
-    SLOT_BINDINGS,
-    BLOCK_CONSTANTS,
-    twin::run_pixel_apart_slots,
-);
+pub const PIXEL_APART_SLOTS: Pass =
+    pass("blend_backward_pixel_apart_slots", Owned::Pixels, SLOT_BINDINGS, BLOCK_CONSTANTS);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
-pub const PIXEL_ATOMIC: Pass =
-    pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS, twin::run_pixel_sums);
+pub const PIXEL_ATOMIC: Pass = pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
 /// PIXEL shape, subgroup sums and compare-and-swap.
-pub const PIXEL_CAS: Pass =
-    pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS, twin::run_pixel_sums);
+pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
 /// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
 pub const PIXEL_EMULATED_CAS: Pass =
-    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_whole_sums);
+    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS);
 /// Threads own splats, one row per splat and tile to slots: deterministic, the same sums at any width of subgroups.
-pub const SPLAT_SLOTS: Pass =
-    pass("blend_backward_splat_slots", Owned::Splats, SLOT_BINDINGS, CONSTANTS, twin::run_pixel_slots);
+pub const SPLAT_SLOTS: Pass = pass("blend_backward_splat_slots", Owned::Splats, SLOT_BINDINGS, CONSTANTS);
 /// Threads own splats, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
-pub const SPLAT_ATOMIC: Pass =
-    pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_whole_sums);
+pub const SPLAT_ATOMIC: Pass = pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS);
 /// Threads own splats, compare-and-swap.
-pub const SPLAT_CAS: Pass =
-    pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS, twin::run_whole_sums);
+pub const SPLAT_CAS: Pass = pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS);
 /// Threads own splats, emulated subgroups of any width, slots.
-pub const SPLAT_EMULATED_SLOTS: Pass = pass(
-    "blend_backward_splat_emulated_slots",
-    Owned::Splats,
-    SLOT_BINDINGS,
-    EMULATED_CONSTANTS,
-    twin::run_pixel_slots,
-);
+pub const SPLAT_EMULATED_SLOTS: Pass =
+    pass("blend_backward_splat_emulated_slots", Owned::Splats, SLOT_BINDINGS, EMULATED_CONSTANTS);
 /// Threads own splats, emulated subgroups of any width and compare-and-swap: no optional feature at all.
 pub const SPLAT_EMULATED_CAS: Pass =
-    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS, twin::run_whole_sums);
+    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS);

@@ -54,12 +54,7 @@ const BINDINGS: &[Binding] = &[
     read_write("weights"),
 ];
 
-const fn pass(
-    name: &'static str,
-    local_size: u32,
-    doc: &'static str,
-    twin: fn(&mut crate::twin::TwinCall<'_>),
-) -> Pass {
+const fn pass(name: &'static str, local_size: u32, doc: &'static str) -> Pass {
     Pass {
         kernel: Kernel {
             name,
@@ -72,7 +67,6 @@ const fn pass(
         doc,
         dispatch: "one workgroup per tile",
         push: Push::FIELDS,
-        twin,
     }
 }
 
@@ -80,16 +74,16 @@ const COLUMN_DOC: &str = "One thread owns a column of 8 pixels; a workgroup of 8
 const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.";
 
 /// For devices whose subgroups are exactly 8 wide: lavapipe.
-pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC, crate::twin::blend_forward::run_column);
+pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
 pub const COLUMN_EMULATED: Pass = with(
     &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
-    pass("blend_forward_column_emulated", 8, COLUMN_DOC, crate::twin::blend_forward::run_column),
+    pass("blend_forward_column_emulated", 8, COLUMN_DOC),
 );
 /// For devices with wide subgroups and shared memory of their own.
 pub const PIXEL: Pass = with(
     &[AUX, COUNT, BLOCK, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN, CUBIC_EXPONENTIAL],
-    pass("blend_forward_pixel", 256, PIXEL_DOC, crate::twin::blend_forward::run_pixel),
+    pass("blend_forward_pixel", 256, PIXEL_DOC),
 );
 
 const fn with(constants: &'static [Constant], pass: Pass) -> Pass {

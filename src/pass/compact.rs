@@ -31,5 +31,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat",
     push: Push::FIELDS,
-    twin: crate::twin::compact::run,
 };

@@ -16,7 +16,6 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity from the bound on touch no tile.",
     dispatch: "one thread per splat",
     push: &[],
-    twin: crate::twin::constrain::run,
 };
 
 /// Keeps gradients of projected splats while another picture of the same view is rendered.
@@ -32,7 +31,6 @@ pub const KEEP: Pass = Pass {
     doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats. Zero where a splat is not on the image.",
     dispatch: "one thread per splat",
     push: &[],
-    twin: crate::twin::constrain::run_keep,
 };
 
 /// Adds them to those of the other picture.
@@ -48,5 +46,4 @@ pub const ADD: Pass = Pass {
     doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat",
     push: &[],
-    twin: crate::twin::constrain::run_add,
 };

@@ -78,5 +78,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns 8 output channels of 4 pixels; a workgroup owns 64 consecutive threads, pixels first.",
     dispatch: "one thread per 4 pixels and 8 output channels",
     push: Push::FIELDS,
-    twin: crate::twin::convolution::run,
 };

@@ -1,7 +1,6 @@
 //! Windows of a render and of its photograph, for a distance between them, and the way back for its gradient.
 
 use super::{Pass, module};
-use crate::twin::crop as twin;
 use crate::vk::{Kernel, read, read_write, write};
 
 crate::push_constants! {
@@ -55,7 +54,6 @@ pub const PAIR: Pass = Pass {
     doc: "One thread owns a pixel of the window; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel of the window",
     push: Push::FIELDS,
-    twin: twin::run_pair,
 };
 
 /// The gradient in the window, which comes in blocks of 2x2 pixels, added to that of the render.
@@ -71,5 +69,4 @@ pub const GRADIENT: Pass = Pass {
     doc: "One thread owns a pixel of the window; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel of the window",
     push: GradientPush::FIELDS,
-    twin: twin::run_gradient,
 };

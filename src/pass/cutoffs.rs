@@ -23,7 +23,8 @@ pub struct Cutoffs {
 
 impl Cutoffs {
     /// Those of Kerbl et al. (2023), with the device's exponential.
-    pub const EXACT: Self = Self { alpha: 1.0 / 255.0, transmittance: 1e-4, cubic_exponential: false };
+    pub const EXACT: Self =
+        Self { alpha: crate::scene::tile::ALPHA_MIN, transmittance: 1e-4, cubic_exponential: false };
 
     /// From the constants as a kernel gets them.
     pub fn of_bits(alpha: u32, transmittance: u32, cubic: u32) -> Self {

@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
           the two bits below the kind. All planes are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_axes::run,
 };

@@ -53,5 +53,4 @@ pub const PASS: Pass = Pass {
           is not finite, which are always pruned.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
-    twin: crate::twin::densify_classify::run,
 };

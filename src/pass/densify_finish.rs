@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
           with a value that is not finite.",
     dispatch: "one workgroup",
     push: Push::FIELDS,
-    twin: crate::twin::densify_finish::run,
 };

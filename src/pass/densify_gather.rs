@@ -41,5 +41,4 @@ pub const PASS: Pass = Pass {
           before the change.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_gather::run,
 };

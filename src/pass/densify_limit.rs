@@ -31,5 +31,4 @@ pub const PASS: Pass = Pass {
           splits, spread evenly over the order of birth, until the limit is kept; the scan of the flags is then repeated.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
-    twin: crate::twin::densify_limit::run,
 };

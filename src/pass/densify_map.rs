@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
           upper two bits; `densify_axes` uses the two below.",
     dispatch: "one thread per old splat, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_map::run,
 };

@@ -38,5 +38,4 @@ pub const PASS: Pass = Pass {
           scales are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_means::run,
 };

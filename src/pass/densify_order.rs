@@ -36,7 +36,6 @@ pub const BIRTHS: Pass = Pass {
     doc: "One thread owns one row of the capacity; a workgroup owns 64 consecutive rows. Rows beyond the model get the largest key.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
-    twin: crate::twin::densify_order::run_births,
 };
 
 /// Flags by row into the order of birth.
@@ -45,7 +44,6 @@ pub const FLAGS: Pass = Pass {
     doc: "One thread owns one splat of the capacity and its four flags; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
-    twin: crate::twin::densify_order::run_flags,
 };
 
 /// Codes of the new rows as sort keys, with their place in the order of birth.
@@ -59,7 +57,6 @@ pub const CODES: Pass = Pass {
           source by its rank in the order of birth before, and by its row after.",
     dispatch: "one thread per new row, through `args`",
     push: CodesPush::FIELDS,
-    twin: crate::twin::densify_order::run_codes,
 };
 
 /// Map and identities into the order that the codes were sorted into.
@@ -72,5 +69,4 @@ pub const ORDER: Pass = Pass {
     doc: "One thread owns one new row; a workgroup owns 64 consecutive rows.",
     dispatch: "one thread per new row, through `args`",
     push: &[],
-    twin: crate::twin::densify_order::run_order,
 };

@@ -66,5 +66,4 @@ pub const PASS: Pass = Pass {
           finite, which are always pruned.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
-    twin: crate::twin::densify_sample::run,
 };

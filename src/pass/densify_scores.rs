@@ -41,5 +41,4 @@ pub const PASS: Pass = Pass {
           if the render is wrong there.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_scores::run,
 };

@@ -28,5 +28,4 @@ pub const PASS: Pass = Pass {
           1 view. What stands fourth in the row is the optimiser's.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::densify_stats::run,
 };

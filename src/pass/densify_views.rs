@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
           deviations of the longer axis, rounded up) touches a tile of 16 x 16 pixels.",
     dispatch: "one thread per splat of the model, through `args`",
     push: CameraPush::FIELDS,
-    twin: crate::twin::densify_views::run,
 };

@@ -49,7 +49,6 @@ const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static 
         doc,
         dispatch: "one thread per visible splat",
         push: Push::FIELDS,
-        twin: crate::twin::emit::run,
     }
 }
 

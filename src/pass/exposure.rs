@@ -8,7 +8,6 @@
 //! that is no photograph's fault.
 
 use super::{Pass, adam, module};
-use crate::twin::exposure as twin;
 use crate::vk::{Kernel, read, read_write, write};
 
 /// Numbers of a matrix, row-major.
@@ -111,7 +110,6 @@ pub const APPLY: Pass = Pass {
     doc: "One thread owns 16 pixels, every 64th of the 1024 consecutive ones of its workgroup.",
     dispatch: "one workgroup per 1024 pixels",
     push: Push::FIELDS,
-    twin: twin::run_apply,
 };
 
 /// Gradients of the render and of the photograph's matrix.
@@ -127,7 +125,6 @@ pub const BACKWARD: Pass = Pass {
     doc: "One thread owns 16 pixels, every 64th of the 1024 consecutive ones of its workgroup, which owns a row of 12 partial sums.",
     dispatch: "one workgroup per 1024 pixels",
     push: Push::FIELDS,
-    twin: twin::run_backward,
 };
 
 /// The optimiser's step of a photograph's matrix.
@@ -143,5 +140,4 @@ pub const STEP: Pass = Pass {
     doc: "Threads below 60 own a fifth of the parts and photographs of one of 12 numbers; threads below 12 own its step and mean.",
     dispatch: "one workgroup",
     push: StepPush::FIELDS,
-    twin: twin::run_step,
 };

@@ -1,7 +1,6 @@
 //! The distance of two images' features per pixel with its gradient, and the sum over pixels and layers.
 
 use super::{Pass, module};
-use crate::twin::feature_distance as twin;
 use crate::vk::{Kernel, read, write};
 
 pub use super::convolution::FLAG_GATE;
@@ -52,7 +51,6 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns a pixel of both images; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel",
     push: Push::FIELDS,
-    twin: twin::run,
 };
 
 /// A sum per layer, and their sum behind them.
@@ -68,5 +66,4 @@ pub const SUM: Pass = Pass {
     doc: "One thread owns every 64th part of each layer; there is one workgroup.",
     dispatch: "one workgroup",
     push: SumPush::FIELDS,
-    twin: twin::run_sum,
 };

@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one word; a workgroup owns 64 consecutive words.",
     dispatch: "one thread per word",
     push: Push::FIELDS,
-    twin: crate::twin::fill::run,
 };

@@ -34,5 +34,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns everything.",
     dispatch: "one workgroup",
     push: Push::FIELDS,
-    twin: crate::twin::finish::run,
 };

@@ -16,5 +16,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one visible splat; a workgroup owns 64 consecutive ones.",
     dispatch: "one thread per visible splat",
     push: &[],
-    twin: crate::twin::gather_counts::run,
 };

@@ -9,7 +9,6 @@
 //! are those of monocular depth estimation (Godard et al. 2017).
 
 use super::{Pass, module};
-use crate::twin::geometry as twin;
 use crate::vk::{Constant, Kernel, read, read_write, write};
 
 crate::push_constants! {
@@ -119,7 +118,6 @@ pub const DEPTH: Pass = Pass {
     doc: "One thread owns 64 pixels and a row of four counts; a workgroup owns 4096 consecutive pixels.",
     dispatch: "one workgroup per 4096 pixels",
     push: Push::FIELDS,
-    twin: twin::run_depth,
 };
 
 /// Loss and gradients.
@@ -145,5 +143,4 @@ pub const GRAD: Pass = Pass {
           gradient of the auxiliary image.",
     dispatch: "one workgroup per 4096 pixels",
     push: Push::FIELDS,
-    twin: twin::run_grad,
 };

@@ -10,7 +10,6 @@
 //! blur texture, is a reading of it.
 
 use super::{Pass, module};
-use crate::twin::gradient_map as twin;
 use crate::vk::{Constant, Kernel, read, read_write, write};
 
 crate::push_constants! {
@@ -72,7 +71,6 @@ pub const SOBEL: Pass = Pass {
     doc: "One thread owns a pixel.",
     dispatch: "one thread per pixel",
     push: Push::FIELDS,
-    twin: twin::run_sobel,
 };
 
 /// Correlations, and their derivatives in place of the maps.
@@ -88,7 +86,6 @@ pub const WINDOWS: Pass = Pass {
     doc: "One workgroup owns a window of 32x32 pixels; one thread owns 16 pixels of it.",
     dispatch: "one workgroup per window",
     push: Push::FIELDS,
-    twin: twin::run_windows,
 };
 
 /// Loss and gradient.
@@ -111,5 +108,4 @@ pub const GRAD: Pass = Pass {
     doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to the gradient of the image.",
     dispatch: "one workgroup per 4096 pixels",
     push: Push::FIELDS,
-    twin: twin::run_grad,
 };

@@ -3,7 +3,6 @@
 //! Subgroups own strips and rows, so partial sums and dispatches depend on the subgroup's width: see [`Layout`].
 
 use super::{Pass, module};
-use crate::twin::{TwinCall, loss as twin};
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
 /// Floats of a slot of the `loss` ring: total, L1, SSIM, and one that is not written.
@@ -161,53 +160,41 @@ const GRAD: &[Binding] = &[
     read("saliency"),
 ];
 
-const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>, apart: bool) -> Pass {
+const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
     Pass {
         kernel: Kernel { name, spirv: module(name), bindings: STRIPS, push_bytes: Push::BYTES, constants, local_size },
         doc: "One subgroup owns a strip, as many columns as it has lanes and SEGMENT rows; one thread owns a column of it.",
         dispatch: "one subgroup per strip",
         push: Push::FIELDS,
-        twin: if apart { twin::run_strips_apart } else { twin::run_strips },
     }
 }
 
-const fn grad(
-    name: &'static str,
-    constants: &'static [Constant],
-    local_size: Option<u32>,
-    run: fn(&mut TwinCall<'_>),
-) -> Pass {
+const fn grad(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
     Pass {
         kernel: Kernel { name, spirv: module(name), bindings: GRAD, push_bytes: Push::BYTES, constants, local_size },
         doc: "One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.",
         dispatch: "one subgroup per row",
         push: Push::FIELDS,
-        twin: run,
     }
 }
 
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
 pub const STRIPS_SUBGROUP: Pass =
-    strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, false);
+    strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same, three rows a turn: for processors, which merge all that a loop changes under the mask of active lanes at every turn.
 pub const STRIPS_SUBGROUP_THREE: Pass =
-    strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, false);
+    strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same as [`STRIPS_SUBGROUP`], one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].
 pub const STRIPS_SUBGROUP_APART: Pass =
-    strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None, true);
+    strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same as [`STRIPS_SUBGROUP_APART`] without subgroup operations.
-pub const STRIPS_EMULATED: Pass = strips(
-    "loss_strips_emulated",
-    &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED],
-    Some(EMULATED_LOCAL_SIZE),
-    true,
-);
+pub const STRIPS_EMULATED: Pass =
+    strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
 /// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
-pub const GRAD_SUBGROUP: Pass =
-    grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None, twin::run_grad);
+pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same without subgroup operations.
 pub const GRAD_EMULATED: Pass =
-    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE), twin::run_grad);
+    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
 
 /// The parts of the loss added up, in a fixed order.
 pub const SUM: Pass = Pass {
@@ -222,5 +209,4 @@ pub const SUM: Pass = Pass {
     doc: "One thread owns every LOCAL_SIZE-th part of the loss; there is one workgroup.",
     dispatch: "one workgroup",
     push: SumPush::FIELDS,
-    twin: twin::run_sum,
 };

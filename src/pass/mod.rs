@@ -1,4 +1,4 @@
-//! The GPU passes as data: shader, bindings with access, push constants, dispatch rule, CPU twin.
+//! The GPU passes as data: shader, bindings with access, push constants, dispatch rule. [`crate::twin`] has their CPU twins.
 //!
 //! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
 
@@ -55,7 +55,6 @@ pub mod turns;
 
 pub use shaders::module;
 
-use crate::twin::TwinCall;
 use crate::vk::Kernel;
 
 /// A push-constant field: what the shader's block must contain at the same offset (checked against the SPIR-V by a test).
@@ -79,8 +78,6 @@ pub struct Pass {
     pub dispatch: &'static str,
     /// The push-constant block.
     pub push: &'static [Field],
-    /// The same computation on the CPU, on raw buffers in binding order.
-    pub twin: fn(&mut TwinCall<'_>),
 }
 
 /// Every pass. A pass that is not listed here cannot be run by [`crate::raster`] or [`crate::train`] (they take `&Pass`

@@ -24,5 +24,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
-    twin: crate::twin::opacity_reset::run,
 };

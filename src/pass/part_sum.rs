@@ -26,5 +26,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns every 64th row; there is one workgroup.",
     dispatch: "one workgroup",
     push: Push::FIELDS,
-    twin: crate::twin::part_sum::run,
 };

@@ -29,5 +29,4 @@ pub const PASS: Pass = Pass {
           Masked pixels have no part in the mean, and a pixel is masked where more than half of its pixels are.",
     dispatch: "one thread per pixel of the result",
     push: Push::FIELDS,
-    twin: crate::twin::photograph_reduce::run,
 };

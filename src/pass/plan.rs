@@ -112,5 +112,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns everything.",
     dispatch: "one workgroup",
     push: Push::FIELDS,
-    twin: crate::twin::plan::run,
 };

@@ -1,7 +1,6 @@
 //! Max pooling, 3x3 with stride 2 and windows that may hang over (ceil mode), and its gradient.
 
 use super::{Pass, module};
-use crate::twin::pool as twin;
 use crate::vk::{Kernel, read, read_write, write};
 
 pub use super::convolution::{FLAG_ADD, FLAG_GATE};
@@ -60,7 +59,6 @@ pub const FORWARD: Pass = Pass {
     doc: "One thread owns four channels of an output pixel; a workgroup owns 64 consecutive threads.",
     dispatch: "one thread per pixel and four channels of the result",
     push: Push::FIELDS,
-    twin: twin::run,
 };
 
 /// The gradient of every maximum, given to the pixel that it was taken from.
@@ -76,5 +74,4 @@ pub const BACKWARD: Pass = Pass {
     doc: "One thread owns four channels of an input pixel and looks at the windows over it; a workgroup owns 64 consecutive threads.",
     dispatch: "one thread per pixel and four channels of the source",
     push: BackwardPush::FIELDS,
-    twin: twin::run_backward,
 };

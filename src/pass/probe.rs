@@ -45,13 +45,12 @@ pub const COPY: Pass = Pass {
     doc: "One thread owns four groups of four words; a workgroup owns 256 consecutive groups.",
     dispatch: "one workgroup per 256 groups of four words",
     push: CopyPush::FIELDS,
-    twin: crate::twin::probe::copy,
 };
 
 const SUMS: &[Binding] = &[write("sums")];
 const LOCAL_SIZE: &[Constant] = &[Constant { id: 0, name: "LOCAL_SIZE", default: 8 }];
 
-const fn rate(name: &'static str, twin: fn(&mut crate::twin::TwinCall<'_>)) -> Pass {
+const fn rate(name: &'static str) -> Pass {
     Pass {
         kernel: Kernel {
             name,
@@ -64,11 +63,10 @@ const fn rate(name: &'static str, twin: fn(&mut crate::twin::TwinCall<'_>)) -> P
         doc: "One thread owns eight chains of operations and their sum.",
         dispatch: "as many workgroups as take a time that can be measured",
         push: RatePush::FIELDS,
-        twin,
     }
 }
 
 /// x a + b, again and again: two operations each time.
-pub const MULTIPLY_ADD: Pass = rate("probe_rate_multiply_add", crate::twin::probe::multiply_add);
+pub const MULTIPLY_ADD: Pass = rate("probe_rate_multiply_add");
 /// 2^-x, again and again.
-pub const EXP2: Pass = rate("probe_rate_exp2", crate::twin::probe::exp2);
+pub const EXP2: Pass = rate("probe_rate_exp2");

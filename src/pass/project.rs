@@ -3,7 +3,6 @@
 use super::camera::CameraPush;
 use super::cutoffs::ALPHA_MIN;
 use super::{Pass, module};
-use crate::twin::TwinCall;
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 const BINDINGS: &[Binding] = &[
@@ -21,13 +20,7 @@ const BINDINGS: &[Binding] = &[
     write("normals"),
 ];
 
-const fn pass(
-    name: &'static str,
-    local_size: u32,
-    doc: &'static str,
-    dispatch: &'static str,
-    twin: fn(&mut TwinCall<'_>),
-) -> Pass {
+const fn pass(name: &'static str, local_size: u32, doc: &'static str, dispatch: &'static str) -> Pass {
     Pass {
         kernel: Kernel {
             name,
@@ -45,7 +38,6 @@ const fn pass(
         doc,
         dispatch,
         push: CameraPush::FIELDS,
-        twin,
     }
 }
 
@@ -58,7 +50,6 @@ pub const PASS: Pass = pass(
     "One thread owns one splat; a workgroup owns 64 consecutive splats. EWA projection, SH colour, tile count (0 = culled, \
      nothing else is written then), normals when AUX = 1; splats with non-finite parameters are counted and culled.",
     PER_SPLAT,
-    crate::twin::project::run,
 );
 
 /// The same with the coefficients of spherical harmonics in half floats: coefficient `c` of a group of 12 is the lower half of word
@@ -69,7 +60,6 @@ pub const HALF: Pass = pass(
     "One thread owns one splat; a workgroup owns 64 consecutive splats. As project, with spherical harmonics in half floats: for \
      pictures only.",
     PER_SPLAT,
-    crate::twin::project::run_half,
 );
 
 /// For devices whose subgroups are exactly 8 wide and that run through a branch that no thread takes: lavapipe. The same results.
@@ -79,5 +69,4 @@ pub const SPARSE: Pass = pass(
     "A workgroup of 8 threads owns 64 consecutive splats: one thread a splat in turn looks whether it may be seen, then one thread of these in \
      turn projects it. Otherwise as project.",
     "one workgroup per 64 splats of the model",
-    crate::twin::project::run,
 );

@@ -47,5 +47,4 @@ pub const PASS: Pass = Pass {
           squares of the view-dependent coefficients in use in the loss.",
     dispatch: "one thread per splat of the model",
     push: CameraPush::FIELDS,
-    twin: crate::twin::project_backward::run,
 };

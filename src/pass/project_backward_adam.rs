@@ -225,7 +225,6 @@ pub const PASS: Pass = Pass {
           for every splat, and no step.",
     dispatch: "one thread per splat of the model, or of the image (LISTED)",
     push: Push::FIELDS,
-    twin: crate::twin::project_backward_adam::run,
 };
 
 /// Storage buffers that a device must bind at once for [`PASS`].

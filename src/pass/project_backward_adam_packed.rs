@@ -30,7 +30,6 @@ pub const PASS: Pass = Pass {
           project_backward_adam, on moments of 16 bits each, the second rounded at random.",
     dispatch: full::PASS.dispatch,
     push: Push::FIELDS,
-    twin: crate::twin::project_backward_adam_packed::run,
 };
 
 /// Storage buffers that a device must bind at once for [`PASS`].

@@ -4,7 +4,6 @@
 //! counters) and `GROUPS` for GPUs (a workgroup owns a block). Digits have up to 8 bits.
 
 use super::{Pass, module};
-use crate::twin::TwinCall;
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
 /// Threads in a workgroup of the runs shape, each with a block of its own.
@@ -50,12 +49,7 @@ const ROWS_OF_TABLE: &[Binding] = &[read("counters"), read("table"), write("plac
 const SCATTER: &[Binding] =
     &[read("keys"), read("vals"), read("counters"), read("places"), write("keys_out"), write("vals_out")];
 
-const fn pass(
-    name: &'static str,
-    bindings: &'static [Binding],
-    constants: &'static [Constant],
-    twin: fn(&mut TwinCall<'_>),
-) -> Pass {
+const fn pass(name: &'static str, bindings: &'static [Binding], constants: &'static [Constant]) -> Pass {
     let runs = constants.len() == 1 && constants[0].default == RUNS_BLOCK;
     Pass {
         kernel: Kernel {
@@ -73,21 +67,19 @@ const fn pass(
         },
         dispatch: if runs { "one thread per BLOCK keys" } else { "one workgroup per 256 * ITEMS keys" },
         push: Push::FIELDS,
-        twin,
     }
 }
 
 /// Digit counts, runs shape.
-pub const COUNT_RUNS: Pass = pass("radix_count_runs", COUNT, RUNS, crate::twin::radix::count_runs);
+pub const COUNT_RUNS: Pass = pass("radix_count_runs", COUNT, RUNS);
 /// Digit counts, groups shape.
-pub const COUNT_GROUPS: Pass = pass("radix_count_groups", COUNT, GROUPS, crate::twin::radix::count_groups);
+pub const COUNT_GROUPS: Pass = pass("radix_count_groups", COUNT, GROUPS);
 /// Move by a digit, runs shape.
-pub const SCATTER_RUNS: Pass = pass("radix_scatter_runs", SCATTER, RUNS, crate::twin::radix::scatter_runs);
+pub const SCATTER_RUNS: Pass = pass("radix_scatter_runs", SCATTER, RUNS);
 /// Move by a digit, groups shape. WIDTH is the subgroup's.
-pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, SUBGROUPS, crate::twin::radix::scatter_groups);
+pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, SUBGROUPS);
 /// Move by a digit, groups shape with emulated subgroups.
-pub const SCATTER_GROUPS_EMULATED: Pass =
-    pass("radix_scatter_groups_emulated", SCATTER, EMULATED, crate::twin::radix::scatter_groups);
+pub const SCATTER_GROUPS_EMULATED: Pass = pass("radix_scatter_groups_emulated", SCATTER, EMULATED);
 
 const fn rows(name: &'static str, constants: &'static [Constant]) -> Pass {
     Pass {
@@ -102,7 +94,6 @@ const fn rows(name: &'static str, constants: &'static [Constant]) -> Pass {
         doc: "A workgroup owns a digit, a row of the table; one thread owns 4 of every 1,024 words of it.",
         dispatch: "one workgroup per digit",
         push: Push::FIELDS,
-        twin: crate::twin::radix::rows,
     }
 }
 

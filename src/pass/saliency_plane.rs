@@ -34,5 +34,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns a pixel; a workgroup owns 64 consecutive pixels. Linear between the pixels of the mask.",
     dispatch: "one thread per pixel",
     push: Push::FIELDS,
-    twin: crate::twin::saliency_plane::run,
 };

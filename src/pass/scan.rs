@@ -4,7 +4,6 @@
 //! No workgroup waits for another. Each pass exists with hardware subgroup operations and with emulated ones.
 
 use super::{Pass, module};
-use crate::twin::TwinCall;
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 /// Threads in a workgroup.
@@ -41,7 +40,6 @@ const fn pass(
     bindings: &'static [Binding],
     constants: &'static [Constant],
     dispatch: &'static str,
-    twin: fn(&mut TwinCall<'_>),
 ) -> Pass {
     Pass {
         kernel: Kernel {
@@ -55,7 +53,6 @@ const fn pass(
         doc: "One thread owns ITEMS words; a workgroup owns 64 * ITEMS consecutive ones.",
         dispatch,
         push: Push::FIELDS,
-        twin,
     }
 }
 
@@ -66,36 +63,32 @@ const ONCE_BINDINGS: &[Binding] = &[read("source"), read_write("counters"), writ
 const PER_BLOCK: &str = "one workgroup per 64 * ITEMS words";
 
 /// Sum of each block.
-pub const REDUCE: Pass = pass("scan_reduce_subgroup", REDUCE_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::reduce);
+pub const REDUCE: Pass = pass("scan_reduce_subgroup", REDUCE_BINDINGS, HARDWARE, PER_BLOCK);
 /// Prefix sum of the sums, and the total.
-pub const SPINE: Pass =
-    pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::spine);
+pub const SPINE: Pass = pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup");
 /// Prefix sum of every word.
-pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::add);
+pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK);
 /// [`ADD`] with rows of words per subgroup, for GPUs.
-pub const ADD_ROWS: Pass = pass("scan_add_subgroup_rows", ADD_BINDINGS, HARDWARE, PER_BLOCK, crate::twin::scan::add);
+pub const ADD_ROWS: Pass = pass("scan_add_subgroup_rows", ADD_BINDINGS, HARDWARE, PER_BLOCK);
 /// [`REDUCE`] with emulated subgroups.
-pub const REDUCE_EMULATED: Pass =
-    pass("scan_reduce_emulated", REDUCE_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::reduce);
+pub const REDUCE_EMULATED: Pass = pass("scan_reduce_emulated", REDUCE_BINDINGS, EMULATION, PER_BLOCK);
 /// [`SPINE`] with emulated subgroups.
-pub const SPINE_EMULATED: Pass =
-    pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::spine);
+pub const SPINE_EMULATED: Pass = pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup");
 /// [`ADD`] with emulated subgroups.
-pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK, crate::twin::scan::add);
+pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK);
 /// The whole of it by one workgroup.
-pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup");
 /// [`ONCE`] by a larger workgroup, for GPUs.
 pub const ONCE_WIDE: Pass = {
-    let narrow = pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup", crate::twin::scan::once);
+    let narrow = pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup");
     let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
     Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
 };
 /// [`ONCE`] by one subgroup of 8 threads, for processors.
 pub const ONCE_RUNS: Pass = {
-    let blocks = pass("scan_once_runs", ONCE_BINDINGS, &[], "one workgroup", crate::twin::scan::once);
+    let blocks = pass("scan_once_runs", ONCE_BINDINGS, &[], "one workgroup");
     let kernel = Kernel { local_size: Some(8), ..blocks.kernel };
     Pass { kernel, doc: "One thread owns a run of consecutive words, an eighth of all.", ..blocks }
 };
 /// [`ONCE`] with emulated subgroups.
-pub const ONCE_EMULATED: Pass =
-    pass("scan_once_emulated", ONCE_BINDINGS, EMULATION, "one workgroup", crate::twin::scan::once);
+pub const ONCE_EMULATED: Pass = pass("scan_once_emulated", ONCE_BINDINGS, EMULATION, "one workgroup");

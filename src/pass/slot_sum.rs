@@ -31,5 +31,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns four columns of one visible splat; a workgroup of 64 threads owns 16 visible splats.",
     dispatch: "four threads per visible splat (16 splats per workgroup)",
     push: &[],
-    twin: crate::twin::slot_sum::run,
 };

@@ -6,7 +6,6 @@
 //! 1 + NCC, 0 where there is none.
 
 use super::{Pass, module};
-use crate::twin::stereo as twin;
 use crate::vk::{Constant, Kernel, read, read_write, write};
 
 /// Most sources that windows are compared with.
@@ -131,7 +130,6 @@ pub const BLOCKS: Pass = Pass {
     doc: "One thread owns a pixel; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel",
     push: BlocksPush::FIELDS,
-    twin: twin::run_blocks,
 };
 
 macro_rules! sweep {
@@ -149,7 +147,6 @@ macro_rules! sweep {
             doc: "One thread owns a pixel of the list; a workgroup owns 64 consecutive ones.",
             dispatch: "one thread per pixel of the part of the list",
             push: SweepPush::FIELDS,
-            twin: twin::run_sweep::<$side>,
         };
     };
 }
@@ -184,7 +181,6 @@ pub const FILTER: Pass = Pass {
     doc: "One thread owns a pixel of the reference; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel",
     push: FilterPush::FIELDS,
-    twin: twin::run_filter,
 };
 
 /// Planes through what was kept.
@@ -200,5 +196,4 @@ pub const REFIT: Pass = Pass {
     doc: "One thread owns a pixel; a workgroup owns 64 consecutive pixels.",
     dispatch: "one thread per pixel",
     push: RefitPush::FIELDS,
-    twin: twin::run_refit,
 };

@@ -31,7 +31,6 @@ const fn pass(name: &'static str, constants: &'static [Constant]) -> Pass {
         doc: "One thread owns one word and 12 words of results; a workgroup owns 128 consecutive words.",
         dispatch: "one thread per word",
         push: Push::FIELDS,
-        twin: crate::twin::subgroup_probe::run,
     }
 }
 

@@ -32,5 +32,4 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one sorted pair; a workgroup owns 64 consecutive pairs.",
     dispatch: "one thread per pair",
     push: Push::FIELDS,
-    twin: crate::twin::tile_ranges::run,
 };

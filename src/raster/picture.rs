@@ -1,6 +1,6 @@
 //! A rendered view on the host.
 
-use crate::eval::ExposureMatrix;
+use crate::scene::ExposureMatrix;
 
 /// A rendered view, row-major.
 #[derive(Clone, Debug, PartialEq)]

@@ -20,7 +20,7 @@ use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
 use crate::pass::{blend_forward, constrain, counters, project};
 use crate::scene::Camera;
-use crate::twin::tile::TileGrid;
+use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
 
 /// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because their

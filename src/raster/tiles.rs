@@ -9,7 +9,7 @@ use crate::pass::cutoffs::Cutoffs;
 use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
 use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
-use crate::twin::tile::TileGrid;
+use crate::scene::tile::TileGrid;
 use crate::vk::{Buffer, BufferSlice, Error, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
 
 /// Bits of a depth key: depths are positive, so their sign bit is 0.

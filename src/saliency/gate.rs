@@ -4,8 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::blur::{at, gaussian};
-use super::random::Random;
 use super::{Error, Map, Plane, Settings, Spectrum};
+use crate::scene::random::Random;
 
 /// What a mask is made of. All but `Off` have the same share of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -33,7 +33,6 @@ mod map;
 mod mask;
 mod network;
 mod plane;
-mod random;
 mod recall;
 mod resample;
 mod settings;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::features::RINGS;
-use super::random::Random;
+use crate::scene::random::Random;
 
 const HIDDEN: usize = 16;
 const OUTPUTS: usize = 2;

@@ -2,16 +2,24 @@
 
 mod camera;
 mod coordinates;
+mod exposure;
 mod frame;
 mod gaussians;
 pub mod init;
 mod morton;
+pub mod random;
+mod real;
+pub mod sh;
 mod sh_rotation;
 mod similarity;
+pub mod tile;
 
 pub use camera::Camera;
 pub use coordinates::{Coordinates, Geodetic};
+pub use exposure::ExposureMatrix;
 pub use frame::Frame;
 pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
 pub use morton::{SplatOrder, rows_of};
+pub use real::Real;
 pub use similarity::{NoSimilarity, Similarity};
+pub use tile::TileGrid;

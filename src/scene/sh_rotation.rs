@@ -1,6 +1,6 @@
 //! Rotation of functions given by real spherical harmonics up to degree 3.
 
-use crate::twin::sh;
+use super::sh;
 
 /// Nodes of the Gauss-Legendre rule of four points and their weights: exact for polynomials up to degree 7.
 const LEGENDRE: [(f64, f64); 4] = [

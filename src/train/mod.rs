@@ -16,7 +16,7 @@ mod terms;
 mod trainer;
 pub mod tune;
 
-pub use crate::eval::ExposureMatrix;
+pub use crate::scene::ExposureMatrix;
 pub use engine::{Brought, Engine, Outcome, State};
 pub use error::Error;
 pub use input::{Input, Known, Outline, TrainedOn, View};

@@ -30,10 +30,11 @@ use super::photographs::Feed;
 use super::schedule::{Event, Kind, Schedule};
 use super::settings::Settings;
 use super::tune::chosen_variants;
-use crate::eval::{ExposureMatrix, Exposures};
+use crate::eval::Exposures;
 use crate::format;
 use crate::raster::{Picture, Variants};
 use crate::saliency;
+use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians};
 use crate::vk::{Gpu, SubmitOrder, Ticket};
 

@@ -1,9 +1,9 @@
 //! Twin of `glsl/blend_forward.comp`.
 
-use super::tile::{self, TileGrid};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
 use crate::pass::cutoffs::Cutoffs;
+use crate::scene::tile::{self, TileGrid};
 
 /// What is blended, and where.
 #[derive(Clone, Debug)]

@@ -1,10 +1,10 @@
 //! Twin of `glsl/emit.comp` and `glsl/emit_together.comp`.
 
-use super::tile::{TileGrid, list};
 use super::{Real, TwinCall};
 use crate::pass::counters;
 use crate::pass::cutoffs::Cutoffs;
 use crate::pass::emit::Push;
+use crate::scene::tile::{TileGrid, list};
 
 /// The tiles of a stored row of `splat2d`, made to be `count` many as the pass does.
 pub fn tiles_of<T: Real>(row: &[f32; 12], count: u32, grid: &TileGrid) -> Vec<u32> {

@@ -48,42 +48,16 @@ pub mod random;
 pub mod reference;
 pub mod saliency_plane;
 pub mod scan;
-pub mod sh;
 pub mod slot_sum;
 pub mod splat;
 pub mod stereo;
 pub mod subgroup_probe;
-pub mod tile;
+mod table;
 pub mod tile_ranges;
 mod vec3;
 
-/// f32 or f64.
-pub trait Real:
-    num_traits::Float + num_traits::FloatConst + num_traits::NumAssign + std::fmt::Debug + Send + Sync + 'static
-{
-    /// From a literal.
-    fn of(x: f64) -> Self;
-    /// Widened.
-    fn f64(self) -> f64;
-}
-
-impl Real for f32 {
-    fn of(x: f64) -> Self {
-        x as f32
-    }
-    fn f64(self) -> f64 {
-        f64::from(self)
-    }
-}
-
-impl Real for f64 {
-    fn of(x: f64) -> Self {
-        x
-    }
-    fn f64(self) -> f64 {
-        self
-    }
-}
+pub use crate::scene::Real;
+pub use table::{TABLE, TwinFn, of};
 
 /// A dispatch as a twin sees it.
 pub struct TwinCall<'a> {

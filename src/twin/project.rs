@@ -2,12 +2,13 @@
 
 use super::projection::{self, Ewa};
 use super::splat::{Splat, View, model_of, model_of_halves};
-use super::tile::{self, TileGrid};
-use super::{Real, TwinCall, sh, vec3};
+use super::{Real, TwinCall, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
 use crate::pass::cutoffs::Cutoffs;
 use crate::scene::Gaussians;
+use crate::scene::sh;
+use crate::scene::tile::{self, TileGrid};
 
 /// A splat on the image.
 #[derive(Clone, Debug)]

@@ -2,10 +2,11 @@
 
 use super::projection;
 use super::splat::{Splat, View, model_of};
-use super::{Real, TwinCall, project, sh, vec3};
+use super::{Real, TwinCall, project, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
 use crate::scene::Gaussians;
+use crate::scene::sh;
 
 /// Gradients of one splat's projection: a row of `grad2d` (mean x, mean y, A, B, C, opacity, r, g, b, depth, two that are not
 /// used here) and the normal's.

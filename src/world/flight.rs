@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::WorldParams;
-use super::random::Random;
 use crate::scene::Camera;
+use crate::scene::random::Random;
 
 /// A photograph's name and camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +53,7 @@ pub(super) fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3
 /// A serpentine of nadir views over the site, then oblique views from around it that look in. Positions, headings and tilts
 /// vary a little, as in a real flight. `ground` gives the height to keep above.
 pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Vec<View> {
-    let mut random = Random::new(params.seed, 9);
+    let mut random = Random::stream(params.seed, 9);
     let nadir = (f64::from(params.images) * params.nadir_share).round() as u32;
     let oblique = params.images - nadir.min(params.images);
     let extent = params.extent;
@@ -103,7 +103,7 @@ pub(super) fn plan_offpath(
     const TRIES: u32 = 40;
     let height = 0.5 * params.altitude * params.extent;
     let view = |k: u32| {
-        let mut random = Random::new(params.seed ^ (u64::from(k) << 24), 10);
+        let mut random = Random::stream(params.seed ^ (u64::from(k) << 24), 10);
         let mut best: Option<(f64, Camera)> = None;
         for _ in 0..TRIES {
             let heading = DVec2::from_angle(random.range(0.0, std::f64::consts::TAU));
@@ -131,7 +131,7 @@ pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, 
     if noise == 0.0 {
         return *camera;
     }
-    let mut random = Random::new(params.seed ^ (u64::from(number) << 20), 14);
+    let mut random = Random::stream(params.seed ^ (u64::from(number) << 20), 14);
     let angle = noise / camera.fx * std::f64::consts::FRAC_1_SQRT_2;
     let mut normal = || random.normal();
     // About the axis as much as moves the middle of the upper edge by the same.
@@ -154,7 +154,7 @@ pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, 
 /// Gains of the photographs' exposures, whose geometric mean is 1.
 pub(super) fn exposures(params: &WorldParams) -> Vec<f64> {
     let change = |k: u32| {
-        let mut random = Random::new(params.seed ^ (u64::from(k) << 20), 11);
+        let mut random = Random::stream(params.seed ^ (u64::from(k) << 20), 11);
         (params.effects.exposure * random.range(-1.0, 1.0)).ln_1p()
     };
     let logarithms: Vec<f64> = (0..params.images).map(change).collect();

@@ -8,8 +8,8 @@ use las::{Builder, Color, Point, Transform, Vector, Writer};
 use rayon::prelude::*;
 
 use super::light::develop;
-use super::random::Random;
 use super::{Ray, Surface, World};
+use crate::scene::random::Random;
 
 /// What a surface is a part of; the numbers are those of the LAS format's classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -70,7 +70,7 @@ impl World {
         let side = (2.0 * half / spacing).round().max(1.0) as u32;
         let height = self.terrain.height(0.0, 0.0) + lidar.altitude * params.extent;
         let row = |strip: u8, i: u32| {
-            let mut random = Random::new(params.seed ^ (u64::from(strip) << 40) ^ (u64::from(i) << 8), 16);
+            let mut random = Random::stream(params.seed ^ (u64::from(strip) << 40) ^ (u64::from(i) << 8), 16);
             let line = lidar.strip_distance * params.extent * (f64::from(strip) - 0.5);
             let mut points = Vec::new();
             for j in 0..side {

@@ -5,10 +5,11 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use super::light::develop;
+use super::noise::cell;
 use super::optics::Optics;
-use super::random::{Random, cell};
 use super::{Ray, View, World};
 use crate::scene::Camera;
+use crate::scene::random::Random;
 
 /// Relative difference of a pixel's first samples above which it gets all of them.
 const CONTRAST: f32 = 0.06;
@@ -149,7 +150,7 @@ impl World {
         let mut pixels = vec![0u8; 3 * exposed.radiance.len()];
         let rows = pixels.par_chunks_mut(3 * width as usize).zip(exposed.radiance.par_chunks(width as usize));
         rows.enumerate().for_each(|(y, (row, radiance))| {
-            let mut random = Random::new(seed ^ y as u64, 12);
+            let mut random = Random::stream(seed ^ y as u64, 12);
             for (out, radiance) in row.chunks_exact_mut(3).zip(radiance) {
                 let mut colour = develop(*radiance * gain as f32);
                 if noise > 0.0 {

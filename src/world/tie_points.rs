@@ -5,9 +5,9 @@ use glam::{DMat3, DVec2, DVec3};
 use image::RgbImage;
 use rayon::prelude::*;
 
-use super::random::Random;
 use super::{Ray, View, World};
 use crate::scene::Camera;
+use crate::scene::random::Random;
 
 /// A point seen from this far apart (cosine of the angle between two rays) no longer matches.
 const MATCH_COSINE: f64 = 0.6;
@@ -131,7 +131,7 @@ impl World {
                     (point, seen)
                 });
                 let (start, matched) = mismatched.filter(|(_, seen)| seen.len() >= min).unwrap_or((surface, kept));
-                let mut random = Random::new(seed, 13);
+                let mut random = Random::stream(seed, 13);
                 let noise = self.params().effects.observation_noise;
                 let mut noisy =
                     |&(v, p): &(usize, DVec2)| (v, p + DVec2::new(random.normal(), random.normal()) * noise);
@@ -163,7 +163,7 @@ impl World {
         kept: &[(usize, DVec2)],
         seed: u64,
     ) -> Option<(DVec3, Vec<(usize, DVec2)>)> {
-        let mut random = Random::new(seed, 15);
+        let mut random = Random::stream(seed, 15);
         if !random.chance(self.params().effects.outliers) {
             return None;
         }

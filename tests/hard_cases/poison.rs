@@ -4,10 +4,10 @@
 use psrgs_vk::pass::camera::{CameraPush, NEAR, Projection};
 use psrgs_vk::raster::PLANES;
 use psrgs_vk::scene::SplatOrder;
+use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::{Input, Message, Pacing, Restart, Settings, State, Trainer};
 use psrgs_vk::twin::project::{Culled, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
-use psrgs_vk::twin::tile::TileGrid;
 use psrgs_vk::vk::Gpu;
 
 use super::common;

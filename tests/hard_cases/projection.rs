@@ -3,11 +3,11 @@
 use psrgs_vk::pass::camera::{CameraPush, NEAR};
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::Variants;
+use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::density::logit;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::projection::sigmoid;
 use psrgs_vk::twin::splat::{Splat, View};
-use psrgs_vk::twin::tile::TileGrid;
 
 use super::common;
 use super::common::splats::{Random, camera};

@@ -7,13 +7,13 @@ use psrgs_vk::pass::{
     densify_sample,
 };
 use psrgs_vk::train::density::DensityRules;
-use psrgs_vk::twin::TwinCall;
+use psrgs_vk::twin::{self, TwinCall};
 
 /// Runs a twin on buffers of words in binding order.
 pub(crate) fn run(pass: &Pass, buffers: &mut [&mut Vec<u32>], push: &[u8], constants: &[u32], items: usize) {
     let mut bytes: Vec<Vec<u8>> = buffers.iter().map(|b| bytemuck::cast_slice(b.as_slice()).to_vec()).collect();
     let groups = items.div_ceil(64) as u32;
-    (pass.twin)(&mut TwinCall { buffers: &mut bytes, push, constants, groups });
+    twin::of(pass).expect("a twin")(&mut TwinCall { buffers: &mut bytes, push, constants, groups });
     for (buffer, bytes) in buffers.iter_mut().zip(bytes) {
         **buffer = bytemuck::pod_collect_to_vec(&bytes);
     }

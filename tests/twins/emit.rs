@@ -3,8 +3,8 @@
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};
+use psrgs_vk::scene::tile::{TileGrid, count};
 use psrgs_vk::twin::scan::exclusive;
-use psrgs_vk::twin::tile::{TileGrid, count};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::harness::{self, Random, bytes};

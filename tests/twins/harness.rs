@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use psrgs_vk::pass::Pass;
-use psrgs_vk::twin::TwinCall;
+use psrgs_vk::twin::{self, TwinCall};
 use psrgs_vk::vk::{Addresses, DeviceKind, Gpu, Groups, Memory};
 
 /// What a dispatch left in its buffers, in binding order.
@@ -179,7 +179,7 @@ pub fn run<P: bytemuck::NoUninit>(
     let constants: Vec<u32> = pass.kernel.constants.iter().map(|c| constant(c.name, c.default)).collect();
     let mut twin = buffers.to_vec();
     let push = bytemuck::bytes_of(push);
-    (pass.twin)(&mut TwinCall { buffers: &mut twin, push, constants: &constants, groups });
+    twin::of(pass).expect("a twin")(&mut TwinCall { buffers: &mut twin, push, constants: &constants, groups });
     Outcome { device, by_address, twin }
 }
 

@@ -8,9 +8,9 @@ use psrgs_vk::pass::{
     project::{HALF, PASS, SPARSE},
 };
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::tile::{self, TileGrid};
 use psrgs_vk::twin::project::{Culled, Projected, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
-use psrgs_vk::twin::tile::{self, TileGrid};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::common::guards::{Guards, eased};

@@ -3,10 +3,10 @@
 use psrgs_vk::pass::camera::{CameraPush, Projection};
 use psrgs_vk::pass::project_backward::PASS;
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
 use psrgs_vk::twin::splat::{Splat, View};
-use psrgs_vk::twin::tile::TileGrid;
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::{Guards, eased};

@@ -7,13 +7,13 @@ use psrgs_vk::pass::project_backward_adam::{
 };
 use psrgs_vk::pass::{Pass, counters, project_backward};
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{
     Grad2d, flatten as add_flatness, project_backward as gradient_of, shrink as add_smallness,
 };
 use psrgs_vk::twin::project_backward_adam::{Pace, Stepped, step_after, view};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
-use psrgs_vk::twin::tile::TileGrid;
 use psrgs_vk::vk::{DeviceKind, Gpu};
 
 use super::common::splats::Random;

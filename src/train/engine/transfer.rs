@@ -1,12 +1,12 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
 use super::{Engine, State};
-use crate::eval::ExposureMatrix;
 use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
 use crate::saliency::Curve;
+use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
 use crate::train::Error;
 use crate::train::learning::exposures::{self, Exposures};

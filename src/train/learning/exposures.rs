@@ -1,8 +1,8 @@
 //! The photographs' exposures on the device: between the blend and the loss, and their own optimiser.
 
-use crate::eval::ExposureMatrix;
 use crate::pass::adam;
 use crate::pass::exposure::{self, NUMBERS, ROW};
+use crate::scene::ExposureMatrix;
 use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::Footprint;
+use crate::scene::random::Random;
 use crate::world::geometry::{Face, Shape, Solid};
-use crate::world::random::Random;
 use crate::world::surface::{Facade, Finish, Wall};
 use crate::world::{Class, Effects};
 

@@ -5,9 +5,10 @@ use glam::{DVec2, DVec3};
 use super::building::{self, Kind};
 use super::roads::Road;
 use super::{Footprint, Roads, plants, street, wires};
+use crate::scene::random::Random;
 use crate::world::WorldParams;
 use crate::world::geometry::{Solid, Terrain};
-use crate::world::random::{Random, fbm2, smoothstep};
+use crate::world::noise::{fbm2, smoothstep};
 use crate::world::surface::{Decal, DecalKind, GroundMap};
 
 /// The ground covers a square of this many extents, so that no camera sees its end.
@@ -44,9 +45,9 @@ struct Planner<'a> {
 impl Site {
     pub(crate) fn new(params: &WorldParams) -> Self {
         let half = 0.5 * params.extent;
-        let seed = Random::new(params.seed, TERRAIN).seed();
+        let seed = Random::stream(params.seed, TERRAIN).seed();
         let cells = ((GROUND * params.extent / 1.25).ceil() as usize).min(1024);
-        let roads = Roads::new(params.extent, &mut Random::new(params.seed, ROADS));
+        let roads = Roads::new(params.extent, &mut Random::stream(params.seed, ROADS));
         // Hills of a few metres on the site that grow away from it.
         let hills = |p: DVec2| {
             let away = smoothstep(half, 2.0 * params.extent, p.length());
@@ -86,7 +87,7 @@ impl Site {
 
 /// A place for a pond, clear of the roads.
 fn pond(roads: &Roads, half: f64, seed: u64) -> Option<Footprint> {
-    let mut random = Random::new(seed, POND);
+    let mut random = Random::stream(seed, POND);
     (0..400).find_map(|_| {
         let centre = DVec2::new(random.range(-0.85, 0.85), random.range(-0.85, 0.85)) * half;
         let area = Footprint { centre, yaw: random.range(0.0, 3.0), half: DVec2::new(6.5, 4.6) };
@@ -118,7 +119,7 @@ impl Planner<'_> {
     }
 
     fn buildings(&mut self) {
-        let mut random = Random::new(self.params.seed, BUILDINGS);
+        let mut random = Random::stream(self.params.seed, BUILDINGS);
         let area = (self.params.extent / 80.0).powi(2);
         let count = |n: f64| (n * area).round().max(1.0) as usize;
         let roads: Vec<Road> = self.roads.iter().copied().collect();
@@ -162,7 +163,7 @@ impl Planner<'_> {
 
     /// Boards beside the roads.
     fn boards(&mut self) {
-        let mut random = Random::new(self.params.seed, BOARDS);
+        let mut random = Random::stream(self.params.seed, BOARDS);
         let wanted = (4.0 * (self.params.extent / 80.0).powi(2)).round().max(1.0) as usize;
         let roads: Vec<Road> = self.roads.iter().copied().collect();
         let mut built = 0;
@@ -219,7 +220,7 @@ impl Planner<'_> {
     }
 
     fn plants(&mut self) {
-        let mut random = Random::new(self.params.seed, PLANTS);
+        let mut random = Random::stream(self.params.seed, PLANTS);
         let area = (self.params.extent / 80.0).powi(2);
         for _ in 0..(520.0 * area) as usize {
             let p = DVec2::new(random.range(-1.1, 1.1), random.range(-1.1, 1.1)) * self.half;
@@ -274,7 +275,7 @@ impl Planner<'_> {
     }
 
     fn street(&mut self) {
-        let mut random = Random::new(self.params.seed, STREET);
+        let mut random = Random::stream(self.params.seed, STREET);
         let roads: Vec<Road> = self.roads.iter().copied().collect();
         let effects = &self.params.effects;
         for (index, road) in roads.iter().enumerate() {

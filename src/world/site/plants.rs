@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use crate::scene::random::Random;
 use crate::world::Class;
 use crate::world::geometry::{Shape, Solid};
-use crate::world::random::Random;
 use crate::world::surface::Finish;
 
 use super::building::block;

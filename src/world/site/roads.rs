@@ -2,7 +2,8 @@
 
 use glam::{DVec2, Vec3};
 
-use crate::world::random::{Random, cell, fbm2, noise2, smoothstep};
+use crate::scene::random::Random;
+use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 
 /// Width of the pavement beside a road, metres.
 const PAVEMENT: f64 = 1.5;
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn placing_inverts_coordinates() {
-        let roads = Roads::new(80.0, &mut Random::new(3, 1));
+        let roads = Roads::new(80.0, &mut Random::stream(3, 1));
         assert_eq!(roads.iter().count(), 4);
         for road in roads.iter() {
             let (p, heading) = road.place(12.0, 0.0);

@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::building::{block, face};
+use crate::scene::random::Random;
 use crate::world::Class;
 use crate::world::geometry::{Shape, Solid};
-use crate::world::random::Random;
 use crate::world::surface::Finish;
 
 /// A car at a point of the ground, heading along `yaw`.

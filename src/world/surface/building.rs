@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{Sample, letter};
-use crate::world::random::{cell, fbm2, noise2, smoothstep};
+use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 
 /// What the wall between the windows is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::ground::Decal;
 use super::{Sample, letter};
-use crate::world::random::{fbm2, noise2};
+use crate::world::noise::{fbm2, noise2};
 
 fn grain(p: DVec2, seed: u32) -> f32 {
     (0.9 + 0.2 * noise2(p * 8.0, seed ^ 0x50)) as f32

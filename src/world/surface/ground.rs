@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::{Sample, decal};
 use crate::world::Effects;
-use crate::world::random::{cell, fbm2, noise2, smoothstep};
+use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 use crate::world::site::{Footprint, Roads};
 
 /// A marked patch of ground.

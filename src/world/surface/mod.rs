@@ -12,7 +12,7 @@ pub(crate) use ground::{Decal, DecalKind, GroundMap};
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::random::{cell, fbm2};
+use super::noise::{cell, fbm2};
 
 /// How a face is finished.
 #[derive(Clone, Copy, Debug)]

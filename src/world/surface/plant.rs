@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::Sample;
-use crate::world::random::{noise2, noise3, smoothstep};
+use crate::world::noise::{noise2, noise3, smoothstep};
 
 /// Leaves: patches of a few decimetres with rough normals; darker deep in the crown (`depth_share` 0 at the centre, 1 at its
 /// edge) and underneath.

@@ -4,7 +4,6 @@
 //! The margins and their reasons are described in the shader.
 
 use super::Real;
-use crate::pass::cutoffs::Cutoffs;
 use std::ops::Range;
 
 const LEVEL_MARGIN: f64 = 1.0 / 16_384.0;
@@ -12,6 +11,9 @@ const SHRINK: f64 = 1.0 - 1.0 / 131_072.0;
 const END_MARGIN: f64 = 1.0 / 1_048_576.0;
 const FAR: f64 = 1.0e9;
 const UNBOUNDED: f64 = 1.0e18;
+
+/// The alpha below which a splat does not count at a pixel (Kerbl et al. 2023).
+pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 
 /// Sizes of an image and of its tiles, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +29,7 @@ pub struct TileGrid {
 impl TileGrid {
     /// With splats skipped below an alpha of 1/255.
     pub fn new(image: [u32; 2], tile: [u32; 2]) -> Self {
-        Self { image, tile, alpha_min: Cutoffs::EXACT.alpha }
+        Self { image, tile, alpha_min: ALPHA_MIN }
     }
 
     /// Columns and rows of tiles.
