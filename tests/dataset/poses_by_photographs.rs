@@ -39,7 +39,7 @@ fn place(k: u32) -> ([f64; 4], [f64; 3]) {
     };
     let [a, b] = [0, 1].map(|salt| noise(i64::from(k), 5, salt) - 0.5);
     let down = product(turn(0, 0.25 * a), product(turn(1, 0.25 * b), [0.0, 1.0, 0.0, 0.0]));
-    let (line, at) = (k / 4, if k / 4 % 2 == 0 { k % 4 } else { 3 - k % 4 });
+    let (line, at) = (k / 4, if (k / 4).is_multiple_of(2) { k % 4 } else { 3 - k % 4 });
     (product(down, turn(2, 0.4 + 0.3 * a)), [1.1 * f64::from(at), 1.1 * f64::from(line), 4.0 + 0.3 * b])
 }
 
