@@ -50,7 +50,7 @@ impl<R: Real> Splat<R> {
 
     /// Splat `i` of a model.
     pub fn of(model: &Gaussians, i: usize) -> Self {
-        let r = |x: f32| R::of(f64::from(x));
+        let r = R::of_single;
         Self {
             mean: std::array::from_fn(|k| r(model.means[3 * i + k])),
             quat: std::array::from_fn(|k| r(model.quats[4 * i + k])),
@@ -69,7 +69,7 @@ impl<R: Real> Splat<R> {
 
     /// Stores the values as splat `i` of a model (or of its gradients), rounded to f32.
     pub fn store(&self, model: &mut Gaussians, i: usize) {
-        let f = |x: &R| x.f64() as f32;
+        let f = |x: &R| x.single();
         for k in 0..3 {
             model.means[3 * i + k] = f(&self.mean[k]);
             model.scales[3 * i + k] = f(&self.log_scale[k]);
@@ -193,5 +193,34 @@ fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) ->
             values
         }),
         ids: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where planes hold words, some are no numbers as floats: the bits of a signalling NaN are 0x7f80_0001 to 0x7fbf_ffff.
+    #[test]
+    fn words_in_the_places_of_floats_keep_their_bits() {
+        let word = |at: usize| f32::from_bits([0x7f80_0001, 0x7fbf_ffff, 0xff9a_3c00, 0x7fff_7fff][at % 4]);
+        let plane = |row: usize| (0..2 * row).map(word).collect::<Vec<f32>>();
+        let model = Gaussians {
+            means: plane(3),
+            quats: plane(4),
+            scales: plane(3),
+            opacities: plane(1),
+            sh: std::array::from_fn(|_| plane(SH_GROUP_FLOATS)),
+            ids: Vec::new(),
+        };
+        let mut after = Gaussians::zeros(2);
+        for (i, splat) in Splat::<f32>::all(&model).iter().enumerate() {
+            Splat::from_array(&splat.to_array()).store(&mut after, i);
+        }
+        let bits = |m: &Gaussians| {
+            let planes = [&m.means, &m.quats, &m.scales, &m.opacities].into_iter().chain(&m.sh);
+            planes.map(|plane| plane.iter().map(|v| v.to_bits()).collect()).collect::<Vec<Vec<u32>>>()
+        };
+        assert_eq!(bits(&after), bits(&model));
     }
 }
