@@ -147,3 +147,56 @@ fn cell(camera: &Camera, point: [f64; 3]) -> Option<u32> {
     let column = along(camera.fx * x / z + camera.cx, camera.width);
     Some(CELLS as u32 * along(camera.fy * y / z + camera.cy, camera.height) + column)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// Cameras on a circle of radius 2 that look outwards with a view of 90 degrees, or inwards.
+    fn circle(count: u32, outwards: bool) -> Vec<Camera> {
+        let of = |k: u32| {
+            let (s, c) = (TAU * f64::from(k) / f64::from(count)).sin_cos();
+            let (sign, to_center) = if outwards { (1.0, -2.0) } else { (-1.0, 2.0) };
+            let rotation = [[-s * sign, c * sign, 0.0], [0.0, 0.0, -1.0], [c * sign, s * sign, 0.0]];
+            let (fx, fy, cx, cy) = (40.0, 40.0, 40.0, 40.0);
+            Camera { rotation, translation: [0.0, 0.0, to_center], fx, fy, cx, cy, width: 80, height: 80 }
+        };
+        (0..count).map(of).collect()
+    }
+
+    fn judged(cameras: &[Camera], positions: impl Iterator<Item = [f64; 3]>) -> Option<UselessPoints> {
+        let point = |(id, position)| Point { id, position, color: [0; 3], error: 0.0, track: 0 };
+        judge("points".into(), cameras, &(0..).zip(positions).map(point).collect::<Vec<_>>())
+    }
+
+    /// However many there are, and though all others have them in view: nothing is seen there from a camera.
+    #[test]
+    fn the_places_of_many_cameras_that_see_one_another_are_of_no_use() {
+        let cameras = circle(64, false);
+        let useless = judged(&cameras, cameras.iter().map(Camera::center)).expect("taken for useful");
+        assert_eq!((useless.served, useless.kept.len()), (0, 0));
+        // Beside the cameras the same points would do.
+        let beside = cameras.iter().map(|camera| camera.center().map(|v| 0.9 * v));
+        assert_eq!(judged(&cameras, beside), None);
+    }
+
+    #[test]
+    fn points_that_one_camera_alone_sees_are_of_no_use() {
+        // Four cameras look away from one another: what is near has one in view, what is far off and above all or two.
+        let cameras = circle(4, true);
+        let wall = |camera: &Camera| {
+            let (r, c) = (camera.rotation, camera.center());
+            let at = move |u: f64, v: f64| std::array::from_fn(|k| c[k] + r[0][k] * u + r[1][k] * v + r[2][k]);
+            (0..64).map(move |k| at(0.24 * f64::from(k % 8) - 0.84, 0.24 * f64::from(k / 8) - 0.84)).collect::<Vec<_>>()
+        };
+        let walls: Vec<[f64; 3]> = cameras.iter().flat_map(wall).collect();
+        assert!(walls.iter().all(|p| cameras.iter().filter(|camera| in_view(camera, *p)).count() == 1));
+        let again: Vec<Camera> = cameras.iter().chain(&cameras).copied().collect();
+        assert_eq!(judged(&again, walls.iter().copied()), None, "seen by two each");
+        let served =
+            Seen { by_point: walls.iter().map(|p| OwnPlaces::of(&cameras).views_of(&cameras, *p)).collect(), step: 1 };
+        assert_eq!(served.serves(4), [false; 4]);
+    }
+}

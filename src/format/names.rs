@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn names_of_any_length_give_files_that_can_be_written() {
         let long = "n".repeat(241);
-        let deep = vec!["folder with a name"; 200].join("/");
+        let deep = vec!["folder with a name"; 300].join("/");
         let wide = "\u{1f5fb}".repeat(80);
         let mut names: Vec<String> = ["a", "b"].iter().map(|end| format!("{}{end}.jpg", "m".repeat(300))).collect();
         names.extend([

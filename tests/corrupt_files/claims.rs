@@ -87,9 +87,16 @@ fn a_long_line_of_a_network_is_walked_once() {
 
 /// A pickle of a dictionary in which each of `names` is the same tensor of this shape, its storage having one number.
 fn pickle_of_one_tensor(names: usize, shape: &[u8]) -> Vec<u8> {
+    pickle_of_stored(names, shape, 1)
+}
+
+/// The same, its storage having so many numbers.
+fn pickle_of_stored(names: usize, shape: &[u8], stored: u8) -> Vec<u8> {
     let mut out =
         b"\x80\x02}(X\x01\0\0\0actorch._utils\n_rebuild_tensor_v2\n((X\x07\0\0\0storagectorch\nFloatStorage\n".to_vec();
-    out.extend(b"X\x01\0\0\x000X\x03\0\0\0cpuK\x01tQK\0(");
+    out.extend(b"X\x01\0\0\x000X\x03\0\0\0cpuK");
+    out.push(stored);
+    out.extend(b"tQK\0(");
     shape.iter().for_each(|size| out.extend([b'K', *size]));
     out.extend(b"t(");
     shape.iter().for_each(|_| out.extend(b"K\x01"));
@@ -119,6 +126,26 @@ fn tensors_have_as_few_axes_as_any_weights() {
     replace(&file, old(pickle_of_one_tensor(100_000, &[1; 60_000])));
     let error = read_tensors(&file).expect_err("60,000 axes").to_string();
     assert!(error.contains("has more axes than any weights have") && names_the_place(&error, &file), "{error}");
+}
+
+/// Of a thousand bytes that many names share each would get a copy.
+#[test]
+fn tensors_take_no_more_memory_than_their_file_is_worth() {
+    let root = tempfile::tempdir().expect("temporary folder");
+    let file = root.path().join("net.pth");
+    let old = |names: usize| {
+        let head: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.\x80\x02M\xe9\x03.\x80\x02}.";
+        let storage = [&b"\x80\x02](X\x01\0\0\x000e."[..], &250_u64.to_le_bytes(), &[0; 1000]].concat();
+        [head, &pickle_of_stored(names, &[250], 250), &storage].concat()
+    };
+    fs::write(&file, old(100)).expect("written");
+    assert_eq!(read_tensors(&file).expect("a few").get("000099", &[250], "test").expect("a tensor"), [0.0; 250]);
+    replace(&file, old(20_000));
+    let error = read_tensors(&file).expect_err("20 MB of 300 KB").to_string();
+    assert!(
+        error.contains("20000000 bytes are more than any weights have") && names_the_place(&error, &file),
+        "{error}"
+    );
 }
 
 #[test]

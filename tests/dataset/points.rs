@@ -11,6 +11,7 @@ use psrgs_vk::stereo::Observations;
 use psrgs_vk::train::{Input, Settings, prepare};
 
 use super::colmap_folder::{Folder, ImageRow, PointRow};
+use super::formats::transforms;
 use super::{NAMES, load};
 
 /// A ring of cameras with points all over their pictures.
@@ -231,5 +232,53 @@ fn points_that_serve_a_part_of_the_photographs_stay() {
         assert_eq!(dataset.usable_points(), dataset.points, "two see all of them");
         let begun = prepare::initial(&dataset, &Settings::default()).expect("a start").len();
         assert_eq!(begun == 64, useful, "{begun} splats: random ones are added to the points");
+    }
+}
+
+/// Clouds of a dataset of either format and of `--init`: floats, words, other names, and none at all.
+#[test]
+fn colours_of_clouds_are_read_wherever_a_cloud_is_read() {
+    let mut folder = ring(&NAMES);
+    folder.points.truncate(2);
+    let (of_colmap, of_frames) = (folder.dataset(false), folder.dataset(false));
+    let sparse = of_colmap.path().join("sparse/0");
+    fs::remove_file(sparse.join("points3D.bin")).expect("removed");
+    fs::remove_dir_all(of_frames.path().join("sparse")).expect("removed");
+    fs::write(of_frames.path().join("transforms.json"), transforms(&folder).to_string()).expect("written");
+    write_plain(&folder, of_colmap.path(), |_, _| [200, 100, 50]);
+    write_plain(&folder, of_frames.path(), |_, _| [200, 100, 50]);
+    let files =
+        [sparse.join("points3D.ply"), of_frames.path().join("sparse_pc.ply"), of_colmap.path().join("init.ply")];
+    let written = |names: &str, kind: &str, rows: [&str; 2]| {
+        let names: String = names.split_whitespace().map(|name| format!("property {kind} {name}\n")).collect();
+        let row = |i: usize| {
+            let [x, y, z] = folder.points[i].position;
+            format!("{x} {y} {z} {}\n", rows[i])
+        };
+        let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\n";
+        let text = format!("{head}{names}end_header\n{}{}", row(0), row(1));
+        files.iter().for_each(|file| fs::write(file, &text).expect("written"));
+    };
+    let own = vec![[0, 51, 255], [255, 102, 0]];
+    for (names, kind, rows, want) in [
+        ("red green blue", "uchar", ["0 51 255", "255 102 0"], &own),
+        ("red green blue", "float", ["0 0.2 1", "1 0.4 0"], &own),
+        ("diffuse_red diffuse_green diffuse_blue", "ushort", ["0 13107 65535", "65535 26214 0"], &own),
+        ("r g b", "double", ["0 0.2 1", "1 0.4 0"], &own),
+        ("intensity", "float", ["0.5", "0.25"], &vec![[200, 100, 50]; 2]),
+    ] {
+        written(names, kind, rows);
+        for (root, init) in [(&of_colmap, None), (&of_frames, None), (&of_colmap, Some(files[2].clone()))] {
+            let place = if init.is_some() { "--init" } else { root.path().to_str().expect("a name") };
+            let dataset = load(root.path()).expect("loads");
+            let mut settings = Settings::default();
+            settings.run.init = init;
+            if settings.run.init.is_some() {
+                assert_eq!(&shown(&input(&dataset, &settings)), want, "{names} of {kind} in {place}");
+            }
+            let own = dataset.points.iter().map(|point| point.color).collect::<Vec<_>>();
+            assert_eq!(dataset.colourless.is_none(), names != "intensity", "{place}");
+            assert!(dataset.colourless.is_some() || &own == want, "{names} of {kind} in {place}: {own:?}");
+        }
     }
 }

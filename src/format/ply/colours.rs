@@ -157,6 +157,8 @@ mod tests {
         assert_eq!(of(U16, [0.0, 13107.0, 65535.0, 32768.0, 0.0, 6682.0]), want);
         assert_eq!(of(I32, [0.0, 51.0, 255.0, 128.0, 0.0, 26.0]), want);
         assert_eq!(of(I8, [0.0, 51.0, -1.0, -128.0, 0.0, 26.0]), want);
+        // The upper byte of a word is not the nearest, rounded or not.
+        assert_eq!(of(U16, [33_023.0, 2770.0, 65535.0, 0.0, 0.0, 0.0]), Some(vec![[128, 11, 255], [0; 3]]));
         // Text under a header that says bytes.
         assert_eq!(of(U8, [0.0, 0.2, 1.0, 0.5, 0.0, 0.1]), want);
         // A byte of 1 is nearly black, whatever the others are.
