@@ -5,8 +5,8 @@ use std::path::Path;
 
 use crate::run::{copy_of, shared, text, works};
 
-/// A short training with exposures: its words, and its metrics.
-fn trained(data: &Path, out: &Path) -> (String, serde_json::Value) {
+/// A short training: its words, and its metrics.
+fn trained(data: &Path, out: &Path, exposure: &str) -> (String, serde_json::Value) {
     let said = works(&[
         "train",
         text(data),
@@ -20,7 +20,7 @@ fn trained(data: &Path, out: &Path) -> (String, serde_json::Value) {
         "20",
         "--deterministic",
         "--exposure",
-        "affine",
+        exposure,
     ]);
     let metrics = fs::read_to_string(out.join("metrics.json")).expect("metrics");
     (said, serde_json::from_str(&metrics).expect("JSON"))
@@ -41,10 +41,20 @@ fn psnr_of_files(out: &Path, view: &str) -> f64 {
 /// nor render, and its score is that of noise. The last evaluation of the training is the score in the metrics.
 #[test]
 fn a_held_out_photograph_of_noise_changes_its_score_and_nothing_else() {
+    noise_changes_a_score_alone("affine");
+}
+
+/// The same in the model's own colours.
+#[test]
+fn a_held_out_photograph_of_noise_changes_no_render_in_own_colours() {
+    noise_changes_a_score_alone("off");
+}
+
+fn noise_changes_a_score_alone(exposure: &str) {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
     let (plain, noisy) = (data.path().join("plain"), data.path().join("noisy"));
-    let (said, metrics) = trained(data.path(), &plain);
+    let (said, metrics) = trained(data.path(), &plain, exposure);
     let photograph = data.path().join("images/view_0000.jpg");
     let mut state = 7_u32;
     let noise = image::RgbImage::from_fn(64, 48, |_, _| {
@@ -54,15 +64,15 @@ fn a_held_out_photograph_of_noise_changes_its_score_and_nothing_else() {
         }))
     });
     noise.save(&photograph).expect("written");
-    let (said_of_noise, metrics_of_noise) = trained(data.path(), &noisy);
+    let (said_of_noise, metrics_of_noise) = trained(data.path(), &noisy, exposure);
 
     let same = |file: &str| {
         let read = |out: &Path| fs::read(out.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"));
         assert!(read(&plain) == read(&noisy), "{file} depends on the pixels of a held-out photograph");
     };
-    ["point_cloud.ply", "exposures.json", "renders/view_0000.render.png", "renders/view_0008.render.png"]
-        .into_iter()
-        .for_each(same);
+    let learned = (exposure != "off").then_some("exposures.json");
+    let always = ["point_cloud.ply", "renders/view_0000.render.png", "renders/view_0008.render.png"];
+    always.into_iter().chain(learned).for_each(same);
     let psnr = |metrics: &serde_json::Value, k: usize| metrics["images"][k]["psnr"].as_f64().expect("a number");
     assert_eq!(metrics["images"][0]["name"], "view_0000.jpg");
     let (of_noise, of_photograph) = (psnr(&metrics_of_noise, 0), psnr(&metrics, 0));
