@@ -54,10 +54,7 @@ fn training_keeps_to_its_bytes_per_splat_pair_and_pixel() {
 fn shortcuts_keep_to_600_bytes_per_splat() {
     let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
     let input = plane_scene::input(2, 320, 240, 300);
-    let settings = Settings {
-        shortcuts: Shortcuts { moment_bits: 16, sh_every: 4, sh_rate: 4.0, ..Shortcuts::default() },
-        ..Settings::default()
-    };
+    let settings = Settings { shortcuts: Shortcuts { moment_bits: 16, ..Shortcuts::default() }, ..Settings::default() };
     let variants = Variants::choose(&gpu, true);
     let memory = Engine::new(&gpu, &input, &settings, variants, pacing(), None).expect("an engine").memory();
     let full = engine(&gpu, &input, variants).memory();
@@ -65,10 +62,9 @@ fn shortcuts_keep_to_600_bytes_per_splat() {
     assert!((full.per_splat - memory.per_splat - 236.0).abs() < 1e-9, "{full:?} {memory:?}");
     assert_eq!((memory.per_pair, memory.per_pixel), (full.per_pair, full.per_pixel));
     // The list of the splats on the image: a word of each.
-    for (shortcuts, without) in [
-        (Shortcuts { moment_bits: 16, sh_every: 4, sh_rate: 4.0, ..Shortcuts::default() }, &memory),
-        (Shortcuts::default(), &full),
-    ] {
+    for (shortcuts, without) in
+        [(Shortcuts { moment_bits: 16, ..Shortcuts::default() }, &memory), (Shortcuts::default(), &full)]
+    {
         let listed = Settings { shortcuts: Shortcuts { visible_adam: true, ..shortcuts }, ..Settings::default() };
         let listed = Engine::new(&gpu, &input, &listed, variants, pacing(), None).expect("an engine").memory();
         assert_eq!(listed.per_splat, without.per_splat + 4.0, "{listed:?}");

@@ -1,5 +1,4 @@
-// The body of project_backward_adam and of its form with packed moments (PACKED), for a step of all parameters or of all but the
-// view-dependent coefficients (REST).
+// The body of project_backward_adam and of its form with packed moments (PACKED).
 #include "adam.glsl"
 #include "common.glsl"
 #include "counters.glsl"
@@ -16,19 +15,16 @@ layout(constant_id = 3) const uint GAIN1 = 0x3dcccccdu;  // 1 - beta1
 layout(constant_id = 4) const uint BETA2 = 0x3f7fbe77u;  // 0.999
 layout(constant_id = 5) const uint GAIN2 = 0x3a83126fu;  // 1 - beta2
 layout(constant_id = 6) const uint EPS = 0x26901d7du;    // 1e-15
-// 0: a step between those of the view-dependent coefficients. They and their moments are not touched, and what the colour's
-// change with the direction says about the mean is left out.
-layout(constant_id = 7) const uint REST = 1u;
 // Weight of the smallest standard deviation in the loss, a float as bits.
-layout(constant_id = 8) const uint FLATTEN = 0u;
+layout(constant_id = 7) const uint FLATTEN = 0u;
 // Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
-layout(constant_id = 9) const uint SHRINK = 0u;
+layout(constant_id = 8) const uint SHRINK = 0u;
 // Not 0: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. In the steps that a splat
 // misses its gradient is zero, but its moments decay and move it on: it makes up for that when it steps again. So that it is rendered where
 // it would be by then, it moves in advance by what it is expected to miss, and makes up for the difference alone.
-layout(constant_id = 10) const uint LISTED = 0u;
+layout(constant_id = 9) const uint LISTED = 0u;
 // Not 0: no step is taken. Every splat is brought to where it would be if all took every step.
-layout(constant_id = 11) const uint CATCHES_UP = 0u;
+layout(constant_id = 10) const uint CATCHES_UP = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts of all splats, or the LISTED ones
@@ -136,22 +132,22 @@ void main() {
     // The other rows have no harmonics above degree 1, nor moments of them.
     const bool full = i < FULL_ROWS;
     const uint in_use = (push.flags >> 8u) & 3u;
-    const uint degree = REST == 0u ? 0u : full ? in_use : min(in_use, 1u);
+    const uint degree = full ? in_use : min(in_use, 1u);
     SplatParams splat;
     splat.mean = LOAD3(means, i);
     splat.quat = LOAD4(quats, i);
     splat.log_scale = LOAD3(scales, i);
     splat.logit = opacities[i];
     splat.sh[0] = LOAD4(sh0, s);
-    if (REST != 0u && DEGREE >= 1u) {
+    if (DEGREE >= 1u) {
         splat.sh[1] = LOAD4(sh0, s + 1u);
         splat.sh[2] = LOAD4(sh0, s + 2u);
     }
-    if (REST != 0u && DEGREE >= 2u && full) {
+    if (DEGREE >= 2u && full) {
         LOAD_SH(sh1, 1)
         LOAD_SH(sh2, 2)
     }
-    if (REST != 0u && DEGREE >= 3u && full) {
+    if (DEGREE >= 3u && full) {
         LOAD_SH(sh3, 3)
     }
 
@@ -176,28 +172,23 @@ void main() {
     const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
     const vec4 g_head = SHRUNK(sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x));
-    if (REST != 0u) {
-        STEP4(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
-    } else {
-        // The fourth of the row belongs to the coefficients that rest.
-        STEP_HEAD(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
-    }
-    if (REST != 0u && DEGREE >= 1u) {
+    STEP4(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
+    if (DEGREE >= 1u) {
         STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, SHRUNK(sh_outer1(basis0, g.rgb), splat.sh[1], shrink.xxxx), splat.sh[1])
         STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, SHRUNK(sh_outer2(basis0, g.rgb), splat.sh[2], shrink.xxxx), splat.sh[2])
     }
-    if (REST != 0u && DEGREE >= 2u && full) {
+    if (DEGREE >= 2u && full) {
         const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
         STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1, shrink.yyyy)
         const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
         STEP4(sh2, m_sh2, v_sh2, s, 35u, rest, SHRUNK(sh_outer0(basis2, g.rgb), splat.sh[6], shrink.yyyz), splat.sh[6])
         // The fifth coefficient of degree 2 stands alone in its group.
-        if (REST != 0u && DEGREE >= 3u) {
+        if (DEGREE >= 3u) {
             STEP4(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, SHRUNK(sh_outer1(basis2, g.rgb), splat.sh[7], shrink.zzzz), splat.sh[7])
             STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, SHRUNK(sh_outer2(basis2, g.rgb), splat.sh[8], shrink.zzzz), splat.sh[8])
         }
     }
-    if (REST != 0u && DEGREE >= 3u && full) {
+    if (DEGREE >= 3u && full) {
         const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
         STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3, shrink.zzzz)
     }

@@ -1,5 +1,5 @@
 // Moments of the optimiser as floats, and steps with them. `element` is a parameter's number among the splat's 59. STEP3 steps a row of
-// three, STEP4 a row of four, STEP_HEAD three of four.
+// three, STEP4 a row of four.
 #ifndef MOMENTS_GLSL
 #define MOMENTS_GLSL
 
@@ -49,14 +49,6 @@ layout(set = 0, binding = 29) buffer Stats { float stats[]; };
         plane[at] = adam4(step, lr, g, old, m, v);                     \
         first[at] = m;                                                 \
         second[at] = v;                                                \
-    }
-#define STEP_HEAD(plane, first, second, at, element, lr, g, old)       \
-    {                                                                  \
-        const vec4 m0 = LOAD4(first, at), v0 = LOAD4(second, at);      \
-        vec4 m = m0, v = v0;                                           \
-        plane[at] = vec4(adam4(step, lr, g, old, m, v).xyz, (old).w);  \
-        first[at] = vec4(m.xyz, m0.w);                                 \
-        second[at] = vec4(v.xyz, v0.w);                                \
     }
 
 #endif

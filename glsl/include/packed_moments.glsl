@@ -70,13 +70,5 @@ void unpack_moments(uvec4 words, out vec4 m, out vec4 v) {
         plane[at] = adam4(step, lr, g, old, m, v);                                   \
         first[at] = pack_moments(m, v, dither4(i, push.flags, element));             \
     }
-#define STEP_HEAD(plane, first, second, at, element, lr, g, old)                     \
-    {                                                                                \
-        const uvec4 words = LOAD4(first, at);                                        \
-        vec4 m, v;                                                                   \
-        unpack_moments(words, m, v);                                                 \
-        plane[at] = vec4(adam4(step, lr, g, old, m, v).xyz, (old).w);                \
-        first[at] = uvec4(pack_moments(m, v, dither4(i, push.flags, element)).xyz, words.w); \
-    }
 
 #endif

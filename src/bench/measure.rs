@@ -318,7 +318,6 @@ impl<'a> Run<'a> {
             most_at_once: scan::most_at_once(self.gpu.caps()),
             tile_capacity,
             sh_degree: self.sh_degree,
-            sh_every: self.shortcuts.sh_every,
             listed: self.shortcuts.visible_adam,
             moment_words: self.shortcuts.moment_bits / 16,
             variants,

@@ -27,8 +27,6 @@ pub struct Work {
     pub tile_capacity: f64,
     /// Degree of the spherical harmonics in use.
     pub sh_degree: u32,
-    /// The coefficients above the constant one take every so many steps.
-    pub sh_every: u32,
     /// Whether only the splats on the image take a step.
     pub listed: bool,
     /// Words in which the optimiser keeps both moments of a parameter: 2, or 1 where they are packed.
@@ -66,17 +64,15 @@ impl Work {
     }
 
     /// Floats of a splat that the fused optimiser step touches, in the mean over steps: those of harmonics above the degree in use
-    /// it leaves out, by rows of four; between the steps of the view-dependent ones all but the constant.
+    /// it leaves out, by rows of four.
     pub(super) fn stepped(&self) -> f64 {
-        let geometry = GEOMETRY / 4.0;
-        let all = match self.sh_degree {
+        let harmonics = match self.sh_degree {
             0 => 4.0,
             1 => 12.0,
             2 => 28.0,
             _ => 48.0,
         };
-        let every = f64::from(self.sh_every.max(1));
-        geometry + (all + (every - 1.0) * 3.0) / every
+        GEOMETRY / 4.0 + harmonics
     }
 
     /// Splats that take a step.

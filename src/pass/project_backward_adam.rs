@@ -33,12 +33,10 @@ pub struct Rates {
 /// Optimiser steps that an element has taken, this one included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Steps {
-    /// All but the opacities and the view-dependent coefficients.
+    /// All but the opacities.
     pub most: u32,
     /// The opacities; `None` leaves them as they are.
     pub opacities: Option<u32>,
-    /// The view-dependent coefficients, in a step that has them.
-    pub rest: u32,
 }
 
 crate::push_constants! {
@@ -88,10 +86,6 @@ impl Push {
         let adam = |t: u32| adam::Push::new(settings, t, 1, 0, 0.0, 0.0);
         let (most, opacities) = (adam(steps.most), adam(steps.opacities.unwrap_or(1)));
         let stepped = if steps.opacities.is_some() { STEPS_OPACITIES } else { 0 };
-        // Their own bias correction, as a factor of the rate: it divides eps too, which is next to nothing beside the root.
-        let rest = adam(steps.rest);
-        let correction = |p: &adam::Push| f64::from(p.inv_bias1) / f64::from(p.inv_sqrt_bias2);
-        let of_rest = if steps.rest == steps.most { 1.0 } else { correction(&rest) / correction(&most) };
         let [x, y, z, _] = camera.center;
         let [fx, fy, ..] = camera.intrinsics;
         Self {
@@ -107,7 +101,7 @@ impl Push {
             lr_scales: rates.scales as f32,
             lr_opacities: rates.opacities as f32,
             lr_sh_base: rates.sh_base as f32,
-            lr_sh_rest: (rates.sh_rest * of_rest) as f32,
+            lr_sh_rest: rates.sh_rest as f32,
             inv_bias1: most.inv_bias1,
             inv_sqrt_bias2: most.inv_sqrt_bias2,
             inv_bias1_opacities: opacities.inv_bias1,
@@ -117,7 +111,7 @@ impl Push {
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 12];
+pub type Constants = [(&'static str, u32); 11];
 
 /// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
@@ -141,9 +135,8 @@ pub fn catching_up(constants: Constants) -> Constants {
 }
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
-/// are zero and a step would change nothing of them. Without `rest` the step leaves the view-dependent coefficients and their moments
-/// as they are.
-pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Constants {
+/// are zero and a step would change nothing of them.
+pub fn constants(settings: &Settings, degree: u32, aux: bool) -> Constants {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
         ("AUX", u32::from(aux)),
@@ -153,7 +146,6 @@ pub fn constants(settings: &Settings, degree: u32, aux: bool, rest: bool) -> Con
         ("BETA2", adam.beta2.to_bits()),
         ("GAIN2", adam.gain2.to_bits()),
         ("EPS", adam.eps.to_bits()),
-        ("REST", u32::from(rest)),
         ("FLATTEN", 0),
         ("SHRINK", 0),
         ("LISTED", 0),
@@ -169,11 +161,10 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 4, name: "BETA2", default: 0x3f7f_be77 },
     Constant { id: 5, name: "GAIN2", default: 0x3a83_126f },
     Constant { id: 6, name: "EPS", default: 0x2690_1d7d },
-    Constant { id: 7, name: "REST", default: 1 },
-    Constant { id: 8, name: "FLATTEN", default: 0 },
-    Constant { id: 9, name: "SHRINK", default: 0 },
-    Constant { id: 10, name: "LISTED", default: 0 },
-    Constant { id: 11, name: "CATCHES_UP", default: 0 },
+    Constant { id: 7, name: "FLATTEN", default: 0 },
+    Constant { id: 8, name: "SHRINK", default: 0 },
+    Constant { id: 9, name: "LISTED", default: 0 },
+    Constant { id: 10, name: "CATCHES_UP", default: 0 },
 ];
 
 /// The pass.
@@ -219,7 +210,7 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
           project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
-          zero. Spherical harmonics above DEGREE are not touched, nor without REST any but the constant one. \
+          zero. Spherical harmonics above DEGREE are not touched. \
           FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and these alone step, after \
           what the steps since the one that their row of `stats` names would have made of them without a gradient. CATCHES_UP does that \
           for every splat, and no step.",
@@ -237,7 +228,7 @@ mod tests {
     #[test]
     fn default_constants_are_the_default_settings() {
         for ((name, value), constant) in
-            constants(&Settings::default(), 3, false, true).into_iter().zip(PASS.kernel.constants)
+            constants(&Settings::default(), 3, false).into_iter().zip(PASS.kernel.constants)
         {
             assert_eq!((name, value), (constant.name, constant.default));
         }

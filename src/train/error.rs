@@ -55,7 +55,7 @@ pub enum Error {
     },
     /// A shortcut of the optimiser was asked for on a device that binds too few buffers to a pass.
     #[error(
-        "--sh-every, --sh-share: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or add --moment-bits 16"
+        "--sh-share: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or add --moment-bits 16"
     )]
     ShortcutBuffers {
         /// Buffers of the pass.

@@ -97,7 +97,6 @@ pub struct Schedule {
     sh_degree: u32,
     /// Before this step it is settled which splats have harmonics above degree 1; 0 where all have.
     settle_sh: u32,
-    sh_every: u32,
     densify: bool,
     background: Background,
     rates: RateSchedule,
@@ -149,7 +148,6 @@ impl Schedule {
         }
         let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
 
-        let sh_every = settings.shortcuts.sh_every.max(1);
         let coarse_until = (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32;
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
         let early_until = (settings.shortcuts.early_steps * f64::from(run.iterations)).round() as u32;
@@ -203,7 +201,6 @@ impl Schedule {
                 (true, false) => densify_until.max(1),
                 (true, true) => 2 * scaled(settings.model.sh_interval).max(1),
             },
-            sh_every,
             densify: !settings.density.no_densify,
             background: settings.model.background,
             rates: RateSchedule::new(settings, lr_means_steps),
@@ -283,7 +280,6 @@ impl Schedule {
                 (false, true) => Adam::AllButOpacities,
                 (false, false) => Adam::All,
             },
-            sh_rest: self.sh_rest(t),
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
             catch_up: self.catches_up_at(t),
@@ -377,16 +373,6 @@ impl Schedule {
             order.swap(i, j);
         }
         order[position]
-    }
-
-    /// Steps of the view-dependent coefficients up to and including `t`, where `t` is one. Those that fall on a density change are
-    /// lost and counted all the same: over so many steps the bias correction is 1.
-    fn sh_rest(&self, t: u32) -> Option<u32> {
-        if self.sh_every == 1 {
-            return Some(self.adam_steps(t, false));
-        }
-        let before = t.saturating_sub(1);
-        before.is_multiple_of(self.sh_every).then_some(before / self.sh_every + 1)
     }
 
     /// Density changes up to and including step `t`.

@@ -216,10 +216,6 @@ group! {
     flags {}
     optional {}
     constants {
-        /// Steps from one that changes view-dependent colours to the next
-        pub sh_every: u32 = 1; Range::COUNT,
-        /// Factor of lr-sh-rest where sh-every leaves steps out
-        pub sh_rate: f64 = 1.0; Range::WEIGHT,
         /// N of 1/N, the alpha below which a splat is skipped at a pixel in training; held-out pictures are drawn with 255
         pub alpha_cutoff: u32 = Approximation::NONE.alpha_cutoff; CUTOFF,
         /// Share of the steps, the first ones, that take early-cutoff in place of alpha-cutoff

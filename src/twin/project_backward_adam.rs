@@ -64,14 +64,7 @@ fn within(degree: u32) -> usize {
 
 /// Parameters that a step with these constants touches, but for the opacity, of a splat with all harmonics or with those up to degree 1.
 pub(super) fn touched(constants: &[u32], full: bool) -> usize {
-    let degree = if constants[7] == 0 { 0 } else { constants[1] };
-    within(if full { degree } else { degree.min(1) })
-}
-
-/// The camera of a step with these constants: without REST the colour does not depend on the direction.
-pub(super) fn view_of_step<R: Real>(push: &Push, constants: &[u32]) -> View<R> {
-    let full = view(push);
-    View { sh_degree: if constants[7] == 0 { 0 } else { full.sh_degree }, ..full }
+    within(if full { constants[1] } else { constants[1].min(1) })
 }
 
 /// One step of one splat with the gradients of its parameters (zeros for a culled one).
@@ -123,10 +116,10 @@ pub(super) fn step_of<R: Real>(
 }
 
 /// Place of `LISTED` among the pass's constants.
-const LISTED: usize = 10;
+const LISTED: usize = 9;
 
 /// Place of `CATCHES_UP` among them.
-const CATCHES_UP: usize = 11;
+const CATCHES_UP: usize = 10;
 
 /// What a splat's row of `stats` says of the steps that it has missed, and what it is to say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -223,14 +216,14 @@ impl Inputs {
             n: call.get::<u32>(0)[counters::SPLATS] as usize,
             threads: (call.groups as usize * 64).min(call.get::<u32>(0)[counted] as usize),
             full: counters::full_rows(&call.get::<u32>(0)),
-            view: view_of_step(push, call.constants),
+            view: view(push),
             splat2d: call.get(1),
             on_image: call.get(2),
             grad2d: call.get(3),
             grad_normals: call.get(4),
             aux: call.constants[0] != 0,
-            flatten: f32::from_bits(call.constants[8]),
-            shrink: f32::from_bits(call.constants[9]),
+            flatten: f32::from_bits(call.constants[7]),
+            shrink: f32::from_bits(call.constants[8]),
         }
     }
 

@@ -232,10 +232,10 @@ fn device_gradients(
         let step = raster::BackwardStep {
             model: &model,
             moments: &[grads.clone(), second],
-            pipeline: &gpu.pipeline(&fused::PASS.kernel, &fused::constants(&settings, 3, aux, true)).unwrap(),
+            pipeline: &gpu.pipeline(&fused::PASS.kernel, &fused::constants(&settings, 3, aux)).unwrap(),
             settings: &settings,
             rates: &rates,
-            steps: fused::Steps { most: 1, opacities: Some(1), rest: 1 },
+            steps: fused::Steps { most: 1, opacities: Some(1) },
             stats: &stats,
             catches_up: false,
         };

@@ -282,32 +282,6 @@ fn the_coarse_camera_sees_the_same_rays() {
     assert!((last(&reduced.losses) / last(&whole.losses) - 1.0).abs() < 0.3, "{:?}", reduced.losses);
 }
 
-/// Also where a step has gradients of depth: coefficients between their steps have none, and read nothing that was not loaded.
-#[test]
-fn harmonics_that_are_stepped_rarely_rest_in_steps_with_depth() {
-    let Some(gpu) = gpu() else { return };
-    let mut with = everything(24);
-    with.texture = Default::default();
-    with.density.no_densify = true;
-    with.run.scale_schedule = false;
-    with.model.sh_interval = 2;
-    with.geometry.depth_steps = 1.0;
-    with.geometry.depth_every = 2;
-    let harmonics = |sh_every: u32| {
-        let mut settings = with.clone();
-        settings.shortcuts.sh_every = sh_every;
-        let state = run(&gpu, input(5, (64, 48), 300, &settings), &settings, Pacing::default()).state;
-        assert!(state.params.iter().flatten().all(|v| v.is_finite()));
-        // The constant one is the first three of every twelve numbers of the first group.
-        let (first, others) = (&state.params[4], state.params[5..].iter().flatten());
-        let rest = first.chunks_exact(12).flat_map(|group| &group[3..]);
-        rest.chain(others).filter(|v| **v != 0.0).count()
-    };
-    assert!(harmonics(1) > 1000);
-    // The first step of 24 is the only one that is theirs, and it has none but the constant one.
-    assert_eq!(harmonics(1000), 0);
-}
-
 /// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the photographs.
 #[test]
 fn black_splats_learn_their_colours_but_in_the_published_methods() {

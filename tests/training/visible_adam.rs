@@ -119,7 +119,6 @@ fn stops_resumes_and_replays_are_bit_equal() {
     stops_and_resumes_on(&gpu, &visible(60), &input, &[14, 29, 44]);
     let mut packed = visible(60);
     packed.shortcuts.moment_bits = 16;
-    packed.shortcuts.sh_every = 4;
     stops_and_resumes_on(&gpu, &packed, &input, &[15, 40]);
     // With too little room: what was lost is taken again.
     let truth = run(&gpu, input.clone(), &visible(60), Pacing::default());

@@ -71,7 +71,7 @@ fn stepped(gpu: &Gpu, pass: &Pass, case: &Case, buffers: &[Vec<u8>]) -> Vec<Vec<
 }
 
 fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
-    let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
+    let steps = Steps { most: 9, opacities: Some(4) };
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
         // Which splats have gradients, and of what, does not depend on the degree in use.
         let of = |degree: u32, most: u32| {

@@ -30,7 +30,6 @@ pub(super) struct Case {
     pub(super) push: Push,
     degree: u32,
     aux: bool,
-    rest: bool,
     flatten: f32,
     shrink: f32,
     steppers: Steppers,
@@ -71,8 +70,6 @@ pub(super) type Kept = fn(f64, f64) -> (f64, f64);
 pub(super) struct Form {
     pub(super) aux: bool,
     pub(super) steps: Steps,
-    /// Whether the view-dependent coefficients step.
-    pub(super) rest: bool,
     /// Some gradients are not finite.
     pub(super) poison: bool,
     /// Weight of the smallest standard deviation.
@@ -86,16 +83,7 @@ pub(super) struct Form {
 
 /// A step of all parameters of all splats, with the published decay, on finite gradients of depth and normals too.
 pub(super) fn plain(steps: Steps) -> Form {
-    Form {
-        aux: true,
-        steps,
-        rest: true,
-        poison: false,
-        flatten: 0.0,
-        shrink: 0.0,
-        steppers: Steppers::All,
-        beta2: 0.999,
-    }
+    Form { aux: true, steps, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All, beta2: 0.999 }
 }
 
 /// Who takes a step.
@@ -110,7 +98,7 @@ pub(super) enum Steppers {
 }
 
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
-    let Form { aux, steps, rest, poison, flatten, shrink, steppers, beta2 } = form;
+    let Form { aux, steps, poison, flatten, shrink, steppers, beta2 } = form;
     let n = model.len();
     let settings = Settings { beta2, ..Settings::default() };
     let camera = scene::push(projection);
@@ -145,10 +133,9 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             let normal = if aux { [0, 1, 2].map(|k| f64::from(normals[i][k])) } else { [0.0; 3] };
             let up = Grad2d { row: grad2d[i].map(f64::from), normal };
             let color = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
-            let seen_from = if rest { full.clone() } else { View { sh_degree: 0, ..full.clone() } };
-            let mut gradient = gradient_of(&splat, &seen_from, color, &up);
+            let mut gradient = gradient_of(&splat, &full, color, &up);
             add_flatness(&mut gradient, splat.log_scale, f64::from(flatten));
-            add_smallness(&mut gradient, &splat.sh, seen_from.sh_degree, f64::from(shrink));
+            add_smallness(&mut gradient, &splat.sh, full.sh_degree, f64::from(shrink));
             g = gradient.to_array();
             let condition = if projection.antialias { scene::condition(&splat, &full) } else { 1.0 };
             error = std::array::from_fn(|k| {
@@ -173,7 +160,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         before.push(Stepped { splat, first, second });
         gradients.push((g, error));
     }
-    let given = of(shrinking(flattening(constants(&settings, most, aux, rest), flatten), shrink), steppers);
+    let given = of(shrinking(flattening(constants(&settings, most, aux), flatten), shrink), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
     // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other rows.
@@ -195,7 +182,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             };
             let Some(pace) = pace else { return (before[i].clone(), None) };
             assert!(pace.missed <= 60, "{pace:?}");
-            let only = of(constants(&settings, most, aux, rest), Steppers::CatchUp).map(|(_, value)| value);
+            let only = of(constants(&settings, most, aux), Steppers::CatchUp).map(|(_, value)| value);
             (step_after(&push, &only, &before[i], &Splat::from_array(&[0.0; PARAMETERS]), pace), Some(pace))
         })
         .collect();
@@ -228,7 +215,6 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         push,
         degree,
         aux,
-        rest,
         flatten,
         shrink,
         steppers,
@@ -280,7 +266,7 @@ pub(super) fn splats_of(planes: &[Vec<f32>], n: usize) -> Vec<[f32; PARAMETERS]>
 
 impl Case {
     pub(super) fn given(&self) -> Constants {
-        let constants = constants(&self.settings, self.degree, self.aux, self.rest);
+        let constants = constants(&self.settings, self.degree, self.aux);
         let constants = shrinking(flattening(constants, self.flatten), self.shrink);
         of(constants, self.steppers)
     }
@@ -425,7 +411,7 @@ impl Case {
 pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
-    let all = Steps { most: 9, opacities: Some(4), rest: 9 };
+    let all = Steps { most: 9, opacities: Some(4) };
     let form = plain(all);
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
@@ -435,7 +421,7 @@ pub fn run(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         // The degree in use, and one more where one more was in use before.
         let most = (projection.sh_degree + u32::from(k >= 4)).min(3);
-        let steps = if k % 3 == 2 { Steps { most: 30, opacities: None, rest: 30 } } else { all };
+        let steps = if k % 3 == 2 { Steps { most: 30, opacities: None } } else { all };
         let form = Form {
             aux: k % 2 == 1,
             poison: k == 5,
@@ -460,25 +446,17 @@ pub fn run(gpu: &Gpu) {
             case.check_against_unfused(gpu, all, "hard splats");
         }
     }
-    // Between the steps of the view-dependent coefficients; and a step of theirs, with a count of its own.
-    for (rest, count) in [(false, 9), (true, 3)] {
-        let steps = Steps { rest: count, ..all };
-        let form = Form { aux: false, rest, shrink: 0.8, ..plain(steps) };
-        let case = case(&scene::ordinary(400, 41), &Projection::default(), 3, form, exact);
-        case.check(gpu, &format!("coefficients step: {rest}, {count}"));
-    }
     // The splats on the image alone, and all that have missed steps. 70,000 wrap around.
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = projection.sh_degree.min(3);
         let beta2 = if k % 4 < 2 { 0.98 } else { 0.999 };
-        let steps = if k % 2 == 0 { Steps { most: 70_000, opacities: Some(69_999), rest: 70_000 } } else { all };
-        let form =
-            Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, rest: k != 3, steps, beta2, ..form };
+        let steps = if k % 2 == 0 { Steps { most: 70_000, opacities: Some(69_999) } } else { all };
+        let form = Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, steps, beta2, ..form };
         let model = scene::ordinary(600, 80 + k as u64);
         let listed = case(&model, &projection, most, form, exact);
         assert!(listed.seen() > 250 && listed.seen() < 560, "{projection:?}: {} seen", listed.seen());
         listed.check(gpu, &format!("{projection:?}, those on the image alone"));
-        let form = Form { aux: false, rest: true, steppers: Steppers::CatchUp, ..form };
+        let form = Form { aux: false, steppers: Steppers::CatchUp, ..form };
         case(&model, &projection, most, form, exact).check(gpu, &format!("{projection:?}, all caught up with"));
     }
     for steppers in [Steppers::All, Steppers::Listed, Steppers::CatchUp] {
@@ -488,7 +466,7 @@ pub fn run(gpu: &Gpu) {
 
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
-    let steps = Steps { most: 3, opacities: Some(2), rest: 3 };
+    let steps = Steps { most: 3, opacities: Some(2) };
     let form = Form { steppers, beta2: 0.98, ..plain(steps) };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");

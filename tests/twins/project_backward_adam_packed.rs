@@ -56,7 +56,7 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 }
 
 pub fn run(gpu: &Gpu) {
-    let steps = Steps { most: 9, opacities: Some(4), rest: 3 };
+    let steps = Steps { most: 9, opacities: Some(4) };
     let form = plain(steps);
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
@@ -66,12 +66,10 @@ pub fn run(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = (projection.sh_degree + u32::from(k >= 4)).min(3);
         let opacities = (k % 3 != 2).then_some(4);
-        let (steps, rest) = (Steps { opacities, ..steps }, k % 2 == 0 || k == 5);
         let flatten = if k == 2 { 0.7 } else { 0.0 };
         let form = Form {
             aux: k % 2 == 1,
-            steps,
-            rest,
+            steps: Steps { opacities, ..steps },
             poison: k == 5,
             flatten,
             shrink: 0.5,

@@ -31,12 +31,6 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         knob("default", "", |_| ()),
         knob("deterministic", "--deterministic", |s| s.run.deterministic = true),
         knob("moments of 16 bits", "--moment-bits 16", |s| s.shortcuts.moment_bits = 16),
-        knob("view-dependent colours every 2nd step", "--sh-every 2", |s| s.shortcuts.sh_every = 2),
-        knob("view-dependent colours every 4th step", "--sh-every 4", |s| s.shortcuts.sh_every = 4),
-        knob("the same at four times the rate", "--sh-every 4 --sh-rate 4", |s| {
-            s.shortcuts.sh_every = 4;
-            s.shortcuts.sh_rate = 4.0;
-        }),
         knob("splats on the image alone", "--visible-adam", |s| s.shortcuts.visible_adam = true),
         knob("splats skipped below an alpha of 1/128", "--alpha-cutoff 128", |s| s.shortcuts.alpha_cutoff = 128),
         knob("splats skipped below an alpha of 1/64", "--alpha-cutoff 64", |s| s.shortcuts.alpha_cutoff = 64),

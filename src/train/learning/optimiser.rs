@@ -17,20 +17,11 @@ enum Form {
         of_degree: [Pipeline; 4],
         /// The same for steps with gradients of depth and normals, where there are such.
         with_aux: Option<[Pipeline; 4]>,
-        /// For steps that leave out the view-dependent coefficients, where some do.
-        without_rest: Option<WithoutRest>,
         /// What makes up for the steps that splats have missed, where they miss some.
         catch_up: Option<Pipeline>,
     },
     /// From gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients(Summed),
-}
-
-/// Steps that leave out the view-dependent coefficients.
-struct WithoutRest {
-    plain: Pipeline,
-    /// With gradients of depth and normals, where there are such.
-    with_aux: Option<Pipeline>,
 }
 
 /// Gradients of the model in memory, and the pass that steps by them.
@@ -82,33 +73,23 @@ impl Optimiser {
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
         let form = if limit >= needed {
-            let of = |degree, aux, rest| {
-                let constants = fused::flattening(fused::constants(&settings, degree, aux, rest), flatten);
+            let of = |degree, aux| {
+                let constants = fused::flattening(fused::constants(&settings, degree, aux), flatten);
                 let constants = fused::shrinking(constants, shrink);
                 let listed = Self::leaves_out(gpu, training);
                 gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
-            let all = |aux| -> Result<[Pipeline; 4], vk::Error> {
-                Ok([of(0, aux, true)?, of(1, aux, true)?, of(2, aux, true)?, of(3, aux, true)?])
-            };
+            let all =
+                |aux| -> Result<[Pipeline; 4], vk::Error> { Ok([of(0, aux)?, of(1, aux)?, of(2, aux)?, of(3, aux)?]) };
             Form::Fused {
                 of_degree: all(false)?,
                 with_aux: aux.then(|| all(true)).transpose()?,
-                without_rest: match shortcuts.sh_every > 1 {
-                    true => Some(WithoutRest {
-                        plain: of(0, false, false)?,
-                        with_aux: aux.then(|| of(0, true, false)).transpose()?,
-                    }),
-                    false => None,
-                },
                 catch_up: match shortcuts.visible_adam {
-                    true => {
-                        Some(gpu.pipeline(kernel, &fused::catching_up(fused::constants(&settings, 3, false, true)))?)
-                    }
+                    true => Some(gpu.pipeline(kernel, &fused::catching_up(fused::constants(&settings, 3, false)))?),
                     false => None,
                 },
             }
-        } else if packs || shortcuts.sh_every > 1 || training.model.sh_share < 1.0 {
+        } else if packs || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
             Form::FromGradients(Summed::new(gpu, capacity)?)
@@ -232,7 +213,7 @@ impl Optimiser {
             sh_rest: plan.rates.sh_rest,
         };
         let opacities = (plan.adam == Adam::All).then_some(plan.adam_steps_opacities);
-        let steps = fused::Steps { most: plan.adam_steps, opacities, rest: plan.sh_rest.unwrap_or(plan.adam_steps) };
+        let steps = fused::Steps { most: plan.adam_steps, opacities };
         let step = |pipeline, steps, catches_up| BackwardStep {
             model,
             moments: &self.moments,
@@ -245,22 +226,17 @@ impl Optimiser {
         };
         let catch_up = |recorder: &mut Recorder, most: u32| -> Result<Option<u32>, vk::Error> {
             let Form::Fused { catch_up: Some(pipeline), .. } = &self.form else { return Ok(None) };
-            let steps = fused::Steps { most, opacities: Some(plan.adam_steps_opacities), rest: most };
+            let steps = fused::Steps { most, opacities: Some(plan.adam_steps_opacities) };
             renderer.record_backward_step(recorder, &step(pipeline, steps, true), shot)?;
             Ok(Some(most))
         };
-        // Steps without the coefficients leave no moments of theirs behind.
-        let used = if plan.sh_rest.is_some() && plan.adam != Adam::None { plan.sh_degree } else { 0 };
+        let used = if plan.adam == Adam::None { 0 } else { plan.sh_degree };
         let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
         match &self.form {
             _ if plan.adam == Adam::None => {}
-            Form::Fused { of_degree, with_aux, without_rest, .. } if !beside || self.summed.is_none() => {
-                let pipeline = match (plan.sh_rest, without_rest, with_aux) {
-                    (None, Some(WithoutRest { with_aux: Some(pipeline), .. }), _) if aux => pipeline,
-                    (None, Some(WithoutRest { plain, .. }), _) => plain,
-                    (_, _, Some(with_aux)) if aux => &with_aux[degree.min(3) as usize],
-                    _ => &of_degree[degree.min(3) as usize],
-                };
+            Form::Fused { of_degree, with_aux, .. } if !beside || self.summed.is_none() => {
+                let of_degree = with_aux.as_ref().filter(|_| aux).unwrap_or(of_degree);
+                let pipeline = &of_degree[degree.min(3) as usize];
                 renderer.record_backward_step(recorder, &step(pipeline, steps, false), shot)?;
             }
             _ => {

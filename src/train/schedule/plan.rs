@@ -51,8 +51,6 @@ pub struct StepPlan {
     pub reset_opacity: bool,
     /// What the optimiser steps.
     pub adam: Adam,
-    /// Whether the view-dependent coefficients take the step too, and how many they have taken with it.
-    pub sh_rest: Option<u32>,
     /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.

@@ -56,9 +56,8 @@ impl RateSchedule {
     /// steps at these rates parameters do not get as far. Runs whose schedule is scaled begin with higher ones, which would keep
     /// parameters from settling and so fall again.
     pub(super) fn new(settings: &Settings, means_steps: u32) -> Self {
-        let (run, optimiser, shortcuts) = (&settings.run, &settings.optimiser, &settings.shortcuts);
+        let (run, optimiser) = (&settings.run, &settings.optimiser);
         let fewer = fewer(settings);
-        let left_out = if shortcuts.sh_every > 1 { shortcuts.sh_rate } else { 1.0 };
         let gain = fewer.powf(optimiser.lr_scaling);
         let published = Rates {
             means: optimiser.lr_means,
@@ -66,7 +65,7 @@ impl RateSchedule {
             scales: optimiser.lr_scales,
             opacities: optimiser.lr_opacities,
             sh_base: optimiser.lr_sh_base,
-            sh_rest: optimiser.lr_sh_rest * left_out,
+            sh_rest: optimiser.lr_sh_rest,
         };
         Self {
             first: published.times(gain, fewer.powf(optimiser.lr_scaling_sh)),

@@ -50,7 +50,7 @@ impl Settings {
         let Self { run, model, texture, shortcuts, density, geometry, .. } = self;
         let growth_ends = run.scale_schedule || density.no_densify || density.densify_until < run.iterations;
         let one_colour = self.photographs.transparent == Transparent::LeftOut || model.background != Background::Random;
-        let plain = model.sh_share >= 1.0 && shortcuts.sh_every <= 1 && shortcuts.moment_bits == 32;
+        let plain = model.sh_share >= 1.0 && shortcuts.moment_bits == 32;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
         [
             (
@@ -76,7 +76,7 @@ impl Settings {
             (
                 texture.views_at_once() == 1 || plain,
                 "perceptual-views",
-                "1 where sh-share is below 1, sh-every above 1 or moment-bits 16",
+                "1 where sh-share is below 1 or moment-bits is 16",
             ),
             (
                 density.lidar.is_some() || !wants_cloud,
