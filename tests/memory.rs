@@ -150,7 +150,7 @@ fn growth_stops_where_memory_ends_and_training_goes_on() {
     assert_eq!(told.len(), 1, "{warnings:?}");
     assert!(
         told[0].contains(&format!("{} splats", psrgs_vk::numbers::grouped(most)))
-            && told[0].contains("--max-device-memory"),
+            && told[0].contains("`max-device-memory`"),
         "{}",
         told[0]
     );

@@ -75,7 +75,7 @@ fn a_choice_is_kept_and_found_again_and_a_damaged_file_is_made_anew() {
     assert!(first.to_string().contains(" ms") && first.to_string().contains("timed"), "{first}");
     let again = tuned(&auto);
     assert_eq!((&again.why, again.variants), (&Why::Kept, first.variants));
-    assert!(again.to_string().contains("--tune again"), "{again}");
+    assert!(again.to_string().contains("`tune` again"), "{again}");
     assert!(timed(&tuned(&settings(Tune::Again))), "asked to time again");
 
     // Another size is another entry; what is kept of this one stays.

@@ -52,7 +52,7 @@ pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Optio
     }
     let rates = Rates::measure(gpu, train::chosen_variants(gpu, settings)?, options.copy_bytes)?;
     // What the rates were measured with is no part of what a step needs.
-    gpu.forget_peak_memory();
+    gpu.restart_peak();
     let mut run = Run::new(gpu, &mut input, settings, options)?;
     run.follow()?;
     run.report(&input, rates)

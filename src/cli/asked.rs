@@ -1,10 +1,11 @@
 //! Settings as the options of a command line give them, and which of them were named.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use clap::ArgMatches;
 use clap::parser::ValueSource;
+use clap::{ArgMatches, Args as _, Command};
 use psrgs_vk::train::Settings;
 
 use super::exit::Failure;
@@ -12,8 +13,10 @@ use super::exit::Failure;
 /// `KEY=VALUE`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Assignment {
-    key: String,
-    value: String,
+    /// The key.
+    pub(crate) key: String,
+    /// Its value as it is spelled.
+    pub(crate) value: String,
 }
 
 impl FromStr for Assignment {
@@ -83,6 +86,22 @@ fn source(matches: &ArgMatches, key: &str) -> Option<ValueSource> {
     if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
 }
 
+/// A text of the library with settings, which stand in it as `key`, spelled as the command line has them: `--key`, or `--set key` where
+/// there is no such option.
+pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
+    if !text.contains('`') {
+        return Cow::Borrowed(text);
+    }
+    let command = Settings::augment_args(Command::new("train"));
+    let mut spelled = text.to_owned();
+    for (_, key) in Settings::all_keys() {
+        let option = command.get_arguments().any(|arg| arg.get_long() == Some(key.name.as_str()));
+        let by = if option { "--" } else { "--set " };
+        spelled = spelled.replace(&format!("`{}`", key.name), &format!("{by}{}", key.name));
+    }
+    Cow::Owned(spelled)
+}
+
 /// What to say of an option that a command does not have and that is a key of the settings, or was an option once.
 pub(crate) fn no_option(name: &str) -> Option<String> {
     let key = name.trim_start_matches('-').split('=').next().unwrap_or_default();
@@ -103,7 +122,7 @@ const REMOVED: [(&str, &str); 3] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::{Args as _, Command, FromArgMatches as _};
+    use clap::FromArgMatches as _;
 
     fn asked(options: &[&str]) -> anyhow::Result<(Settings, Vec<bool>)> {
         let matches = Asked::augment_args(Command::new("train").no_binary_name(true)).try_get_matches_from(options)?;
@@ -134,6 +153,12 @@ mod tests {
         assert!(no_option("--stereo-side=80").unwrap().contains("--set stereo-side=VALUE"));
         assert!(no_option("--fast").unwrap().contains("moment-bits"));
         assert_eq!(no_option("--nonsense"), None);
+    }
+
+    #[test]
+    fn settings_in_texts_of_the_library_are_spelled_as_options() {
+        assert_eq!(as_options("lower `max-side` or `stereo-side`"), "lower --max-side or --set stereo-side");
+        assert_eq!(as_options("`psrgs-vk weights` of `a`"), "`psrgs-vk weights` of `a`");
     }
 
     #[test]

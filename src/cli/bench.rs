@@ -17,6 +17,7 @@ use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photogr
 use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
+use super::asked::Assignment;
 use super::console::{self, Console};
 use super::device;
 use super::exit::Failure;
@@ -92,6 +93,9 @@ pub(crate) struct Args {
     pub(crate) json: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
+    /// Set any key of settings.toml, as in `train`; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<Assignment>,
     #[command(flatten)]
     pub(crate) shortcuts: Shortcuts,
     #[command(flatten)]
@@ -120,7 +124,7 @@ struct Made<'a, R> {
 }
 
 impl Args {
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> anyhow::Result<Settings> {
         let mut settings =
             Settings { photographs: self.photographs.clone(), device: self.device.clone(), ..Settings::default() };
         settings.host = self.host.clone();
@@ -132,7 +136,10 @@ impl Args {
         settings.run.init = self.init.clone();
         settings.model.sh_degree = self.sh_degree;
         settings.shortcuts = self.shortcuts.clone();
-        settings
+        for Assignment { key, value } in &self.set {
+            settings.set(key, value)?;
+        }
+        Ok(settings)
     }
 
     /// What the steps are taken on.
@@ -179,7 +186,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
 }
 
 fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
-    let settings = args.settings();
+    let settings = args.settings()?;
     settings.check()?;
     let gpu = args.open(console)?;
     let input = args.input(data, &settings, console)?;

@@ -9,6 +9,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use psrgs_vk::vk::Messages;
 
+use super::asked::as_options;
 use super::exit::Failure;
 use super::plain;
 
@@ -73,7 +74,7 @@ impl Console {
 
 /// A closed standard error is no reason to stop a training run, so the outcome of writing is dropped.
 fn line(text: &dyn Display) {
-    let _ = writeln!(io::stderr(), "{}", plain::message(&text.to_string()));
+    let _ = writeln!(io::stderr(), "{}", plain::message(&as_options(&text.to_string())));
 }
 
 /// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a reader that reads no

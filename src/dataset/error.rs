@@ -91,7 +91,7 @@ pub enum Error {
         of: usize,
     },
     /// No folder with photographs.
-    #[error("{}: no folder of photographs; looked for {looked_for}; another can be named with --images{elsewhere}", folder.display())]
+    #[error("{}: no folder of photographs; looked for {looked_for}; the setting `images` names another{elsewhere}", folder.display())]
     NoPhotographs {
         /// The dataset.
         folder: PathBuf,
@@ -229,10 +229,10 @@ pub enum Error {
         problem: String,
     },
     /// The options ask for images of no size.
-    #[error("the longest side of an image (--max-side) must be at least 1 pixel")]
+    #[error("the longest side of an image (`max-side`) must be at least 1 pixel")]
     ZeroMaxSide,
     /// A size or a factor that no image can have.
-    #[error("a width and a height (--width, --height) must be at least 1 pixel, a factor (--downscale) at least 1")]
+    #[error("a width and a height (`width`, `height`) must be at least 1 pixel, a factor (`downscale`) at least 1")]
     BadSize,
     /// A photograph cannot be reduced to the size asked for.
     #[error(

@@ -63,7 +63,7 @@ pub(super) fn choose(
 fn no_photographs(dataset: &Path, looked_for: String, names: &[&str]) -> Error {
     let elsewhere = most_of(dataset, names).map(|(folder, count)| {
         let count = if count == names.len() { "all".to_owned() } else { count.to_string() };
-        format!("; {count} of them are in {folder}: --images {folder}")
+        format!("; {count} of them are in {folder}: set `images` to {folder}")
     });
     Error::NoPhotographs { folder: dataset.to_owned(), looked_for, elsewhere: elsewhere.unwrap_or_default() }
 }

@@ -47,7 +47,7 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
         return "it is a file, and a dataset is a folder".to_owned();
     }
     if let Some(other) = Format::ALL.into_iter().find(|format| format.is_in(folder) || format.is_elsewhere(folder)) {
-        return format!("there is a {other} dataset: leave --format out, or give --format {other}");
+        return format!("there is a {other} dataset: set no `format`, or `format` to {other}");
     }
     // A link is told by its name and by where it leads; `..` by the latter alone.
     let real = folder.canonicalize().unwrap_or_default();

@@ -301,7 +301,7 @@ impl fmt::Display for Warning {
             ),
             Self::BrighterThanWhite { photographs, pixels } => write!(
                 f,
-                "{} {} pixels brighter than white ({} in all), which are made white; --white-level says what is",
+                "{} {} pixels brighter than white ({} in all), which are made white; the setting `white-level` says which value is white",
                 counted(*photographs, "photograph"),
                 of_count(*photographs, "has", "have"),
                 grouped(*pixels)
@@ -309,7 +309,7 @@ impl fmt::Display for Warning {
             Self::TransparentLeftOut { photographs, pixels } => write!(
                 f,
                 "{} {} transparent pixels ({} in all), which are left out: nothing keeps splats from \
-                 them. If nothing is to be seen there, say --transparent background",
+                 them. If nothing is to be seen there, set `transparent` to `background`",
                 counted(*photographs, "photograph"),
                 of_count(*photographs, "has", "have"),
                 grouped(*pixels)
@@ -324,7 +324,7 @@ impl fmt::Display for Warning {
             }
             Self::SeveralFormats { used, others } => {
                 let others: Vec<String> = others.iter().map(ToString::to_string).collect();
-                write!(f, "read as {used}; the folder could be read as {} too: --format chooses", others.join(", "))
+                write!(f, "read as {used}; the folder could be read as {} too: the setting `format` chooses", others.join(", "))
             }
             Self::CoordinatesUnknown { file, problem } => write!(
                 f,
@@ -426,7 +426,7 @@ impl fmt::Display for Warning {
                 }
                 write!(
                     f,
-                    "Without --init, training starts from random points in the cameras' common view, or from the surfaces that \
+                    "Without `init`, training starts from random points in the cameras' common view, or from the surfaces that \
                      stereo finds: expect a lower quality, more splats and more of them in mid-air than from triangulated points"
                 )
             }

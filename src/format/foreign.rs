@@ -95,7 +95,7 @@ fn model(extension: &str, bytes: u64, begin: &[u8]) -> Option<(&'static str, &'s
         (_, "splat") if bytes.is_multiple_of(SPLAT_BYTES) => "a model of the format SPLAT",
         ([b'g', b'l', b'T', b'F', ..], _) => "a file of the format glTF",
         ([b'L', b'A', b'S', b'F', ..], _) => {
-            return Some(("a laser scan (LAS or LAZ)", "give it as --lidar of a training"));
+            return Some(("a laser scan (LAS or LAZ)", "give it as the `lidar` of a training"));
         }
         ([b'A', b'S', b'T', b'M', b'-', b'E', b'5', b'7', ..], _) => {
             return Some(("a laser scan of the format E57", "convert it to PLY, LAS or LAZ"));

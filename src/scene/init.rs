@@ -26,7 +26,7 @@ pub enum InitError {
     /// No points.
     #[error(
         "the model has no points to start from: triangulate them (COLMAP's point_triangulator writes points3D), \
-         or give a model with --init FILE.ply"
+         or give a model (PLY) as `init`"
     )]
     NoPoints,
     /// More points than can be numbered.
@@ -224,6 +224,6 @@ mod tests {
         assert_eq!(one.scales, [0.05_f64.ln() as f32; 3]);
         let error = from_points(&[], &Frame::IDENTITY).expect_err("nothing");
         assert_eq!(error, InitError::NoPoints);
-        assert!(error.to_string().contains("--init"));
+        assert!(error.to_string().contains("`init`"));
     }
 }

@@ -100,9 +100,9 @@ impl Settings {
         if !(1..=self.checks).contains(&self.agree_sources) {
             let value = self.agree_sources.to_string();
             return wrong(
-                "agree_sources (--agree)",
+                "agree_sources (`agree`)",
                 value,
-                "from 1 to the number of views that depths are checked against (--checks)",
+                "from 1 to the number of views that depths are checked against (`checks`)",
             );
         }
         for (name, value) in [
@@ -118,7 +118,7 @@ impl Settings {
             }
         }
         if !(3..=6).contains(&self.taps) {
-            return wrong("taps (--window)", self.taps.to_string(), "3, 4, 5 or 6");
+            return wrong("taps (`window`)", self.taps.to_string(), "3, 4, 5 or 6");
         }
         if !(1..=8).contains(&self.step) {
             return wrong("step", self.step.to_string(), "from 1 to 8");
@@ -141,7 +141,7 @@ impl Settings {
             return wrong("most_slanted", self.most_slanted.to_string(), "between 0 and 90 degrees");
         }
         if !(-1.0..=1.0).contains(&self.least_ncc) {
-            return wrong("least_ncc (--least-ncc)", self.least_ncc.to_string(), "from -1 to 1");
+            return wrong("least_ncc (`least-ncc`)", self.least_ncc.to_string(), "from -1 to 1");
         }
         Ok(())
     }

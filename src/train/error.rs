@@ -35,17 +35,17 @@ pub enum Error {
     #[error(transparent)]
     Settings(#[from] super::settings::SettingsError),
     /// A form of a pass was asked for that does not give equal bits.
-    #[error("--gradient-sum: only slots gives equal bits; leave it out, or leave --deterministic out")]
+    #[error("only the `gradient-sum` slots gives equal bits: leave `gradient-sum` unset, or `deterministic`")]
     NotDeterministic,
     /// Float atomics were asked for on a device (or with a switch) that has none.
-    #[error("--gradient-sum atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
+    #[error("`gradient-sum` atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
     NoFloatAtomics,
     /// A backward per splat was asked for in column tiles.
-    #[error("--backward per-splat: only in tiles of 16x16; use --tile-shape pixel, or leave one of them out")]
+    #[error("`backward` per-splat: only in tiles of 16x16; set `tile-shape` to pixel, or leave one of both unset")]
     PerSplatInColumns,
     /// A form of the blending passes that takes more shared memory than a workgroup has.
     #[error(
-        "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; --tile-shape column --gradient-sum slots takes next to none"
+        "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; `tile-shape` column with `gradient-sum` slots takes next to none"
     )]
     SharedMemory {
         /// The form.
@@ -55,7 +55,7 @@ pub enum Error {
     },
     /// A shortcut of the optimiser was asked for on a device that binds too few buffers to a pass.
     #[error(
-        "--sh-share: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or add --moment-bits 16"
+        "`sh-share`: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or set `moment-bits` to 16"
     )]
     ShortcutBuffers {
         /// Buffers of the pass.
@@ -66,7 +66,7 @@ pub enum Error {
     /// A cloud lies elsewhere than what the cameras look at.
     #[error(
         "{}: the cloud is in another frame than the cameras: {}, and they look at {scene}. Give it in the coordinates of the dataset, or \
-         leave it out with --lidar mvs",
+         set `lidar` to mvs",
         file.display(), where_cloud(cloud.as_deref())
     )]
     CloudElsewhere {
@@ -79,7 +79,7 @@ pub enum Error {
     },
     /// Stereo found no cloud.
     #[error(
-        "--lidar mvs: stereo has found no surface that photographs agree on; give a laser scan (--lidar CLOUD.ply, .las or .laz)"
+        "`lidar` mvs: stereo has found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)"
     )]
     NoCloud,
     /// No photograph to train on.
@@ -118,7 +118,7 @@ pub enum Error {
     /// What training needs does not fit the device memory that may be used.
     #[error(
         "out of device memory: no room for {} {what}; with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
-         Give more with --max-device-memory, or need less with a smaller --max-side or --max-splats{}",
+         Raise `max-device-memory`, or lower `max-side` or `max-splats`{}",
         crate::numbers::grouped(*wanted), readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
     )]
     MemoryLimit {
@@ -156,7 +156,7 @@ pub enum Error {
     },
     /// A run cannot go on with photographs that it has not been trained on.
     #[error(
-        "the dataset is not the one that the run was trained on: {what}. Put back what it was trained on, or train anew with another --out"
+        "the dataset is not the one that the run was trained on: {what}. Put back what it was trained on, or train anew in another folder"
     )]
     OtherPhotographs {
         /// The first difference.
@@ -164,8 +164,8 @@ pub enum Error {
     },
     /// The perceptual loss of a resumed training would be another one.
     #[error(
-        "the perceptual loss went by {before} so far, and would go by {now}: give the same weights (--perceptual-weights, PSRGS_WEIGHTS, or \
-         the folder of `psrgs-vk weights`), or train anew with another --out"
+        "the perceptual loss went by {before} so far, and would go by {now}: give the same weights (`perceptual-weights`, PSRGS_WEIGHTS, or \
+         the folder of `psrgs-vk weights`), or train anew in another folder"
     )]
     OtherPerceptual {
         /// What it went by.
@@ -194,6 +194,6 @@ fn where_cloud(cloud: Option<&Bounds>) -> String {
 
 fn where_saved(file: Option<&Path>) -> String {
     file.map_or(String::new(), |f| {
-        format!(". The training so far is saved in {}: --resume goes on from there", f.display())
+        format!(". The training so far is saved in {}: the run can be resumed from there", f.display())
     })
 }

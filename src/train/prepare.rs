@@ -191,7 +191,7 @@ fn spread<T>(of: &[T], count: usize) -> Vec<&T> {
 }
 
 fn empty(file: &Path, what: &str) -> Error {
-    let problem = format!("it holds no {what} to begin with; give another file, or leave --init out");
+    let problem = format!("it holds no {what} to begin with; give another file, or leave `init` unset");
     FileError::malformed(file, "element vertex", At::Byte(0), problem).into()
 }
 

@@ -68,7 +68,7 @@ pub struct Trainer {
     give_up_scoring: Box<dyn Fn() -> bool + Send + Sync>,
     history: History,
     last_splats: u32,
-    pending_check: bool,
+    told_bad_splats: bool,
     /// Whether it was told that memory limits the splats.
     told_full: bool,
     started: Instant,
@@ -136,7 +136,7 @@ impl Trainer {
             give_up_scoring: Box::new(|| false),
             history,
             last_splats,
-            pending_check: false,
+            told_bad_splats: false,
             told_full: false,
             started,
             seconds_before,

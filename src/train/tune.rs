@@ -68,10 +68,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
         Ok(Tuned { variants: default, why: Why::Capability(why), warning: None })
     };
     if settings.run.deterministic {
-        return by_capability("--deterministic");
+        return by_capability("`deterministic`");
     }
     if settings.run.tune == Tune::Off {
-        return by_capability("--tune off");
+        return by_capability("`tune` is off");
     }
     let candidates = candidates(gpu, settings, default);
     if candidates.len() < 2 {
@@ -92,7 +92,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
         }
     }
     if settings.run.tune == Tune::Auto && settings.run.iterations < FEWEST_STEPS {
-        return Ok(Tuned { warning, ..by_capability("too short a training to time forms; --tune again does")? });
+        return Ok(Tuned { warning, ..by_capability("the training is too short to time variants; `tune` again times them")? });
     }
     let times = measure(gpu, input, settings, &candidates)?;
     let variants = faster(default, &times);
@@ -258,7 +258,7 @@ impl fmt::Display for Tuned {
         match &self.why {
             Why::Capability(why) => write!(f, " (by the device's capabilities: {why})"),
             Why::Kept => {
-                write!(f, " (the fastest of an earlier timing; --tune again times anew, --tune off takes none)")
+                write!(f, " (the fastest of an earlier timing; `tune` again times anew, `tune` off takes none)")
             }
             Why::Timed(times) => {
                 let each = times.iter().map(|(v, s)| format!("{v} {:.2} ms", 1e3 * s));

@@ -264,13 +264,6 @@ impl Gpu {
         lock(&self.inner.state)
     }
 
-    /// From now on [`Self::memory_use`] tells the most bytes since this moment.
-    pub fn forget_peak_memory(&self) {
-        if let Some(pool) = lock(&self.inner.device.memory).as_mut() {
-            pool.forget_peak();
-        }
-    }
-
     pub(super) fn raw_timeline(&self) -> vk::Semaphore {
         self.inner.timeline
     }

@@ -107,10 +107,6 @@ impl MemoryPool {
         self.tally
     }
 
-    pub(super) fn forget_peak(&mut self) {
-        self.tally.peak = self.tally.current;
-    }
-
     pub(super) fn allocate(
         &mut self,
         name: &str,

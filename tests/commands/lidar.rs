@@ -36,7 +36,7 @@ fn clouds_that_cannot_be_used_say_why() {
     let with = |file: &std::path::Path, code: i32, words: &[&str]| {
         fails(&[&ends[..], &["--lidar", text(file)], &SHORT].concat(), code, words);
     };
-    fails(&[&ends[..], &SHORT].concat(), 2, &["lidar", "--lidar mvs", "CLOUD.ply"]);
+    fails(&[&ends[..], &SHORT].concat(), 2, &["lidar", "mvs", "LAZ"]);
     with(&folder.path().join("gone.las"), 3, &["gone.las", "open"]);
 
     // The same scan in the coordinates of a map: both boxes are told.

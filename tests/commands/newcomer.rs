@@ -57,7 +57,7 @@ fn hints_lead_to_the_dataset_and_are_of_the_format_asked_for() {
     };
     let said = train(&data);
     assert!(
-        said.contains("reconstruction.json") && said.contains("there is a colmap dataset: leave --format"),
+        said.contains("reconstruction.json") && said.contains("there is a colmap dataset: set no --format"),
         "{said}"
     );
     for folder in [above.to_owned(), data.join("images"), data.join("sparse/0")] {
@@ -82,7 +82,7 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["train", data, "--iterations", "ten"], 2, &["--iterations", "ten"]),
         (&["train", data, "--max-side", "0", "--out", text(&out)], 2, &["max-side", "at least 16"]),
         (&["train", data, "--set", "bands=0", "--out", text(&out)], 2, &["bands", "from 1 to 64"]),
-        (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another --out"]),
+        (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another folder"]),
         (&["train", data, "--out", run_text, "--iterations", "2"], 2, &["--resume", "--overwrite", "another --out"]),
         (&["train", "--resume", data], 3, &["no run to resume", "settings.toml"]),
         (&["train", "--resume", run_text, "--iterations", "149"], 2, &["--iterations 149", "step 150 already"]),

@@ -342,7 +342,7 @@ fn a_model_without_points_or_images_says_so() {
     fs::remove_file(root.path().join("sparse/0/points3D.bin")).expect("removed");
     let dataset = load(root.path()).expect("loads");
     assert!(dataset.points.is_empty() && dataset.warnings.contains(&Warning::NoPoints { file: None }));
-    assert!(dataset.first_gaussians().expect_err("nothing to begin with").to_string().contains("--init"));
+    assert!(dataset.first_gaussians().expect_err("nothing to begin with").to_string().contains("`init`"));
     folder.images.clear();
     assert!(matches!(load(folder.dataset(false).path()), Err(Error::NoImages { .. })));
     let empty = tempfile::tempdir().expect("temporary folder");

@@ -122,7 +122,7 @@ fn photographs_in_another_folder_are_told_with_it() {
     let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
     move_into(&root.path().join("images"), &root.path().join("photos"));
     let error = load(root.path()).expect_err("elsewhere").to_string();
-    assert!(error.contains("all of them are in photos: --images photos"), "{error}");
+    assert!(error.contains("all of them are in photos: set `images` to photos"), "{error}");
 }
 
 #[test]

@@ -25,14 +25,14 @@ impl Engine {
                 }
             }
             let limit = most_pairs(&self.gpu, variants);
-            let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "--max-side")?;
+            let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "`max-side`")?;
             size.pairs = self.needs.pairs(variants, size.splats, wanted, planned)?;
             grown.push(("pairs", u64::from(size.pairs)));
         }
         if status & counters::SPLATS_BIT != 0 {
             let limit = most_splats(&self.gpu);
             let wanted = words[counters::WANT_SPLATS];
-            let planned = larger(wanted, size.splats, limit, "splats", "--max-splats")?;
+            let planned = larger(wanted, size.splats, limit, "splats", "`max-splats`")?;
             let planned = planned.min(self.limit().unwrap_or(u32::MAX));
             match self.needs.splats(variants, size.pairs, wanted, planned) {
                 Some(splats) => {
@@ -51,7 +51,7 @@ impl Engine {
     /// Makes room for `wanted` splats as far as they fit, with these counters; gives for how many there is room. Waits.
     pub(super) fn room_for(&mut self, wanted: u32, words: &[u32]) -> Result<u32, Error> {
         if wanted > self.size.splats {
-            let planned = larger(wanted, self.size.splats, most_splats(&self.gpu), "splats", "--max-splats")?;
+            let planned = larger(wanted, self.size.splats, most_splats(&self.gpu), "splats", "`max-splats`")?;
             let planned = planned.min(self.limit().unwrap_or(u32::MAX));
             let variants = self.renderer.variants();
             match self.needs.splats(variants, self.size.pairs, wanted, planned) {

@@ -176,7 +176,7 @@ mod tests {
             let checked = kept(before).check(&kept(now));
             assert_eq!(checked.is_ok(), fits, "{before:?}, {now:?}");
             if let Err(error) = checked {
-                assert!(error.to_string().contains("--perceptual-weights"), "{error}");
+                assert!(error.to_string().contains("`perceptual-weights`"), "{error}");
             }
         }
     }

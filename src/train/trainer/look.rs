@@ -37,6 +37,7 @@ impl Trainer {
                 });
             }
             Kind::Density => {
+                self.told_bad_splats = false;
                 self.tell(Message::Density {
                     step: event.step,
                     cloned: outcome.counters[counters::CLONED],
@@ -59,8 +60,8 @@ impl Trainer {
     }
 
     fn warn_of_bad_splats(&mut self, step: u32, count: u32) {
-        if !self.pending_check {
-            self.pending_check = true;
+        if !self.told_bad_splats {
+            self.told_bad_splats = true;
             self.tell(Message::Warning(format!(
                 "step {step}: {} with values that are not finite {} left out, until the next density change drops {}",
                 counted(count, "splat"),

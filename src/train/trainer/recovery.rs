@@ -48,7 +48,7 @@ impl Trainer {
         self.told_full = true;
         self.tell(Message::Warning(format!(
             "step {step}: growth stops at {}, because the device memory that may be used has room for no more; \
-             --max-device-memory gives more, a smaller --max-side leaves more of it",
+             a higher `max-device-memory` gives more, a lower `max-side` leaves more of it",
             counted(splats, "splat")
         )));
     }
