@@ -1,4 +1,4 @@
-//! Exit codes, and the message that goes with one. The README lists them.
+//! Exit codes, and the message that goes with one. docs/GUIDE.md lists them.
 
 use std::error::Error;
 use std::fmt;
