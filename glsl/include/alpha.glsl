@@ -12,7 +12,6 @@
 #include "alpha_min.glsl"
 
 const float ALPHA_MAX = 0.99;
-layout(constant_id = 22) const uint CUBIC_EXPONENTIAL = 0u;  // 1: 2^e by a polynomial of degree 3 between powers of two
 
 // (p, q, r) of the exponent (base 2) -(p dx + q dy)^2 - (r dy)^2, from A, B and rest = C - B^2 / A.
 vec3 conic_factor(float a, float b, float rest) {
@@ -35,19 +34,9 @@ float exponent(vec2 roots) {
     return e;
 }
 
-// 2^e for e <= 0 within 2.1e-4 of itself, 2^-30 for all below -30. Never larger but for rounding, so that tile lists made for 2^e
-// lose nothing. The same bits on every device.
-float cubic_exp2(float e) {
-    precise float x = max(e, -30.0) + 31.0;
-    const uint whole = uint(x);
-    precise float f = x - float(whole);
-    precise float p = 0.99989691 + f * (0.69535267 + f * (0.22628430 + f * 0.07825994));
-    return uintBitsToFloat(floatBitsToUint(p) + (whole << 23u) - (31u << 23u));
-}
-
 // opacity 2^e, not yet clamped; 0 where the splat is skipped.
 float unclamped_alpha(float e, float opacity) {
-    precise float alpha = opacity * (CUBIC_EXPONENTIAL != 0u ? cubic_exp2(e) : exp2(e));
+    precise float alpha = opacity * exp2(e);
     return alpha >= ALPHA_MIN ? alpha : 0.0;
 }
 

@@ -1,7 +1,7 @@
 //! Options of how a model is drawn that trade accuracy for speed.
 
 use clap::builder::PossibleValuesParser;
-use psrgs_vk::raster::{Approximation, Exponential, ShStorage};
+use psrgs_vk::raster::{Approximation, ShStorage};
 
 /// What pictures may lose to be drawn faster.
 #[derive(Clone, Debug, clap::Args)]
@@ -15,22 +15,15 @@ pub(crate) struct DrawingArgs {
     #[arg(long, value_name = "N", default_value_t = Approximation::NONE.transmittance_cutoff,
           value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     transmittance_cutoff: u32,
-    /// The exponential of blending: exact, or cubic, whose alphas are up to 2.1e-4 of themselves too small
-    #[arg(long, value_name = "HOW", value_enum, default_value_t = Exponential::Exact)]
-    exponential: Exponential,
     /// Bits in which the numbers of spherical harmonics are stored on the device
     #[arg(long, value_name = "BITS", default_value = "32", value_parser = PossibleValuesParser::new(["16", "32"]))]
     sh_bits: String,
 }
 
 impl DrawingArgs {
-    /// Cut-offs and exponential.
+    /// Cut-offs.
     pub(crate) fn approximation(&self) -> Approximation {
-        Approximation {
-            alpha_cutoff: self.alpha_cutoff,
-            transmittance_cutoff: self.transmittance_cutoff,
-            exponential: self.exponential,
-        }
+        Approximation { alpha_cutoff: self.alpha_cutoff, transmittance_cutoff: self.transmittance_cutoff }
     }
 
     /// How spherical harmonics are stored.

@@ -2,7 +2,7 @@
 //! three ways of adding up.
 
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
-use super::cutoffs::{ALPHA_MIN, CUBIC_EXPONENTIAL};
+use super::cutoffs::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
@@ -14,10 +14,9 @@ pub(super) const CLAMP_GRADIENT_PASSES: Constant = Constant { id: 3, name: "CLAM
 pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 8 };
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
-const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_MIN, CUBIC_EXPONENTIAL];
-const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN, CUBIC_EXPONENTIAL];
-const EMULATED_CONSTANTS: &[Constant] =
-    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN, CUBIC_EXPONENTIAL];
+const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_MIN];
+const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN];
+const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN];
 
 /// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else. What is read of it has
 /// no part in the result: reading brings the row near.
@@ -94,7 +93,7 @@ pub const COLUMN_EMULATED_SLOTS: Pass = pass(
     "blend_backward_column_emulated_slots",
     Owned::Columns,
     SLOT_BINDINGS,
-    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8, ALPHA_MIN, CUBIC_EXPONENTIAL],
+    &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8, ALPHA_MIN],
 );
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
 pub const PIXEL_SLOTS: Pass = pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS);

@@ -6,17 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::pass::cutoffs::Cutoffs;
 
-/// How blending takes the exponential.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Exponential {
-    /// As the device has it.
-    #[default]
-    Exact,
-    /// By a polynomial of degree 3: alphas up to 2.1e-4 of themselves too small.
-    Cubic,
-}
-
 /// How the numbers of spherical harmonics are stored on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -46,8 +35,6 @@ pub struct Approximation {
     pub alpha_cutoff: u32,
     /// A pixel stops before the splat that would take its transmittance below 1 / this.
     pub transmittance_cutoff: u32,
-    /// How the exponential is taken.
-    pub exponential: Exponential,
 }
 
 impl Default for Approximation {
@@ -58,7 +45,7 @@ impl Default for Approximation {
 
 impl Approximation {
     /// As published (Kerbl et al. 2023).
-    pub const NONE: Self = Self { alpha_cutoff: 255, transmittance_cutoff: 10_000, exponential: Exponential::Exact };
+    pub const NONE: Self = Self { alpha_cutoff: 255, transmittance_cutoff: 10_000 };
 
     /// Cut-offs of alpha that can be asked for.
     pub const ALPHA_CUTOFFS: RangeInclusive<u32> = 2..=65_535;
@@ -68,11 +55,7 @@ impl Approximation {
     /// What the passes get of it.
     pub fn cutoffs(&self) -> Cutoffs {
         let part = |of: u32| (1.0 / f64::from(of.max(1))) as f32;
-        Cutoffs {
-            alpha: part(self.alpha_cutoff),
-            transmittance: part(self.transmittance_cutoff),
-            cubic_exponential: self.exponential == Exponential::Cubic,
-        }
+        Cutoffs { alpha: part(self.alpha_cutoff), transmittance: part(self.transmittance_cutoff) }
     }
 }
 

@@ -91,6 +91,6 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         (Pixel, PerSplat, CompareAndSwap) => Chosen::with(&backward::SPLAT_EMULATED_CAS, &[width]),
         (Pixel, _, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
     };
-    chosen.constants.extend(variants.approximation.cutoffs().of_backward());
+    chosen.constants.extend(variants.approximation.cutoffs().of_lists());
     Ok(chosen)
 }

@@ -16,7 +16,7 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
-pub use approximation::{Approximation, Exponential, ShStorage};
+pub use approximation::{Approximation, ShStorage};
 pub use held::Held;
 pub use live::LiveModel;
 pub use picture::Picture;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::approximation::{Approximation, Exponential};
+use super::approximation::Approximation;
 use super::kernels;
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
@@ -98,17 +98,14 @@ impl std::fmt::Display for Variants {
             Backward::PerSplat => "per splat",
         };
         write!(f, "{tile} tiles, backward {backward}, {gradients}")?;
-        let Approximation { alpha_cutoff, transmittance_cutoff, exponential } = self.approximation;
+        let Approximation { alpha_cutoff, transmittance_cutoff } = self.approximation;
         if alpha_cutoff != Approximation::NONE.alpha_cutoff {
             write!(f, ", alpha cut off at 1/{alpha_cutoff}")?;
         }
         if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
             write!(f, ", transmittance at 1/{transmittance_cutoff}")?;
         }
-        match exponential {
-            Exponential::Exact => Ok(()),
-            Exponential::Cubic => write!(f, ", cubic exponential"),
-        }
+        Ok(())
     }
 }
 

@@ -25,7 +25,7 @@ pub use values::{
 
 use std::path::PathBuf;
 
-use crate::raster::{Approximation, Exponential};
+use crate::raster::Approximation;
 use group::group;
 
 /// Heading of the options that most trainings need.
@@ -226,8 +226,6 @@ group! {
         pub transmittance_cutoff: u32 = Approximation::NONE.transmittance_cutoff; Range::new(
             "a whole number from 2 to 1000000", |v| (2.0..=1e6).contains(&v)
         ),
-        /// The exponential of blending in training; held-out pictures are drawn with the exact one
-        pub exponential: Exponential = Exponential::Exact,
         /// Whether only the splats on the image are stepped: they make up for missed steps, and a step takes time by what a photograph
         /// shows
         pub visible_adam: bool = false,
@@ -378,11 +376,7 @@ pub struct Settings {
 impl Shortcuts {
     /// What the passes lose by them.
     pub fn approximation(&self) -> Approximation {
-        Approximation {
-            alpha_cutoff: self.alpha_cutoff,
-            transmittance_cutoff: self.transmittance_cutoff,
-            exponential: self.exponential,
-        }
+        Approximation { alpha_cutoff: self.alpha_cutoff, transmittance_cutoff: self.transmittance_cutoff }
     }
 }
 

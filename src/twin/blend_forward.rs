@@ -26,7 +26,7 @@ pub struct Blend<R> {
     pub ranges: Vec<[u32; 2]>,
     /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`: no blocks.
     pub block: Option<[u32; 2]>,
-    /// What is left out and how the exponential is taken.
+    /// What is left out.
     pub cutoffs: Cutoffs,
 }
 
@@ -65,20 +65,12 @@ impl<R: Real> Evaluation<R> {
     }
 }
 
-/// 2^e by the shader's polynomial.
-fn cubic_exp2<R: Real>(e: R) -> R {
-    let x = e.max(R::of(-30.0)) + R::of(31.0);
-    let f = x - x.floor();
-    let p = R::of(0.999_896_91) + f * (R::of(0.695_352_67) + f * (R::of(0.226_284_30) + f * R::of(0.078_259_94)));
-    p * R::of(2.0).powf(x.floor() - R::of(31.0))
-}
-
 /// The splat `row` at the pixel whose centre is `center`.
 pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2], cutoffs: &Cutoffs) -> Evaluation<R> {
     let d = [center[0] - row[0], center[1] - row[1]];
     let along = d[0] + row[3] / row[2] * d[1];
     let power = -(row[2] * along * along + row[7] * d[1] * d[1]) / R::of(2.0);
-    let falloff = if cutoffs.cubic_exponential { cubic_exp2(power * R::LOG2_E()) } else { power.exp() };
+    let falloff = power.exp();
     let alpha = row[5] * falloff;
     let skipped = alpha < R::of(f64::from(cutoffs.alpha));
     Evaluation { d, falloff, unclamped: if skipped { R::zero() } else { alpha } }
@@ -203,7 +195,7 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cuto
 fn run(call: &mut TwinCall<'_>, side: u32) {
     let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
     let (weighed, cutoffs) = match *call.constants {
-        [.., weighed, alpha, transmittance, cubic] => (weighed != 0, Cutoffs::of_bits(alpha, transmittance, cubic)),
+        [.., weighed, alpha, transmittance] => (weighed != 0, Cutoffs::of_bits(alpha, transmittance)),
         _ => (false, Cutoffs::EXACT),
     };
     let blend = inputs(call, side, block, cutoffs);

@@ -250,7 +250,6 @@ fn pictures_can_be_drawn_for_less() {
     assert_eq!(exact, drawn("plain", &[]));
     for (name, options, most) in [
         ("halved", &["--sh-bits", "16"][..], 1),
-        ("cubic", &["--exponential", "cubic"], 2),
         ("skipped", &["--alpha-cutoff", "128"], 40),
         // What is left out is at most a third of white.
         ("stopped", &["--transmittance-cutoff", "3"], 86),

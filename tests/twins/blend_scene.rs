@@ -140,7 +140,7 @@ pub struct Doubt {
 }
 
 /// What a cheaper picture is drawn with.
-pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2, cubic_exponential: true };
+pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2 };
 
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
@@ -152,8 +152,6 @@ pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2, c
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
     let least = f64::from(blend.cutoffs.transmittance);
-    // Before the polynomial 31 is added to the exponent.
-    let exponential = if blend.cutoffs.cubic_exponential { 2.0f64.powi(-19) } else { 2.0f64.powi(-21) };
     (0..blend.width * blend.height)
         .map(|pixel| {
             let (x, y) = (pixel % blend.width, pixel / blend.width);
@@ -171,7 +169,7 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                 let roundings = 2.0 * root_x.abs() * (5.0 * across.abs() + 8.0 * skew.abs())
                     + 2.0 * root_x * root_x
                     + 10.0 * root_y * root_y;
-                let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + exponential + u;
+                let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + 2.0f64.powi(-21) + u;
                 let raw = row[5] * at.falloff;
                 doubt.undecided |= (raw / f64::from(blend.cutoffs.alpha) - 1.0).abs() <= off;
                 // Where the clamp sets in, gradients jump.

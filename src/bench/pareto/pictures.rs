@@ -3,9 +3,7 @@
 use super::super::Error;
 use super::{AGAIN, Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
-use crate::raster::{
-    Approximation, Culling, Exponential, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer,
-};
+use crate::raster::{Approximation, Culling, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
 use crate::vk::{self, Gpu};
 
 /// A way to draw.
@@ -18,8 +16,8 @@ struct Form {
     sh: ShStorage,
 }
 
-/// Cut-offs and exponentials that are compared, with the options that choose them.
-pub(super) fn approximations() -> [(&'static str, Approximation); 6] {
+/// Cut-offs that are compared, with the options that choose them.
+pub(super) fn approximations() -> [(&'static str, Approximation); 5] {
     let none = Approximation::NONE;
     [
         ("--alpha-cutoff 1000", Approximation { alpha_cutoff: 1000, ..none }),
@@ -27,19 +25,16 @@ pub(super) fn approximations() -> [(&'static str, Approximation); 6] {
         ("--alpha-cutoff 64", Approximation { alpha_cutoff: 64, ..none }),
         ("--transmittance-cutoff 1000", Approximation { transmittance_cutoff: 1000, ..none }),
         ("--transmittance-cutoff 100", Approximation { transmittance_cutoff: 100, ..none }),
-        ("--exponential cubic", Approximation { exponential: Exponential::Cubic, ..none }),
     ]
 }
 
 /// What a table calls an approximation.
 pub(super) fn form_name(approximation: Approximation) -> String {
-    let Approximation { alpha_cutoff, transmittance_cutoff, exponential } = approximation;
+    let Approximation { alpha_cutoff, transmittance_cutoff } = approximation;
     if alpha_cutoff != Approximation::NONE.alpha_cutoff {
         format!("splats skipped below an alpha of 1/{alpha_cutoff}")
     } else if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
         format!("pixels stopped at a transmittance of 1/{transmittance_cutoff}")
-    } else if exponential == Exponential::Cubic {
-        "cubic exponential".into()
     } else {
         "default".into()
     }

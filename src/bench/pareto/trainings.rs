@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::super::Error;
 use super::{AGAIN, Setting, Table};
-use crate::raster::{Exponential, GradientSum, TileShape, Variants};
+use crate::raster::{GradientSum, TileShape, Variants};
 use crate::scene::Gaussians;
 use crate::train::settings::Growth;
 use crate::train::{Input, Message, Pacing, Settings, Trainer};
@@ -37,7 +37,6 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         knob("pixels stopped at a transmittance of 1/100", "--transmittance-cutoff 100", |s| {
             s.shortcuts.transmittance_cutoff = 100;
         }),
-        knob("cubic exponential", "--exponential cubic", |s| s.shortcuts.exponential = Exponential::Cubic),
         knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
         knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),
