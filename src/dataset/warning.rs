@@ -324,7 +324,11 @@ impl fmt::Display for Warning {
             }
             Self::SeveralFormats { used, others } => {
                 let others: Vec<String> = others.iter().map(ToString::to_string).collect();
-                write!(f, "read as {used}; the folder could be read as {} too: the setting `format` chooses", others.join(", "))
+                write!(
+                    f,
+                    "read as {used}; the folder could be read as {} too: the setting `format` chooses",
+                    others.join(", ")
+                )
             }
             Self::CoordinatesUnknown { file, problem } => write!(
                 f,

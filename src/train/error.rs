@@ -78,9 +78,7 @@ pub enum Error {
         scene: Box<Bounds>,
     },
     /// Stereo found no cloud.
-    #[error(
-        "`lidar` mvs: stereo has found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)"
-    )]
+    #[error("`lidar` mvs: stereo has found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)")]
     NoCloud,
     /// No photograph to train on.
     #[error("there is no photograph to train on")]

@@ -92,7 +92,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
         }
     }
     if settings.run.tune == Tune::Auto && settings.run.iterations < FEWEST_STEPS {
-        return Ok(Tuned { warning, ..by_capability("the training is too short to time variants; `tune` again times them")? });
+        return Ok(Tuned {
+            warning,
+            ..by_capability("the training is too short to time variants; `tune` again times them")?
+        });
     }
     let times = measure(gpu, input, settings, &candidates)?;
     let variants = faster(default, &times);

@@ -230,7 +230,7 @@ fn a_device_without_room_for_the_shortcuts_says_so() {
     let Err(error) = Trainer::new(&gpu, input.clone(), &sparse, Pacing::default(), None) else {
         panic!("the optimiser has 30 buffers")
     };
-    assert!(error.to_string().contains("--sh-share") && error.to_string().contains("30"), "{error}");
+    assert!(error.to_string().contains("`sh-share`") && error.to_string().contains("30"), "{error}");
     // With both moments in a word there are 22.
     assert_eq!(run(&gpu, input, &fast_settings(5), Pacing::default()).losses.len(), 5);
 }
