@@ -113,11 +113,12 @@ pub(crate) fn no_option(name: &str) -> Option<String> {
 }
 
 /// Options of earlier versions that are no key either, and what to do in their place.
-const REMOVED: [(&str, &str); 4] = [
+const REMOVED: [(&str, &str); 5] = [
     ("exponential", "leave it out: blending takes the exact exponential"),
     ("fast", "--set moment-bits=16 has what it saved in memory"),
     ("sh-every", "leave it out: view-dependent colours take every step"),
     ("sh-rate", "leave it out: --set lr-sh-rest=VALUE is the learning rate of view-dependent colours"),
+    ("transmittance-cutoff", "leave it out: a pixel always ends at a transmittance of 1/10000"),
 ];
 
 #[cfg(test)]

@@ -11,10 +11,6 @@ pub(crate) struct DrawingArgs {
     #[arg(long, value_name = "N", default_value_t = Approximation::NONE.alpha_cutoff,
           value_parser = clap::value_parser!(u32).range(2..=65535))]
     alpha_cutoff: u32,
-    /// Stop a pixel before the splat that would take its transmittance below 1/N
-    #[arg(long, value_name = "N", default_value_t = Approximation::NONE.transmittance_cutoff,
-          value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
-    transmittance_cutoff: u32,
     /// Bits in which the numbers of spherical harmonics are stored on the device
     #[arg(long, value_name = "BITS", default_value = "32", value_parser = PossibleValuesParser::new(["16", "32"]))]
     sh_bits: String,
@@ -23,7 +19,7 @@ pub(crate) struct DrawingArgs {
 impl DrawingArgs {
     /// Cut-offs.
     pub(crate) fn approximation(&self) -> Approximation {
-        Approximation { alpha_cutoff: self.alpha_cutoff, transmittance_cutoff: self.transmittance_cutoff }
+        Approximation { alpha_cutoff: self.alpha_cutoff }
     }
 
     /// How spherical harmonics are stored.

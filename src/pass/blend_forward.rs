@@ -1,6 +1,6 @@
 //! Alpha blending front to back, in two shapes of one kernel.
 
-use super::cutoffs::{ALPHA_MIN, TRANSMITTANCE_MIN};
+use super::cutoffs::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
@@ -61,7 +61,7 @@ const fn pass(name: &'static str, local_size: u32, doc: &'static str) -> Pass {
             spirv: module(name),
             bindings: BINDINGS,
             push_bytes: Push::BYTES,
-            constants: &[AUX, COUNT, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN],
+            constants: &[AUX, COUNT, WEIGHTS, ALPHA_MIN],
             local_size: Some(local_size),
         },
         doc,
@@ -77,12 +77,11 @@ const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads own
 pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
 pub const COLUMN_EMULATED: Pass = with(
-    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN],
+    &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, WEIGHTS, ALPHA_MIN],
     pass("blend_forward_column_emulated", 8, COLUMN_DOC),
 );
 /// For devices with wide subgroups and shared memory of their own.
-pub const PIXEL: Pass =
-    with(&[AUX, COUNT, BLOCK, WEIGHTS, ALPHA_MIN, TRANSMITTANCE_MIN], pass("blend_forward_pixel", 256, PIXEL_DOC));
+pub const PIXEL: Pass = with(&[AUX, COUNT, BLOCK, WEIGHTS, ALPHA_MIN], pass("blend_forward_pixel", 256, PIXEL_DOC));
 
 const fn with(constants: &'static [Constant], pass: Pass) -> Pass {
     Pass { kernel: Kernel { constants, ..pass.kernel }, ..pass }

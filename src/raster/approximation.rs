@@ -33,8 +33,6 @@ impl ShStorage {
 pub struct Approximation {
     /// A splat is skipped at a pixel where its alpha is below 1 / this, and listed only in tiles where it is not.
     pub alpha_cutoff: u32,
-    /// A pixel stops before the splat that would take its transmittance below 1 / this.
-    pub transmittance_cutoff: u32,
 }
 
 impl Default for Approximation {
@@ -45,17 +43,15 @@ impl Default for Approximation {
 
 impl Approximation {
     /// As published (Kerbl et al. 2023).
-    pub const NONE: Self = Self { alpha_cutoff: 255, transmittance_cutoff: 10_000 };
+    pub const NONE: Self = Self { alpha_cutoff: 255 };
 
     /// Cut-offs of alpha that can be asked for.
     pub const ALPHA_CUTOFFS: RangeInclusive<u32> = 2..=65_535;
-    /// Cut-offs of transmittance that can be asked for.
-    pub const TRANSMITTANCE_CUTOFFS: RangeInclusive<u32> = 2..=1_000_000;
 
     /// What the passes get of it.
     pub fn cutoffs(&self) -> Cutoffs {
         let part = |of: u32| (1.0 / f64::from(of.max(1))) as f32;
-        Cutoffs { alpha: part(self.alpha_cutoff), transmittance: part(self.transmittance_cutoff) }
+        Cutoffs { alpha: part(self.alpha_cutoff) }
     }
 }
 

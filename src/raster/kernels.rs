@@ -55,7 +55,7 @@ pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
         TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
         TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu, variants.culling)]),
     };
-    chosen.constants.extend(variants.approximation.cutoffs().of_forward());
+    chosen.constants.extend(variants.approximation.cutoffs().constants());
     chosen
 }
 
@@ -91,6 +91,6 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         (Pixel, PerSplat, CompareAndSwap) => Chosen::with(&backward::SPLAT_EMULATED_CAS, &[width]),
         (Pixel, _, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
     };
-    chosen.constants.extend(variants.approximation.cutoffs().of_lists());
+    chosen.constants.extend(variants.approximation.cutoffs().constants());
     Ok(chosen)
 }

@@ -83,7 +83,7 @@ struct Channels {
 impl Channels {
     fn new(gpu: &Gpu, variants: Variants, aux: bool, count: bool) -> Result<Self, vk::Error> {
         let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
-        let [alpha_min] = variants.approximation.cutoffs().of_lists();
+        let [alpha_min] = variants.approximation.cutoffs().constants();
         let projection = [("TILE_W", side), ("TILE_H", side), aux, alpha_min];
         let chosen = kernels::blend_forward(gpu, variants);
         let mut switches = vec![aux, ("COUNT", u32::from(count))];

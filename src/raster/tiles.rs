@@ -158,7 +158,7 @@ impl TileLists {
                 .map(|ranges| parts(loan.early, ranges));
         let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(Part::whole);
         let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
-        let [alpha_min] = cutoffs.of_lists();
+        let [alpha_min] = cutoffs.constants();
         let emission = [carried, per_turn(tiles), alpha_min];
         Ok(TileLists {
             gpu: gpu.clone(),
@@ -286,7 +286,7 @@ impl TileLists {
         let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
         let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
         let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
-        let emit = match cutoffs.map(|cutoffs| cutoffs.of_lists()) {
+        let emit = match cutoffs.map(|cutoffs| cutoffs.constants()) {
             Some([alpha_min]) => {
                 let [carried, per_turn, _] = self.emission;
                 self.gpu.pipeline(&kernels::emission(&self.gpu).kernel, &[carried, per_turn, alpha_min])?

@@ -98,12 +98,9 @@ impl std::fmt::Display for Variants {
             Backward::PerSplat => "per splat",
         };
         write!(f, "{tile} tiles, backward {backward}, {gradients}")?;
-        let Approximation { alpha_cutoff, transmittance_cutoff } = self.approximation;
+        let Approximation { alpha_cutoff } = self.approximation;
         if alpha_cutoff != Approximation::NONE.alpha_cutoff {
             write!(f, ", alpha cut off at 1/{alpha_cutoff}")?;
-        }
-        if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
-            write!(f, ", transmittance at 1/{transmittance_cutoff}")?;
         }
         Ok(())
     }
@@ -182,7 +179,7 @@ impl Variants {
     /// The same with another cut-off of alpha, where one is given.
     pub(super) fn cut_off_at(self, alpha_cutoff: Option<u32>) -> Self {
         let alpha_cutoff = alpha_cutoff.unwrap_or(self.approximation.alpha_cutoff);
-        Self { approximation: Approximation { alpha_cutoff, ..self.approximation }, ..self }
+        Self { approximation: Approximation { alpha_cutoff }, ..self }
     }
 
     /// The same with some forms given. A backward per splat brings pixel tiles, unless another shape is given.

@@ -222,10 +222,6 @@ group! {
         pub early_steps: f64 = 0.0; Range::SHARE,
         /// N of 1/N, the alpha below which a splat is skipped at a pixel in early steps
         pub early_cutoff: u32 = 64; CUTOFF,
-        /// N of 1/N, the transmittance at which a pixel ends in training; held-out pictures are drawn with 10000
-        pub transmittance_cutoff: u32 = Approximation::NONE.transmittance_cutoff; Range::new(
-            "a whole number from 2 to 1000000", |v| (2.0..=1e6).contains(&v)
-        ),
         /// Whether only the splats on the image are stepped: they make up for missed steps, and a step takes time by what a photograph
         /// shows
         pub visible_adam: bool = false,
@@ -376,7 +372,7 @@ pub struct Settings {
 impl Shortcuts {
     /// What the passes lose by them.
     pub fn approximation(&self) -> Approximation {
-        Approximation { alpha_cutoff: self.alpha_cutoff, transmittance_cutoff: self.transmittance_cutoff }
+        Approximation { alpha_cutoff: self.alpha_cutoff }
     }
 }
 

@@ -119,7 +119,7 @@ fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, 
 
 fn pairs(call: &TwinCall<'_>, side: u32, block: usize) -> (Blend<f32>, PairGrads<f32>) {
     let cutoffs = match *call.constants {
-        [.., alpha] => Cutoffs::of_bits(alpha, Cutoffs::EXACT.transmittance.to_bits()),
+        [.., alpha] => Cutoffs::of_bits(alpha),
         _ => Cutoffs::EXACT,
     };
     let blend = inputs(call, side, block, cutoffs);

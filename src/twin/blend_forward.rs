@@ -5,6 +5,9 @@ use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
 use crate::pass::cutoffs::Cutoffs;
 use crate::scene::tile::{self, TileGrid};
 
+/// A pixel stops before the splat that would take its transmittance below this (Kerbl et al. 2023).
+pub const TRANSMITTANCE_MIN: f32 = 1e-4;
+
 /// What is blended, and where.
 #[derive(Clone, Debug)]
 pub struct Blend<R> {
@@ -136,7 +139,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                     continue;
                 }
                 let next = transmittance * (R::one() - alpha);
-                if next < R::of(f64::from(blend.cutoffs.transmittance)) {
+                if next < R::of(f64::from(TRANSMITTANCE_MIN)) {
                     break;
                 }
                 let weight = alpha * transmittance;
@@ -195,7 +198,7 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cuto
 fn run(call: &mut TwinCall<'_>, side: u32) {
     let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
     let (weighed, cutoffs) = match *call.constants {
-        [.., weighed, alpha, transmittance] => (weighed != 0, Cutoffs::of_bits(alpha, transmittance)),
+        [.., weighed, alpha] => (weighed != 0, Cutoffs::of_bits(alpha)),
         _ => (false, Cutoffs::EXACT),
     };
     let blend = inputs(call, side, block, cutoffs);

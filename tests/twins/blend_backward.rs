@@ -224,7 +224,7 @@ fn cases(side: usize) -> Vec<Case> {
                 ("CLAMP_GRADIENT_PASSES", u32::from(passes)),
             ];
             if cutoffs != Cutoffs::EXACT {
-                constants.extend(cutoffs.of_lists());
+                constants.extend(cutoffs.constants());
             }
             cases.push(Case {
                 name: format!("{}, aux {aux}, abs {sum_abs}, clamped gradient {passes}, {cutoffs:?}", scene.name),

@@ -47,7 +47,7 @@ pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
     ]);
     let mut given = vec![("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
     if blend.cutoffs != Cutoffs::EXACT {
-        given.extend(blend.cutoffs.of_forward());
+        given.extend(blend.cutoffs.constants());
     }
     harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32)
 }

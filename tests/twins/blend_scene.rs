@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::twin::Real;
-use psrgs_vk::twin::blend_forward::{Blend, evaluate};
+use psrgs_vk::twin::blend_forward::{Blend, TRANSMITTANCE_MIN, evaluate};
 
 /// Uniform numbers from a counter (SplitMix64), so that a scene is named by its seed.
 pub struct Draws(pub u64);
@@ -140,7 +140,7 @@ pub struct Doubt {
 }
 
 /// What a cheaper picture is drawn with.
-pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2 };
+pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0 };
 
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
@@ -151,7 +151,7 @@ pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0, transmittance: 1e-2 };
 /// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
-    let least = f64::from(blend.cutoffs.transmittance);
+    let least = f64::from(TRANSMITTANCE_MIN);
     (0..blend.width * blend.height)
         .map(|pixel| {
             let (x, y) = (pixel % blend.width, pixel / blend.width);

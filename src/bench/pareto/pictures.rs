@@ -17,24 +17,19 @@ struct Form {
 }
 
 /// Cut-offs that are compared, with the options that choose them.
-pub(super) fn approximations() -> [(&'static str, Approximation); 5] {
-    let none = Approximation::NONE;
+pub(super) fn approximations() -> [(&'static str, Approximation); 3] {
     [
-        ("--alpha-cutoff 1000", Approximation { alpha_cutoff: 1000, ..none }),
-        ("--alpha-cutoff 128", Approximation { alpha_cutoff: 128, ..none }),
-        ("--alpha-cutoff 64", Approximation { alpha_cutoff: 64, ..none }),
-        ("--transmittance-cutoff 1000", Approximation { transmittance_cutoff: 1000, ..none }),
-        ("--transmittance-cutoff 100", Approximation { transmittance_cutoff: 100, ..none }),
+        ("--alpha-cutoff 1000", Approximation { alpha_cutoff: 1000 }),
+        ("--alpha-cutoff 128", Approximation { alpha_cutoff: 128 }),
+        ("--alpha-cutoff 64", Approximation { alpha_cutoff: 64 }),
     ]
 }
 
 /// What a table calls an approximation.
 pub(super) fn form_name(approximation: Approximation) -> String {
-    let Approximation { alpha_cutoff, transmittance_cutoff } = approximation;
+    let Approximation { alpha_cutoff } = approximation;
     if alpha_cutoff != Approximation::NONE.alpha_cutoff {
         format!("splats skipped below an alpha of 1/{alpha_cutoff}")
-    } else if transmittance_cutoff != Approximation::NONE.transmittance_cutoff {
-        format!("pixels stopped at a transmittance of 1/{transmittance_cutoff}")
     } else {
         "default".into()
     }
