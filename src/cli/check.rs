@@ -192,7 +192,7 @@ impl Decoded {
         let nothing = !train.is_empty() && train.iter().all(Option::is_none);
         dataset.leave_out(&undecoded);
         match nothing {
-            true => Err(Failure::all_masked(&dataset.path, Role::Train).into()),
+            true => Err(train::Error::AllMasked { dataset: dataset.path.clone(), role: Role::Train }.into()),
             false => Ok(()),
         }
     }

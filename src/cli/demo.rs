@@ -12,7 +12,7 @@ use super::demo_world::WorldArgs;
 use super::device;
 use super::interrupt::Interrupt;
 use super::progress::{counter, duration};
-use super::{train, train_run};
+use super::train;
 use psrgs_vk::numbers::counted;
 
 /// Folder of the trained model inside the scene's.
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
         return Ok(());
     }
     let out = args.out.join(TRAINED);
-    train_run::train(
+    train::train(
         &train::Plan {
             settings: settings(args, params.seed)?,
             out: out.clone(),

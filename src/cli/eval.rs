@@ -158,7 +158,7 @@ fn held_out_views(args: &Args, dataset: &mut Dataset, console: &Console) -> anyh
         return Err(nothing_held_out(args, dataset));
     }
     if views.is_empty() {
-        return Err(Failure::all_masked(&dataset.path, Role::HeldOut).into());
+        return Err(psrgs_vk::train::Error::AllMasked { dataset: dataset.path.clone(), role: Role::HeldOut }.into());
     }
     prepare::left_out(dataset, Role::HeldOut, &views).iter().for_each(|warning| console.warn(warning));
     Ok(views)

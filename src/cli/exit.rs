@@ -2,9 +2,7 @@
 
 use std::error::Error;
 use std::fmt;
-use std::path::Path;
 
-use psrgs_vk::dataset::Role;
 use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
@@ -53,21 +51,6 @@ pub(crate) enum Failure {
     /// A process that was started for this ended with a code of its own.
     #[error("{1}")]
     Ended(u8, String),
-}
-
-impl Failure {
-    /// That the photographs of a role have no pixel to train on, or to be scored by.
-    pub(crate) fn all_masked(data: &Path, role: Role) -> Self {
-        let which = match role {
-            Role::HeldOut => "every held-out photograph",
-            _ => "every photograph to train on",
-        };
-        Self::Input(format!(
-            "{}: {which} is masked all over, by its mask or by its transparency (--mask-ignores says which colour of a mask leaves out, \
-             --transparent what transparent pixels are)",
-            data.display()
-        ))
-    }
 }
 
 /// What to do about a failure, where the command knows more than the failure's code says: the outermost context of an error.
@@ -173,6 +156,7 @@ fn of_training(error: &train::Error) -> u8 {
         | train::Error::NoViews
         | train::Error::CloudElsewhere { .. }
         | train::Error::NoCloud
+        | train::Error::AllMasked { .. }
         | train::Error::PhotographSize { .. }
         | train::Error::OtherPhotographs { .. }
         | train::Error::Checkpoint { .. }

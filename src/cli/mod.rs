@@ -17,6 +17,7 @@ mod driver_hint;
 mod eval;
 mod exit;
 mod exposed;
+mod finished;
 mod held_out;
 mod info;
 mod interrupt;
@@ -38,7 +39,6 @@ mod score_size;
 mod stages;
 mod stereo;
 mod train;
-mod train_run;
 mod trained_as;
 mod weights;
 

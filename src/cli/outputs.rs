@@ -4,47 +4,25 @@ mod report;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use psrgs_vk::dataset::{Dataset, Role, Undecoded, Warning};
+use psrgs_vk::dataset::{Dataset, Role, Warning};
 use psrgs_vk::eval::{
     self, ExposureScores, Geometry, GeometryTruth, Metrics, TrainingPhotograph, geometry, median_loss, misfits,
 };
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::numbers::{counted, grouped, of_count, percent};
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::train::{Settings, Trainer, View, prepare};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::train::{Trainer, View, prepare};
 
 use super::console::Console;
 use super::exit::Failure;
 use super::exposed;
+use super::finished::Finished;
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
 use super::pictures::Pictures;
-use super::run_folder::{METRICS, MODEL, RENDERS, REPORT, RunFolder};
+use super::run_folder::{METRICS, MODEL, RENDERS, REPORT};
 use super::stages;
-
-/// A training that came to its end.
-pub(crate) struct Finished<'a> {
-    /// Those that it was trained with.
-    pub(crate) settings: &'a Settings,
-    pub(crate) folder: &'a RunFolder,
-    pub(crate) dataset: &'a Dataset,
-    pub(crate) gpu: &'a Gpu,
-    /// When the process started.
-    pub(crate) started: Instant,
-    /// Seconds of training, earlier stretches of a resumed run included.
-    pub(crate) training_seconds: f64,
-    /// Seconds of training in earlier stretches of a resumed run.
-    pub(crate) earlier_seconds: f64,
-    /// Seconds of multi-view stereo.
-    pub(crate) stereo_seconds: f64,
-    /// What is to be told of photographs that were left out when they were decoded.
-    pub(crate) left_out: &'a [Warning],
-    /// Those of them that could not be.
-    pub(crate) undecoded: &'a Undecoded,
-}
 
 /// The model of a finished training, as it was saved.
 struct Saved {

@@ -13,7 +13,7 @@ use psrgs_vk::format::{atomic, checkpoint};
 use psrgs_vk::train::Settings;
 
 use super::exit::{self, Failure, Remedy};
-use super::train::Plan;
+use super::train::plan::Plan;
 
 /// Name of the settings file.
 pub(crate) const SETTINGS: &str = "settings.toml";

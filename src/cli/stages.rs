@@ -13,7 +13,7 @@ use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{Trainer, View};
 use serde::Serialize;
 
-use super::outputs::Finished;
+use super::finished::Finished;
 use super::run_folder::RunFolder;
 
 /// File of the learned widths.

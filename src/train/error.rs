@@ -80,6 +80,18 @@ pub enum Error {
     /// Stereo found no cloud.
     #[error("`lidar` mvs: stereo has found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)")]
     NoCloud,
+    /// The photographs of a role have no pixel that is not masked.
+    #[error(
+        "{}: {} is masked all over, by its mask or by its transparency (`mask-ignores` says which colour of a mask leaves out, `transparent` \
+         what transparent pixels are)",
+        dataset.display(), which_photographs(*role)
+    )]
+    AllMasked {
+        /// The dataset.
+        dataset: PathBuf,
+        /// Whether the photographs are trained on or held out.
+        role: dataset::Role,
+    },
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,
@@ -188,6 +200,13 @@ pub enum Error {
 
 fn where_cloud(cloud: Option<&Bounds>) -> String {
     cloud.map_or_else(|| "it has no points".to_owned(), |bounds| format!("it has {bounds}"))
+}
+
+fn which_photographs(role: dataset::Role) -> &'static str {
+    match role {
+        dataset::Role::HeldOut => "every held-out photograph",
+        _ => "every photograph to train on",
+    }
 }
 
 fn where_saved(file: Option<&Path>) -> String {

@@ -1,10 +1,12 @@
 //! From a dataset and settings to the input of a training, with what stereo or a cloud says of its views.
 
 mod colours;
+mod setup;
 mod stereo;
 mod stereo_cost;
 
 pub use colours::{Coloured, Uncoloured};
+pub use setup::{Request, Setup, SetupEvent};
 pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;
 

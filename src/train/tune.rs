@@ -255,6 +255,13 @@ fn faster(default: Variants, times: &[(Variants, f64)]) -> Variants {
     }
 }
 
+impl Tuned {
+    /// Whether the variants follow from the device's capabilities, and nothing was timed.
+    pub fn is_by_capability(&self) -> bool {
+        matches!(self.why, Why::Capability(_))
+    }
+}
+
 impl fmt::Display for Tuned {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "forms of the passes: {}", self.variants)?;

@@ -6,10 +6,11 @@ use anyhow::Context as _;
 use psrgs_vk::format::checkpoint;
 use psrgs_vk::train::{Checkpointed, Restart, Schedule, Settings};
 
+use super::plan::Plan;
+use super::unchanged_on_resume;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::run_folder::RunFolder;
-use crate::cli::train::{Plan, unchanged_on_resume};
 
 /// What the last checkpoint of the run has, where it is to go on and there is one yet.
 pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Restart>> {

@@ -3,11 +3,11 @@
 use psrgs_vk::train::{Message, Trainer};
 use psrgs_vk::vk::Gpu;
 
+use super::plan::Plan;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::progress::Progress;
-use crate::cli::train::Plan;
 use psrgs_vk::numbers::{counted, grouped, percent};
 
 /// Pulls messages until the end; gives the seconds of training. `done` is the last step of an earlier stretch.

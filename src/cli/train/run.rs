@@ -1,25 +1,21 @@
 //! A training from the open run folder to the last file, with what is told on the way.
 
-mod beginning;
-mod follow;
-mod resume;
-mod told_before;
-
 use std::time::Instant;
 
 use anyhow::Context as _;
 use psrgs_vk::dataset::Dataset;
+use psrgs_vk::train::prepare::{Request, Setup};
 use psrgs_vk::train::{Trainer, prepare};
 
-use super::console::Console;
-use super::device;
-use super::interrupt::Interrupt;
-use super::lpips::Lpips;
-use super::out_folder;
-use super::outputs::{self, Finished};
-use super::run_folder::{self, RunFolder};
-use super::train::Plan;
-use beginning::Beginning;
+use super::plan::Plan;
+use super::{resume, run_loop, startup_log};
+use crate::cli::console::Console;
+use crate::cli::finished::Finished;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::lpips::Lpips;
+use crate::cli::outputs;
+use crate::cli::run_folder::{self, RunFolder};
+use crate::cli::{device, out_folder};
 
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
@@ -31,16 +27,25 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     // Not before: a wrong name of the dataset leaves no folder behind.
     let folder = RunFolder::open(plan)?;
     folder.warnings().iter().for_each(|warning| console.warn(warning));
-    told_before::dataset(&dataset, console);
+    startup_log::dataset(&dataset, console);
     let mut lpips = Lpips::find(&plan.settings.scoring, console)?;
     let restart = resume::restart(plan, &folder, console)?;
     let gpu = device::open(&plan.settings.device, false, console)?;
-    let beginning = Beginning::prepare(plan, &gpu, &dataset, lpips.weights(), restart, console)?;
-    dataset.leave_out(&beginning.input.known.undecoded);
-    told_before::beginning(&beginning, &dataset, console);
-    told_before::demands(&beginning, &gpu, console)?;
+    let cache = device::cache_folder();
+    let request = Request {
+        settings: &plan.settings,
+        dataset: &dataset,
+        weights: lpips.weights(),
+        restart,
+        keep_no_photographs: plan.keep_no_photographs,
+        cache: cache.as_deref(),
+    };
+    let setup = Setup::prepare(&gpu, request, &mut |event| startup_log::event(&event, console))?;
+    dataset.leave_out(&setup.input.known.undecoded);
+    startup_log::setup(&setup, &dataset, console);
+    startup_log::demands(&setup, &gpu, console)?;
 
-    let Beginning { settings, input, restart, host, stereo_seconds, .. } = beginning;
+    let Setup { settings, input, restart, host, stereo_seconds, .. } = setup;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
     let (left_out, undecoded) = (input.known.left_out.clone(), input.known.undecoded.clone());
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
@@ -52,7 +57,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     folder.begin(&settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut to_the_end = || {
-        let training_seconds = follow::follow(&mut trainer, plan, &gpu, console, interrupt, done)?;
+        let training_seconds = run_loop::follow(&mut trainer, plan, &gpu, console, interrupt, done)?;
         // The last checkpoint has all of the training, and files appear whole or not at all.
         let resume = plan.out.display();
         interrupt.ends_at_once(format!(

@@ -3,11 +3,11 @@
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::numbers::{counted, grouped, percent};
 use psrgs_vk::raster::Variants;
+use psrgs_vk::train::prepare::{Setup, SetupEvent};
 use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{Estimate, Input, MemoryPlan, Settings, StereoReport, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
-use super::beginning::Beginning;
 use crate::cli::console::Console;
 use crate::cli::depths::without_depth;
 use crate::cli::progress::duration;
@@ -44,8 +44,43 @@ pub(super) fn dataset(dataset: &Dataset, console: &Console) {
     }
 }
 
+/// What happens while the training is made ready.
+pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
+    match event {
+        SetupEvent::ModelLeftOut(left_out) => console.warn(left_out),
+        SetupEvent::HostMemory(plan) => console.say(plan),
+        SetupEvent::PhotographLeftOut(warning) => console.warn(warning),
+        SetupEvent::NoPerceptualWeights => console.warn(
+            "the perceptual loss compares by oriented filters, for want of a network's weights: --perceptual-weights names them \
+             (`psrgs-vk weights` says where to get them), --lambda-perceptual 0 leaves it out",
+        ),
+        SetupEvent::StereoBegins { photographs } => {
+            console.say(format_args!("looking for depths in {}", counted(*photographs, "photograph")));
+        }
+        SetupEvent::Depths { found, settings, photographs } => depths(found, settings, *photographs, console),
+        SetupEvent::GrowsLonger { known } => console.say(format_args!(
+            "depths are known of {} of the pixels only: splats grow for longer, and from lower gradients (`grow-on`)",
+            percent(*known, 0)
+        )),
+        SetupEvent::CoarseSteps { half, quarter, steps } => console.say(format_args!(
+            "photographs of half the size keep {} of the spectrum's amplitude, of a quarter {}: reduced ones in the first {} of the steps",
+            percent(*half, 0),
+            percent(*quarter, 0),
+            percent(*steps, 0)
+        )),
+        SetupEvent::Variants(tuned) => {
+            tuned.warning.iter().for_each(|warning| console.warn(warning));
+            if tuned.is_by_capability() {
+                console.detail(tuned);
+            } else {
+                console.say(tuned);
+            }
+        }
+    }
+}
+
 /// What depths there are to train with.
-pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
+fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
     let prior = settings.geometry.depth_prior;
     found.left_out.iter().for_each(|left_out| console.warn(left_out));
     if let (Some(cloud), Some(lidar)) = (&found.cloud, &settings.density.lidar) {
@@ -58,7 +93,7 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
         if cloud.near < FEW_NEAR {
             console.warn(format_args!(
                 "few of the first splats are near the cloud: a shift against the cameras (of heights, say) would show so; \
-                 --lidar-distance widens what counts as near"
+                 `lidar-distance` widens what counts as near"
             ));
         }
     }
@@ -75,7 +110,7 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
     };
     let views = counted(views, "photograph");
     let smaller =
-        found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits --stereo-share"));
+        found.reduced_to.map_or(String::new(), |side| format!(" at {side} pixels, which fits `stereo-share`"));
     if prior == DepthPrior::Propagation {
         console.say(format_args!("depths are propagated in {} of {views} while training", found.views));
     } else {
@@ -89,8 +124,8 @@ pub(super) fn depths(found: &StereoReport, settings: &Settings, views: usize, co
 }
 
 /// What is trained, and what is to be known of the photographs and splats that it begins with.
-pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Console) {
-    let (settings, input) = (&beginning.settings, &beginning.input);
+pub(super) fn setup(setup: &Setup, dataset: &Dataset, console: &Console) {
+    let (settings, input) = (&setup.settings, &setup.input);
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
         let told = prepare::left_out_besides(dataset, role, views, &input.known.left_out);
         told.iter().for_each(|warning| console.warn(warning));
@@ -100,16 +135,16 @@ pub(super) fn beginning(beginning: &Beginning, dataset: &Dataset, console: &Cons
         settings.method_name(),
         counted(settings.run.iterations, "step"),
         settings.run.seed,
-        counted(beginning.splats(), "splat"),
+        counted(setup.splats(), "splat"),
     ));
-    if beginning.restart.is_none() {
-        first_splats(beginning, dataset, console);
+    if setup.restart.is_none() {
+        first_splats(setup, dataset, console);
     }
 }
 
 /// What is to be known of the splats that a training begins with which does not go on.
-fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
-    let (settings, input) = (&beginning.settings, &beginning.input);
+fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
+    let (settings, input) = (&setup.settings, &setup.input);
     if let Some(coloured) = &input.known.coloured {
         // Of the dataset's points this has been told with the dataset.
         if !coloured.of_dataset {
@@ -132,10 +167,10 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
             counted(input.initial.len(), "splat")
         ));
     }
-    let points = input.initial.len().saturating_sub(beginning.depths.splats);
-    if beginning.is_from_points() && points < dataset.usable_points().len() {
+    let points = input.initial.len().saturating_sub(setup.depths.splats);
+    if setup.is_from_points() && points < dataset.usable_points().len() {
         console.say(format_args!(
-            "of {} {} are taken, evenly, for the sake of --max-splats",
+            "of {} {} are taken, evenly, for the sake of `max-splats`",
             counted(dataset.usable_points().len(), "point"),
             grouped(points)
         ));
@@ -143,13 +178,13 @@ fn first_splats(beginning: &Beginning, dataset: &Dataset, console: &Console) {
 }
 
 /// The device memory and the time that the training takes.
-pub(super) fn demands(beginning: &Beginning, gpu: &Gpu, console: &Console) -> anyhow::Result<()> {
-    let Beginning { settings, input, host, restart, .. } = beginning;
+pub(super) fn demands(setup: &Setup, gpu: &Gpu, console: &Console) -> anyhow::Result<()> {
+    let Setup { settings, input, host, restart, .. } = setup;
     let variants = match restart {
         Some(restart) => restart.variants,
         None => chosen_variants(gpu, settings)?,
     };
-    console.say(MemoryPlan::new(gpu, input, settings, variants, host.pacing, beginning.splats())?);
+    console.say(MemoryPlan::new(gpu, input, settings, variants, host.pacing, setup.splats())?);
     // Timed with the splats to begin with: of a model that has grown it says nothing.
     if restart.is_none() && settings.run.iterations >= WORTH_TIMING {
         estimate(gpu, input, settings, variants, console);

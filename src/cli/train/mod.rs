@@ -1,5 +1,14 @@
 //! `psrgs-vk train`: which settings hold, and what is told while training goes on.
 
+pub(crate) mod plan;
+mod resume;
+mod run;
+mod run_loop;
+mod startup_log;
+
+pub(crate) use plan::Plan;
+pub(crate) use run::train;
+
 use std::path::{Path, PathBuf, absolute};
 use std::time::Instant;
 
@@ -8,11 +17,11 @@ use psrgs_vk::format::names;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{LidarCloud, Method};
 
-use super::asked::Asked;
-use super::console::{self, Console};
-use super::exit::Failure;
-use super::interrupt::Interrupt;
-use super::{presets, run_folder};
+use crate::cli::asked::Asked;
+use crate::cli::console::{self, Console};
+use crate::cli::exit::Failure;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::{presets, run_folder};
 
 /// Settings that may differ when a run is resumed, because no step already done depends on them.
 const FREE_ON_RESUME: [&str; 8] = [
@@ -73,25 +82,6 @@ pub(crate) struct Args {
 
 /// The method where none is named.
 pub(crate) const METHOD: Method = Method::Psrgs;
-
-/// A run as the options describe it.
-#[derive(Debug)]
-pub(crate) struct Plan {
-    /// Every setting, with absolute paths.
-    pub(crate) settings: Settings,
-    /// Folder for the results.
-    pub(crate) out: PathBuf,
-    /// Whether to go on from the checkpoint in `out`.
-    pub(crate) resume: bool,
-    /// Whether `out` may hold an earlier run.
-    pub(crate) overwrite: bool,
-    /// What to say of the preset that holds.
-    pub(crate) preset: Option<String>,
-    /// For tests: the step after which the device is as if lost.
-    pub(crate) lose_device_at: Option<u32>,
-    /// For tests: whether photographs are read again in each step.
-    pub(crate) keep_no_photographs: bool,
-}
 
 impl Args {
     /// The run that the options describe; `matches` tell which were given by name.
@@ -226,5 +216,5 @@ pub(crate) fn run(
     if args.print_settings {
         return console::print(&plan.settings.to_toml()?);
     }
-    super::train_run::train(&plan, interrupt, console, started)
+    train(&plan, interrupt, console, started)
 }

@@ -1,0 +1,219 @@
+//! Everything that a training needs before its first step, made ready in order, and told as events.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{First, StereoReport, coarse_by_spectra, first, grow_on, input_within, outline, take_stereo};
+use crate::dataset::{Dataset, Role, Warning};
+use crate::format::LeftOut;
+use crate::perceptual::LpipsWeights;
+use crate::scene::Gaussians;
+use crate::train::memory::{HostMemory, HostPlan};
+use crate::train::settings::{DepthPrior, LidarCloud};
+use crate::train::tune::{self, Tuned};
+use crate::train::{Error, Input, MemoryPlan, Pacing, Restart, Settings, chosen_variants};
+use crate::vk::Gpu;
+
+/// What happens while a training is made ready.
+#[derive(Debug)]
+pub enum SetupEvent<'a> {
+    /// Records of the model of `init` cannot be used.
+    ModelLeftOut(&'a LeftOut),
+    /// How the host's memory is shared.
+    HostMemory(&'a HostPlan),
+    /// A photograph does not take part.
+    PhotographLeftOut(&'a Warning),
+    /// The perceptual loss has no weights of a network, and compares by oriented filters.
+    NoPerceptualWeights,
+    /// Stereo begins in so many photographs.
+    StereoBegins {
+        /// Photographs to train on.
+        photographs: usize,
+    },
+    /// What is known of depths.
+    Depths {
+        /// What stereo, a cloud or the points say.
+        found: &'a StereoReport,
+        /// The settings of the training.
+        settings: &'a Settings,
+        /// Photographs to train on.
+        photographs: usize,
+    },
+    /// Growth goes on for longer, as depths of only this share of the pixels are known.
+    GrowsLonger {
+        /// From 0 to 1.
+        known: f64,
+    },
+    /// The number of coarse steps follows the spectra of the photographs.
+    CoarseSteps {
+        /// Share of the spectrum's amplitude that photographs of half the size keep.
+        half: f64,
+        /// The same of a quarter of the size.
+        quarter: f64,
+        /// Share of the steps that are coarse.
+        steps: f64,
+    },
+    /// Which variants of the passes are used, and why.
+    Variants(&'a Tuned),
+}
+
+/// What a training is made ready from.
+pub struct Request<'a> {
+    /// The settings, checked.
+    pub settings: &'a Settings,
+    /// The dataset.
+    pub dataset: &'a Dataset,
+    /// The network's weights for the perceptual loss.
+    pub weights: Option<Arc<LpipsWeights>>,
+    /// Where an interrupted run goes on.
+    pub restart: Option<Restart>,
+    /// Whether photographs are read again in each step, though memory could keep them.
+    pub keep_no_photographs: bool,
+    /// Folder in which timings of variants are kept between runs.
+    pub cache: Option<&'a Path>,
+}
+
+/// A training that is ready for its first step.
+pub struct Setup {
+    /// As requested, with what was left to the photographs and the device.
+    pub settings: Settings,
+    /// Photographs, first splats, and what is known besides.
+    pub input: Input,
+    /// Where an interrupted run goes on.
+    pub restart: Option<Restart>,
+    /// How the host's memory is shared.
+    pub host: HostPlan,
+    /// What was found of depths.
+    pub depths: StereoReport,
+    /// Seconds that finding depths took.
+    pub stereo_seconds: f64,
+}
+
+impl Setup {
+    /// Makes a training ready; `tell` gets every event when it happens.
+    pub fn prepare(gpu: &Gpu, request: Request<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
+        let (dataset, weights, cache) = (request.dataset, request.weights.clone(), request.cache);
+        let mut setup = Self::with_photographs(gpu, request, tell)?;
+        setup.take_weights(weights, tell);
+        setup.look_for_depths(gpu, dataset, tell)?;
+        // A run that goes on has decided.
+        if setup.restart.is_none() {
+            setup.decide_by_photographs(tell)?;
+            setup.choose_variants(gpu, cache, tell)?;
+        }
+        Ok(setup)
+    }
+
+    /// Takes in the photographs, as far as the host's memory keeps them, and the first splats.
+    fn with_photographs(gpu: &Gpu, request: Request<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
+        let Request { settings, dataset, restart, keep_no_photographs, .. } = request;
+        let First { splats: initial, uncoloured, left_out } = match &restart {
+            // Its splats are those of the checkpoint: the file of the first ones may be gone.
+            Some(_) if settings.run.init.is_some() => {
+                First { splats: Gaussians::default(), uncoloured: None, left_out: None }
+            }
+            _ => first(dataset, settings)?,
+        };
+        left_out.iter().for_each(|left_out| tell(SetupEvent::ModelLeftOut(left_out)));
+        let splats = restart.as_ref().map_or(initial.len() as u32, |r| r.state.splats());
+        let mut host = host_plan(gpu, dataset, settings, splats)?;
+        host.check()?;
+        if keep_no_photographs {
+            host.share.keep = 0;
+        }
+        tell(SetupEvent::HostMemory(&host));
+        let mut input = input_within(dataset, initial, host.share)?;
+        input.known.left_out.iter().for_each(|warning| tell(SetupEvent::PhotographLeftOut(warning)));
+        // Before depths take their time.
+        if let Some(before) = restart.as_ref().and_then(|restart| restart.trained_on.as_ref()) {
+            before.check_views(&input.train)?;
+        }
+        if let (Some(points), None) = (uncoloured, &restart) {
+            points.take_colours(dataset, &mut input)?;
+        }
+        if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
+            return Err(Error::AllMasked { dataset: dataset.path.clone(), role: Role::Train });
+        }
+        let (settings, depths) = (settings.clone(), StereoReport::default());
+        Ok(Self { settings, input, restart, host, depths, stereo_seconds: 0.0 })
+    }
+
+    /// Takes weights for the perceptual loss.
+    fn take_weights(&mut self, weights: Option<Arc<LpipsWeights>>, tell: &mut dyn FnMut(SetupEvent<'_>)) {
+        if self.settings.texture.lambda_perceptual > 0.0 && weights.is_none() {
+            tell(SetupEvent::NoPerceptualWeights);
+        }
+        self.input.known.perceptual = weights;
+    }
+
+    /// Takes what stereo, a cloud or the points say of depths.
+    fn look_for_depths(
+        &mut self,
+        gpu: &Gpu,
+        dataset: &Dataset,
+        tell: &mut dyn FnMut(SetupEvent<'_>),
+    ) -> Result<(), Error> {
+        let photographs = self.input.train.len();
+        let begin = Instant::now();
+        let matches = self.settings.geometry.depth_prior == DepthPrior::Stereo
+            || self.settings.density.lidar == Some(LidarCloud::Mvs);
+        if matches {
+            tell(SetupEvent::StereoBegins { photographs });
+        }
+        let from_points = self.is_from_points();
+        self.depths = take_stereo(gpu, dataset, &mut self.input, &self.settings, &self.host.share, from_points)?;
+        self.stereo_seconds = if matches || self.depths.views > 0 { begin.elapsed().as_secs_f64() } else { 0.0 };
+        tell(SetupEvent::Depths { found: &self.depths, settings: &self.settings, photographs });
+        Ok(())
+    }
+
+    /// Decides what the settings leave to the photographs: how long splats grow, and at which size training begins.
+    fn decide_by_photographs(&mut self, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<(), Error> {
+        if let Some(known) = grow_on(&self.input, &mut self.settings) {
+            tell(SetupEvent::GrowsLonger { known });
+        }
+        if let Some([half, quarter]) = coarse_by_spectra(&self.input, &mut self.settings)? {
+            tell(SetupEvent::CoarseSteps { half, quarter, steps: self.settings.frequencies.coarse_steps });
+        }
+        Ok(())
+    }
+
+    /// Chooses the variants of the passes and puts them into the settings where a repetition needs them: where they belong to equal
+    /// bits, and where they were chosen by timing.
+    fn choose_variants(
+        &mut self,
+        gpu: &Gpu,
+        cache: Option<&Path>,
+        tell: &mut dyn FnMut(SetupEvent<'_>),
+    ) -> Result<(), Error> {
+        let settings = &mut self.settings;
+        let tuned = tune::tuned(gpu, &self.input, settings, cache)?;
+        tell(SetupEvent::Variants(&tuned));
+        if settings.run.deterministic || !tuned.is_by_capability() {
+            settings.blending.tile_shape = Some(tuned.variants.tile);
+            settings.stepping.gradient_sum = Some(tuned.variants.gradients);
+            settings.stepping.backward = Some(tuned.variants.backward);
+            settings.blending.culling = Some(tuned.variants.culling);
+        }
+        Ok(())
+    }
+
+    /// Whether the first splats come of the dataset's points, and of what stereo adds.
+    pub fn is_from_points(&self) -> bool {
+        self.settings.run.init.is_none() && self.restart.is_none()
+    }
+
+    /// Number of splats that the training begins or goes on with.
+    pub fn splats(&self) -> u32 {
+        self.restart.as_ref().map_or(self.input.initial.len() as u32, |restart| restart.state.splats())
+    }
+}
+
+/// How the training shares the host's memory.
+fn host_plan(gpu: &Gpu, dataset: &Dataset, settings: &Settings, splats: u32) -> Result<HostPlan, Error> {
+    let memory = HostMemory::new(settings.host.host_memory.map(|bytes| bytes.0));
+    let (outline, variants) = (outline(dataset), chosen_variants(gpu, settings)?);
+    let plan = MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats)?;
+    Ok(HostPlan::new(gpu, memory, dataset, &outline, &plan, settings))
+}
