@@ -82,7 +82,7 @@ fn other_mistakes_are_told_with_what_to_do() {
         (&["train", data, "--iterations", "ten"], 2, &["--iterations", "ten"]),
         (&["train", data, "--max-side", "0", "--out", text(&out)], 2, &["max-side", "at least 16"]),
         (&["train", data, "--set", "bands=0", "--out", text(&out)], 2, &["bands", "from 1 to 64"]),
-        (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another folder"]),
+        (&["train", data, "--out", text(&taken), "--iterations", "2"], 8, &["taken", "another --out"]),
         (&["train", data, "--out", run_text, "--iterations", "2"], 2, &["--resume", "--overwrite", "another --out"]),
         (&["train", "--resume", data], 3, &["no run to resume", "settings.toml"]),
         (&["train", "--resume", run_text, "--iterations", "149"], 2, &["--iterations 149", "step 150 already"]),
@@ -160,7 +160,7 @@ fn a_run_does_not_go_on_with_another_dataset() {
     works(&[&begin[..], &["--scale-schedule=false"]].concat());
     let go_on = ["train", "--resume", text(&out), "--iterations", "6"];
     scene(2, 9);
-    fails(&go_on, 3, &["not the one that the run was trained on", "camera of 'view_0001.jpg'", "another --out"]);
+    fails(&go_on, 3, &["not the one that the run was trained on", "camera of 'view_0001.jpg'", "another folder"]);
     scene(1, 10);
     fails(&go_on, 3, &["8 photographs to train on, and the run had 7"]);
     scene(1, 9);
