@@ -7,16 +7,19 @@ mod harmonics;
 mod propagate;
 mod propagation;
 mod prune;
+mod reports;
 mod state;
 mod step;
 mod streaming;
 mod transfer;
+mod views;
 
 pub use state::State;
 
 use propagation::Propagation;
+use reports::Reports;
+use views::{Views, has_deep, mean_pixels, most_pixels};
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,23 +32,17 @@ use super::learning::optimiser::Optimiser;
 use super::learning::sigma::{SigmaTraining, SigmaUpdate};
 use super::memory::Needs;
 use super::pacing::Pacing;
-use super::photographs::{Coarse, Photographs, Residency, Saliencies};
+use super::photographs::{Photographs, Residency};
 use super::schedule::{Event, Kind, StepPlan};
 use super::settings::{Exposure, Settings, SigmaLearning};
-use super::terms::{Constrained, Geometry, Losses, Perceptual};
-use crate::dataset::Depth;
-use crate::losses::GradientMapLoss;
+use super::terms::{Perceptual, Terms};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
 use crate::scene::{Camera, Gaussians, SplatOrder};
-use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, SubmitOrder, Ticket};
+use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitOrder, Ticket};
 
-/// Bytes of a slot of the read-back ring, which holds a report of `finish`: as much as any device aligns bindings to.
-const RING_SLOT: u64 = 256;
-/// Slots; more than events ever in flight.
-const RING_SLOTS: u64 = 64;
 /// Side of the windows of the perceptual distance.
 const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
@@ -97,36 +94,28 @@ pub struct Engine {
     ids: Buffer,
     statistics: Statistics,
     target: Target,
-    losses: Losses,
+    terms: Terms,
     exposures: Option<Exposures>,
-    saliencies: Option<Saliencies>,
-    sigma: Option<SigmaTraining>,
-    saliency_seconds: f64,
-    coarse: Option<Coarse>,
-    geometry: Option<Geometry>,
-    gradient_maps: Option<GradientMapLoss>,
-    perceptual: Option<Perceptual>,
-    constrained: Option<Constrained>,
     density: DensityControl,
     gate: Option<Arc<Gate>>,
     propagation: Option<Arc<Propagation>>,
     skirt: Option<Arc<Gaussians>>,
-    finish: Pipeline,
-    ring: Buffer,
-    next_slot: u64,
-    /// Recordings submitted so far.
-    recorded: u64,
-    slots: VecDeque<(Ticket, u64)>,
-    cameras: Vec<Camera>,
-    photographs: Photographs,
-    antialias: bool,
+    views: Views,
+    reports: Reports,
     settings: Settings,
-    extent: f64,
+    needs: Needs,
     initial_splats: u32,
     most_splats: Option<u32>,
-    needs: Needs,
-    last: Option<Ticket>,
     viewer: Viewer,
+}
+
+/// How an engine begins.
+pub(super) struct Start<'a> {
+    pub(super) variants: Variants,
+    /// Replaces the initial model when a training goes on.
+    pub(super) state: Option<State>,
+    /// The views of the first steps, as far as they are known.
+    pub(super) first_views: &'a [usize],
 }
 
 impl Engine {
@@ -139,18 +128,19 @@ impl Engine {
         pacing: Pacing,
         state: Option<State>,
     ) -> Result<Self, Error> {
-        Self::looking_at(gpu, input, settings, variants, pacing, (state, &[]))
+        let start = Start { variants, state, first_views: &[] };
+        Self::new_prefetching(gpu, input, settings, pacing, start)
     }
 
     /// The same where the views of the first steps are known, so that their photographs are decoded meanwhile.
-    pub(super) fn looking_at(
+    pub(super) fn new_prefetching(
         gpu: &Gpu,
         input: &Input,
         settings: &Settings,
-        variants: Variants,
         pacing: Pacing,
-        (state, first_views): (Option<State>, &[usize]),
+        start: Start<'_>,
     ) -> Result<Self, Error> {
+        let Start { variants, state, first_views } = start;
         let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
         let most_splats = most_splats(gpu);
         if initial_splats > most_splats {
@@ -161,9 +151,9 @@ impl Engine {
         let needs = Needs::new(gpu, &input.outline(), settings, pacing)?;
         let first = if needs.residency == Residency::Streamed { first_views } else { &[] };
         let feed = Photographs::feed(&input.train, pacing, first);
-        let capacities = needs.at_start(variants, initial_splats, pacing)?;
+        let (splats, pairs) = needs.at_start(variants, initial_splats, pacing)?;
         let photographs = needs.photographs(gpu, needs.residency)?;
-        let mut engine = Self::allocate(gpu, photographs, &needs, variants, capacities)?;
+        let mut engine = Self::allocate(gpu, photographs, &needs, variants, splats, pairs)?;
         engine.initial_splats = initial_splats;
         engine.gate = input.known.gate.clone();
         engine.skirt = input.known.skirt.clone();
@@ -171,25 +161,8 @@ impl Engine {
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
-        engine.photographs.fill(gpu, &input.train, feed)?;
-        if let Some(saliencies) = &mut engine.saliencies {
-            let started = Instant::now();
-            let (frequencies, seed) = (&settings.frequencies, settings.run.seed);
-            let cache = saliencies.fill(gpu, &input.train, frequencies, seed, pacing.decoders())?;
-            if frequencies.sigma_learning != SigmaLearning::Off {
-                let (lumas, of) = (cache.images().cloned().collect(), (seed, pacing.events_in_flight()));
-                engine.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, frequencies, of)?);
-            }
-            engine.saliency_seconds = started.elapsed().as_secs_f64();
-        }
-        if let Some(geometry) = &mut engine.geometry {
-            geometry.fill(gpu, &input.known.priors)?;
-        }
-        if settings.texture.lambda_perceptual > 0.0 {
-            let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
-            let (weights, side) = (input.known.perceptual.as_deref(), smallest.min(PERCEPTUAL_SIDE));
-            engine.perceptual = Some(Perceptual::new(gpu, weights, side, &settings.texture)?);
-        }
+        engine.views.photographs.fill(gpu, &input.train, feed)?;
+        engine.fill_terms(input, pacing)?;
         match state {
             Some(state) => engine.restore(&state)?,
             None => engine.begin(&input.initial)?,
@@ -197,32 +170,51 @@ impl Engine {
         Ok(engine)
     }
 
-    /// The cameras of the views, in their order.
-    pub fn cameras(&self) -> &[Camera] {
-        &self.cameras
+    /// Makes what terms of the loss need of the photographs and of what is known besides.
+    fn fill_terms(&mut self, input: &Input, pacing: Pacing) -> Result<(), Error> {
+        let Self { gpu, settings, terms, views, .. } = self;
+        if let Some(cache) = views.fill_masks(gpu, &input.train, settings, pacing)?
+            && settings.frequencies.sigma_learning != SigmaLearning::Off
+        {
+            let started = Instant::now();
+            let lumas = cache.images().cloned().collect();
+            terms.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, settings, pacing.events_in_flight())?);
+            views.saliency_seconds += started.elapsed().as_secs_f64();
+        }
+        if let Some(geometry) = &mut terms.geometry {
+            geometry.fill(gpu, &input.known.priors)?;
+        }
+        if settings.texture.lambda_perceptual > 0.0 {
+            let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
+            let (weights, side) = (input.known.perceptual.as_deref(), smallest.min(PERCEPTUAL_SIDE));
+            terms.perceptual = Some(Perceptual::new(gpu, weights, side, &settings.texture)?);
+        }
+        Ok(())
     }
 
-    /// Everything that a training holds, with room for (splats, pairs); contents undefined.
+    /// The cameras of the views, in their order.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.views.cameras
+    }
+
+    /// Everything that a training holds, with room for as many splats and pairs; contents undefined.
     pub(super) fn allocate(
         gpu: &Gpu,
         photographs: Photographs,
         needs: &Needs,
         variants: Variants,
-        (splats, pairs): (u32, u32),
+        splats: u32,
+        pairs: u32,
     ) -> Result<Self, Error> {
-        let side = variants.tile.size();
         let settings = &needs.settings;
-        let cameras: Vec<Camera> = needs.views.iter().map(|(camera, _)| *camera).collect();
-        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
-        let weighted = settings.frequencies.low_stage > 0.0 && settings.frequencies.low_texture_weight != 1.0;
-        let deep = needs.views.iter().any(|(_, depth)| *depth == Depth::Sixteen);
-        let pixels = sizes.iter().map(|(w, h)| w * h).max().unwrap_or(1);
-        let tiles = sizes.iter().map(|(w, h)| w.div_ceil(side) * h.div_ceil(side)).max().unwrap_or(1);
+        let views = Views::allocate(gpu, &needs.views, photographs, settings)?;
+        let (cameras, deep) = (&views.cameras, has_deep(&needs.views));
+        let (pixels, mean_pixels, side) = (most_pixels(cameras), mean_pixels(cameras), variants.tile.size());
+        let tiles = cameras.iter().map(|c| c.width.div_ceil(side) * c.height.div_ceil(side)).max().unwrap_or(1);
         let exposures = match settings.optimiser.exposure {
             Exposure::Off => None,
-            Exposure::Affine => Some(Exposures::new(gpu, needs.views.len(), pixels)?),
+            Exposure::Affine => Some(Exposures::new(gpu, cameras.len(), pixels)?),
         };
-        let masked = settings.needs_masks();
         let aux = settings.geometry.has_loss();
         let listed = Optimiser::leaves_out(gpu, settings);
         let size = Size { aux, listed, ..Size::training(splats, pairs, tiles) };
@@ -231,38 +223,22 @@ impl Engine {
             renderer: Renderer::new(gpu, variants, size)?,
             size,
             model: Planes::limited(gpu, "", splats, settings.model.sh_share)?,
-            optimiser: Optimiser::new(gpu, splats, (needs.extent, mean_pixels(&sizes)), settings)?,
+            optimiser: Optimiser::new(gpu, splats, needs.extent, mean_pixels, settings)?,
             ids: gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?,
             statistics: Statistics::new(gpu, splats, deep, settings)?,
             target: Target::new(gpu, "", pixels, aux)?,
-            losses: Losses::new(gpu, &sizes, deep, weighted, settings.optimiser.lambda_dssim)?,
+            terms: Terms::allocate(gpu, cameras, splats, deep, settings)?,
             exposures,
-            geometry: aux.then(|| Geometry::new(gpu, &cameras, &settings.geometry)).transpose()?,
-            gradient_maps: settings.texture.wants_gradients().then(|| GradientMapLoss::new(gpu, &sizes)).transpose()?,
-            perceptual: None,
-            constrained: settings.wants_constrained().then(|| Constrained::new(gpu, splats)).transpose()?,
-            saliencies: masked.then(|| Saliencies::new(gpu, &cameras)).transpose()?,
-            sigma: None,
-            saliency_seconds: 0.0,
-            coarse: (settings.frequencies.coarse_steps > 0.0).then(|| Coarse::new(gpu, pixels, deep)).transpose()?,
             density: density_control(gpu, splats, needs)?,
             gate: None,
             propagation: None,
             skirt: None,
-            finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
-            ring: gpu.buffer("ring", RING_SLOT * RING_SLOTS, Memory::Readback)?,
-            next_slot: 0,
-            recorded: 0,
-            slots: VecDeque::new(),
-            cameras,
-            photographs,
-            antialias: settings.model.antialias,
+            views,
+            reports: Reports::new(gpu)?,
             settings: settings.clone(),
-            extent: needs.extent,
+            needs: needs.clone(),
             initial_splats: 0,
             most_splats: None,
-            needs: needs.clone(),
-            last: None,
             viewer: Viewer::new(gpu),
         })
     }
@@ -279,7 +255,7 @@ impl Engine {
 
     /// Seconds that the masks of the photographs took.
     pub fn saliency_seconds(&self) -> f64 {
-        self.saliency_seconds
+        self.views.saliency_seconds
     }
 
     /// Splats at the start of this run.
@@ -333,13 +309,7 @@ impl Engine {
     }
 
     fn submitted(&mut self, ticket: Ticket) -> Ticket {
-        self.slots.push_back((ticket, self.next_slot));
-        while self.slots.len() as u64 >= RING_SLOTS {
-            self.slots.pop_front();
-        }
-        self.next_slot = (self.next_slot + 1) % RING_SLOTS;
-        self.recorded += 1;
-        self.last = Some(ticket);
+        self.reports.submitted(ticket);
         ticket
     }
 
@@ -354,23 +324,14 @@ impl Engine {
         let constrain = u32::from(event.kind == Kind::Step && plan.constrain);
         let caught_up = caught_up.map_or(finish::NOT_CAUGHT_UP, |step| step & 0xffff);
         let push = finish::Push { event: event.number(), constrain, caught_up };
-        let at = RING_SLOT * self.next_slot;
-        let slot = self.ring.slice(at..at + RING_SLOT);
-        let buffers = [(&self.renderer.counters).into(), self.losses.result().into(), slot];
-        recorder.dispatch(&self.finish, &buffers, &push, Groups::Workgroups(1))?;
-        Ok(())
-    }
-
-    /// How many photographs have been looked at, that of the step included, until all have.
-    fn known(&self, plan: &StepPlan) -> u32 {
-        plan.step.div_ceil(self.settings.run.bands.max(1))
+        self.reports.record(recorder, &self.renderer.counters, self.terms.photometric.result(), &push)
     }
 
     fn shot(&self, camera: Camera, plan: &StepPlan) -> Shot {
         let projection = Projection {
             sh_degree: plan.sh_degree,
             near: NEAR,
-            antialias: self.antialias,
+            antialias: self.settings.model.antialias,
             reference_clamp: true,
             black_learns: self.settings.run.method.black_learns(),
             limits: None,
@@ -381,26 +342,14 @@ impl Engine {
 
     /// Learns what a step that is done tells of the saliency filter's width, where `plan` says so. Steps are to be told in their order.
     pub fn learn_sigma(&mut self, plan: &StepPlan, view: usize, by: Ticket) -> Result<Option<SigmaUpdate>, Error> {
-        match self.sigma.as_mut().filter(|_| plan.learn_sigma) {
-            Some(sigma) => sigma.learn(&self.gpu, (plan.step, view), by),
+        match self.terms.sigma.as_mut().filter(|_| plan.learn_sigma) {
+            Some(sigma) => sigma.learn(&self.gpu, plan.step, view, by),
             None => Ok(None),
         }
     }
 
     /// What came of an event. Waits for it if it is not done.
     pub fn outcome(&mut self, ticket: Ticket) -> Result<Outcome, Error> {
-        self.gpu.wait(ticket)?;
-        let slot = self.slots.iter().find(|(t, _)| *t == ticket).map_or(0, |(_, slot)| *slot);
-        let words: Vec<u32> =
-            self.gpu.read_ready(&self.ring, RING_SLOT * slot, finish::REPORT_WORDS, ticket)?.unwrap_or_default();
-        let loss = words.get(counters::COUNT).map_or(f32::NAN, |bits| f32::from_bits(*bits));
-        let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
-        Ok(Outcome { counters, loss, ticket })
+        self.reports.outcome(&self.gpu, ticket)
     }
-}
-
-/// Pixels of a photograph, in the mean.
-fn mean_pixels(sizes: &[(u32, u32)]) -> f64 {
-    let all: f64 = sizes.iter().map(|(w, h)| f64::from(*w) * f64::from(*h)).sum();
-    (all / sizes.len().max(1) as f64).max(1.0)
 }

@@ -91,7 +91,7 @@ impl Needs {
     pub(super) fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         let counting = self.gpu.planning();
         let photographs = Photographs::allocate(&self.gpu.planning(), &[], Residency::Resident, (1, 1), 1)?;
-        Engine::allocate(&counting, photographs, self, variants, (splats, pairs))?;
+        Engine::allocate(&counting, photographs, self, variants, splats, pairs)?;
         Ok(counting.planned_bytes())
     }
 

@@ -82,6 +82,16 @@ pub(super) struct Shown<'a> {
     pub(super) shown: f32,
 }
 
+/// A look at a photograph in a recording.
+pub(super) struct Visit {
+    pub(super) view: usize,
+    pub(super) step: u32,
+    /// The part of the photograph, where that is not all of it.
+    pub(super) band: Option<Band>,
+    /// Counts recordings, so that none lands where the one before has.
+    pub(super) recording: u64,
+}
+
 impl Photographs {
     /// Buffers for photographs of these cameras; contents undefined. An event looks at `at_once` of them at most: its own and those of the
     /// steps before it; at `bands` of one in turn.
@@ -167,16 +177,9 @@ impl Photographs {
         }
     }
 
-    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording. `number`
-    /// counts recordings, so that none lands where the one before has.
-    pub(super) fn record(
-        &self,
-        gpu: &Gpu,
-        recorder: &mut Recorder,
-        (view, step): (usize, u32),
-        band: Option<Band>,
-        number: u64,
-    ) -> Result<Shown<'_>, Error> {
+    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording.
+    pub(super) fn record(&self, gpu: &Gpu, recorder: &mut Recorder, visit: &Visit) -> Result<Shown<'_>, Error> {
+        let Visit { view, step, band, recording } = *visit;
         let known = self.views.get(view).ok_or(Error::NoViews)?;
         let (first, bytes) = known.part(band);
         let buffer = match &self.place {
@@ -191,8 +194,8 @@ impl Photographs {
                 }
             }
             Place::Streamed(stream) => {
-                let staging = stream.staged(gpu, known, (view, step))?;
-                let landing = &stream.landings[(number % stream.landings.len().max(1) as u64) as usize];
+                let staging = stream.staged(gpu, known, view, step)?;
+                let landing = &stream.landings[(recording % stream.landings.len().max(1) as u64) as usize];
                 recorder.copy(staging, first, landing, 0, bytes)?;
                 landing
             }
@@ -232,7 +235,7 @@ impl Photographs {
 
 impl Stream {
     /// The mapped buffer that a photograph lies in from now on.
-    fn staged(&self, gpu: &Gpu, known: &Known, (view, step): (usize, u32)) -> Result<&Buffer, Error> {
+    fn staged(&self, gpu: &Gpu, known: &Known, view: usize, step: u32) -> Result<&Buffer, Error> {
         let mut places = lock(&self.places);
         if let Some(place) = places.find(view) {
             self.feed.reused();

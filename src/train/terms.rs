@@ -1,11 +1,169 @@
-//! The terms of the loss: that of colours, and those that need more than the passes and add their gradients to what the colours' left.
+//! The terms of the loss. A term has a file of its own, implements [`LossTerm`], and stands in [`Terms`]; the step knows none by name.
 
-mod colours;
 mod constrained;
+mod context;
 mod geometry;
+mod gradient_maps;
 mod perceptual;
+mod photometric;
+mod sigma;
 
-pub(super) use colours::{Losses, Weights};
-pub(super) use constrained::Constrained;
-pub(super) use geometry::Geometry;
+pub(super) use context::StepContext;
 pub(super) use perceptual::Perceptual;
+
+use std::sync::Arc;
+
+use super::Error;
+use super::learning::sigma::SigmaTraining;
+use super::schedule::StepPlan;
+use super::settings::Settings;
+use crate::losses::GradientMapLoss;
+use crate::raster::Held;
+use crate::scene::Camera;
+use crate::vk::{self, Gpu, Recorder};
+
+use constrained::Constrained;
+use geometry::Geometry;
+use gradient_maps::GradientMaps;
+use photometric::{LowStageWeights, PhotometricLoss};
+
+/// Where in a step a term has a part, in the order of the step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// Before the render of the step: its target and the gradient of its image are free for other renders.
+    BeforeRender,
+    /// The render is there as the photograph would show it. The photometric term writes the gradient of that image; the terms behind it add
+    /// to that gradient.
+    AfterExposure,
+    /// The gradient has become that of the render itself. Terms that exposures have no part in add to it.
+    AfterExposureBackward,
+    /// The gradients of the projected splats are there, and the statistics of growth have been taken from them. Terms add to them.
+    AfterBlendBackward,
+}
+
+/// A term of the loss, or what learns from the images that a step makes.
+pub(super) trait LossTerm {
+    /// The phases in which it records.
+    fn phases(&self) -> &'static [Phase];
+
+    /// Whether it has a part in a step.
+    fn due(&self, step: &StepContext<'_>) -> bool;
+
+    /// Whether it reads depth and normals of the render.
+    fn reads_aux(&self) -> bool {
+        false
+    }
+
+    /// Records its part in one of its phases.
+    fn record<'a>(&'a self, phase: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error>;
+
+    /// Bytes of its buffers.
+    fn footprint(&self) -> Held;
+}
+
+/// The terms of a training. Those that their settings leave out are not there.
+pub(super) struct Terms {
+    /// Learns the width of the saliency filter.
+    pub(super) sigma: Option<SigmaTraining>,
+    constrained: Option<Constrained>,
+    /// Compares colours, in every step.
+    pub(super) photometric: PhotometricLoss,
+    gradient_maps: Option<GradientMaps>,
+    /// Compares windows by a network.
+    pub(super) perceptual: Option<Perceptual>,
+    /// Compares depth and normals with priors.
+    pub(super) geometry: Option<Geometry>,
+}
+
+impl Terms {
+    /// For views of these cameras and room for `splats` splats, `deep` if some photographs have 16 bits per channel. What depends on the
+    /// content of photographs comes later.
+    pub(super) fn allocate(
+        gpu: &Gpu,
+        cameras: &[Camera],
+        splats: u32,
+        deep: bool,
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
+        let texture = &settings.texture;
+        let maps = texture.wants_gradients().then(|| GradientMapLoss::new(gpu, &sizes)).transpose()?.map(Arc::new);
+        let constrained = match &maps {
+            Some(maps) if settings.wants_constrained() => {
+                Some(Constrained::new(gpu, splats, maps.clone(), texture.lambda_constrained)?)
+            }
+            _ => None,
+        };
+        let weights = LowStageWeights::of(&settings.frequencies);
+        let geometry =
+            settings.geometry.has_loss().then(|| Geometry::new(gpu, cameras, &settings.geometry)).transpose()?;
+        Ok(Self {
+            sigma: None,
+            constrained,
+            photometric: PhotometricLoss::new(gpu, &sizes, deep, weights, settings.optimiser.lambda_dssim)?,
+            gradient_maps: maps.map(|maps| GradientMaps::new(maps, texture)),
+            perceptual: None,
+            geometry,
+        })
+    }
+
+    /// All terms, in the order in which they record in each phase.
+    fn all(&self) -> impl Iterator<Item = &dyn LossTerm> {
+        fn term<T: LossTerm>(of: Option<&T>) -> Option<&dyn LossTerm> {
+            of.map(|term| term as &dyn LossTerm)
+        }
+        [
+            term(self.sigma.as_ref()),
+            term(self.constrained.as_ref()),
+            term(Some(&self.photometric)),
+            term(self.gradient_maps.as_ref()),
+            term(self.perceptual.as_ref()),
+            term(self.geometry.as_ref()),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// The terms of a step.
+    pub(super) fn due(&self, step: &StepContext<'_>) -> DueTerms<'_> {
+        DueTerms(self.all().filter(|term| term.due(step)).collect())
+    }
+
+    /// Whether the photometric term weighs pixels by their saliency.
+    pub(super) fn read_saliency(&self, plan: &StepPlan) -> bool {
+        self.photometric.weights_of(plan).is_some()
+    }
+
+    /// Gives the terms room for as many splats. What they hold of splats outlives no step, and is lost.
+    pub(super) fn resize(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
+        self.constrained.as_mut().map_or(Ok(()), |constrained| constrained.resize(gpu, splats))
+    }
+
+    /// Bytes of their buffers.
+    pub(super) fn footprint(&self) -> Held {
+        self.all().map(LossTerm::footprint).fold(Held::default(), |sum, held| sum + held)
+    }
+}
+
+/// The terms of one step.
+pub(super) struct DueTerms<'a>(Vec<&'a dyn LossTerm>);
+
+impl<'a> DueTerms<'a> {
+    /// Records what the terms do in a phase.
+    pub(super) fn record(
+        &self,
+        phase: Phase,
+        recorder: &mut Recorder,
+        step: &mut StepContext<'a>,
+    ) -> Result<(), Error> {
+        self.0
+            .iter()
+            .filter(|term| term.phases().contains(&phase))
+            .try_for_each(|term| term.record(phase, recorder, step))
+    }
+
+    /// Whether some read depth and normals of the render.
+    pub(super) fn read_aux(&self) -> bool {
+        self.0.iter().any(|term| term.reads_aux())
+    }
+}

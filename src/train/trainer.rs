@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::Error;
-use super::engine::Engine;
+use super::engine::{Engine, Start};
 use super::input::{Input, PerceptualBy, TrainedOn, View};
 use super::memory::MemoryCost;
 use super::pacing::Pacing;
@@ -112,7 +112,8 @@ impl Trainer {
             // What changed the model after the step is done.
             && Event::of_step(step).next(&schedule).kind == Kind::Step;
         let first = streaming::first_views(&schedule, step, pacing);
-        let engine = Engine::looking_at(gpu, &input, settings, variants, pacing, (state, &first))?;
+        let begun = Start { variants, state, first_views: &first };
+        let engine = Engine::new_prefetching(gpu, &input, settings, pacing, begun)?;
         let last_splats = engine.initial_splats();
         let truth = input.held_out.iter().map(|view| view.photograph.clone()).collect();
         Ok(Self {

@@ -21,10 +21,10 @@ impl Engine {
             clone_threshold: density.grad_threshold as f32,
             split_threshold: density.split_grad_threshold.unwrap_or(density.grad_threshold) as f32,
             split_absolute: density.absgrad,
-            split_scale: density.percent_dense * self.extent,
+            split_scale: density.percent_dense * self.needs.extent,
             prune_opacity: density.prune_opacity,
             prune_scale: (density.prune_extent > 0.0 && plan.densify.is_some_and(|d| d.prune_large))
-                .then_some(density.prune_extent * self.extent),
+                .then_some(density.prune_extent * self.needs.extent),
             max_splats: density.max_splats.into_iter().chain(near).min(),
             sampled: (density.growth == Growth::Sampled).then_some(Sampled {
                 low_threshold: if plan.low { density.low_grad_threshold } else { density.grad_threshold } as f32,

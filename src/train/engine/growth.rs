@@ -4,7 +4,6 @@ use super::{Engine, Growth, density_control};
 use crate::pass::counters;
 use crate::raster::{Renderer, Size, Variants, grown, most_pairs, most_splats};
 use crate::train::Error;
-use crate::train::terms::Constrained;
 
 impl Engine {
     /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
@@ -67,11 +66,11 @@ impl Engine {
         if splats > self.size.splats {
             // What nothing outlives a step in goes before larger planes come.
             self.density = density_control(&self.gpu, 1, &self.needs)?;
-            let constrained = self.constrained.take().is_some();
+            self.terms.resize(&self.gpu, 1)?;
             self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, words)?;
             self.grow_planes(splats)?;
             self.density = density_control(&self.gpu, splats, &self.needs)?;
-            self.constrained = constrained.then(|| Constrained::new(&self.gpu, splats)).transpose()?;
+            self.terms.resize(&self.gpu, splats)?;
         }
         self.rebuild(variants, size, words)
     }

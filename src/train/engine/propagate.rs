@@ -23,7 +23,7 @@ pub struct Brought {
 impl Engine {
     pub(super) fn propagation_of(&self, input: &Input) -> Result<Option<Arc<Propagation>>, Error> {
         let Some(scene) = &input.known.scene else { return Ok(None) };
-        let sizes = self.cameras.iter().map(|c| (c.width, c.height)).collect();
+        let sizes = self.views.cameras.iter().map(|c| (c.width, c.height)).collect();
         Ok(Some(Arc::new(Propagation::new(&self.gpu, scene.clone(), sizes, &self.settings.geometry)?)))
     }
 
@@ -40,7 +40,7 @@ impl Engine {
             renders.push(self.picture(&camera, sh_degree, [0.0; 3], true)?);
         }
         let found = propagation.found(&together, &renders, ratio)?;
-        if let Some(geometry) = &mut self.geometry {
+        if let Some(geometry) = &mut self.terms.geometry {
             geometry.set(&self.gpu, view, &found.prior)?;
         }
         Ok(Brought { share: found.prior.share(), ..self.append(&found.splats)? })

@@ -24,7 +24,7 @@ impl Engine {
         let mut recorder = self.gpu.recorder("no weights")?;
         recorder.fill(&weights, 0)?;
         recorder.submit()?;
-        for camera in self.cameras.clone() {
+        for camera in self.views.cameras.clone() {
             let shot = self.view_shot(&camera, sh_degree, [0.0; 3]);
             self.viewer.weigh(&self.model, splats, &shot, &weights)?;
         }
@@ -41,7 +41,7 @@ impl Engine {
         let planes = self.model.buffers();
         let means: Vec<f32> = self.gpu.read_at(&planes[MEANS], 0, 3 * weights.len())?;
         let scales: Vec<f32> = self.gpu.read_at(&planes[SCALES], 0, 3 * weights.len())?;
-        let surroundings = Surroundings::of(&self.cameras, self.extent);
+        let surroundings = Surroundings::of(&self.views.cameras, self.needs.extent);
         for ((weight, mean), scales) in weights.iter_mut().zip(means.chunks_exact(3)).zip(scales.chunks_exact(3)) {
             if surroundings.largest(share, mean) < largest(scales) {
                 *weight = -1.0;
@@ -73,7 +73,7 @@ impl Engine {
             clone_threshold: f32::INFINITY,
             split_threshold: f32::INFINITY,
             prune_opacity: PRUNE_OPACITY,
-            ..DensityRules::reference(self.extent, 0)
+            ..DensityRules::reference(self.needs.extent, 0)
         };
         let mut recorder = self.gpu.recorder("prune")?;
         self.density.record(&mut recorder, &self.density_model(), &rules, 0)?;

@@ -7,26 +7,26 @@ use crate::train::photographs::FeedCounts;
 impl Engine {
     /// How many views [`Self::look_ahead`] has a use for: 0 when all photographs are on the device or decoded.
     pub fn ahead(&self) -> usize {
-        self.photographs.ahead()
+        self.views.photographs.ahead()
     }
 
     /// Names the views of the next steps, so that their photographs are decoded meanwhile.
     pub fn look_ahead(&self, views: &[usize]) {
-        self.photographs.look_ahead(views);
+        self.views.photographs.look_ahead(views);
     }
 
     /// Gives back what the host keeps of photographs. No step may follow.
     pub fn release_photographs(&mut self) {
-        self.photographs.release();
+        self.views.photographs.release();
     }
 
     /// How photographs came to their steps; `None` when all are on the device.
     pub fn feed_counts(&self) -> Option<FeedCounts> {
-        self.photographs.counts()
+        self.views.photographs.counts()
     }
 
     /// The steps so far that had to wait for their photographs.
     pub fn photograph_waits(&self) -> Vec<PhotographWait> {
-        self.photographs.waits()
+        self.views.photographs.waits()
     }
 }

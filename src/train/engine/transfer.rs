@@ -1,7 +1,6 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
 use super::{Engine, State};
-use crate::losses::GradientMapLoss;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
@@ -12,8 +11,6 @@ use crate::train::Error;
 use crate::train::learning::exposures::{self, Exposures};
 use crate::train::learning::sigma::SigmaTraining;
 use crate::train::memory::MemoryCost;
-use crate::train::photographs::{Coarse, Saliencies};
-use crate::train::terms::{Constrained, Geometry, Perceptual};
 
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
@@ -50,7 +47,7 @@ impl Engine {
         words[counters::PLAIN] = if self.has_plain_splats() { u32::MAX } else { 0 };
         words[counters::NEXT_ID] = initial.ids.iter().max().map_or(0, |id| id + 1);
         recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
-        self.last = Some(recorder.submit()?);
+        recorder.submit()?;
         Ok(())
     }
 
@@ -70,10 +67,10 @@ impl Engine {
         if let Some(exposures) = &self.exposures {
             exposures.restore(&self.gpu, &state.exposures)?;
         }
-        if let Some(sigma) = self.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
+        if let Some(sigma) = self.terms.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
             sigma.restore(&state.sigma)?;
         }
-        if let (Some(geometry), Some(_)) = (&mut self.geometry, &self.propagation) {
+        if let (Some(geometry), Some(_)) = (&mut self.terms.geometry, &self.propagation) {
             geometry.restore(&self.gpu, &state.priors)?;
         }
         self.gpu.write(&self.renderer.counters, &state.counters)?;
@@ -88,30 +85,18 @@ impl Engine {
             self.ids.size(),
             self.statistics.bytes(),
             self.density.bytes(),
-            self.constrained.as_ref().map_or(0, Constrained::bytes),
         ];
-        let of_exposures = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
-        let of_saliency = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);
-        let of_geometry = self.geometry.as_ref().map_or([0; 2], Geometry::bytes);
-        let of_maps = self.gradient_maps.as_ref().map_or(0, GradientMapLoss::bytes);
-        let of_perceptual = self.perceptual.as_ref().map_or(0, Perceptual::bytes);
-        let of_terms = [of_geometry[0] + of_maps, of_geometry[1] + of_perceptual];
-        let of_coarse = self.coarse.as_ref().map_or(0, Coarse::bytes);
+        let [of_pixels, fixed] = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
         let own = Held {
             splats: of_splats.iter().sum(),
-            pixels: self.target.bytes()
-                + self.losses.bytes()
-                + of_exposures[0]
-                + of_saliency[0]
-                + of_coarse
-                + of_terms[0],
-            fixed: self.gpu.counted_bytes(&self.ring) + of_exposures[1] + of_saliency[1] + of_terms[1],
+            pixels: self.target.bytes() + of_pixels,
+            fixed: self.reports.bytes(&self.gpu) + fixed,
             ..Held::default()
         };
         MemoryCost::new(
-            own + self.renderer.held(),
+            own + self.terms.footprint() + self.views.footprint() + self.renderer.held(),
             [self.size.splats, self.size.pairs, self.target.pixels],
-            self.photographs.bytes(&self.gpu),
+            self.views.photographs.bytes(&self.gpu),
         )
     }
 
@@ -140,7 +125,7 @@ impl Engine {
         let projection = Projection {
             sh_degree,
             near: NEAR,
-            antialias: self.antialias,
+            antialias: self.settings.model.antialias,
             reference_clamp: false,
             black_learns: false,
             limits: None,
@@ -173,16 +158,16 @@ impl Engine {
 
     /// The loss of a view over the width of the saliency filter; `None` where that is not learned, or the view has nothing to tell. Waits.
     pub fn sigma_curve(&mut self, view: usize, sh_degree: u32, background: [f32; 3]) -> Result<Option<Curve>, Error> {
-        if self.sigma.is_none() {
+        if self.terms.sigma.is_none() {
             return Ok(None);
         }
-        let camera = *self.cameras.get(view).ok_or(Error::NoViews)?;
+        let camera = *self.views.cameras.get(view).ok_or(Error::NoViews)?;
         let mut picture = self.picture(&camera, sh_degree, background, false)?;
         // Compared with the photograph, as in training.
         if let Some(exposure) = self.exposures()?.as_ref().and_then(|exposures| exposures.get(view)) {
             picture = picture.exposed(exposure);
         }
-        self.sigma.as_ref().map_or(Ok(None), |sigma| sigma.curve(view, &picture.rgbt))
+        self.terms.sigma.as_ref().map_or(Ok(None), |sigma| sigma.curve(view, &picture.rgbt))
     }
 
     /// Everything a restart needs, read back. Waits.
@@ -199,8 +184,8 @@ impl Engine {
             scores,
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
-            sigma: self.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
-            priors: match (&self.geometry, &self.propagation) {
+            sigma: self.terms.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
+            priors: match (&self.terms.geometry, &self.propagation) {
                 (Some(geometry), Some(_)) => geometry.state(&self.gpu)?,
                 _ => Vec::new(),
             },

@@ -33,11 +33,17 @@ struct Summed {
 /// What takes a step.
 #[derive(Clone, Copy)]
 pub(in crate::train) struct Stepping<'a> {
+    pub(in crate::train) plan: &'a StepPlan,
+    pub(in crate::train) renderer: &'a Renderer,
     pub(in crate::train) model: &'a Planes,
     /// The splats' rows of statistics, of which the last number is the optimiser's.
     pub(in crate::train) stats: &'a Buffer,
     /// The view whose gradients it takes.
     pub(in crate::train) shot: &'a Shot,
+    /// Whether the blend backward had the auxiliary channels.
+    pub(in crate::train) aux: bool,
+    /// Whether other views have had their part.
+    pub(in crate::train) beside: bool,
 }
 
 /// Moments and the passes that use them.
@@ -61,7 +67,8 @@ impl Optimiser {
     pub(in crate::train) fn new(
         gpu: &Gpu,
         capacity: u32,
-        (extent, pixels): (f64, f64),
+        extent: f64,
+        pixels: f64,
         training: &Settings,
     ) -> Result<Self, Error> {
         let (settings, shortcuts) = (adam_of(training), &training.shortcuts);
@@ -192,26 +199,15 @@ impl Optimiser {
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
-    /// Records one optimiser step of `model`, after the blend backward of the shot; `aux` if that had the auxiliary channels, `beside` if
-    /// other views have had their part. What splats have missed they make up for when they step, and all of them where `plan` says so;
-    /// gives the step of the optimiser with which these were caught up.
+    /// Records one step of the optimiser, after the blend backward. What splats have missed they make up for when they step, and all of them
+    /// where the plan says so; gives the step of the optimiser with which these were caught up.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
-        renderer: &Renderer,
-        of: Stepping<'_>,
-        plan: &StepPlan,
-        (aux, beside): (bool, bool),
+        of: &Stepping<'_>,
     ) -> Result<Option<u32>, vk::Error> {
-        let Stepping { model, stats, shot } = of;
-        let rates = fused::Rates {
-            means: plan.rates.means * self.extent,
-            quats: plan.rates.rotations,
-            scales: plan.rates.scales,
-            opacities: plan.rates.opacities,
-            sh_base: plan.rates.sh_base,
-            sh_rest: plan.rates.sh_rest,
-        };
+        let Stepping { plan, renderer, model, stats, shot, aux, beside } = *of;
+        let rates = self.rates(plan);
         let opacities = (plan.adam == Adam::All).then_some(plan.adam_steps_opacities);
         let steps = fused::Steps { most: plan.adam_steps, opacities };
         let step = |pipeline, steps, catches_up| BackwardStep {
@@ -245,21 +241,34 @@ impl Optimiser {
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 // All splats take this step, from where they are without one of theirs missing.
                 let caught_up = catch_up(recorder, plan.adam_steps.saturating_sub(1))?;
-                self.record_from_gradients(recorder, (model, gradients), renderer, (&rates, steps), adam)?;
+                self.record_from_gradients(recorder, of, gradients, steps, adam)?;
                 return Ok(caught_up.map(|before| before + 1));
             }
         }
         if plan.catch_up { catch_up(recorder, plan.adam_steps) } else { Ok(None) }
     }
 
+    fn rates(&self, plan: &StepPlan) -> fused::Rates {
+        fused::Rates {
+            means: plan.rates.means * self.extent,
+            quats: plan.rates.rotations,
+            scales: plan.rates.scales,
+            opacities: plan.rates.opacities,
+            sh_base: plan.rates.sh_base,
+            sh_rest: plan.rates.sh_rest,
+        }
+    }
+
     fn record_from_gradients(
         &self,
         recorder: &mut Recorder,
-        (params, gradients): (&Planes, &Planes),
-        renderer: &Renderer,
-        (rates, steps): (&fused::Rates, fused::Steps),
+        of: &Stepping<'_>,
+        gradients: &Planes,
+        steps: fused::Steps,
         pipeline: &Pipeline,
     ) -> Result<(), vk::Error> {
+        let Stepping { renderer, model: params, .. } = *of;
+        let rates = self.rates(of.plan);
         let geometry = [rates.means, rates.quats, rates.scales, rates.opacities];
         for (k, (_, row)) in PLANES.into_iter().enumerate() {
             let Some(count) = (if k == OPACITIES { steps.opacities } else { Some(steps.most) }) else { continue };

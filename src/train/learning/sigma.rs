@@ -6,11 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::dataset::Pixels;
 use crate::saliency::{Curve, LearnSettings, Plane, Renders, Settings, SigmaLearner, Spectrum, Target, spaced};
-use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::input::View;
-use crate::train::settings::{Frequencies, SigmaLearning};
-use crate::vk::{self, Buffer, Gpu, Memory, Recorder, Ticket};
+use crate::train::settings::{Settings as TrainingSettings, SigmaLearning};
+use crate::vk::{self, Buffer, Gpu, Memory, Ticket};
 
 /// Steps from an update to the mask that it makes: more than ever in flight.
 const DELAY: u32 = 64;
@@ -65,9 +64,10 @@ impl SigmaTraining {
         gpu: &Gpu,
         views: &[View],
         lumas: Vec<Plane>,
-        frequencies: &Frequencies,
-        (seed, in_flight): (u64, usize),
+        training: &TrainingSettings,
+        in_flight: usize,
     ) -> Result<Self, Error> {
+        let (frequencies, seed) = (&training.frequencies, training.run.seed);
         let settings = Settings::default();
         let learned = LearnSettings { start: frequencies.sigma, seed, ..LearnSettings::default() };
         let how = frequencies.sigma_learning;
@@ -101,19 +101,9 @@ impl SigmaTraining {
         self.how == SigmaLearning::Composite
     }
 
-    fn landing(&self, step: u32) -> &[Buffer; 2] {
+    /// Where the renders of a step are kept for the update: of the full set, and of the constrained one.
+    pub(in crate::train) fn landing(&self, step: u32) -> &[Buffer; 2] {
         &self.landings[(step / self.every) as usize % self.landings.len()]
-    }
-
-    /// Records keeping the render of a step for the update; `low`: of the constrained set.
-    pub(in crate::train) fn record(
-        &self,
-        recorder: &mut Recorder,
-        (step, camera, low): (u32, &Camera, bool),
-        image: &Buffer,
-    ) -> Result<(), vk::Error> {
-        let to = &self.landing(step)[usize::from(low)];
-        recorder.copy(image, 0, to, 0, 16 * u64::from(camera.width) * u64::from(camera.height))
     }
 
     /// The mask of a view in a step, where it is not the one that it began with.
@@ -126,7 +116,8 @@ impl SigmaTraining {
     pub(in crate::train) fn learn(
         &mut self,
         gpu: &Gpu,
-        (step, view): (u32, usize),
+        step: u32,
+        view: usize,
         ticket: Ticket,
     ) -> Result<Option<SigmaUpdate>, Error> {
         let Some(image) = self.images.get(view) else { return Ok(None) };

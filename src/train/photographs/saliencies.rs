@@ -100,7 +100,8 @@ impl Saliencies {
         recorder: &mut Recorder,
         view: usize,
         camera: &Camera,
-        (top, of_height): (u32, u32),
+        top: u32,
+        of_height: u32,
     ) -> Result<&Buffer, Error> {
         let Mask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
         let &Camera { width, height, .. } = camera;

@@ -1,7 +1,8 @@
 //! Depth and normals against priors.
 
-use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Photograph};
-use crate::raster::Target;
+use super::{LossTerm, Phase, StepContext};
+use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior};
+use crate::raster::Held;
 use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::train::Error;
@@ -97,26 +98,14 @@ impl Geometry {
     }
 
     /// Whether anything is known of a view.
-    pub(in crate::train) fn knows(&self, view: usize) -> bool {
+    fn knows(&self, view: usize) -> bool {
         self.priors.get(view).is_some_and(|known| known.median > 0.0)
     }
 
-    /// Records the gradients of the geometry of a view that is known, which the forward pass rendered with its auxiliary image, all
-    /// weights being multiplied by `times`. They are added to the gradient of the transmittance in `grad_image`; gives those of the
-    /// auxiliary image.
-    pub(in crate::train) fn record(
-        &self,
-        recorder: &mut Recorder,
-        target: &Target,
-        photograph: &Photograph<'_>,
-        (view, times): (usize, f64),
-        grad_image: &Buffer,
-    ) -> Result<&Buffer, Error> {
-        let known = self.priors.get(view).ok_or(Error::NoViews)?;
-        let prior = losses::Prior { buffer: &known.buffer, size: known.size, median: known.median };
+    fn weights(&self, times: f64) -> GeometryWeights {
         let settings = &self.settings;
         let of = |weight: f64| (weight * times) as f32;
-        let weights = GeometryWeights {
+        GeometryWeights {
             depth: of(settings.lambda_depth),
             huber: settings.depth_huber as f32,
             edges: Edges::More(settings.depth_edges as f32),
@@ -124,13 +113,35 @@ impl Geometry {
             edge_stop: settings.smooth_edge_stop as f32,
             cosine: of(settings.lambda_normal),
             l1: of(settings.lambda_normal),
-        };
-        self.loss.record(recorder, target, photograph, &prior, &weights, grad_image)?;
-        Ok(self.loss.grad_aux())
+        }
+    }
+}
+
+impl LossTerm for Geometry {
+    fn phases(&self) -> &'static [Phase] {
+        &[Phase::AfterExposureBackward]
     }
 
-    /// Bytes per pixel of its buffers, and other bytes.
-    pub(in crate::train) fn bytes(&self) -> [u64; 2] {
-        [self.loss.bytes(), self.priors.iter().map(|known| known.buffer.size()).sum()]
+    fn due(&self, step: &StepContext<'_>) -> bool {
+        step.plan.geometry.is_some() && self.knows(step.view)
+    }
+
+    fn reads_aux(&self) -> bool {
+        true
+    }
+
+    /// Adds to the gradient of the transmittance, and writes that of depth and normals.
+    fn record<'a>(&'a self, _: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error> {
+        let known = self.priors.get(step.view).ok_or(Error::NoViews)?;
+        let prior = losses::Prior { buffer: &known.buffer, size: known.size, median: known.median };
+        let weights = self.weights(step.plan.geometry.unwrap_or(0.0));
+        self.loss.record(recorder, step.target, &step.compared, &prior, &weights, step.grad_image)?;
+        step.grad_aux = Some(self.loss.grad_aux());
+        Ok(())
+    }
+
+    fn footprint(&self) -> Held {
+        let priors = self.priors.iter().map(|known| known.buffer.size()).sum();
+        Held { pixels: self.loss.bytes(), fixed: priors, ..Held::default() }
     }
 }

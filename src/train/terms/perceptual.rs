@@ -1,10 +1,12 @@
 //! The perceptual distance of windows of render and photograph.
 
+use super::{LossTerm, Phase, StepContext};
 use crate::losses::Photograph;
 use crate::perceptual::{Distance, GradientOf, LpipsWeights, Pair, Windows};
+use crate::raster::Held;
 use crate::train::Error;
 use crate::train::settings::Texture as Weights;
-use crate::vk::{Buffer, Gpu, Recorder};
+use crate::vk::{Gpu, Recorder};
 
 /// A network on the device with room for a window.
 pub(in crate::train) struct Perceptual {
@@ -36,34 +38,48 @@ impl Perceptual {
         Ok(Self { windows: distance.windows(side, side, true)?, weight: weights.lambda_perceptual })
     }
 
-    /// The window about `center` (a share of width and height) of a photograph. One with 16 bits per channel, or smaller than the window,
-    /// has none.
-    pub(in crate::train) fn window(&self, photograph: &Photograph<'_>, center: [f32; 2]) -> Option<Window> {
-        let (side, size) = (self.windows.size().0, photograph.size);
-        if photograph.bits != 8 || size.0.min(size.1) < side {
+    /// The window of a view, about its `center`. A photograph with 16 bits per channel, or smaller than the window, has none.
+    pub(in crate::train) fn window(&self, step: &StepContext<'_>) -> Option<Window> {
+        let (side, size) = (self.windows.size().0, step.compared.size);
+        if step.compared.bits != 8 || size.0.min(size.1) < side {
             return None;
         }
         let corner = |center: f32, size: u32| ((center * size as f32) as u32).saturating_sub(side / 2).min(size - side);
-        Some(Window { at: (corner(center[0], size.0), corner(center[1], size.1)), side })
+        let [x, y] = step.center;
+        Some(Window { at: (corner(x, size.0), corner(y, size.1)), side })
     }
 
-    /// Records adding the gradient of a window, times `times`. Image and gradient are whole, or of the window alone where `cropped`.
-    pub(in crate::train) fn record(
+    /// Records adding the gradient of a window of a step, whose image and gradient are whole, or of the window alone where `cropped`.
+    pub(in crate::train) fn record_window(
         &self,
         recorder: &mut Recorder,
-        (image, grad_image): (&Buffer, &Buffer),
-        photograph: &Photograph<'_>,
-        (window, cropped): (Window, bool),
-        times: f64,
+        step: &StepContext<'_>,
+        window: Window,
+        cropped: bool,
     ) -> Result<(), Error> {
-        let pair = Pair { image, photograph: photograph.buffer, size: photograph.size, at: window.at, cropped };
-        let weight = (self.weight * times) as f32;
-        self.windows.record(recorder, &pair, Some(&GradientOf { image: grad_image, weight }))?;
+        let Some(planned) = step.plan.perceptual else { return Ok(()) };
+        let Photograph { buffer, size, .. } = step.compared;
+        let pair = Pair { image: step.shown, photograph: buffer, size, at: window.at, cropped };
+        let weight = (self.weight * planned.times) as f32;
+        self.windows.record(recorder, &pair, Some(&GradientOf { image: step.grad_image, weight }))?;
         Ok(())
     }
+}
 
-    /// Bytes of its buffers.
-    pub(in crate::train) fn bytes(&self) -> u64 {
-        self.windows.bytes()
+impl LossTerm for Perceptual {
+    fn phases(&self) -> &'static [Phase] {
+        &[Phase::AfterExposure]
+    }
+
+    fn due(&self, step: &StepContext<'_>) -> bool {
+        step.plan.perceptual.is_some()
+    }
+
+    fn record<'a>(&'a self, _: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error> {
+        self.window(step).map_or(Ok(()), |window| self.record_window(recorder, step, window, false))
+    }
+
+    fn footprint(&self) -> Held {
+        Held { fixed: self.windows.bytes(), ..Held::default() }
     }
 }

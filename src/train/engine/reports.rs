@@ -1,0 +1,79 @@
+//! What the device reports at the end of each event, in a ring that the host reads later.
+
+use std::collections::VecDeque;
+
+use super::Outcome;
+use crate::pass::{counters, finish};
+use crate::train::Error;
+use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
+
+/// Bytes of a slot, which holds a report of `finish`: as much as any device aligns bindings to.
+const SLOT: u64 = 256;
+/// Slots; more than events ever in flight.
+const SLOTS: u64 = 64;
+
+/// The ring, and which submitted recording reports to which slot.
+pub(super) struct Reports {
+    finish: Pipeline,
+    ring: Buffer,
+    next_slot: u64,
+    slots: VecDeque<(Ticket, u64)>,
+    /// Recordings submitted so far.
+    recorded: u64,
+}
+
+impl Reports {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, Error> {
+        Ok(Self {
+            finish: gpu.pipeline(&finish::PASS.kernel, &[])?,
+            ring: gpu.buffer("ring", SLOT * SLOTS, Memory::Readback)?,
+            next_slot: 0,
+            slots: VecDeque::new(),
+            recorded: 0,
+        })
+    }
+
+    /// Records the report of an event.
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder,
+        counters: &Buffer,
+        loss: &Buffer,
+        push: &finish::Push,
+    ) -> Result<(), Error> {
+        let at = SLOT * self.next_slot;
+        let buffers = [counters.into(), loss.into(), self.ring.slice(at..at + SLOT)];
+        Ok(recorder.dispatch(&self.finish, &buffers, push, Groups::Workgroups(1))?)
+    }
+
+    /// The recording was submitted: the next one reports to the next slot.
+    pub(super) fn submitted(&mut self, ticket: Ticket) {
+        self.slots.push_back((ticket, self.next_slot));
+        while self.slots.len() as u64 >= SLOTS {
+            self.slots.pop_front();
+        }
+        self.next_slot = (self.next_slot + 1) % SLOTS;
+        self.recorded += 1;
+    }
+
+    /// How many recordings have been submitted.
+    pub(super) fn recorded(&self) -> u64 {
+        self.recorded
+    }
+
+    /// What an event has reported. Waits for it if it is not done.
+    pub(super) fn outcome(&self, gpu: &Gpu, ticket: Ticket) -> Result<Outcome, Error> {
+        gpu.wait(ticket)?;
+        let slot = self.slots.iter().find(|(t, _)| *t == ticket).map_or(0, |(_, slot)| *slot);
+        let words: Vec<u32> =
+            gpu.read_ready(&self.ring, SLOT * slot, finish::REPORT_WORDS, ticket)?.unwrap_or_default();
+        let loss = words.get(counters::COUNT).map_or(f32::NAN, |bits| f32::from_bits(*bits));
+        let counters = words.get(..counters::COUNT).map(<[u32]>::to_vec).unwrap_or(vec![0; counters::COUNT]);
+        Ok(Outcome { counters, loss, ticket })
+    }
+
+    /// Bytes of its buffer that count as device memory.
+    pub(super) fn bytes(&self, gpu: &Gpu) -> u64 {
+        gpu.counted_bytes(&self.ring)
+    }
+}

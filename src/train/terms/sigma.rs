@@ -1,0 +1,35 @@
+//! Renders that are kept for learning the width of the saliency filter. They add nothing to the gradients.
+
+use super::{LossTerm, Phase, StepContext};
+use crate::raster::Held;
+use crate::train::Error;
+use crate::train::learning::sigma::SigmaTraining;
+use crate::vk::Recorder;
+
+impl LossTerm for SigmaTraining {
+    fn phases(&self) -> &'static [Phase] {
+        &[Phase::BeforeRender, Phase::AfterExposure]
+    }
+
+    fn due(&self, step: &StepContext<'_>) -> bool {
+        step.plan.learn_sigma
+    }
+
+    fn record<'a>(&'a self, phase: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error> {
+        let [full, low] = self.landing(step.plan.step);
+        let (image, to) = match phase {
+            Phase::BeforeRender if !self.wants_low() => return Ok(()),
+            Phase::BeforeRender => {
+                let _ = step.record_constrained_forward(recorder)?;
+                (step.record_exposed(recorder)?, low)
+            }
+            _ => (step.shown, full),
+        };
+        Ok(recorder.copy(image, 0, to, 0, 16 * u64::from(step.pixels()))?)
+    }
+
+    /// The host's side holds them.
+    fn footprint(&self) -> Held {
+        Held::default()
+    }
+}
