@@ -131,14 +131,12 @@ fn what_is_fixed_is_not_timed() {
     let mut s = settings(Tune::Again);
     s.blending.tile_shape = Some(named.tile);
     s.stepping.gradient_sum = Some(GradientSum::Slots);
-    s.stepping.backward = Some(named.backward);
     assert_eq!(why(&s), "no other form is possible");
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0, "nothing was timed, so nothing is kept");
 
     // A part is named: the rest is timed, and not kept for those who name nothing.
     s.blending.tile_shape = Some(TileShape::Pixel);
     s.stepping.gradient_sum = None;
-    s.stepping.backward = None;
     let tuned = tune::tuned(&gpu, &input(), &s, Some(folder.path())).expect("a choice");
     let Why::Timed(times) = &tuned.why else { panic!("{tuned}") };
     assert!(times.len() > 1 && times.iter().all(|t| t.0.tile == TileShape::Pixel), "{tuned}");

@@ -121,7 +121,6 @@ fn every_form(gpu: &Gpu) {
         settings.optimiser.exposure = Exposure::Affine;
         settings.blending.tile_shape = Some(variants.tile);
         settings.stepping.gradient_sum = Some(variants.gradients);
-        settings.stepping.backward = Some(variants.backward);
         let mut seen = Seen::default();
         let end = train(gpu, &input, &settings, None, None, &mut seen);
         assert_eq!((end.variants, end.step), (variants, 6));

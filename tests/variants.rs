@@ -7,7 +7,7 @@ use common::plane_scene;
 use common::splats::{Random, camera, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{Backward, Culling, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{Culling, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{self, FloatAtomics, Gpu};
@@ -26,7 +26,6 @@ fn settings(variants: Variants) -> Settings {
     s.optimiser.lr_opacities = 0.1;
     s.blending.tile_shape = Some(variants.tile);
     s.stepping.gradient_sum = Some(variants.gradients);
-    s.stepping.backward = Some(variants.backward);
     s.blending.culling = Some(variants.culling);
     s
 }
@@ -153,24 +152,12 @@ fn what_is_possible_can_be_made_and_nothing_else() {
         }
         for tile in SHAPES {
             for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
-                for backward in [Backward::PerPixel, Backward::PerSplat] {
-                    let variants = Variants { backward, ..Variants::new(tile, gradients) };
-                    let made = Renderer::new(gpu, variants, Size::training(10, 10, 10));
-                    assert_eq!(made.is_ok(), possible.contains(&variants), "{variants:?}");
-                }
+                let variants = Variants::new(tile, gradients);
+                let made = Renderer::new(gpu, variants, Size::training(10, 10, 10));
+                assert_eq!(made.is_ok(), possible.contains(&variants), "{variants:?}");
             }
         }
     }
-}
-
-#[test]
-fn variants_written_without_a_backward_have_one_per_pixel() {
-    let old: Variants = serde_json::from_str(r#"{"tile":"pixel","gradients":"slots"}"#).unwrap();
-    assert_eq!(old, Variants::new(TileShape::Pixel, GradientSum::Slots));
-    let new = Variants { backward: Backward::PerSplat, ..old };
-    let text = serde_json::to_string(&new).unwrap();
-    assert!(text.contains(r#""backward":"per-splat""#), "{text}");
-    assert_eq!(serde_json::from_str::<Variants>(&text).unwrap(), new);
 }
 
 /// Culling changes no bit of a training with slots.
@@ -178,36 +165,11 @@ fn variants_written_without_a_backward_have_one_per_pixel() {
 fn culling_changes_no_bit_of_a_training() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(4, 48, 40, 150);
-    for backward in [Backward::PerPixel, Backward::PerSplat] {
-        let with = Variants { backward, ..Variants::new(TileShape::Pixel, GradientSum::Slots) };
-        let bits = |culling: Culling| {
-            losses(&gpu, &input, Variants { culling, ..with }).into_iter().map(f32::to_bits).collect::<Vec<_>>()
-        };
-        assert_eq!(bits(Culling::Blocks), bits(Culling::Off), "{backward:?}");
-    }
-}
-
-/// A backward per splat brings pixel tiles, and with slots equal bits of two trainings.
-#[test]
-fn a_deterministic_training_per_splat_repeats_itself() {
-    let Some(gpu) = common::gpu() else { return };
-    let mut settings = settings(Variants::choose(&gpu, true));
-    settings.run.deterministic = true;
-    settings.stepping.backward = Some(Backward::PerSplat);
-    settings.blending.tile_shape = Some(TileShape::Column);
-    let start =
-        |settings: &Settings| Trainer::new(&gpu, plane_scene::input(3, 48, 40, 150), settings, Pacing::default(), None);
-    assert!(matches!(start(&settings).err(), Some(train::Error::PerSplatInColumns)));
-    settings.blending.tile_shape = None;
-    let trained = || {
-        let mut trainer = start(&settings).unwrap();
-        while trainer.next_message().unwrap().is_some() {}
-        let end = trainer.snapshot().unwrap();
-        let want = Variants { backward: Backward::PerSplat, ..Variants::new(TileShape::Pixel, GradientSum::Slots) };
-        assert_eq!(end.variants, want);
-        end.state.params.map(|plane| plane.into_iter().map(f32::to_bits).collect::<Vec<u32>>())
+    let with = Variants::new(TileShape::Pixel, GradientSum::Slots);
+    let bits = |culling: Culling| {
+        losses(&gpu, &input, Variants { culling, ..with }).into_iter().map(f32::to_bits).collect::<Vec<_>>()
     };
-    assert!(trained() == trained(), "two trainings differ");
+    assert_eq!(bits(Culling::Blocks), bits(Culling::Off));
 }
 
 /// Counts and every array of the tile lists, as far as they hold something.

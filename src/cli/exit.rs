@@ -148,10 +148,7 @@ fn of_training(error: &train::Error) -> u8 {
         train::Error::Dataset(data) => of_dataset(data),
         train::Error::File(file) => of_file(file),
         train::Error::Settings(settings) => of_settings(settings),
-        train::Error::NotDeterministic
-        | train::Error::NoFloatAtomics
-        | train::Error::PerSplatInColumns
-        | train::Error::SharedMemory { .. } => USAGE,
+        train::Error::NotDeterministic | train::Error::NoFloatAtomics | train::Error::SharedMemory { .. } => USAGE,
         train::Error::Init(_)
         | train::Error::NoViews
         | train::Error::CloudElsewhere { .. }
@@ -361,7 +358,6 @@ mod tests {
         assert_eq!(training(train::Error::Checkpoint { section: device(), found: 1, expected: 2 }), INPUT);
         assert_eq!(training(train::Error::NotDeterministic), USAGE);
         assert_eq!(training(train::Error::NoFloatAtomics), USAGE);
-        assert_eq!(training(train::Error::PerSplatInColumns), USAGE);
         let many = train::Error::TooMany { what: "splats", wanted: 9, limit: 2, remedy: "--max-splats" };
         assert_eq!(training(many), MEMORY);
         let (what, wanted, needed) = ("pairs", 9, 5);

@@ -1,4 +1,4 @@
-//! Gradients of the blended image with respect to the projected splats: two shapes of tiles, threads that own pixels or splats,
+//! Gradients of the blended image with respect to the projected splats: two shapes of tiles,
 //! three ways of adding up.
 
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
@@ -55,7 +55,6 @@ const SUM_BINDINGS: &[Binding] = &[
 enum Owned {
     Columns,
     Pixels,
-    Splats,
 }
 
 const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], constants: &'static [Constant]) -> Pass {
@@ -73,9 +72,6 @@ const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], co
                 "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels."
             }
             Owned::Pixels => "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.",
-            Owned::Splats => {
-                "One thread owns a pixel, then a splat of the tile's list; a workgroup of 256 threads owns a tile of 16x16 pixels."
-            }
         },
         dispatch: "one workgroup per tile",
         push: Push::FIELDS,
@@ -107,15 +103,3 @@ pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", Owned::Pixels, SUM_
 /// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
 pub const PIXEL_EMULATED_CAS: Pass =
     pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS);
-/// Threads own splats, one row per splat and tile to slots: deterministic, the same sums at any width of subgroups.
-pub const SPLAT_SLOTS: Pass = pass("blend_backward_splat_slots", Owned::Splats, SLOT_BINDINGS, CONSTANTS);
-/// Threads own splats, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
-pub const SPLAT_ATOMIC: Pass = pass("blend_backward_splat_atomic", Owned::Splats, SUM_BINDINGS, CONSTANTS);
-/// Threads own splats, compare-and-swap.
-pub const SPLAT_CAS: Pass = pass("blend_backward_splat_cas", Owned::Splats, SUM_BINDINGS, CONSTANTS);
-/// Threads own splats, emulated subgroups of any width, slots.
-pub const SPLAT_EMULATED_SLOTS: Pass =
-    pass("blend_backward_splat_emulated_slots", Owned::Splats, SLOT_BINDINGS, EMULATED_CONSTANTS);
-/// Threads own splats, emulated subgroups of any width and compare-and-swap: no optional feature at all.
-pub const SPLAT_EMULATED_CAS: Pass =
-    pass("blend_backward_splat_emulated_cas", Owned::Splats, SUM_BINDINGS, EMULATED_CONSTANTS);

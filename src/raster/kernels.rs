@@ -1,6 +1,6 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
-use super::variants::{Backward, COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
+use super::variants::{COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit, project};
 use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
 
@@ -61,7 +61,6 @@ pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
 
 /// The backward pass; an error where the device has no way to run this form.
 pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
-    use Backward::{PerPixel, PerSplat};
     use GradientSum::{Atomic, CompareAndSwap, Slots};
     use TileShape::{Column, Pixel};
     let lacks = |feature: &'static str, what: &str| {
@@ -70,26 +69,20 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
     let block = block(gpu, variants.culling);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
-    let mut chosen = match (variants.tile, variants.backward, variants.gradients) {
-        (Column, PerSplat, _) => return lacks("pixel tiles", "a backward per splat"),
-        (Column, PerPixel, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
-        (Column, PerPixel, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
-        (Column, PerPixel, Atomic) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_ATOMIC),
-        (Column, PerPixel, CompareAndSwap) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_CAS),
-        (Column, PerPixel, _) => {
+    let mut chosen = match (variants.tile, variants.gradients) {
+        (Column, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
+        (Column, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
+        (Column, Atomic) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_ATOMIC),
+        (Column, CompareAndSwap) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_CAS),
+        (Column, _) => {
             return lacks("subgroups of width 8", "gradients of column tiles summed other than in slots");
         }
-        (Pixel, PerPixel, Slots) if hardware => Chosen::with(&backward::PIXEL_APART_SLOTS, &[block]),
-        (Pixel, PerPixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
-        (Pixel, PerPixel, Atomic) if hardware => Chosen::with(&backward::PIXEL_ATOMIC, &[block]),
-        (Pixel, PerPixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),
-        (Pixel, PerPixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
-        (Pixel, PerSplat, Slots) if hardware => Chosen::plain(&backward::SPLAT_SLOTS),
-        (Pixel, PerSplat, Slots) => Chosen::with(&backward::SPLAT_EMULATED_SLOTS, &[width]),
-        (Pixel, PerSplat, Atomic) if hardware => Chosen::plain(&backward::SPLAT_ATOMIC),
-        (Pixel, PerSplat, CompareAndSwap) if hardware => Chosen::plain(&backward::SPLAT_CAS),
-        (Pixel, PerSplat, CompareAndSwap) => Chosen::with(&backward::SPLAT_EMULATED_CAS, &[width]),
-        (Pixel, _, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
+        (Pixel, Slots) if hardware => Chosen::with(&backward::PIXEL_APART_SLOTS, &[block]),
+        (Pixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
+        (Pixel, Atomic) if hardware => Chosen::with(&backward::PIXEL_ATOMIC, &[block]),
+        (Pixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),
+        (Pixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
+        (Pixel, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
     };
     chosen.constants.extend(variants.approximation.cutoffs().constants());
     Ok(chosen)

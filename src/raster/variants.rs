@@ -41,18 +41,7 @@ pub enum GradientSum {
     Slots,
 }
 
-/// What the threads of the blend backward own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Backward {
-    /// Pixels: what a splat gets from a tile is added up over threads.
-    #[default]
-    PerPixel,
-    /// Splats, in pixel tiles only: nothing is added up over threads, but every pixel's way is walked twice.
-    PerSplat,
-}
-
-/// Whether blending tests splats against blocks of a tile's pixels: the forward pass, and the backward per pixel where subgroups add up
+/// Whether blending tests splats against blocks of a tile's pixels: the forward pass, and the backward where subgroups add up
 /// for themselves. Pictures and gradients of a pair are the same bits either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -71,9 +60,6 @@ pub struct Variants {
     pub tile: TileShape,
     /// Gradient summation.
     pub gradients: GradientSum,
-    /// Who owns what in the blend backward.
-    #[serde(default)]
-    pub backward: Backward,
     /// Sub-tile culling; column tiles have none.
     #[serde(default)]
     pub culling: Culling,
@@ -93,11 +79,7 @@ impl std::fmt::Display for Variants {
             GradientSum::CompareAndSwap => "compare-and-swap",
             GradientSum::Slots => "slots",
         };
-        let backward = match self.backward {
-            Backward::PerPixel => "per pixel",
-            Backward::PerSplat => "per splat",
-        };
-        write!(f, "{tile} tiles, backward {backward}, {gradients}")?;
+        write!(f, "{tile} tiles, gradients by {gradients}")?;
         let Approximation { alpha_cutoff } = self.approximation;
         if alpha_cutoff != Approximation::NONE.alpha_cutoff {
             write!(f, ", alpha cut off at 1/{alpha_cutoff}")?;
@@ -107,10 +89,10 @@ impl std::fmt::Display for Variants {
 }
 
 impl Variants {
-    /// A backward per pixel, with culling.
+    /// With culling.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
-        let (backward, culling, approximation) = (Backward::PerPixel, Culling::Blocks, Approximation::NONE);
-        Self { tile, gradients, backward, culling, approximation }
+        let (culling, approximation) = (Culling::Blocks, Approximation::NONE);
+        Self { tile, gradients, culling, approximation }
     }
 
     /// Every form that the device can run, whichever is best. Pixel tiles with culling: without it each is another form, of the
@@ -118,10 +100,8 @@ impl Variants {
     pub fn possible(gpu: &Gpu) -> Vec<Self> {
         let mut found = Vec::new();
         for tile in [TileShape::Column, TileShape::Pixel] {
-            for backward in [Backward::PerPixel, Backward::PerSplat] {
-                for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
-                    found.push(Self { backward, ..Self::new(tile, gradients) });
-                }
+            for gradients in [GradientSum::Slots, GradientSum::CompareAndSwap, GradientSum::Atomic] {
+                found.push(Self::new(tile, gradients));
             }
         }
         found.retain(|variants| variants.runs_on(gpu));
@@ -129,19 +109,17 @@ impl Variants {
     }
 
     /// Whether the device can run this form: slots always, other sums of column tiles with subgroups of 8 only, float atomics
-    /// where there are some and subgroup operations too, a backward per splat in pixel tiles; and what takes no more shared memory than
-    /// there is.
+    /// where there are some and subgroup operations too; and what takes no more shared memory than there is.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
         let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
         let columns_sum = caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH);
-        let there = match (self.tile, self.backward, self.gradients) {
-            (TileShape::Column, Backward::PerSplat, _) => false,
-            (_, _, GradientSum::Slots) => true,
-            (TileShape::Column, _, GradientSum::CompareAndSwap) => columns_sum,
-            (TileShape::Column, _, GradientSum::Atomic) => columns_sum && atomics,
-            (TileShape::Pixel, _, GradientSum::CompareAndSwap) => true,
-            (TileShape::Pixel, _, GradientSum::Atomic) => atomics,
+        let there = match (self.tile, self.gradients) {
+            (_, GradientSum::Slots) => true,
+            (TileShape::Column, GradientSum::CompareAndSwap) => columns_sum,
+            (TileShape::Column, GradientSum::Atomic) => columns_sum && atomics,
+            (TileShape::Pixel, GradientSum::CompareAndSwap) => true,
+            (TileShape::Pixel, GradientSum::Atomic) => atomics,
         };
         there && self.fits(gpu)
     }
@@ -182,20 +160,11 @@ impl Variants {
         Self { approximation: Approximation { alpha_cutoff }, ..self }
     }
 
-    /// The same with some forms given. A backward per splat brings pixel tiles, unless another shape is given.
-    pub fn with(
-        self,
-        tile: Option<TileShape>,
-        gradients: Option<GradientSum>,
-        backward: Option<Backward>,
-        culling: Option<Culling>,
-    ) -> Self {
-        let backward = backward.unwrap_or(self.backward);
-        let kept = if backward == Backward::PerSplat { TileShape::Pixel } else { self.tile };
+    /// The same with some forms given.
+    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>, culling: Option<Culling>) -> Self {
         Self {
-            tile: tile.unwrap_or(kept),
+            tile: tile.unwrap_or(self.tile),
             gradients: gradients.unwrap_or(self.gradients),
-            backward,
             culling: culling.unwrap_or(self.culling),
             ..self
         }

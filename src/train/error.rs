@@ -40,9 +40,6 @@ pub enum Error {
     /// Float atomics were asked for on a device (or with a switch) that has none.
     #[error("`gradient-sum` atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
     NoFloatAtomics,
-    /// A backward per splat was asked for in column tiles.
-    #[error("`backward` per-splat: only in tiles of 16x16; set `tile-shape` to pixel, or leave one of both unset")]
-    PerSplatInColumns,
     /// A form of the blending passes that takes more shared memory than a workgroup has.
     #[error(
         "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; `tile-shape` column with `gradient-sum` slots takes next to none"

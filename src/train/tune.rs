@@ -103,7 +103,6 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     let (blending, stepping) = (&settings.blending, &settings.stepping);
     let free = blending.tile_shape.is_none()
         && stepping.gradient_sum.is_none()
-        && stepping.backward.is_none()
         && default.approximation == Approximation::NONE;
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
@@ -120,7 +119,6 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
         let mut asked = settings.clone();
         asked.blending.tile_shape = asked.blending.tile_shape.or(Some(possible.tile));
         asked.stepping.gradient_sum = asked.stepping.gradient_sum.or(Some(possible.gradients));
-        asked.stepping.backward = asked.stepping.backward.or(Some(possible.backward));
         let possible = Variants { approximation: default.approximation, ..possible };
         if chosen_variants(gpu, &asked).ok() == Some(possible) && !all.contains(&possible) {
             all.push(possible);

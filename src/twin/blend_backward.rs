@@ -1,4 +1,4 @@
-//! Twin of `glsl/blend_backward.comp` and `glsl/blend_backward_splat.comp`.
+//! Twin of `glsl/blend_backward.comp`.
 
 use super::blend_forward::{Blend, Evaluation, NO_BLOCKS, evaluate, inputs};
 use super::{Real, TwinCall};

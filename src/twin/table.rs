@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 108] = [
+pub const TABLE: [(&Pass, TwinFn); 103] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -25,11 +25,6 @@ pub const TABLE: [(&Pass, TwinFn); 108] = [
     (&pass::blend_backward::PIXEL_APART_SLOTS, blend_backward::run_pixel_apart_slots),
     (&pass::blend_backward::PIXEL_EMULATED_CAS, blend_backward::run_whole_sums),
     (&pass::blend_backward::PIXEL_SLOTS, blend_backward::run_pixel_slots),
-    (&pass::blend_backward::SPLAT_ATOMIC, blend_backward::run_whole_sums),
-    (&pass::blend_backward::SPLAT_CAS, blend_backward::run_whole_sums),
-    (&pass::blend_backward::SPLAT_EMULATED_CAS, blend_backward::run_whole_sums),
-    (&pass::blend_backward::SPLAT_EMULATED_SLOTS, blend_backward::run_pixel_slots),
-    (&pass::blend_backward::SPLAT_SLOTS, blend_backward::run_pixel_slots),
     (&pass::blend_forward::COLUMN, blend_forward::run_column),
     (&pass::blend_forward::COLUMN_EMULATED, blend_forward::run_column),
     (&pass::blend_forward::PIXEL, blend_forward::run_pixel),

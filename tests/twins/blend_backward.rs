@@ -26,9 +26,6 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
         (&passes::PIXEL_CAS, 16, Rows::Sums, None),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(32)),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(64)),
-        (&passes::SPLAT_EMULATED_SLOTS, 16, Rows::Slots, Some(16)),
-        (&passes::SPLAT_EMULATED_SLOTS, 16, Rows::Slots, Some(64)),
-        (&passes::SPLAT_EMULATED_CAS, 16, Rows::Sums, Some(32)),
     ];
     let eight = matches!(gpu.caps().subgroup, Subgroup::Hardware(8));
     let atomics = gpu.caps().buffer_floats == FloatAtomics::Native;
@@ -36,11 +33,10 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
         all.extend([(&passes::COLUMN_SLOTS, 8, Rows::Slots, None), (&passes::COLUMN_CAS, 8, Rows::Sums, None)]);
     }
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
-        all.extend([(&passes::SPLAT_SLOTS, 16, Rows::Slots, None), (&passes::SPLAT_CAS, 16, Rows::Sums, None)]);
         all.push((&passes::PIXEL_APART_SLOTS, 16, Rows::Slots, None));
     }
     if atomics {
-        all.extend([&passes::PIXEL_ATOMIC, &passes::SPLAT_ATOMIC].map(|pass| (pass, 16, Rows::Sums, None)));
+        all.push((&passes::PIXEL_ATOMIC, 16, Rows::Sums, None));
     }
     if eight && atomics {
         all.push((&passes::COLUMN_ATOMIC, 8, Rows::Sums, None));
@@ -351,27 +347,6 @@ fn culling(gpu: &Gpu, cases: &[Case]) {
     assert!(evaluated[0] < evaluated[1] / 10 * 8, "{evaluated:?}");
 }
 
-/// Threads that own splats leave the same bits whatever the width of their subgroups: states are handed on by shuffles from a
-/// width of 32 on, in shared memory below.
-fn same_bits_at_any_width(gpu: &Gpu, cases: &[Case]) {
-    for case in cases.iter().filter(|case| case.longest > 30 && case.longest < 1000) {
-        let buffers = buffers(&case.blend, &case.up, Rows::Slots);
-        let run = |pass: &Pass, width: Option<u32>| {
-            let mut given = case.constants.clone();
-            given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
-            let groups = case.blend.ranges.len() as u32;
-            harness::run(gpu, pass, &given, &buffers, &push(&case.blend), groups).device
-        };
-        let want = run(&passes::SPLAT_EMULATED_SLOTS, Some(8));
-        for width in [16, 32, 64] {
-            assert!(run(&passes::SPLAT_EMULATED_SLOTS, Some(width)) == want, "{}: width {width}", case.name);
-        }
-        if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
-            assert!(run(&passes::SPLAT_SLOTS, None) == want, "{}: the hardware's width", case.name);
-        }
-    }
-}
-
 pub fn run(gpu: &Gpu) {
     for side in [8, 16] {
         let cases = cases(side);
@@ -383,7 +358,6 @@ pub fn run(gpu: &Gpu) {
             }
         }
         if side == 16 {
-            same_bits_at_any_width(gpu, &cases);
             culling(gpu, &cases);
         }
     }

@@ -80,7 +80,7 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
 fn options(form: Variants) -> String {
     let value = |v: serde_json::Value| v.as_str().map(str::to_owned).unwrap_or_default();
     let json = serde_json::to_value(form).unwrap_or_default();
-    [("tile", "tile-shape"), ("gradients", "gradient-sum"), ("backward", "backward")]
+    [("tile", "tile-shape"), ("gradients", "gradient-sum")]
         .iter()
         .map(|(key, option)| format!("--{option} {}", value(json[*key].clone())))
         .collect::<Vec<_>>()

@@ -1,6 +1,6 @@
 //! The forms of the passes that a training runs with.
 
-use crate::raster::{Backward, GradientSum, TileShape, Variants};
+use crate::raster::{GradientSum, Variants};
 use crate::train::Error;
 use crate::train::settings::Settings;
 use crate::vk::{FloatAtomics, Gpu};
@@ -9,12 +9,8 @@ use crate::vk::{FloatAtomics, Gpu};
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
     let (blending, stepping) = (&settings.blending, &settings.stepping);
-    let variants = Variants::choose(gpu, run.deterministic).with(
-        blending.tile_shape,
-        stepping.gradient_sum,
-        stepping.backward,
-        blending.culling,
-    );
+    let variants =
+        Variants::choose(gpu, run.deterministic).with(blending.tile_shape, stepping.gradient_sum, blending.culling);
     let variants = Variants { approximation: settings.shortcuts.approximation(), ..variants };
     // What suits the device's own tiles may not be there in those that are asked for; slots are in all.
     let slots = Variants { gradients: GradientSum::Slots, ..variants };
@@ -22,9 +18,6 @@ pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error
         None if !variants.runs_on(gpu) && slots.runs_on(gpu) => slots,
         _ => variants,
     };
-    if (variants.tile, variants.backward) == (TileShape::Column, Backward::PerSplat) {
-        return Err(Error::PerSplatInColumns);
-    }
     if run.deterministic && variants.gradients != GradientSum::Slots {
         return Err(Error::NotDeterministic);
     }
