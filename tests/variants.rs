@@ -7,7 +7,7 @@ use common::plane_scene;
 use common::splats::{Random, camera, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{Culling, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{self, FloatAtomics, Gpu};
@@ -26,7 +26,6 @@ fn settings(variants: Variants) -> Settings {
     s.optimiser.lr_opacities = 0.1;
     s.blending.tile_shape = Some(variants.tile);
     s.stepping.gradient_sum = Some(variants.gradients);
-    s.blending.culling = Some(variants.culling);
     s
 }
 
@@ -158,18 +157,6 @@ fn what_is_possible_can_be_made_and_nothing_else() {
             }
         }
     }
-}
-
-/// Culling changes no bit of a training with slots.
-#[test]
-fn culling_changes_no_bit_of_a_training() {
-    let Some(gpu) = common::gpu() else { return };
-    let input = plane_scene::input(4, 48, 40, 150);
-    let with = Variants::new(TileShape::Pixel, GradientSum::Slots);
-    let bits = |culling: Culling| {
-        losses(&gpu, &input, Variants { culling, ..with }).into_iter().map(f32::to_bits).collect::<Vec<_>>()
-    };
-    assert_eq!(bits(Culling::Blocks), bits(Culling::Off));
 }
 
 /// Counts and every array of the tile lists, as far as they hold something.

@@ -113,8 +113,9 @@ pub(crate) fn no_option(name: &str) -> Option<String> {
 }
 
 /// Options of earlier versions that are no key either, and what to do in their place.
-const REMOVED: [(&str, &str); 6] = [
+const REMOVED: [(&str, &str); 7] = [
     ("backward", "leave it out: threads own pixels in every form"),
+    ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),
     ("exponential", "leave it out: blending takes the exact exponential"),
     ("fast", "--set moment-bits=16 has what it saved in memory"),
     ("sh-every", "leave it out: view-dependent colours take every step"),

@@ -116,7 +116,7 @@ impl ModelFile {
         frame: &Frame,
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
-        let variants = Variants::choose(gpu, false).with(forms.tile_shape, None, forms.culling);
+        let variants = Variants::choose(gpu, false).with(forms.tile_shape, None);
         let viewer = Viewer::with_variants(gpu, Variants { approximation: drawing.approximation(), ..variants });
         let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =

@@ -1,6 +1,6 @@
 //! Which kernel of the blending passes a variant set means on a device.
 
-use super::variants::{COLUMN_WIDTH, Culling, GradientSum, TileShape, Variants};
+use super::variants::{COLUMN_WIDTH, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit, project};
 use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
 
@@ -28,12 +28,8 @@ fn columns_by_hardware(gpu: &Gpu) -> bool {
 }
 
 /// Pixels of the blocks that splats are tested against: what a subgroup owns.
-fn block(gpu: &Gpu, culling: Culling) -> (&'static str, u32) {
-    let pixels = match culling {
-        Culling::Blocks => gpu.caps().subgroup.width().clamp(8, 256),
-        Culling::Off => 0,
-    };
-    ("BLOCK", pixels)
+fn block(gpu: &Gpu) -> (&'static str, u32) {
+    ("BLOCK", gpu.caps().subgroup.width().clamp(8, 256))
 }
 
 /// The emission of pairs: by subgroups where these are wide enough that a splat of many tiles would keep many threads waiting.
@@ -53,7 +49,7 @@ pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
     let mut chosen = match variants.tile {
         TileShape::Column if columns_by_hardware(gpu) => Chosen::plain(&forward::COLUMN),
         TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
-        TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu, variants.culling)]),
+        TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu)]),
     };
     chosen.constants.extend(variants.approximation.cutoffs().constants());
     chosen
@@ -67,7 +63,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         Err(Error::MissingFeature { feature, needed_for: what.to_owned(), device: gpu.caps().device.clone() })
     };
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
-    let block = block(gpu, variants.culling);
+    let block = block(gpu);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
     let mut chosen = match (variants.tile, variants.gradients) {
         (Column, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),

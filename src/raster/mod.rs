@@ -25,5 +25,5 @@ pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, ImageGradients, Rende
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};
 pub use target::Target;
-pub use variants::{Culling, GradientSum, TileShape, Variants};
+pub use variants::{GradientSum, TileShape, Variants};
 pub use viewer::Viewer;

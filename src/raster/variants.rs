@@ -41,18 +41,6 @@ pub enum GradientSum {
     Slots,
 }
 
-/// Whether blending tests splats against blocks of a tile's pixels: the forward pass, and the backward where subgroups add up
-/// for themselves. Pictures and gradients of a pair are the same bits either way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Culling {
-    /// In pixel tiles, subgroups leave out splats that do not show in the block of pixels they own.
-    #[default]
-    Blocks,
-    /// Every splat of a tile's list is evaluated at every pixel.
-    Off,
-}
-
 /// The variant set of an engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Variants {
@@ -60,9 +48,6 @@ pub struct Variants {
     pub tile: TileShape,
     /// Gradient summation.
     pub gradients: GradientSum,
-    /// Sub-tile culling; column tiles have none.
-    #[serde(default)]
-    pub culling: Culling,
     /// What pictures may lose.
     #[serde(default)]
     pub approximation: Approximation,
@@ -89,14 +74,12 @@ impl std::fmt::Display for Variants {
 }
 
 impl Variants {
-    /// With culling.
+    /// Of pictures that lose nothing.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
-        let (culling, approximation) = (Culling::Blocks, Approximation::NONE);
-        Self { tile, gradients, culling, approximation }
+        Self { tile, gradients, approximation: Approximation::NONE }
     }
 
-    /// Every form that the device can run, whichever is best. Pixel tiles with culling: without it each is another form, of the
-    /// same results.
+    /// Every form that the device can run, whichever is best.
     pub fn possible(gpu: &Gpu) -> Vec<Self> {
         let mut found = Vec::new();
         for tile in [TileShape::Column, TileShape::Pixel] {
@@ -161,12 +144,7 @@ impl Variants {
     }
 
     /// The same with some forms given.
-    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>, culling: Option<Culling>) -> Self {
-        Self {
-            tile: tile.unwrap_or(self.tile),
-            gradients: gradients.unwrap_or(self.gradients),
-            culling: culling.unwrap_or(self.culling),
-            ..self
-        }
+    pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>) -> Self {
+        Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients), ..self }
     }
 }

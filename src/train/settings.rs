@@ -289,9 +289,6 @@ group! {
         /// Share a tile among threads in this way [default: what suits the device]
         #[arg(value_name = "SHAPE", value_enum)]
         pub tile_shape: crate::raster::TileShape,
-        /// Leave out splats in the blocks of a pixel tile where they do not show [default: blocks]
-        #[arg(value_name = "WHERE", value_enum)]
-        pub culling: crate::raster::Culling,
     }
     constants {}
     unset {}

@@ -16,7 +16,6 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
     let want = reference.gradients(0, &upstream).planes();
     let default = Variants::choose(gpu, false);
     let deterministic = Variants::choose(gpu, true);
-    // Without culling is another form of the same results, which the table of pictures has.
     let mut forms = Variants::possible(gpu);
     let again = forms.len();
     forms.push(default);

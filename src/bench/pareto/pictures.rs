@@ -3,7 +3,7 @@
 use super::super::Error;
 use super::{AGAIN, Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
-use crate::raster::{Approximation, Culling, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
+use crate::raster::{Approximation, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
 use crate::vk::{self, Gpu};
 
 /// A way to draw.
@@ -47,15 +47,12 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
         sh: ShStorage::Full,
     };
     let mut all = vec![plain("default".into(), variants)];
-    for (tile, culling, name, options) in [
-        (TileShape::Column, Culling::Blocks, "tiles of 8x8, a thread per column", "--tile-shape column"),
-        (TileShape::Pixel, Culling::Blocks, "tiles of 16x16, a thread per pixel", "--tile-shape pixel"),
-        (TileShape::Pixel, Culling::Off, "the same without culling in tiles", "--tile-shape pixel --culling off"),
+    for (tile, name, options) in [
+        (TileShape::Column, "tiles of 8x8, a thread per column", "--tile-shape column"),
+        (TileShape::Pixel, "tiles of 16x16, a thread per pixel", "--tile-shape pixel"),
     ] {
-        let other = Variants { tile, culling, ..variants };
-        let same = tile == variants.tile && (tile == TileShape::Column || culling == variants.culling);
-        if !same {
-            all.push(Form { options: options.into(), ..plain(name.into(), other) });
+        if tile != variants.tile {
+            all.push(Form { options: options.into(), ..plain(name.into(), Variants { tile, ..variants }) });
         }
     }
     for bits in [24, 16, 12] {

@@ -11,13 +11,12 @@ pub(super) fn text(report: &Report) -> String {
     let Report { device, workload: w, loss, per_step: host, .. } = report;
     let count = |n: f64| HumanCount(n.round() as u64);
     let mut text = format!(
-        "{} ({}), {}, Vulkan {}\n{} tiles, culling {}, gradients by {}\n",
+        "{} ({}), {}, Vulkan {}\n{} tiles, gradients by {}\n",
         device.name,
         device.kind,
         device.driver,
         device.api,
         word(&report.variants.tile),
-        word(&report.variants.culling),
         word(&report.variants.gradients),
     );
     text += &format!(

@@ -193,7 +193,6 @@ impl Setup {
         if settings.run.deterministic || !tuned.is_by_capability() {
             settings.blending.tile_shape = Some(tuned.variants.tile);
             settings.stepping.gradient_sum = Some(tuned.variants.gradients);
-            settings.blending.culling = Some(tuned.variants.culling);
         }
         Ok(())
     }
