@@ -113,13 +113,14 @@ pub(crate) fn no_option(name: &str) -> Option<String> {
 }
 
 /// Options of earlier versions that are no key either, and what to do in their place.
-const REMOVED: [(&str, &str); 7] = [
+const REMOVED: [(&str, &str); 8] = [
     ("backward", "leave it out: threads own pixels in every form"),
     ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),
     ("exponential", "leave it out: blending takes the exact exponential"),
     ("fast", "--set moment-bits=16 has what it saved in memory"),
     ("sh-every", "leave it out: view-dependent colours take every step"),
     ("sh-rate", "leave it out: --set lr-sh-rest=VALUE is the learning rate of view-dependent colours"),
+    ("splat-order", "leave it out: splats always lie along Morton's curve, and the result is the same"),
     ("transmittance-cutoff", "leave it out: a pixel always ends at a transmittance of 1/10000"),
 ];
 

@@ -19,7 +19,7 @@ pub use coordinates::{Coordinates, Geodetic};
 pub use exposure::ExposureMatrix;
 pub use frame::Frame;
 pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
-pub use morton::{SplatOrder, rows_of};
+pub use morton::rows_of;
 pub use real::Real;
 pub use similarity::{NoSimilarity, Similarity};
 pub use tile::TileGrid;

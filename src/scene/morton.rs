@@ -1,20 +1,6 @@
 //! The order of splats along Morton's curve: neighbours in space become neighbours in memory.
 
-use serde::{Deserialize, Serialize};
-
 use super::{Gaussians, SH_GROUP_FLOATS};
-
-/// The order in which a training keeps its splats in memory. It decides nothing but speed, and which of two splats of the very same
-/// depth is in front.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum SplatOrder {
-    /// Along Morton's curve: at the beginning, and anew at every density change.
-    #[default]
-    Morton,
-    /// As they were born.
-    Birth,
-}
 
 /// Bits of a code per axis.
 const BITS: u32 = 21;

@@ -126,12 +126,13 @@ pub struct DensityControl {
     finish: Pipeline,
     reset: Pipeline,
     shape: Shape,
-    order: Option<Ordering>,
+    order: Ordering,
 }
 
 impl DensityControl {
-    /// For models with room for `capacity` splats. Entries `first_entry` to `first_entry + ARGS` of `args` are its own.
-    pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32) -> Result<Self> {
+    /// For models with room for `capacity` splats in a scene of the given extent. Entries `first_entry` to `first_entry + ARGS` of `args`
+    /// are its own; `shape` is that of the sorts.
+    pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32, extent: f64, shape: Shape) -> Result<Self> {
         let capacity = capacity.max(1);
         let n = u64::from(capacity);
         let gather = |width: u32| -> Result<(u32, Pipeline)> {
@@ -153,20 +154,14 @@ impl DensityControl {
             gathers: [gather(1)?, gather(2)?, gather(3)?, gather(4)?, gather(12)?],
             finish: gpu.pipeline(&densify_finish::PASS.kernel, &[])?,
             reset: gpu.pipeline(&opacity_reset::PASS.kernel, &[])?,
-            shape: Shape::of(gpu.caps(), u64::from(capacity)),
-            order: None,
+            shape,
+            order: Ordering::new(gpu, capacity, extent, shape)?,
         })
-    }
-
-    /// The same, with rows along Morton's curve after every change instead of in the order of birth, in a scene of the given extent.
-    /// Which rows there are, with what in them, is the same. `shape` is that of the sorts.
-    pub fn in_morton_order(self, gpu: &Gpu, extent: f64, shape: Shape) -> Result<Self> {
-        Ok(Self { order: Some(Ordering::new(gpu, self.capacity, extent, shape)?), shape, ..self })
     }
 
     /// Bytes of its own buffers; the scratch memory is lent.
     pub fn bytes(&self) -> u64 {
-        self.tally.size() + self.scan.bytes() + self.order.as_ref().map_or(0, Ordering::bytes)
+        self.tally.size() + self.scan.bytes() + self.order.bytes()
     }
 
     /// Splats that fit.
@@ -174,13 +169,13 @@ impl DensityControl {
         self.capacity
     }
 
-    /// Records a density change: clone, split, prune. The host learns of no count: when the result has no room, the status
+    /// Records a density change: clone, split, prune; afterwards rows lie along Morton's curve. The host learns of no count: when the result has no room, the status
     /// and the wish are noted and nothing else is written. `event` keys the random draws.
     pub fn record(&self, rec: &mut Recorder, model: &Model<'_>, rules: &DensityRules, event: u32) -> Result<()> {
         let parts = model.scratch.parts(self.capacity, self.alignment);
         let Parts { flags, offsets, map, old_ids, scratch } = parts;
-        let sorted = self.order.as_ref().map(|order| order.record_births(rec, model)).transpose()?;
-        self.decide(rec, model, &parts, rules, sorted.as_ref(), event)?;
+        let sorted = self.order.record_births(rec, model)?;
+        self.decide(rec, model, &parts, rules, &sorted, event)?;
 
         // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
         let [entry_new, entry_old] = [self.first_entry, self.first_entry + ARGS - 1];
@@ -196,13 +191,10 @@ impl DensityControl {
         let old_rows = Groups::Indirect(model.args, Entry::offset(entry_old));
 
         rec.copy(model.ids, 0, scratch.words, old_ids.offset(), 4 * u64::from(self.capacity))?;
-        let [counts, ids] = slices([model.counters, model.ids]);
-        let [from, to, named] = sorted.as_ref().map_or([old_ids, map, ids], |s| [s.ids, s.map, s.new_ids]);
-        let buffers = [counts, flags, offsets, from, to, named];
+        let counts: BufferSlice<'_> = model.counters.into();
+        let buffers = [counts, flags, offsets, sorted.ids, sorted.map, sorted.new_ids];
         rec.dispatch(&self.rows, &buffers, &densify_map::Push { stride: self.capacity }, old_rows)?;
-        if let (Some(order), Some(sorted)) = (&self.order, &sorted) {
-            order.record_rows(rec, sorted, model, map, entry_new)?;
-        }
+        self.order.record_rows(rec, &sorted, model, map, entry_new)?;
 
         if rules.sampled.is_some_and(|sampled| sampled.along_gradient) {
             let [quats, scales, moments] =
@@ -262,14 +254,14 @@ impl DensityControl {
         rec.dispatch(&self.reset, &[model.counters, plane, first, second], &push, rows)
     }
 
-    /// Flags and where the flagged rows go, by row or in the order of birth.
+    /// Flags and where the flagged rows go, in the order of birth.
     fn decide(
         &self,
         rec: &mut Recorder,
         model: &Model<'_>,
         parts: &Parts<'_>,
         rules: &DensityRules,
-        sorted: Option<&ByBirth<'_>>,
+        sorted: &ByBirth<'_>,
         event: u32,
     ) -> Result<()> {
         let all = Groups::Items(u64::from(self.capacity));
@@ -279,20 +271,17 @@ impl DensityControl {
         let model_and_stats =
             slices([model.counters, means, quats, scales, opacities, sh0, sh1, sh2, sh3, model.stats]);
         let mut buffers = model_and_stats.to_vec();
-        let target = sorted.map_or(parts.flags, |sorted| sorted.flags);
         match (&rules.sampled, model.scores) {
             (Some(sampled), Some(scores)) => {
-                buffers.extend([scores.into(), model.ids.into(), target, (&self.tally).into()]);
+                buffers.extend([scores.into(), model.ids.into(), sorted.flags, (&self.tally).into()]);
                 rec.dispatch(&self.sample, &buffers, &rules.sample_push(sampled, self.capacity, event), all)?;
             }
             _ => {
-                buffers.extend([target, (&self.tally).into()]);
+                buffers.extend([sorted.flags, (&self.tally).into()]);
                 rec.dispatch(&self.classify, &buffers, &rules.classify_push(self.capacity), all)?;
             }
         }
-        if let (Some(order), Some(sorted)) = (&self.order, sorted) {
-            order.record_flags(rec, sorted, parts.flags)?;
-        }
+        self.order.record_flags(rec, sorted, parts.flags)?;
         self.scan_flags(rec, model, parts)?;
         if let Some(max_splats) = rules.max_splats {
             let push = densify_limit::Push { stride: self.capacity, max_splats, seed: rules.seed, event };

@@ -40,7 +40,7 @@ use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
-use crate::scene::{Camera, Gaussians, SplatOrder};
+use crate::scene::{Camera, Gaussians};
 use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitOrder, Ticket};
 
 /// Side of the windows of the perceptual distance.
@@ -64,13 +64,10 @@ pub struct Outcome {
     pub ticket: Ticket,
 }
 
-/// Density control for as many splats, which keeps them in the order of the settings.
+/// Density control for as many splats.
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
-    let control = DensityControl::new(gpu, splats, DENSITY_ENTRY)?;
-    Ok(match needs.settings.stepping.splat_order.unwrap_or_default() {
-        SplatOrder::Morton => control.in_morton_order(gpu, needs.extent, Shape::of(gpu.caps(), u64::from(splats)))?,
-        SplatOrder::Birth => control,
-    })
+    let shape = Shape::of(gpu.caps(), u64::from(splats));
+    Ok(DensityControl::new(gpu, splats, DENSITY_ENTRY, needs.extent, shape)?)
 }
 
 /// Settings whose share of splats with all harmonics is no less than what a state has of them: since it was settled which ones have,

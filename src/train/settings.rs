@@ -303,9 +303,6 @@ group! {
         /// Sum the gradients of the blend backward in this way [default: what suits the device]; slots give equal bits each time
         #[arg(value_name = "SUM", value_enum)]
         pub gradient_sum: crate::raster::GradientSum,
-        /// Order splats in memory in this way [default: morton]; the result is the same
-        #[arg(value_name = "ORDER", value_enum)]
-        pub splat_order: crate::scene::SplatOrder,
     }
     constants {}
     unset {}

@@ -3,7 +3,6 @@
 
 use psrgs_vk::pass::camera::{CameraPush, NEAR, Projection};
 use psrgs_vk::raster::PLANES;
-use psrgs_vk::scene::SplatOrder;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::{Input, Message, Pacing, Restart, Settings, State, Trainer};
 use psrgs_vk::twin::project::{Culled, project};
@@ -21,13 +20,12 @@ fn input() -> Input {
     plane_scene::input(4, 48, 36, PARAMETERS + 160)
 }
 
-fn schedule(order: SplatOrder) -> Settings {
+fn schedule() -> Settings {
     let mut s = settings(48);
     // Every band is in use from the third step on.
     s.model.sh_interval = 1;
     s.density.densify_interval = 12;
     s.density.opacity_reset_interval = 20;
-    s.stepping.splat_order = Some(order);
     s
 }
 
@@ -120,37 +118,35 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
 }
 
 /// Bad splats take no part in anything: all others train, grow and are pruned to the same bits as if the bad ones had never been
-/// there, in both orders in memory. The bad ones are counted, told of, and dropped by the next change of density.
+/// there. The bad ones are counted, told of, and dropped by the next change of density.
 #[test]
 fn splats_that_are_not_numbers_leave_no_trace_in_others() {
     let Some(gpu) = common::gpu() else { return };
-    for order in [SplatOrder::Birth, SplatOrder::Morton] {
-        let settings = schedule(order);
-        let (restart, trainer) = young(&gpu, &settings);
-        let (clean, clean_told) = resumed(&gpu, &settings, &restart, without(&restart.state));
-        assert!(clean_told.grown() > 0 && clean_told.warnings.is_empty(), "{:?}", clean_told.warnings);
-        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let what = format!("{value}, {order:?} order");
-            let state = poisoned(&restart.state, |_| value);
-            let found = bad(&state, &trainer, restart.step + 1);
-            assert!(found >= 11, "{what}: {found} splats");
-            let (end, told) = resumed(&gpu, &settings, &restart, state);
-            assert_eq!(told.losses, clean_told.losses, "{what}: losses");
-            let (a, b) = (by_identity(&end), by_identity(&clean));
-            assert_eq!(a.len(), b.len(), "{what}: splats");
-            for (id, row) in &b {
-                assert!(a.get(id) == Some(row), "{what}: splat {id} differs");
-            }
-            assert!(end.params.iter().flatten().all(|v| v.is_finite()), "{what}");
-            assert_eq!(told.warnings.len(), 1, "{what}: {:?}", told.warnings);
-            assert!(
-                told.warnings[0].contains(&format!(" {}", psrgs_vk::numbers::counted(found, "splat"))),
-                "{what}: {found}, {}",
-                told.warnings[0]
-            );
-            let [first, want] = [&told, &clean_told].map(|told| told.changes[0]);
-            assert_eq!(first, [want[0], want[1], want[2] + VICTIMS], "{what}: grown and pruned");
+    let settings = schedule();
+    let (restart, trainer) = young(&gpu, &settings);
+    let (clean, clean_told) = resumed(&gpu, &settings, &restart, without(&restart.state));
+    assert!(clean_told.grown() > 0 && clean_told.warnings.is_empty(), "{:?}", clean_told.warnings);
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let what = value.to_string();
+        let state = poisoned(&restart.state, |_| value);
+        let found = bad(&state, &trainer, restart.step + 1);
+        assert!(found >= 11, "{what}: {found} splats");
+        let (end, told) = resumed(&gpu, &settings, &restart, state);
+        assert_eq!(told.losses, clean_told.losses, "{what}: losses");
+        let (a, b) = (by_identity(&end), by_identity(&clean));
+        assert_eq!(a.len(), b.len(), "{what}: splats");
+        for (id, row) in &b {
+            assert!(a.get(id) == Some(row), "{what}: splat {id} differs");
         }
+        assert!(end.params.iter().flatten().all(|v| v.is_finite()), "{what}");
+        assert_eq!(told.warnings.len(), 1, "{what}: {:?}", told.warnings);
+        assert!(
+            told.warnings[0].contains(&format!(" {}", psrgs_vk::numbers::counted(found, "splat"))),
+            "{what}: {found}, {}",
+            told.warnings[0]
+        );
+        let [first, want] = [&told, &clean_told].map(|told| told.changes[0]);
+        assert_eq!(first, [want[0], want[1], want[2] + VICTIMS], "{what}: grown and pruned");
     }
     gpu.check_canaries().unwrap();
     common::assert_no_messages(&gpu);
@@ -161,7 +157,7 @@ fn splats_that_are_not_numbers_leave_no_trace_in_others() {
 #[test]
 fn denormals_are_as_good_as_zero() {
     let Some(gpu) = common::gpu() else { return };
-    let settings = schedule(SplatOrder::Birth);
+    let settings = schedule();
     let (restart, _) = young(&gpu, &settings);
     let (want, want_told) = resumed(&gpu, &settings, &restart, poisoned(&restart.state, |_| 0.0));
     for value in [1e-40f32, 1e-45, -1e-40, -1e-45] {
@@ -184,7 +180,7 @@ fn denormals_are_as_good_as_zero() {
 #[test]
 fn huge_numbers_are_culled_or_end_the_training() {
     let Some(gpu) = common::gpu() else { return };
-    let settings = schedule(SplatOrder::Morton);
+    let settings = schedule();
     let (restart, _) = young(&gpu, &settings);
     let some = |value: f32, geometry: bool| {
         let mut state = restart.state.clone();
@@ -222,7 +218,7 @@ fn huge_numbers_are_culled_or_end_the_training() {
 #[test]
 fn moments_that_are_not_numbers_spoil_their_own_splats() {
     let Some(gpu) = common::gpu() else { return };
-    let settings = schedule(SplatOrder::Morton);
+    let settings = schedule();
     let (restart, _) = young(&gpu, &settings);
     for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
         for of in 0..2 {

@@ -100,12 +100,6 @@ fn cells_double_in_size_away_from_the_origin() {
     assert_eq!(code([-40.0, 30.0, -40.0], scale), 0o2222222222);
 }
 
-fn by_birth(model: &Model) -> Model {
-    let mut rows = model.rows();
-    rows.sort_by_key(|row| row.id);
-    Model { counters: model.counters, ..Model::new(&rows, model.capacity, 0, &mut Rng(0)) }
-}
-
 #[test]
 fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
     let Some(gpu) = gpu() else { return };
@@ -117,11 +111,11 @@ fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
             (1..n).for_each(|i| mixed.swap(i, rng.below(i + 1)));
             let rules = DensityRules { max_splats, clone_threshold: 0.25, ..rules() };
             let (mut want, start) = (Model::new(&rows, 3 * n + 1, born, rng), Model::new(&mixed, 3 * n + 1, born, rng));
-            let device = OnDevice::new(&gpu, &start).in_morton_order(0.625, shape);
+            let device = OnDevice::in_scene(&gpu, &start, 0.625, shape);
             device.change(&rules, &[9]);
             density_twin::change(&mut want, &rules, 9);
             let got = device.read();
-            assert_same(&gpu, &by_birth(&got), &want, born);
+            assert_same(&gpu, &device.read_by_birth(), &want, born);
             // Rows that were not born now are where they were.
             let along: Vec<(u32, u32)> = (got.rows().iter().filter(|row| row.id < born))
                 .map(|row| (code(std::array::from_fn(|k| row.planes[MEANS][k]), 4.0), row.id))
@@ -138,22 +132,9 @@ fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
             assert_eq!(got.counters[counters::STATUS], want.counters[counters::STATUS]);
             if n > 60 {
                 assert_eq!(want.counters[counters::STATUS], counters::SPLATS_BIT);
-                assert_eq!(by_birth(&got).ids[..got.len()], want.ids[..want.len()]);
+                assert_eq!(device.read_by_birth().ids[..got.len()], want.ids[..want.len()]);
             }
         }
     }
     assert_no_messages(&gpu);
-}
-
-#[test]
-fn no_barrier_of_a_change_in_morton_order_is_idle() {
-    let Some(gpu) = gpu() else { return };
-    let rng = &mut Rng(3);
-    let (rows, born) = random_rows(rng, 70);
-    let device =
-        OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng)).in_morton_order(5.0, Shape::of(gpu.caps(), 140));
-    let mut rec = gpu.recorder("density").unwrap();
-    device.record(&mut rec, &DensityRules { max_splats: Some(100), ..rules() }, 1);
-    let (barriers, idle) = gpu.missed_barriers(&rec).unwrap();
-    assert!(barriers > 40 && idle.is_empty(), "of {barriers} barriers: {idle:?}");
 }

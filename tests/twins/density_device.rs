@@ -38,6 +38,11 @@ pub(crate) struct OnDevice {
 
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, model: &Model) -> Self {
+        Self::in_scene(gpu, model, 5.0, Shape::of(gpu.caps(), model.capacity as u64))
+    }
+
+    /// In a scene of the given extent, with sorts of the given shape.
+    pub(crate) fn in_scene(gpu: &Gpu, model: &Model, extent: f64, shape: Shape) -> Self {
         let buffer = |name: &str, words: &[u32]| {
             let buffer = gpu.buffer(name, 4 * words.len() as u64, Memory::Device).unwrap();
             gpu.write(&buffer, words).unwrap();
@@ -58,12 +63,8 @@ impl OnDevice {
                 let bytes = (SCRATCH_BYTES * model.capacity as u64).max(SCRATCH_LEAST);
                 gpu.buffer(name, bytes, Memory::Device).unwrap()
             }),
-            control: DensityControl::new(gpu, model.capacity as u32, FIRST_ENTRY).unwrap(),
+            control: DensityControl::new(gpu, model.capacity as u32, FIRST_ENTRY, extent, shape).unwrap(),
         }
-    }
-
-    pub(crate) fn in_morton_order(self, extent: f64, shape: Shape) -> Self {
-        Self { control: self.control.in_morton_order(&self.gpu, extent, shape).unwrap(), ..self }
     }
 
     pub(crate) fn record(&self, rec: &mut Recorder, rules: &DensityRules, event: u32) {
@@ -96,6 +97,27 @@ impl OnDevice {
             scores: words(&self.scores),
             ids: words(&self.ids),
             counters: words(&self.counters).try_into().unwrap(),
+        }
+    }
+
+    /// The same with the rows in use in the order of birth, which is that of the twin.
+    pub(crate) fn read_by_birth(&self) -> Model {
+        let model = self.read();
+        let mut order: Vec<usize> = (0..model.len()).collect();
+        order.sort_by_key(|&row| model.ids[row]);
+        let sorted = |words: Vec<u32>, width: usize| -> Vec<u32> {
+            let live = order.iter().flat_map(|row| &words[width * row..width * (row + 1)]);
+            live.chain(&words[width * order.len()..]).copied().collect()
+        };
+        let mut widths = WIDTHS.into_iter().cycle();
+        let mut plane = |words| sorted(words, widths.next().unwrap());
+        Model {
+            planes: model.planes.map(&mut plane),
+            moments: model.moments.map(&mut plane),
+            stats: sorted(model.stats, 4),
+            scores: sorted(model.scores, 2),
+            ids: sorted(model.ids, 1),
+            ..model
         }
     }
 
@@ -175,7 +197,7 @@ fn device_follows_the_twin() {
             let device = OnDevice::new(&gpu, &want);
             device.change(&rules, &[9]);
             density_twin::change(&mut want, &rules, 9);
-            let got = device.read();
+            let got = device.read_by_birth();
             assert_same(&gpu, &got, &want, born);
             // Room that was and stays spare keeps its contents.
             let spare = n.max(want.len());
@@ -211,7 +233,7 @@ fn sampled_growth_follows_the_twin() {
         let centres: BTreeMap<u32, &[f32]> = rows.iter().map(|row| (row.id, &row.planes[MEANS][..])).collect();
         let exact = rounds_alike(&gpu);
         let moved = |row: &Row| row.id >= born || !exact && centres[&row.id] != row.planes[MEANS];
-        assert_same_but_for(&gpu, &device.read(), &want, moved);
+        assert_same_but_for(&gpu, &device.read_by_birth(), &want, moved);
         assert_eq!(want.counters[counters::CLONED], 0);
         assert!(n < 64 || want.counters[counters::SPLIT] > 0 && want.counters[counters::PRUNED] > 0);
     }
@@ -289,7 +311,7 @@ fn thresholds_are_exact_on_the_device() {
     let device = OnDevice::new(&gpu, &want);
     device.change(&rules(), &[1]);
     density_twin::change(&mut want, &rules(), 1);
-    assert_same(&gpu, &device.read(), &want, 100);
+    assert_same(&gpu, &device.read_by_birth(), &want, 100);
 }
 
 #[test]
@@ -306,7 +328,7 @@ fn changes_in_one_submission_follow_each_other() {
         density_twin::change(&mut want, &rules, event);
     }
     assert!(want.len() > rows.len());
-    assert_same(&gpu, &device.read(), &want, born);
+    assert_same(&gpu, &device.read_by_birth(), &want, born);
     assert_no_messages(&gpu);
 }
 
@@ -322,7 +344,7 @@ fn everything_cloned_split_or_pruned_on_the_device() {
             device.change(&rules(), &[1]);
             density_twin::change(&mut want, &rules(), 1);
             assert_eq!(want.len(), if logit < 0.0 { 0 } else { 2 * n });
-            assert_same(&gpu, &device.read(), &want, n as u32);
+            assert_same(&gpu, &device.read_by_birth(), &want, n as u32);
         }
     }
 }
@@ -349,7 +371,7 @@ fn overflow_writes_nothing_on_the_device() {
     let grown = OnDevice::new(&gpu, &roomy);
     grown.change(&rules(), &[1]);
     density_twin::change(&mut roomy, &rules(), 1);
-    assert_same(&gpu, &grown.read(), &roomy, 70);
+    assert_same(&gpu, &grown.read_by_birth(), &roomy, 70);
 }
 
 #[test]
@@ -363,7 +385,7 @@ fn no_barrier_of_a_change_is_idle() {
     device.control.record(&mut rec, &device.view(), &rules, 1).unwrap();
     device.control.record_reset(&mut rec, &device.view(), 0.01).unwrap();
     let (barriers, idle) = gpu.missed_barriers(&rec).unwrap();
-    assert!(barriers > 20 && idle.is_empty(), "of {barriers} barriers: {idle:?}");
+    assert!(barriers > 40 && idle.is_empty(), "of {barriers} barriers: {idle:?}");
 }
 
 #[test]

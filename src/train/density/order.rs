@@ -1,4 +1,4 @@
-//! New rows in Morton order: what a density change does more so that its gathers write neighbours in space side by side.
+//! New rows in Morton order, so that the gathers of a density change write neighbours in space side by side.
 
 use std::ops::Range;
 

@@ -2,7 +2,6 @@
 
 use super::Engine;
 use crate::raster::{MEANS, Planes};
-use crate::scene::SplatOrder;
 use crate::train::Error;
 use crate::train::density::{self, DensityRules, Sampled, Scratch};
 use crate::train::schedule::{Event, StepPlan};
@@ -79,9 +78,5 @@ impl Engine {
             args: &self.renderer.args,
             scratch: Scratch { rows, words },
         }
-    }
-
-    pub(super) fn splat_order(&self) -> SplatOrder {
-        self.settings.stepping.splat_order.unwrap_or_default()
     }
 }

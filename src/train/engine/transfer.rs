@@ -6,7 +6,7 @@ use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
-use crate::scene::{Camera, Gaussians, SplatOrder, rows_of};
+use crate::scene::{Camera, Gaussians, rows_of};
 use crate::train::Error;
 use crate::train::learning::exposures::{self, Exposures};
 use crate::train::learning::sigma::SigmaTraining;
@@ -15,23 +15,14 @@ use crate::train::memory::MemoryCost;
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
         let n = initial.len() as u32;
-        match self.splat_order() {
-            SplatOrder::Birth => {
-                self.model.write(&self.gpu, initial)?;
-                if n > 0 {
-                    self.gpu.write(&self.ids, &initial.ids)?;
-                }
+        // One plane after the other, so that the host holds none but that one twice.
+        if n > 0 {
+            let order = initial.morton_order();
+            let planes = if self.has_plain_splats() { UPPER } else { PLANES.len() };
+            for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)).take(planes) {
+                self.gpu.write(plane.buffer, &rows_of(rows, plane.floats as usize, &order))?;
             }
-            // One plane after the other, so that the host holds none but that one twice.
-            SplatOrder::Morton if n > 0 => {
-                let order = initial.morton_order();
-                let planes = if self.has_plain_splats() { UPPER } else { PLANES.len() };
-                for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)).take(planes) {
-                    self.gpu.write(plane.buffer, &rows_of(rows, plane.floats as usize, &order))?;
-                }
-                self.gpu.write(&self.ids, &rows_of(&initial.ids, 1, &order))?;
-            }
-            SplatOrder::Morton => {}
+            self.gpu.write(&self.ids, &rows_of(&initial.ids, 1, &order))?;
         }
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
