@@ -59,7 +59,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 40] = [
+pub const ABLATIONS: [Ablation; 39] = [
     Ablation {
         name: "no-stereo",
         options: &[
@@ -129,6 +129,5 @@ pub const ABLATIONS: [Ablation; 40] = [
     Ablation { name: "steps-of-all", options: &["--set=visible-adam=false"] },
     Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"] },
     Ablation { name: "no-early-cutoff", options: &["--set=early-steps=0"] },
-    Ablation { name: "short-memory", options: &["--set=beta2-scaling=0.77"] },
     Ablation { name: "depth-loss", options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"] },
 ];

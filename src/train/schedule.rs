@@ -24,7 +24,6 @@ pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
 pub use plan::{Adam, DensityChange, Dropped, StepPlan};
 pub use rates::Rates;
-pub(super) use rates::adam_of;
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;

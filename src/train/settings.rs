@@ -195,8 +195,6 @@ group! {
         /// Exponent E of scaled schedules: learning rates but that of the means fall to (iterations / 30000)^E of their first values at
         /// the last step (0: they stay)
         pub lr_decay: f64 = 0.6; Range::SHARE,
-        /// Exponent E of scaled schedules: Adam forgets squared gradients (30000 / iterations)^E times as fast (0: as fast)
-        pub beta2_scaling: f64 = 0.0; Range::SHARE,
         /// Learning rate of the exposures at step 0
         pub lr_exposure: f64 = 0.01; Range::POSITIVE,
         /// Learning rate of the exposures at the last step

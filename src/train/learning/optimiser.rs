@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
 use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
 use crate::train::Error;
-use crate::train::schedule::{Adam, StepPlan, adam_of};
+use crate::train::schedule::{Adam, StepPlan};
 use crate::train::settings::Settings;
 use crate::vk::{self, Buffer, Gpu, Pipeline, Recorder};
 
@@ -71,7 +71,7 @@ impl Optimiser {
         pixels: f64,
         training: &Settings,
     ) -> Result<Self, Error> {
-        let (settings, shortcuts) = (adam_of(training), &training.shortcuts);
+        let (settings, shortcuts) = (adam::Settings::default(), &training.shortcuts);
         let aux = training.geometry.has_loss();
         let flatten = (training.geometry.lambda_flatten / extent) as f32;
         let shrink = (training.optimiser.lambda_sh / pixels) as f32;

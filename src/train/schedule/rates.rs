@@ -1,7 +1,6 @@
 //! Learning rates over a run.
 
 use super::REFERENCE_ITERATIONS;
-use crate::pass::adam;
 use crate::train::settings::Settings;
 
 /// Shorter runs have the rates of one with so many steps: nothing shorter was tried.
@@ -96,41 +95,8 @@ fn fewer(settings: &Settings) -> f64 {
     }
 }
 
-/// Adam of a run. What it remembers of squared gradients spans a thousand of the published steps. In a run of fewer that is most of it:
-/// steps stay as short as the first, large gradients made them, and a splat that a photograph rarely shows moves by several rates when
-/// it is seen. A memory that spans as large a share of the run goes with rates that rise with the root of `fewer` (Malladi et al. 2022,
-/// "On the SDEs and Scaling Rules for Adaptive Gradient Algorithms").
-pub(in crate::train) fn adam_of(settings: &Settings) -> adam::Settings {
-    let published = adam::Settings::default();
-    let beta2 = 1.0 - (1.0 - published.beta2) * fewer(settings).powf(settings.optimiser.beta2_scaling);
-    adam::Settings { beta2, ..published }
-}
-
 /// From one rate to another over so many steps.
 pub(super) fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
     let u = (f64::from(t) / f64::from(steps)).min(1.0);
     ((1.0 - u) * first.ln() + u * last.ln()).exp()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// beta2 of a run of so many steps with this `--beta2-scaling`.
-    fn beta2(iterations: u32, scale_schedule: bool, beta2_scaling: f64) -> f64 {
-        let mut settings = Settings::default();
-        (settings.run.iterations, settings.run.scale_schedule) = (iterations, scale_schedule);
-        settings.optimiser.beta2_scaling = beta2_scaling;
-        adam_of(&settings).beta2
-    }
-
-    #[test]
-    fn shorter_runs_forget_squared_gradients_faster() {
-        assert_eq!(beta2(1500, true, 0.0).to_bits(), 0.999_f64.to_bits(), "as published, to the bit");
-        assert_eq!(beta2(1500, false, 1.0), 0.999, "a schedule that is not scaled");
-        assert_eq!(beta2(60_000, true, 1.0), 0.999, "longer than published");
-        assert!((beta2(1500, true, 1.0) - 0.98).abs() < 1e-12);
-        assert!((beta2(1500, true, 0.5) - (1.0 - 0.001 * 20_f64.sqrt())).abs() < 1e-12);
-        assert_eq!(beta2(100, true, 1.0), beta2(750, true, 1.0), "shorter than tried");
-    }
 }
