@@ -59,7 +59,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 39] = [
+pub const ABLATIONS: [Ablation; 38] = [
     Ablation {
         name: "no-stereo",
         options: &[
@@ -124,7 +124,6 @@ pub const ABLATIONS: [Ablation; 39] = [
     Ablation { name: "one-perceptual-view", options: &["--set=perceptual-views=1"] },
     Ablation { name: "coarse-steps", options: &["--set=coarse-steps=0.2"] },
     Ablation { name: "no-coarse-steps", options: &["--set=coarse-steps=0"] },
-    Ablation { name: "coarse-by-spectrum", options: &["--set=coarse-spectrum=true"] },
     Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
     Ablation { name: "steps-of-all", options: &["--set=visible-adam=false"] },
     Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"] },

@@ -22,7 +22,6 @@ mod adam;
 mod blur;
 mod cache;
 mod curve;
-mod detail;
 mod error;
 mod features;
 mod fft;
@@ -41,7 +40,6 @@ mod split;
 
 pub use cache::Cache;
 pub use curve::{Agreement, Curve, agreement, spaced};
-pub use detail::kept_when_reduced;
 pub use error::Error;
 pub use features::{Features, RINGS};
 pub use gate::{Gate, Saliency};

@@ -22,7 +22,6 @@ use crate::dataset::{
 };
 use crate::format::ply::{self, Cloud, Content};
 use crate::format::{At, Error as FileError, LeftOut};
-use crate::saliency::{Plane, kept_when_reduced};
 use crate::scene::{Frame, Gaussians, init};
 use crate::stereo::Prior;
 
@@ -248,33 +247,6 @@ pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
     density.densify_until = density.grow_on_until;
     (density.grad_threshold, density.low_grad_threshold) = (density.grow_on_threshold, density.grow_on_threshold);
     Some(share)
-}
-
-/// Photographs whose spectra are looked at, at most.
-const SPECTRA: usize = 12;
-
-/// Where `--coarse-spectrum` asks for it: divides the coarse steps by what reduced photographs keep of the spectra of those that are
-/// trained on, in the mean, and gives the shares (at a half and at a quarter of the size). From then on the settings have the
-/// numbers, and a resumed run the same.
-pub fn coarse_by_spectra(input: &Input, settings: &mut Settings) -> Result<Option<[f64; 2]>, Error> {
-    let frequencies = &mut settings.frequencies;
-    if !frequencies.coarse_spectrum || frequencies.coarse_steps <= 0.0 || input.train.is_empty() {
-        return Ok(None);
-    }
-    let every = input.train.len().div_ceil(SPECTRA);
-    let (mut sums, mut count) = ([0.0; 2], 0.0);
-    for view in input.train.iter().step_by(every) {
-        let luma = Plane::luma(view.camera.width, view.camera.height, view.photograph.pixels()?.as_ref())?;
-        for (sum, kept) in sums.iter_mut().zip(kept_when_reduced(&luma)) {
-            *sum += kept;
-        }
-        count += 1.0;
-    }
-    let [half, quarter] = sums.map(|sum| sum / count);
-    frequencies.coarse_spectrum = false;
-    frequencies.coarse_steps *= half;
-    frequencies.coarse_quarter = quarter / half;
-    Ok(Some([half, quarter]))
 }
 
 #[cfg(test)]

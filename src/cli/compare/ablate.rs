@@ -104,8 +104,7 @@ mod tests {
         assert_eq!(plain[0], "3dgs");
         assert_eq!(plain, ["3dgs", "3dgs-sfm-depth", "3dgs-coarse-steps"], "it has none of the parts");
         let lean = names("lean");
-        let parts =
-            ["sfm-depth", "free-harmonics", "along-gradient", "no-coarse-steps", "coarse-by-spectrum", "no-pruning"];
+        let parts = ["sfm-depth", "free-harmonics", "along-gradient", "no-coarse-steps", "no-pruning"];
         assert_eq!(lean[1..], parts.map(|part| format!("lean-{part}")), "{lean:?}");
         let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
         let beyond = [

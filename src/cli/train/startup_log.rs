@@ -62,12 +62,6 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
             "depths are known of {} of the pixels only: splats grow for longer, and from lower gradients (`grow-on`)",
             percent(*known, 0)
         )),
-        SetupEvent::CoarseSteps { half, quarter, steps } => console.say(format_args!(
-            "photographs of half the size keep {} of the spectrum's amplitude, of a quarter {}: reduced ones in the first {} of the steps",
-            percent(*half, 0),
-            percent(*quarter, 0),
-            percent(*steps, 0)
-        )),
         SetupEvent::Variants(tuned) => {
             tuned.warning.iter().for_each(|warning| console.warn(warning));
             if tuned.is_by_capability() {

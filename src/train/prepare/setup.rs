@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{First, StereoReport, coarse_by_spectra, first, grow_on, input_within, outline, take_stereo};
+use super::{First, StereoReport, first, grow_on, input_within, outline, take_stereo};
 use crate::dataset::{Dataset, Role, Warning};
 use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
@@ -44,15 +44,6 @@ pub enum SetupEvent<'a> {
     GrowsLonger {
         /// From 0 to 1.
         known: f64,
-    },
-    /// The number of coarse steps follows the spectra of the photographs.
-    CoarseSteps {
-        /// Share of the spectrum's amplitude that photographs of half the size keep.
-        half: f64,
-        /// The same of a quarter of the size.
-        quarter: f64,
-        /// Share of the steps that are coarse.
-        steps: f64,
     },
     /// Which variants of the passes are used, and why.
     Variants(&'a Tuned),
@@ -99,7 +90,7 @@ impl Setup {
         setup.look_for_depths(gpu, dataset, tell)?;
         // A run that goes on has decided.
         if setup.restart.is_none() {
-            setup.decide_by_photographs(tell)?;
+            setup.decide_by_photographs(tell);
             setup.choose_variants(gpu, cache, tell)?;
         }
         Ok(setup)
@@ -168,15 +159,11 @@ impl Setup {
         Ok(())
     }
 
-    /// Decides what the settings leave to the photographs: how long splats grow, and at which size training begins.
-    fn decide_by_photographs(&mut self, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<(), Error> {
+    /// Decides what the settings leave to the photographs: how long splats grow.
+    fn decide_by_photographs(&mut self, tell: &mut dyn FnMut(SetupEvent<'_>)) {
         if let Some(known) = grow_on(&self.input, &mut self.settings) {
             tell(SetupEvent::GrowsLonger { known });
         }
-        if let Some([half, quarter]) = coarse_by_spectra(&self.input, &mut self.settings)? {
-            tell(SetupEvent::CoarseSteps { half, quarter, steps: self.settings.frequencies.coarse_steps });
-        }
-        Ok(())
     }
 
     /// Chooses the variants of the passes and puts them into the settings where a repetition needs them: where they belong to equal

@@ -120,8 +120,6 @@ group! {
         pub coarse_steps: f64 = 0.0; Range::SHARE,
         /// Share of the coarse steps, the first ones, that see a quarter of the size
         pub coarse_quarter: f64 = 0.25; Range::SHARE,
-        /// Whether the number of coarse steps follows the share of the spectra that reduced photographs keep
-        pub coarse_spectrum: bool = false,
     }
     unset {}
 }

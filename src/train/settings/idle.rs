@@ -32,7 +32,6 @@ impl Settings {
         }
         if s.frequencies.coarse_steps == 0.0 {
             s.frequencies.coarse_quarter = plain.frequencies.coarse_quarter;
-            s.frequencies.coarse_spectrum = plain.frequencies.coarse_spectrum;
         }
         if !s.geometry.has_loss() {
             s.geometry.depth_steps = plain.geometry.depth_steps;
