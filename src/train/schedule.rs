@@ -85,8 +85,6 @@ pub struct Schedule {
     propagations: Propagations,
     /// Splats below these weights are dropped before these steps.
     prune_weights: [f64; 2],
-    /// Whether those go that are too large for their distance.
-    prunes_large: bool,
     prune_before: [u32; 2],
     prune_from: u32,
     skirt_before: u32,
@@ -185,7 +183,6 @@ impl Schedule {
             },
             propagations: Propagations::default(),
             prune_weights: [density.prune_weight * density.prune_young, density.prune_weight],
-            prunes_large: density.prune_distance > 0.0,
             prune_from: density.prune_weight_from.max(densify_until),
             prune_before: [densify_until, prune_again],
             skirt_before: match settings.geometry.stereo_skirt > 0.0 && settings.model.sh_share >= 1.0 {
@@ -223,14 +220,8 @@ impl Schedule {
         let due = self.densify && t >= self.prune_from && t <= self.iterations;
         // Where growth ends as late as the second time, that is what counts.
         let weight = (0..2).rev().find(|&k| due && self.prune_before[k] == t).map_or(0.0, |k| self.prune_weights[k]);
-        let below = (weight > 0.0 || self.looks_at_sizes(t)).then_some(Dropped::Below(weight));
+        let below = (weight > 0.0).then_some(Dropped::Below(weight));
         below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
-    }
-
-    /// Whether splats that are too large for their distance are dropped before a step: when growth has come to its end. Later the others
-    /// have settled behind them, and the steps that are left are too few to settle again.
-    pub fn looks_at_sizes(&self, t: u32) -> bool {
-        self.densify && self.prunes_large && t == self.densify_until && t >= self.prune_from && t <= self.iterations
     }
 
     /// Whether what lies where no photograph looks is added before a step: after everything that drops splats which no photograph shows.

@@ -1,8 +1,8 @@
 //! Splats of little weight in every photograph are dropped.
 
-use psrgs_vk::raster::{MEANS, PLANES, SCALES, Viewer};
+use psrgs_vk::raster::{PLANES, Viewer};
 use psrgs_vk::train::settings::Method;
-use psrgs_vk::train::{Message, Pacing, Settings, State, Trainer};
+use psrgs_vk::train::{Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::{self, plane_scene};
@@ -95,44 +95,6 @@ fn dropping_splats_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     late.density.prune_weight_from = 50;
     let kept = run(&gpu, input, &late, Pacing::default());
     assert!(kept.state.ids.len() > truth.state.ids.len(), "neither step is that late");
-}
-
-/// Large faint splats before everything, as trainings leave them over a flight.
-#[test]
-fn what_is_too_large_for_its_distance_is_dropped_when_growth_has_ended() {
-    let Some(gpu) = common::gpu() else { return };
-    let mut input = plane_scene::input(5, 64, 48, 300);
-    for i in (0..300).step_by(10) {
-        input.initial.scales[3 * i..3 * i + 3].fill(5_f32.ln());
-    }
-    let with = |share: f64| {
-        let mut settings = pruned();
-        settings.density.prune_weight = 0.0;
-        settings.density.prune_distance = share;
-        settings
-    };
-    let centers: Vec<[f64; 3]> = input.train.iter().map(|view| view.camera.center()).collect();
-    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / centers.len() as f64);
-    // More than is allowed: after sizes were looked at, splats have 21 steps in which to grow, of half a hundredth at most.
-    let large = |state: &State| {
-        let splats = state.params[MEANS].chunks_exact(3).zip(state.params[SCALES].chunks_exact(3));
-        splats
-            .filter(|(mean, scales)| {
-                let distance = mean.iter().zip(center).map(|(m, c)| (f64::from(*m) - c).powi(2)).sum::<f64>().sqrt();
-                let largest = f64::from(scales.iter().copied().fold(f32::MIN, f32::max)).exp();
-                largest > 1.15 * 0.2 * distance.max(5.0)
-            })
-            .inspect(|splat| println!("{splat:?}"))
-            .count()
-    };
-    let kept = run(&gpu, input.clone(), &with(0.0), Pacing::default());
-    assert!(large(&kept.state) > 5, "{} large ones", large(&kept.state));
-    let dropped = run(&gpu, input.clone(), &with(0.2), Pacing::default());
-    assert_eq!(large(&dropped.state), 0);
-    assert!(dropped.state.ids.len() > 200, "{} are left", dropped.state.ids.len());
-    let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
-    let forced = run(&gpu, input, &with(0.2), tight);
-    assert_same(&dropped.state, &forced.state, "with little room");
 }
 
 /// Changes at steps 10, 15, .. 40; the 5 views are passed three times in 15 steps, so lightest splats go before 16 and 31.

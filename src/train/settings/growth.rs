@@ -70,8 +70,6 @@ group! {
         pub recycle_share: f64 = 0.0; Range::BELOW_1,
         /// Share of the scene's extent above which splats are pruned once opacities have been reset (0: keep splats of any size)
         pub prune_extent: f64 = 0.1; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
-        /// As prune-extent, as a share of the splat's distance from the cameras' mean, when growth has ended (0: keep splats of any size)
-        pub prune_distance: f64 = 0.0; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
         /// Share of the pixels with a depth before the first step below which growth-on values hold: growth ends at grow-on-until and
         /// begins at a gradient of grow-on-threshold (0: nowhere)
         pub grow_on: f64 = 0.0; Range::SHARE,

@@ -19,8 +19,6 @@ impl Settings {
         }
         if s.density.prune_weight == 0.0 {
             s.density.prune_young = plain.density.prune_young;
-        }
-        if s.density.prune_weight == 0.0 && s.density.prune_distance == 0.0 {
             s.density.prune_weight_from = plain.density.prune_weight_from;
         }
         if s.density.grow_on == 0.0 {

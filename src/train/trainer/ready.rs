@@ -56,12 +56,7 @@ impl Trainer {
         let (Some(due), step) = (self.drops(), self.next.step) else { return Ok(()) };
         let degree = self.schedule.step(step).sh_degree;
         self.pruned = step;
-        let weighed = match due {
-            // Some are to go for their size alone.
-            Dropped::Below(0.0) => Ok(vec![0.0; self.engine.splats()? as usize]),
-            _ => self.engine.weights(degree),
-        };
-        let mut weights = match weighed {
+        let weights = match self.engine.weights(degree) {
             Ok(weights) => weights,
             // The splats are what they were: a larger model is no reason to lose it.
             Err(error) if is_lack_of_memory(&error) => {
@@ -73,12 +68,7 @@ impl Trainer {
             Err(error) => return Err(error),
         };
         let least = match due {
-            Dropped::Below(least) => {
-                if self.schedule.looks_at_sizes(step) {
-                    self.engine.take_weight_of_large(&mut weights)?;
-                }
-                least
-            }
+            Dropped::Below(least) => least,
             Dropped::Lightest(share) => quantile(&weights, share),
         };
         let dropped = self.engine.drop_below(least, &weights)?;
