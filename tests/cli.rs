@@ -152,7 +152,7 @@ fn psrgs_has_a_loss_on_depth_where_splats_do_not_begin_on_its_surfaces() {
     assert_eq!(weights(&[]), none);
     assert_eq!(weights(&["--depth-prior", "stereo"]), none, "named, though it is the default");
     assert_eq!(weights(&["--lambda-depth", "0.3"]), [0.3, 0.0]);
-    assert_eq!(weights(&["--depth-prior", "sfm"]), paper);
+    assert_eq!(weights(&["--depth-prior", "propagation"]), paper);
     assert_eq!(weights(&["--method", "psrgs-paper"]), paper);
 }
 
@@ -169,7 +169,7 @@ fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     assert_eq!(chosen(&["--stereo-splats", "500", "--set", "stereo-density=100"]), (500, 100, 0));
     assert_eq!(chosen(&["--stereo-splats", "500", "--set", "stereo-splats-for=640"]), (500, 0, 640));
     // Without stereo there are no surfaces to begin on.
-    for prior in [&["none"][..], &["sfm"], &["lidar", "--lidar", "mvs"]] {
+    for prior in [&["none"][..], &["propagation"], &["lidar", "--lidar", "mvs"]] {
         assert_eq!(chosen(&[&["--depth-prior"], prior].concat()), (0, 0, 0), "{prior:?}");
     }
     assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0, 0));

@@ -59,21 +59,11 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 38] = [
+pub const ABLATIONS: [Ablation; 37] = [
     Ablation {
         name: "no-stereo",
         options: &[
             "--depth-prior=none",
-            "--stereo-splats=0",
-            "--set=stereo-density=0",
-            "--set=stereo-densest=0",
-            "--set=stereo-splats-for=0",
-        ],
-    },
-    Ablation {
-        name: "sfm-depth",
-        options: &[
-            "--depth-prior=sfm",
             "--stereo-splats=0",
             "--set=stereo-density=0",
             "--set=stereo-densest=0",

@@ -102,9 +102,9 @@ mod tests {
     fn what_a_method_does_not_have_is_no_row() {
         let plain = names("3dgs");
         assert_eq!(plain[0], "3dgs");
-        assert_eq!(plain, ["3dgs", "3dgs-sfm-depth", "3dgs-coarse-steps"], "it has none of the parts");
+        assert_eq!(plain, ["3dgs", "3dgs-coarse-steps"], "it has none of the parts");
         let lean = names("lean");
-        let parts = ["sfm-depth", "free-harmonics", "along-gradient", "no-coarse-steps", "no-pruning"];
+        let parts = ["free-harmonics", "along-gradient", "no-coarse-steps", "no-pruning"];
         assert_eq!(lean[1..], parts.map(|part| format!("lean-{part}")), "{lean:?}");
         let (psrgs, paper) = (names("psrgs"), names("psrgs-paper"));
         let beyond = [
@@ -118,7 +118,7 @@ mod tests {
             "psrgs-depth-loss",
         ];
         assert!(beyond.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");
-        let stereo = ["psrgs-no-stereo", "psrgs-no-stereo-splats", "psrgs-sfm-depth"];
+        let stereo = ["psrgs-no-stereo", "psrgs-no-stereo-splats"];
         assert!(stereo.iter().all(|row| psrgs.iter().any(|of| of == row)), "{psrgs:?}");
         let in_paper = |row: &String| paper.contains(&row.replace("psrgs", "psrgs-paper"));
         assert!(psrgs.iter().all(|row| in_paper(row) != beyond.contains(&row.as_str())), "{psrgs:?} {paper:?}");

@@ -33,7 +33,7 @@ pub enum SetupEvent<'a> {
     },
     /// What is known of depths.
     Depths {
-        /// What stereo, a cloud or the points say.
+        /// What stereo or a cloud says.
         found: &'a StereoReport,
         /// The settings of the training.
         settings: &'a Settings,
@@ -138,7 +138,7 @@ impl Setup {
         self.input.known.perceptual = weights;
     }
 
-    /// Takes what stereo, a cloud or the points say of depths.
+    /// Takes what stereo or a cloud says of depths.
     fn look_for_depths(
         &mut self,
         gpu: &Gpu,

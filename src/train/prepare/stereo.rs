@@ -1,4 +1,4 @@
-//! What stereo, the reconstructed points and a cloud say of the views of a training.
+//! What stereo and a cloud say of the views of a training.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::dataset::{Dataset, HostShare, Role};
 use crate::format::LeftOut;
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{
-    self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, View, WithoutDepth, fuse,
+    self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, WithoutDepth, fuse,
 };
 use crate::train::Error;
 use crate::train::cloud::{self, Gate};
@@ -123,9 +123,6 @@ pub fn take_stereo(
     let matched_alone = matched.as_ref().map(|stereo| stereo.scene.skipped.clone());
     let priors = match (settings.depth_prior, matched, &cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
-        (DepthPrior::Sfm, ..) => {
-            sparse(&scene(dataset, input, &wanted, share)?.views, &observations(dataset, input, &wanted))
-        }
         (DepthPrior::Lidar, None, Some(cloud)) => {
             let reduced = |c: &Camera| {
                 let (width, height) = settings.prior_size(c.width, c.height);
@@ -305,25 +302,4 @@ fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussian
     init::lay_flat(&mut out, 0, &normals, thickness);
     init::make_opaque(&mut out, 0, SKIRT_OPACITY);
     Ok(Some(out))
-}
-
-/// Depths at the points that three views and more see; nothing between them.
-fn sparse(views: &[View], seen: &Observations) -> Vec<Prior> {
-    const LEAST_VIEWS: usize = 3;
-    // Where points were drawn at random no surface is.
-    let observed = if seen.drawn { vec![Vec::new(); views.len()] } else { seen.observed_by(views, LEAST_VIEWS) };
-    let one = |(view, points): (&View, Vec<[f64; 3]>)| {
-        let (width, height) = (view.camera.width, view.camera.height);
-        let pixels = view.pixels();
-        let (mut depth, mut confidence) = (vec![0.0_f32; pixels], vec![0.0; pixels]);
-        for [u, v, z] in points {
-            let at = (v as usize).min(height as usize - 1) * width as usize + (u as usize).min(width as usize - 1);
-            // The nearest of those that share a pixel.
-            if depth[at] == 0.0 || (z as f32) < depth[at] {
-                (depth[at], confidence[at]) = (z as f32, 1.0);
-            }
-        }
-        Prior { width, height, depth, normals: vec![[0.0; 3]; pixels], confidence }
-    };
-    views.iter().zip(observed).map(one).collect()
 }

@@ -15,8 +15,8 @@ group! {
     /// Depth and normals: where they are known from, and how they are trained with.
     pub struct Geometry("Model")
     options {
-        /// Take depths to train with from: none, sfm (the dataset's points), stereo (the training photographs), lidar (the cloud of
-        /// --lidar) or propagation (renders that stereo improves while training goes on)
+        /// Take depths to train with from: none, stereo (the training photographs), lidar (the cloud of --lidar) or propagation (renders
+        /// that stereo improves while training goes on)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
         /// Begin with N splats more, on surfaces that stereo has found; more show finer texture and need more memory and time (0: none)

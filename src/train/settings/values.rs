@@ -92,8 +92,6 @@ pub enum DepthPrior {
     /// Nowhere.
     #[default]
     None,
-    /// The reconstructed points, depths alone.
-    Sfm,
     /// Multi-view stereo on the training photographs.
     Stereo,
     /// The cloud that growth keeps to.
@@ -102,7 +100,7 @@ pub enum DepthPrior {
     Propagation,
 }
 
-words!(DepthPrior, "depth prior": None = "none", Sfm = "sfm", Stereo = "stereo", Lidar = "lidar", Propagation = "propagation");
+words!(DepthPrior, "depth prior": None = "none", Stereo = "stereo", Lidar = "lidar", Propagation = "propagation");
 as_word!(DepthPrior);
 
 /// The cloud of points that growth keeps to.
