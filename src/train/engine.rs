@@ -3,11 +3,8 @@
 mod beside;
 mod changes;
 mod growth;
-mod harmonics;
-mod propagate;
-mod propagation;
-mod prune;
 mod reports;
+mod rows;
 mod state;
 mod step;
 mod streaming;
@@ -16,15 +13,12 @@ mod views;
 
 pub use state::State;
 
-use propagation::Propagation;
 use reports::Reports;
 use views::{Views, has_deep, mean_pixels, most_pixels};
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::Error;
-use super::cloud::Gate;
 use super::density::{DensityControl, Statistics};
 use super::input::Input;
 use super::learning::exposures::Exposures;
@@ -40,7 +34,8 @@ use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
-use crate::scene::{Camera, Gaussians};
+use crate::scene::Camera;
+use crate::stereo::Prior;
 use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitOrder, Ticket};
 
 /// Side of the windows of the perceptual distance.
@@ -48,7 +43,7 @@ const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
-pub use propagate::Brought;
+pub(super) use rows::Appended;
 
 /// What grew, and its new capacity.
 pub(super) type Growth = Vec<(&'static str, u64)>;
@@ -94,9 +89,6 @@ pub struct Engine {
     terms: Terms,
     exposures: Option<Exposures>,
     density: DensityControl,
-    gate: Option<Arc<Gate>>,
-    propagation: Option<Arc<Propagation>>,
-    skirt: Option<Arc<Gaussians>>,
     views: Views,
     reports: Reports,
     settings: Settings,
@@ -152,9 +144,6 @@ impl Engine {
         let photographs = needs.photographs(gpu, needs.residency)?;
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, splats, pairs)?;
         engine.initial_splats = initial_splats;
-        engine.gate = input.known.gate.clone();
-        engine.skirt = input.known.skirt.clone();
-        engine.propagation = engine.propagation_of(input)?;
         // The same for a resumed training: of the first model, not of the restored one.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
@@ -179,7 +168,7 @@ impl Engine {
             views.saliency_seconds += started.elapsed().as_secs_f64();
         }
         if let Some(geometry) = &mut terms.geometry {
-            geometry.fill(gpu, &input.known.priors)?;
+            geometry.fill(gpu, &input.known)?;
         }
         if settings.texture.lambda_perceptual > 0.0 {
             let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
@@ -227,9 +216,6 @@ impl Engine {
             terms: Terms::allocate(gpu, cameras, splats, deep, settings)?,
             exposures,
             density: density_control(gpu, splats, needs)?,
-            gate: None,
-            propagation: None,
-            skirt: None,
             views,
             reports: Reports::new(gpu)?,
             settings: settings.clone(),
@@ -258,6 +244,16 @@ impl Engine {
     /// Splats at the start of this run.
     pub fn initial_splats(&self) -> u32 {
         self.initial_splats
+    }
+
+    /// Whether only some splats have harmonics above degree 1.
+    fn has_plain_splats(&self) -> bool {
+        self.settings.model.sh_share < 1.0
+    }
+
+    /// What is known of a view's depths and normals from now on.
+    pub(super) fn set_prior(&mut self, view: usize, prior: &Prior) -> Result<(), Error> {
+        self.terms.geometry.as_mut().map_or(Ok(()), |geometry| geometry.set(&self.gpu, view, prior))
     }
 
     /// The device.

@@ -1,5 +1,6 @@
 //! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer as a stream of messages.
 
+mod actions;
 pub mod cloud;
 pub mod density;
 mod engine;
@@ -7,6 +8,7 @@ mod error;
 mod input;
 mod learning;
 mod memory;
+mod message;
 mod pacing;
 mod photographs;
 pub mod prepare;
@@ -17,15 +19,16 @@ mod trainer;
 pub mod tune;
 
 pub use crate::scene::ExposureMatrix;
-pub use engine::{Brought, Engine, Outcome, State};
+pub use engine::{Engine, Outcome, State};
 pub use error::Error;
 pub use input::{Input, Known, Outline, TrainedOn, View};
 pub use learning::sigma::SigmaUpdate;
 pub use memory::{HostMemory, HostPlan, MemoryCost, MemoryPlan, shares_memory};
+pub use message::Message;
 pub use pacing::Pacing;
 pub use photographs::{FeedCounts, Residency};
 pub use prepare::{CloudReport, StereoReport, longer_side, splats_on_surfaces, stereo_settings, take_stereo};
 pub use schedule::{Event, Kind, Schedule, StepPlan};
 pub use settings::Settings;
-pub use trainer::{Checkpointed, History, Message, Restart, Trainer, score};
+pub use trainer::{Checkpointed, History, Restart, Trainer, score};
 pub use tune::{Estimate, chosen_variants};

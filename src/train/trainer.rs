@@ -5,26 +5,26 @@ mod checkpoint;
 mod embedded;
 mod evaluate;
 mod history;
+mod host_actions;
 mod look;
 mod losses;
-mod message;
-mod ready;
 mod recovery;
 mod streaming;
 
 pub use checkpoint::{Checkpointed, Restart};
 pub use evaluate::score;
 pub use history::History;
-pub use message::Message;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::Error;
+use super::actions::Actions;
 use super::engine::{Engine, Start};
 use super::input::{Input, PerceptualBy, TrainedOn, View};
 use super::memory::MemoryCost;
+use super::message::Message;
 use super::pacing::Pacing;
 use super::photographs::Feed;
 use super::schedule::{Event, Kind, Schedule};
@@ -42,6 +42,7 @@ use crate::vk::{Gpu, SubmitOrder, Ticket};
 pub struct Trainer {
     engine: Engine,
     schedule: Schedule,
+    actions: Actions,
     settings: Settings,
     held_out: Vec<View>,
     /// The photographs to train on.
@@ -54,14 +55,6 @@ pub struct Trainer {
     messages: VecDeque<Message>,
     /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
     attended: u32,
-    /// Depths have been propagated up to this step.
-    propagated: u32,
-    /// Splats of little weight have been dropped up to this step.
-    pruned: u32,
-    /// Which splats have harmonics above degree 1 has been settled up to this step.
-    settled: u32,
-    /// The skirt has been added up to this step.
-    skirted: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
     checkpoints: Option<PathBuf>,
@@ -114,11 +107,13 @@ impl Trainer {
         let first = streaming::first_views(&schedule, step, pacing);
         let begun = Start { variants, state, first_views: &first };
         let engine = Engine::new_prefetching(gpu, &input, settings, pacing, begun)?;
+        let actions = Actions::new(gpu, &input, settings, step)?;
         let last_splats = engine.initial_splats();
         let truth = input.held_out.iter().map(|view| view.photograph.clone()).collect();
         Ok(Self {
             engine,
             schedule,
+            actions,
             settings: settings.clone(),
             trained_on,
             held_out: input.held_out,
@@ -128,10 +123,6 @@ impl Trainer {
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
             attended: if unscored { step - 1 } else { step },
-            propagated: step,
-            pruned: step,
-            settled: step,
-            skirted: step,
             evaluated: if unscored { step - 1 } else { step },
             checkpoints: None,
             give_up_scoring: Box::new(|| false),
@@ -300,9 +291,7 @@ impl Trainer {
                 self.score(stop)?;
             }
             // A step that has to be repeated after what the host did before it belongs to what is done.
-            if self.next.kind == Kind::Step
-                && self.propagated.max(self.pruned).max(self.settled).max(self.skirted) < self.next.step
-            {
+            if self.next.kind == Kind::Step && self.actions.done() < self.next.step {
                 return Ok(self.next.step - 1);
             }
             self.submit_next(SubmitOrder::default())?;

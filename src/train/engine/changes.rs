@@ -1,15 +1,12 @@
 //! Density changes and opacity resets of the engine's model.
 
 use super::Engine;
-use crate::raster::{MEANS, Planes};
+use crate::raster::Planes;
 use crate::train::Error;
 use crate::train::density::{self, DensityRules, Sampled, Scratch};
 use crate::train::schedule::{Event, StepPlan};
 use crate::train::settings::Growth;
 use crate::vk::Recorder;
-
-/// Column of the statistics that counts views: mean gradients are sums divided by it, and without views there are none.
-const VIEWS: usize = 2;
 
 impl Engine {
     pub(super) fn record_density(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan) -> Result<(), Error> {
@@ -40,28 +37,6 @@ impl Engine {
         };
         self.density.record(recorder, &self.density_model(), &rules, event.number())?;
         Ok(())
-    }
-
-    /// Whether growth keeps to a cloud: then [`Self::keep_to_cloud`] comes before each density change.
-    pub fn has_cloud(&self) -> bool {
-        self.gate.is_some()
-    }
-
-    /// Takes the views off the statistics of splats that are far from the cloud, so that they do not grow in the density change that
-    /// follows. Done again it changes nothing. Waits.
-    pub fn keep_to_cloud(&self) -> Result<(), Error> {
-        let (Some(gate), splats) = (&self.gate, self.splats()?) else { return Ok(()) };
-        if splats == 0 {
-            return Ok(());
-        }
-        let means: Vec<f32> = self.gpu.read_at(&self.model.buffers()[MEANS], 0, 3 * splats as usize)?;
-        let mut stats: Vec<f32> = self.gpu.read_at(self.statistics.stats(), 0, 4 * splats as usize)?;
-        for (row, near) in stats.chunks_exact_mut(4).zip(gate.near(&means)) {
-            if !near {
-                row[VIEWS] = 0.0;
-            }
-        }
-        Ok(self.gpu.write(self.statistics.stats(), &stats)?)
     }
 
     pub(super) fn density_model(&self) -> density::Model<'_> {

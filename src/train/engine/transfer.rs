@@ -61,7 +61,7 @@ impl Engine {
         if let Some(sigma) = self.terms.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
             sigma.restore(&state.sigma)?;
         }
-        if let (Some(geometry), Some(_)) = (&mut self.terms.geometry, &self.propagation) {
+        if let Some(geometry) = &mut self.terms.geometry {
             geometry.restore(&self.gpu, &state.priors)?;
         }
         self.gpu.write(&self.renderer.counters, &state.counters)?;
@@ -176,10 +176,7 @@ impl Engine {
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
             sigma: self.terms.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
-            priors: match (&self.terms.geometry, &self.propagation) {
-                (Some(geometry), Some(_)) => geometry.state(&self.gpu)?,
-                _ => Vec::new(),
-            },
+            priors: self.terms.geometry.as_ref().map_or(Ok(Vec::new()), |geometry| geometry.state(&self.gpu))?,
         })
     }
 

@@ -6,6 +6,7 @@ use crate::raster::Held;
 use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::train::Error;
+use crate::train::input::Known as KnownBefore;
 use crate::train::settings::Geometry as Settings;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
@@ -14,6 +15,8 @@ pub(in crate::train) struct Geometry {
     priors: Vec<Known>,
     loss: GeometryLoss,
     settings: Settings,
+    /// Whether priors change while training goes on, and are a part of its state.
+    propagated: bool,
 }
 
 /// What is known of a view.
@@ -43,12 +46,14 @@ impl Geometry {
             priors: cameras.iter().map(known).collect::<Result<_, _>>()?,
             loss: GeometryLoss::new(gpu, pixels)?,
             settings: settings.clone(),
+            propagated: false,
         })
     }
 
-    /// Uploads what is known of the views, in their order; what is missing or of another size stays unknown.
-    pub(in crate::train) fn fill(&mut self, gpu: &Gpu, priors: &[Option<Prior>]) -> Result<(), Error> {
-        for (view, prior) in priors.iter().enumerate() {
+    /// Uploads what is known of the views; what is missing or of another size stays unknown.
+    pub(in crate::train) fn fill(&mut self, gpu: &Gpu, input: &KnownBefore) -> Result<(), Error> {
+        self.propagated = input.scene.is_some();
+        for (view, prior) in input.priors.iter().enumerate() {
             if let Some(prior) = prior {
                 self.set(gpu, view, prior)?;
             }
@@ -67,9 +72,13 @@ impl Geometry {
         Ok(gpu.write(&known.buffer, &packed.words)?)
     }
 
-    /// What is known of all views: for each the median as bits and the prior's words, zeros where nothing is known. Waits.
+    /// What is known of all views, where that changes: for each the median as bits and the prior's words, zeros where nothing is known.
+    /// Waits.
     pub(in crate::train) fn state(&self, gpu: &Gpu) -> Result<Vec<u32>, vk::Error> {
         let mut out = Vec::new();
+        if !self.propagated {
+            return Ok(out);
+        }
         for known in &self.priors {
             let words = known.words();
             out.push(known.median.to_bits());
@@ -83,6 +92,9 @@ impl Geometry {
 
     /// Takes back what [`Self::state`] gave.
     pub(in crate::train) fn restore(&mut self, gpu: &Gpu, state: &[u32]) -> Result<(), Error> {
+        if !self.propagated {
+            return Ok(());
+        }
         let expected = self.priors.iter().map(|known| 1 + known.words()).sum();
         if state.len() != expected {
             return Err(Error::Checkpoint { section: "priors".to_owned(), found: state.len(), expected });

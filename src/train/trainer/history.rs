@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Message;
+use crate::train::message::Message;
 
 /// Loss at the steps, and quality and number of splats where they were looked at.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
