@@ -1,9 +1,9 @@
 //! What a pass takes at least: the bytes it must move at the device's bandwidth, the arithmetic it must do at the device's rate.
 
+use super::per_pixel::PerPixel;
 use serde::Serialize;
 
 use super::rates::Rates;
-use super::report::PerPixel;
 use super::traffic::{self, Work};
 
 /// Arithmetic that a pass must do.

@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::enlarge::enlarge;
+use super::per_pixel::PerPixel;
 use super::rates::Rates;
-use super::report::{DeviceName, Loss, PerPixel, PerStep, Report, Workload};
+use super::report::{DeviceName, Loss, PerStep, Report, Workload};
 use super::rows::rows;
 use super::traffic::Work;
 use super::{Error, Quartiles};

@@ -1,5 +1,6 @@
 //! What a benchmark tells; the field names are the keys of its JSON.
 
+use super::per_pixel::PerPixel;
 use serde::Serialize;
 
 use super::Quartiles;
@@ -77,19 +78,6 @@ pub struct Workload {
     pub pairs: f64,
     /// Splats per pixel, over all views after the timed steps; none where the counts might not fit 32 bits.
     pub splats_per_pixel: Option<PerPixel>,
-}
-
-/// Mean numbers of splats per pixel.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct PerPixel {
-    /// Looked at by the forward.
-    pub forward_evaluated: f64,
-    /// Blended by the forward.
-    pub forward_blended: f64,
-    /// Looked at by the backward.
-    pub backward_evaluated: f64,
-    /// Given a gradient by the backward.
-    pub backward_blended: f64,
 }
 
 /// Mean losses over the same views.

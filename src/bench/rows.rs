@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::floors::Floors;
+use super::per_pixel::PerPixel;
 use super::rates::Rates;
-use super::report::{PassRow, PerPixel, StageRow};
+use super::report::{PassRow, StageRow};
 use super::traffic::{self, Work};
 use super::{Error, Quartiles};
 use crate::vk::PassTime;

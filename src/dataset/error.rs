@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::colmap::SUPPORTED;
 use super::hint;
+use super::lens::SUPPORTED_MODELS;
 use super::model::Format;
 use super::poses::WrongConvention;
 use crate::byte_size::readable;
@@ -30,7 +30,7 @@ pub enum Error {
     /// A camera model that is not known.
     #[error(
         "{}: camera {camera} has the model {model}, which is not supported ({} are). \
-         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display(), SUPPORTED
+         Undistort the photographs with COLMAP's image_undistorter and use its output folder", file.display(), SUPPORTED_MODELS
     )]
     UnsupportedCamera {
         /// The cameras file.

@@ -1,9 +1,10 @@
 //! The folder of photographs, among `images`, `images_2`, `images_4` and so on.
 
+use super::paths::is_hidden;
 use std::collections::HashSet;
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::error::Error;
 use super::names;
@@ -129,11 +130,6 @@ fn reduction(name: &str) -> Option<u32> {
     }
 }
 
-/// Whether a name stays inside the folder it is looked up in.
-pub(super) fn stays_inside(name: &str) -> bool {
-    Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
-}
-
 /// Photographs in a folder, counted by their extension, subfolders included.
 pub(super) fn count_photographs(folder: &Path) -> usize {
     let Ok(entries) = fs::read_dir(folder) else { return 0 };
@@ -150,11 +146,6 @@ pub(super) fn count_photographs(folder: &Path) -> usize {
 /// Whether a folder has pictures, among its first entries.
 pub(super) fn holds_pictures(folder: &Path) -> bool {
     fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
-}
-
-/// Whether a file or folder is hidden, as what macOS leaves beside each file of a foreign disk is (`._a.jpg`).
-pub(super) fn is_hidden(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 /// Whether a file is a photograph by its extension.

@@ -4,9 +4,10 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-use super::folder::{holds_pictures, is_hidden};
+use super::folder::holds_pictures;
 use super::foreign;
 use super::model::Format;
+use super::paths::is_hidden;
 use crate::format;
 
 /// Entries of a folder that are looked at.

@@ -6,12 +6,13 @@ use image::DynamicImage;
 
 use super::Warning;
 use super::error::Error;
-use super::folder::{exists, holds_pictures, is_photograph, stays_inside};
+use super::folder::{exists, holds_pictures, is_photograph};
 use super::model::{Model, Shot};
 use super::names::{self, Names, Renamed};
-use super::photograph;
+use super::paths::stays_inside;
 use super::picture_file::{header_within, picture, read, whole};
 use super::pixels::Sample;
+use super::shape::same_shape;
 use crate::host_memory::DecodeLimit;
 
 /// The folder of masks, beside that of the photographs.
@@ -133,10 +134,10 @@ pub(super) fn check_size(file: &Path, photograph: (u32, u32), limit: DecodeLimit
 }
 
 fn fits(file: &Path, mask: (u32, u32), photograph: (u32, u32)) -> Result<(), Error> {
-    if photograph::same_shape(mask, photograph) {
+    if same_shape(mask, photograph) {
         return Ok(());
     }
-    let turned = photograph::same_shape((mask.1, mask.0), photograph);
+    let turned = same_shape((mask.1, mask.0), photograph);
     Err(Error::MaskSize { file: file.to_owned(), mask, photograph, turned })
 }
 

@@ -21,6 +21,8 @@ mod names;
 mod nerfstudio;
 mod opendronemap;
 mod opensfm;
+mod parts;
+mod paths;
 mod photograph;
 mod picture_file;
 mod picture_size;
@@ -29,7 +31,9 @@ mod points_ply;
 mod poses;
 mod random_points;
 mod range;
+mod read;
 mod rotation;
+mod shape;
 mod sizing;
 mod split;
 mod split_lists;
@@ -441,10 +445,10 @@ fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), 
     let camera = (shot.lens.size[0], shot.lens.size[1]);
     let longer = |size: (u32, u32)| size.0.max(size.1);
     let tiny = longer(photograph) < SMALLEST_COPY.min(longer(camera));
-    if photograph::same_shape(photograph, camera) && !tiny {
+    if shape::same_shape(photograph, camera) && !tiny {
         return Ok(());
     }
-    let turned = photograph::same_shape((photograph.1, photograph.0), camera);
+    let turned = shape::same_shape((photograph.1, photograph.0), camera);
     Err(Error::AspectRatio {
         file: file.to_owned(),
         photograph,

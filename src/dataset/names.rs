@@ -8,7 +8,7 @@ use std::path::{Component, Path};
 
 use unicode_normalization::{UnicodeNormalization as _, is_nfc};
 
-use super::folder::{is_hidden, stays_inside};
+use super::paths::{is_hidden, stays_inside};
 
 /// Folders inside folders are listed to this depth: links may lead round in circles.
 const DEEPEST: usize = 12;

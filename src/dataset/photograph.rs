@@ -55,13 +55,6 @@ impl Photograph {
     }
 }
 
-/// Whether one size is that of a copy of the other: sides of reduced copies are rounded up or down.
-pub(super) fn same_shape(copy: (u32, u32), of: (u32, u32)) -> bool {
-    let (w, h) = (f64::from(copy.0), f64::from(copy.1));
-    let ratio = f64::from(of.1) / f64::from(of.0);
-    (h - w * ratio).abs() <= 1.0 + ratio
-}
-
 /// Decodes a view's photograph and makes it into the picture of the view's camera: by resampling through the lens where that
 /// bends rays or pixels are left out, else by reducing it to the camera's size. Orientation tags of EXIF are not looked at,
 /// because COLMAP does not either: its cameras are those of the pixels as they are stored.

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::Error;
 use super::lens::Lens;
 use super::model::Shot;
-use super::photograph::same_shape;
+use super::shape::same_shape;
 use crate::scene::Camera;
 
 /// Which size photographs are brought to. Sizes only ever become smaller.

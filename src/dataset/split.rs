@@ -1,5 +1,6 @@
 //! Which photographs are trained on and which are held out.
 
+use super::parts::Parts;
 use std::collections::HashMap;
 
 use super::model::Shot;
@@ -22,25 +23,6 @@ pub enum Split {
         /// The first of them, below `every`.
         first: u32,
     },
-}
-
-/// What a dataset itself says a photograph is for: one thing, several, or nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Parts {
-    pub(super) train: bool,
-    pub(super) val: bool,
-    pub(super) test: bool,
-}
-
-impl Parts {
-    pub(super) const TRAIN: Self = Self { train: true, val: false, test: false };
-    pub(super) const VAL: Self = Self { train: false, val: true, test: false };
-    pub(super) const TEST: Self = Self { train: false, val: false, test: true };
-
-    /// What both say.
-    pub(super) fn and(self, other: Self) -> Self {
-        Self { train: self.train || other.train, val: self.val || other.val, test: self.test || other.test }
-    }
 }
 
 /// What a view is used for.

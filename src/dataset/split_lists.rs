@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::Warning;
 use super::names::Names;
-use super::split::Parts;
+use super::parts::Parts;
 
 /// Their keys, and what they say of a frame.
 const LISTS: [(&str, Parts); 3] =

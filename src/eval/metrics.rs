@@ -1,5 +1,6 @@
 //! The numbers of a run, as they stand in `metrics.json`.
 
+use super::mean::{mean, mean_if_all};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -214,17 +215,6 @@ impl Metrics {
         let text = read_text(path).map_err(|source| MetricsError::File { path: path.to_owned(), source })?;
         serde_json::from_str(&text).map_err(|source| MetricsError::Json { path: path.to_owned(), source })
     }
-}
-
-/// The mean, or nothing when there are no values or it is not finite.
-pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v, n + 1));
-    Some(sum / f64::from(count)).filter(|m| m.is_finite())
-}
-
-/// The mean, or nothing where a value is missing.
-pub fn mean_if_all(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    mean(values.collect::<Option<Vec<_>>>()?.into_iter())
 }
 
 /// The largest resident set of this process so far, in bytes, where the system tells (`VmHWM` of Linux).

@@ -5,6 +5,7 @@ mod colour_fit;
 mod exposure;
 pub mod geometry;
 mod gmsd;
+mod mean;
 mod metrics;
 mod quality;
 mod report;
@@ -16,9 +17,8 @@ pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use exposure::{Exposures, Follows};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
-pub use metrics::{
-    ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Streaming, mean, mean_if_all, peak_host_bytes,
-};
+pub use mean::{mean, mean_if_all};
+pub use metrics::{ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Streaming, peak_host_bytes};
 pub use quality::Quality;
 pub use report::{
     Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report, render_report,

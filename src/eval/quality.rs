@@ -1,6 +1,7 @@
 //! Quality over a set of held-out views.
 
-use super::metrics::{ImageScore, mean};
+use super::mean::mean;
+use super::metrics::ImageScore;
 
 /// Means over held-out views, and each view.
 #[derive(Clone, Debug, PartialEq)]

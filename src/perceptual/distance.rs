@@ -1,14 +1,15 @@
 //! A network on the device.
 
+use super::trunk::Trunk;
 use std::sync::Arc;
 
 use super::filter_bank;
 use super::network::{Network, Op};
-use super::rows::{Placed, Rows};
+use super::rows::Rows;
 use super::window::Windows;
 use super::{Error, LpipsWeights};
 use crate::pass::{convolution, crop, feature_distance, pool};
-use crate::vk::{self, Buffer, Gpu, Memory, Pipeline};
+use crate::vk::{self, Buffer, Gpu, Memory};
 
 /// How different two images look: a network, its numbers and its passes on a device.
 ///
@@ -16,28 +17,6 @@ use crate::vk::{self, Buffer, Gpu, Memory, Pipeline};
 #[derive(Clone)]
 pub struct Distance {
     trunk: Arc<Trunk>,
-}
-
-/// What all windows share.
-pub(super) struct Trunk {
-    pub(super) gpu: Gpu,
-    pub(super) network: Network,
-    pub(super) pair: Pipeline,
-    pub(super) convolution: Pipeline,
-    pub(super) pool: Pipeline,
-    pub(super) feature_distance: Pipeline,
-    pub(super) sum: Pipeline,
-    pub(super) filters: Buffer,
-    pub(super) biases: Buffer,
-    pub(super) channel_weights: Buffer,
-    /// Of each layer that is compared.
-    pub(super) weight_rows: Vec<u32>,
-    /// Of each step that is a convolution.
-    pub(super) forward: Vec<Option<Placed>>,
-    /// Of each step that is a convolution.
-    pub(super) backward: Vec<Option<Placed>>,
-    /// Bound where nothing is read or written.
-    pub(super) nothing: Buffer,
 }
 
 impl Distance {

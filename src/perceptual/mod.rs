@@ -31,6 +31,7 @@ mod room;
 mod rows;
 mod squeezenet;
 mod tensors;
+mod trunk;
 mod window;
 
 pub use distance::Distance;

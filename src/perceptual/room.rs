@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use super::Error;
-use super::distance::Trunk;
 use super::network::{Network, Op};
+use super::trunk::Trunk;
 use crate::pass::{crop, pool};
 use crate::vk::{self, Buffer, BufferSlice, Memory, Pipeline};
 

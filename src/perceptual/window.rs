@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::Error;
-use super::distance::Trunk;
 use super::network::Op;
 use super::room::{Gradients, Room};
 use super::rows::Placed;
+use super::trunk::Trunk;
 use crate::pass::convolution::{self as conv, FLAG_ADD, FLAG_GATE, FLAG_RELU};
 use crate::pass::feature_distance::{self as features, FLAG_GRADIENT};
 use crate::pass::{crop, pool};

@@ -4,32 +4,23 @@
 //! pipelines, command and descriptor pools, one timeline semaphore), nothing is destroyed that was not created here, and neither
 //! the device nor the queue is ever waited idle. All work goes to the one queue that the host names, inside its lock.
 
+use super::queue_lock::QueueLock;
 use std::ffi::CStr;
 use std::sync::Arc;
 
 use ash::vk;
 
-use super::allocator::HostAllocator;
 use super::device::{Device, Parts};
 use super::error::{Error, Result};
 use super::features::{Features, REQUIRED};
 use super::gpu::Gpu;
+use super::host_allocator::HostAllocator;
 use super::options::OpenOptions;
 use super::order::SubmitOrder;
 use super::recorder::Recorder;
 use super::report::report;
 use super::ticket::Ticket;
 use super::validation::Messages;
-
-/// Called around every use of the host's queue. The host's own submits take the same lock, and whoever holds it does not call
-/// the engine. A panic in one of them goes on in whoever submits: in `lock` nothing has been submitted, in `unlock` the work is with the
-/// device and has the engine's next ticket; the engine can be used again in both cases.
-pub struct QueueLock {
-    /// Waits until nobody else uses the queue.
-    pub lock: Box<dyn Fn() + Send + Sync>,
-    /// Lets others use it.
-    pub unlock: Box<dyn Fn() + Send + Sync>,
-}
 
 /// A device that a host created and keeps.
 pub struct HostDevice<'a> {

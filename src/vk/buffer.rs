@@ -8,10 +8,12 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 use ash::vk;
 
 use super::caps::Addresses;
-use super::device::{Device, lock};
+use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::kernel::TexelFormat;
-use super::memory::{Block, Memory};
+use super::lock::lock;
+use super::memory::Block;
+use super::placement::Memory;
 
 /// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;

@@ -7,10 +7,10 @@ use ash::vk;
 
 use super::buffer::{Buffer, GARBAGE, GUARD};
 use super::device::Device;
-use super::encode::full_barrier;
 use super::error::{Error, Result};
+use super::full_barrier::full_barrier;
 use super::gpu::Gpu;
-use super::memory::Memory;
+use super::placement::Memory;
 use super::recorder::Command;
 
 /// The word that fills a guard.

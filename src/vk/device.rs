@@ -1,28 +1,24 @@
 //! Instance, physical device, logical device and queue: our own, or a host's. Everything that has to outlive buffers.
 
+use super::lock::lock;
 use std::collections::HashMap;
 use std::ffi::{CStr, CString, c_char};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 
 use ash::vk;
 
-use super::adopt::QueueLock;
-use super::allocator::HostAllocator;
 use super::buffer::BufferInner;
 use super::caps::Caps;
 use super::error::{Error, Result};
 use super::features::FeatureStructures;
+use super::host_allocator::HostAllocator;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
+use super::queue_lock::QueueLock;
 use super::report::{Reported, report};
 use super::ticket::next_device;
 use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
-
-/// Locks a mutex; a panic elsewhere does not make the data unusable here.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A device found by [`devices`].
 #[derive(Clone, Debug)]

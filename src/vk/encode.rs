@@ -1,40 +1,22 @@
 //! From commands and their barriers to a command buffer, and from that to the queue.
 
+use super::full_barrier::{everything, full_barrier};
 use std::any::Any;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ash::vk;
 
-use super::adopt::QueueLock;
 use super::barrier::Barrier;
+use super::barrier_plan::Plan;
 use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
 use super::error::{Error, Named, Result};
 use super::order::{HostSemaphore, SubmitOrder};
+use super::queue_lock::QueueLock;
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
-use super::submit::Plan;
-
-fn everything() -> vk::MemoryBarrier2<'static> {
-    vk::MemoryBarrier2::default()
-        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-        .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
-}
-
-/// Records a barrier over all memory.
-///
-/// # Safety
-/// `commands` is being recorded.
-pub(super) unsafe fn full_barrier(device: &Device, commands: vk::CommandBuffer) {
-    let all = [everything()];
-    let info = vk::DependencyInfo::default().memory_barriers(&all);
-    // SAFETY: the caller's promise; synchronization2 is enabled.
-    unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
-}
 
 /// As [`full_barrier`], and the host sees what was written: after a loss no semaphore makes it visible.
 ///

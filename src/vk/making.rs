@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::device::lock;
 use super::gpu::Gpu;
+use super::lock::lock;
 
 /// What happens to a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

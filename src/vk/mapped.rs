@@ -9,7 +9,7 @@ use super::buffer::Buffer;
 use super::error::{Error, Result};
 use super::gpu::Gpu;
 use super::host_commands::Done;
-use super::memory::Memory;
+use super::placement::Memory;
 
 impl Gpu {
     /// Everything in a buffer, after all that was submitted. Waits.

@@ -1,5 +1,6 @@
 //! Device memory: named allocations through gpu-allocator or a host's allocator, a tally of our own, and a limit.
 
+use super::placement::Memory;
 use std::ffi::c_void;
 use std::ptr::NonNull;
 use std::sync::Arc;
@@ -8,21 +9,11 @@ use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
 
-use super::allocator::{HostAllocator, HostBlock, MemoryRequest, ask, memory_types};
+use super::allocator::{HostBlock, ask, memory_types};
 use super::caps::{Addresses, DeviceKind};
 use super::device::Device;
 use super::error::{Error, Result};
-
-/// Where a buffer lives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Memory {
-    /// Fast for the device.
-    Device,
-    /// Written by the host.
-    Upload,
-    /// Read by the host.
-    Readback,
-}
+use super::host_allocator::{HostAllocator, MemoryRequest};
 
 /// Bytes allocated for buffers in device memory, which on integrated GPUs and CPUs is all memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

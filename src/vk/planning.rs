@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::buffer::{Buffer, GUARD};
-use super::device::lock;
 use super::error::Result;
 use super::gpu::Gpu;
-use super::memory::Memory;
+use super::lock::lock;
+use super::placement::Memory;
 
 /// What drivers round allocations up to, about.
 const ROUNDING: u64 = 256;

@@ -1,5 +1,6 @@
 //! From recorded commands to a submitted command buffer, and back when its ticket has passed.
 
+use super::barrier_plan::Plan;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -12,8 +13,8 @@ use super::device::Device;
 use super::encode::{Handed, encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
-use super::memory::Memory;
 use super::order::SubmitOrder;
+use super::placement::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;
@@ -61,13 +62,6 @@ pub(super) struct State {
     unsure: bool,
 }
 
-/// The barriers in front of every command, those at the end for the host, and what the host may read.
-pub(super) struct Plan {
-    pub(super) commands: Vec<Vec<Barrier>>,
-    pub(super) end: Vec<Barrier>,
-    landings: Vec<BufferUse>,
-}
-
 impl State {
     /// Takes back what submits up to `completed` used. Returns what is to be dropped outside the lock.
     pub(super) fn retire(
@@ -113,7 +107,7 @@ impl State {
         recorder: Recorder,
         order: SubmitOrder<'_>,
     ) -> Result<std::thread::Result<()>> {
-        for id in std::mem::take(&mut *super::device::lock(&device.freed)) {
+        for id in std::mem::take(&mut *super::lock::lock(&device.freed)) {
             self.tracker.forget(id);
             self.checker.iter_mut().for_each(|c| c.forget(id));
         }

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use ash::vk;
 
-use super::device::lock;
 use super::error::{Error, Named, Result};
+use super::lock::lock;
 
 pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 

@@ -19,6 +19,7 @@ mod optics;
 mod output;
 mod params;
 mod photograph;
+mod ray;
 mod site;
 mod surface;
 mod tie_points;
@@ -40,7 +41,7 @@ use crate::scene::Camera;
 use geometry::Bvh;
 use light::Light;
 use optics::Optics;
-use photograph::pixel_ray;
+use ray::pixel_ray;
 use site::Site;
 use surface::{GroundMap, Sample};
 

@@ -1,5 +1,6 @@
 //! Photographs, and the truth about what they show.
 
+use super::ray::pixel_ray;
 use glam::{DVec3, Vec3};
 use image::RgbImage;
 use rayon::prelude::*;
@@ -13,14 +14,6 @@ use crate::scene::random::Random;
 
 /// Relative difference of a pixel's first samples above which it gets all of them.
 const CONTRAST: f32 = 0.06;
-
-/// The ray through a point of the image (pixels); its parameter is the depth.
-pub(crate) fn pixel_ray(camera: &Camera, x: f64, y: f64) -> Ray {
-    let (u, v) = ((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
-    let r = &camera.rotation;
-    let direction = std::array::from_fn(|k| r[0][k] * u + r[1][k] * v + r[2][k]);
-    Ray { origin: DVec3::from_array(camera.center()), direction: DVec3::from_array(direction) }
-}
 
 /// What there is to see of a view.
 #[derive(Clone, Debug)]

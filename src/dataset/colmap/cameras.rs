@@ -1,5 +1,6 @@
 //! `cameras.bin` and `cameras.txt`.
 
+use crate::dataset::lens::SUPPORTED_MODELS;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -30,10 +31,6 @@ const MODELS: &[(&str, usize)] = &[
     ("EUCM", 6),
     ("EQUIRECTANGULAR", 2),
 ];
-
-/// Those that [`Intrinsics::lens`] makes lenses of, to be told.
-pub(crate) const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, \
-                                    SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and OPENCV_FISHEYE";
 
 /// A camera of the model, of any kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,7 +150,7 @@ fn binary(file: &Path, strict: bool, unknown: Option<usize>) -> Result<Cameras, 
         let not_known = source.error(
             at,
             format_args!("model of camera {id}"),
-            format_args!("{number} is unknown; supported are {SUPPORTED}"),
+            format_args!("{number} is unknown; supported are {SUPPORTED_MODELS}"),
         );
         let (model, count) = match (known, unknown) {
             (Some((model, count)), _) => (Ok(*model), *count),
@@ -224,7 +221,10 @@ fn text_camera(line: &mut Line<'_>, file: &Path, id: u32) -> Result<Intrinsics, 
     let size = [line.whole(format_args!("width of camera {id}")), line.whole(format_args!("height of camera {id}"))];
     let given = line.left();
     let &(model, count) = named(word, given).ok_or_else(|| {
-        line.error(format_args!("model of camera {id}"), format_args!("'{word}' is unknown; supported are {SUPPORTED}"))
+        line.error(
+            format_args!("model of camera {id}"),
+            format_args!("'{word}' is unknown; supported are {SUPPORTED_MODELS}"),
+        )
     })?;
     let [width, height] = size;
     let size = [width?, height?];

@@ -21,7 +21,6 @@ use crate::format::source::{Line, Lines, Source, whole};
 use crate::format::{At, Error as FileError, few};
 
 use cameras::Cameras;
-pub(super) use cameras::SUPPORTED;
 use files::Files;
 use images::{Pose, Poses};
 use observers::Observers;

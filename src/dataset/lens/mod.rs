@@ -6,6 +6,10 @@
 pub(super) mod names;
 mod pinhole;
 
+/// COLMAP's names of the camera models that become a [`Lens`].
+pub(crate) const SUPPORTED_MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, \
+                                    SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and OPENCV_FISHEYE";
+
 /// How a lens bends rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distortion {

@@ -1,5 +1,6 @@
 //! Poses by how the colours of the points fit the photographs, where nothing says where these show the points.
 
+use super::judged::{Judged, TELLING};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -15,23 +16,12 @@ use crate::scene::Camera;
 const MOST_POINTS: usize = 20_000;
 /// So many photographs have to be judged at least, ...
 const LEAST_PHOTOGRAPHS: usize = 8;
-/// ... and the correlation of half of them has to be this: below, the colours of points say nothing.
-pub(super) const TELLING: f64 = 0.5;
 /// A pose is wrong below this share of the median ...
 const SHARE: f64 = 0.35;
 /// ... and so many times as far below the lower quartile as that is below the median.
 const SPREADS: f64 = 5.0;
 /// As they are read, poses in another convention correlate less than this.
 const UNFIT: f64 = 0.2;
-/// A photograph that the colours of the points are held against.
-pub(super) struct Judged {
-    /// Its position among those of its role.
-    pub(super) at: usize,
-    pub(super) camera: Camera,
-    pub(super) coarse: Arc<Coarse>,
-    /// How well they fit from its own pose.
-    pub(super) own: f64,
-}
 
 impl Dataset {
     /// Photographs of a role that do not fit from their poses, though nearly all others do, as the colours of the points show: their

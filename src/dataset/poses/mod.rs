@@ -4,6 +4,7 @@ mod coarse;
 mod colours;
 mod evidence;
 mod inverted;
+mod judged;
 mod matches;
 mod places;
 mod sketch;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::colmap::Point;
 use super::super::{Dataset, Error};
-use super::colours::{Judged, TELLING};
+use super::judged::{Judged, TELLING};
 
 /// A photograph is held against the poses of so many others, the nearest, and of those before and after it.
 const NEAREST: usize = 8;

@@ -12,7 +12,7 @@ pub use truth::{GeometryError, GeometryTruth, Known};
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::mean;
+use super::mean::mean;
 use super::psnr_where;
 use crate::numbers::percent;
 use crate::raster::Picture;

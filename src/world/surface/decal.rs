@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::ground::Decal;
+use super::painted::Decal;
 use super::{Sample, letter};
 use crate::world::noise::{fbm2, noise2};
 

@@ -1,33 +1,12 @@
 //! The ground's appearance: roads and pavements, yards, lawns, marked courts, and fields beyond the site.
 
+use super::painted::{Decal, DecalKind};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{Sample, decal};
 use crate::world::Effects;
 use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 use crate::world::site::{Footprint, Roads};
-
-/// A marked patch of ground.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DecalKind {
-    /// Tennis court.
-    Court,
-    /// Parking lot.
-    Parking,
-    /// Evenly sown grass.
-    Meadow,
-    /// An elliptic pond.
-    Pond,
-    /// A paved place with lettering and a resolution star.
-    Plaza,
-}
-
-/// A rectangle painted on the ground.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Decal {
-    pub(crate) area: Footprint,
-    pub(crate) kind: DecalKind,
-}
 
 /// A disc of ground that a crown shades from the sky.
 #[derive(Clone, Copy, Debug)]

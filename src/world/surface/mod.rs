@@ -5,10 +5,12 @@
 mod building;
 mod decal;
 mod ground;
+mod painted;
 mod plant;
 
 pub(crate) use building::{Facade, Wall};
-pub(crate) use ground::{Decal, DecalKind, GroundMap};
+pub(crate) use ground::GroundMap;
+pub(crate) use painted::{Decal, DecalKind};
 
 use glam::{DVec2, DVec3, Vec3};
 
