@@ -275,7 +275,7 @@ fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &'a Frame, grid: &TileGrid
     let pipeline = gpu.pipeline(&plan::PASS.kernel, &[]).unwrap();
     let push = plan::Push::unlimited(counters::SPLATS as u32, first_entry, &SPLAT_ENTRIES).voiding(32);
     rec.dispatch(&pipeline, &[counts, args], &push, Groups::Workgroups(1)).unwrap();
-    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries: 32, cutoffs: None };
+    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries: 32, alpha_cutoff: None };
     let result = lists.record(&mut rec, inputs, grid).unwrap();
     rec.submit().unwrap();
     result

@@ -1,8 +1,8 @@
 // The opacity of one splat at one pixel, shared by blend_forward and blend_backward so that both take the same decisions.
 //
 // alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < ALPHA_MIN, and a pixel stops
-// before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al. 2023) unless a cheaper
-// picture is asked for.
+// before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al. 2023); early steps of a
+// training may skip more.
 // The exponent is a sum of two squares, by the Cholesky factor of the conic: along a needle the three terms of the plain form are
 // large and cancel, while here the first square is small by itself. Nor can it be positive, which needs a test otherwise.
 // Everything is `precise`: contraction into fused operations would let two kernels disagree about a threshold.

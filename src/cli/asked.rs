@@ -113,7 +113,11 @@ pub(crate) fn no_option(name: &str) -> Option<String> {
 }
 
 /// Options of earlier versions that are no key either, and what to do in their place.
-const REMOVED: [(&str, &str); 8] = [
+const REMOVED: [(&str, &str); 9] = [
+    (
+        "alpha-cutoff",
+        "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a training",
+    ),
     ("backward", "leave it out: threads own pixels in every form"),
     ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),
     ("exponential", "leave it out: blending takes the exact exponential"),

@@ -117,7 +117,7 @@ impl ModelFile {
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
         let variants = Variants::choose(gpu, false).with(forms.tile_shape, None);
-        let viewer = Viewer::with_variants(gpu, Variants { approximation: drawing.approximation(), ..variants });
+        let viewer = Viewer::with_variants(gpu, variants);
         let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };

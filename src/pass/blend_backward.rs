@@ -1,8 +1,8 @@
 //! Gradients of the blended image with respect to the projected splats: two shapes of tiles,
 //! three ways of adding up.
 
+use super::alpha_min::ALPHA_MIN;
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
-use super::cutoffs::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 

@@ -1,6 +1,6 @@
 //! Alpha blending front to back, in two shapes of one kernel.
 
-use super::cutoffs::ALPHA_MIN;
+use super::alpha_min::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 

@@ -56,7 +56,7 @@ pub struct Projection {
     pub black_learns: bool,
     /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
     pub limits: Option<[f64; 4]>,
-    /// A splat is skipped at a pixel where its alpha is below 1 / this, where that is not the renderer's own (255, or that of its variants).
+    /// A splat is skipped at a pixel where its alpha is below 1 / this, where that is not 255.
     pub alpha_cutoff: Option<u32>,
 }
 

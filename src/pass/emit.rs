@@ -1,6 +1,6 @@
 //! Writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot, or of a tile and the splat.
 
-use super::cutoffs::ALPHA_MIN;
+use super::alpha_min::ALPHA_MIN;
 use super::turns::PER_TURN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};

@@ -3,6 +3,7 @@
 //! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
 
 pub mod adam;
+pub mod alpha_min;
 pub mod blend_backward;
 pub mod blend_forward;
 pub mod camera;
@@ -11,7 +12,6 @@ pub mod constrain;
 pub mod convolution;
 pub mod counters;
 pub mod crop;
-pub mod cutoffs;
 pub mod densify_axes;
 pub mod densify_classify;
 pub mod densify_finish;

@@ -1,7 +1,7 @@
 //! Projection of 3D Gaussians to the image, with colour and tile count.
 
+use super::alpha_min::ALPHA_MIN;
 use super::camera::CameraPush;
-use super::cutoffs::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 

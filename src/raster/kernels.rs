@@ -46,13 +46,11 @@ pub(super) fn projection(gpu: &Gpu) -> &'static Pass {
 
 /// The forward pass.
 pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
-    let mut chosen = match variants.tile {
+    match variants.tile {
         TileShape::Column if columns_by_hardware(gpu) => Chosen::plain(&forward::COLUMN),
         TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
         TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu)]),
-    };
-    chosen.constants.extend(variants.approximation.cutoffs().constants());
-    chosen
+    }
 }
 
 /// The backward pass; an error where the device has no way to run this form.
@@ -65,7 +63,7 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
     let hardware = matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
     let block = block(gpu);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
-    let mut chosen = match (variants.tile, variants.gradients) {
+    Ok(match (variants.tile, variants.gradients) {
         (Column, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
         (Column, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
         (Column, Atomic) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_ATOMIC),
@@ -79,7 +77,5 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
         (Pixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),
         (Pixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
         (Pixel, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
-    };
-    chosen.constants.extend(variants.approximation.cutoffs().constants());
-    Ok(chosen)
+    })
 }

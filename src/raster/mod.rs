@@ -1,6 +1,5 @@
 //! Passes composed into forward and backward: the differentiable renderer.
 
-mod approximation;
 mod held;
 mod kernels;
 mod live;
@@ -9,6 +8,7 @@ mod picture;
 mod planes;
 mod renderer;
 pub mod scan;
+mod sh_storage;
 mod size;
 pub mod sort;
 mod target;
@@ -16,12 +16,12 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
-pub use approximation::{Approximation, ShStorage};
 pub use held::Held;
 pub use live::LiveModel;
 pub use picture::Picture;
 pub use planes::{MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH0, UPPER, gaussians_of, grown, planes_of};
 pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, ImageGradients, Renderer, Shot, Terms};
+pub use sh_storage::ShStorage;
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};
 pub use target::Target;

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use super::approximation::ShStorage;
+use super::sh_storage::ShStorage;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 

@@ -6,11 +6,11 @@ pub use backward::{BackwardStep, Gradients, ImageGradients, Terms};
 
 use backward::Backward;
 
-use super::approximation::ShStorage;
 use super::held::Held;
 use super::kernels;
 use super::loan::{Layout, Loan};
 use super::planes::Planes;
+use super::sh_storage::ShStorage;
 use super::size::{LEAST_2D, ROW_2D, Size};
 use super::sort::Shape;
 use super::target::Target;
@@ -18,7 +18,7 @@ use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{blend_forward, constrain, counters, project};
+use crate::pass::{alpha_min, blend_forward, constrain, counters, project};
 use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
@@ -81,12 +81,13 @@ struct Channels {
 }
 
 impl Channels {
-    fn new(gpu: &Gpu, variants: Variants, aux: bool, count: bool) -> Result<Self, vk::Error> {
+    /// `cutoff`: see [`alpha_min`].
+    fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, count: bool) -> Result<Self, vk::Error> {
         let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
-        let [alpha_min] = variants.approximation.cutoffs().constants();
+        let alpha_min = alpha_min::constant(cutoff);
         let projection = [("TILE_W", side), ("TILE_H", side), aux, alpha_min];
         let chosen = kernels::blend_forward(gpu, variants);
-        let mut switches = vec![aux, ("COUNT", u32::from(count))];
+        let mut switches = vec![aux, ("COUNT", u32::from(count)), alpha_min];
         switches.extend(chosen.constants);
         Ok(Self {
             project: gpu.pipeline(&kernels::projection(gpu).kernel, &projection)?,
@@ -130,8 +131,7 @@ impl Renderer {
     /// `aux` makes depth and normals available, `train` the backward, both the backward of depth and normals.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let cutoffs = variants.approximation.cutoffs();
-        let channels = |aux: bool| Channels::new(gpu, variants, aux, size.count);
+        let channels = |aux: bool| Channels::new(gpu, variants, None, aux, size.count);
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
@@ -148,8 +148,7 @@ impl Renderer {
             if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
         // Splats of slots are dead when gradients come to the slots.
         let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
-        let lists =
-            TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &cutoffs, size.listed)?;
+        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, size.listed)?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,
@@ -252,8 +251,8 @@ impl Renderer {
         target: &Target,
         weights: &Buffer,
     ) -> Result<(), vk::Error> {
-        let chosen = kernels::blend_forward(&self.gpu, self.variants_of(shot));
-        let mut switches = vec![("AUX", 0), ("WEIGHTS", 1)];
+        let chosen = kernels::blend_forward(&self.gpu, self.variants);
+        let mut switches = vec![("AUX", 0), ("WEIGHTS", 1), alpha_min::constant(shot.projection.alpha_cutoff)];
         switches.extend(chosen.constants);
         let blend = self.gpu.pipeline(&chosen.pass.kernel, &switches)?;
         let channels = self.channels(shot, false)?;
@@ -281,13 +280,9 @@ impl Renderer {
     fn channels(&self, shot: &Shot, aux: bool) -> Result<Channels, vk::Error> {
         let aux = aux && self.with_aux;
         match shot.projection.alpha_cutoff {
-            Some(_) => Channels::new(&self.gpu, self.variants_of(shot), aux, self.counts),
+            cutoff @ Some(_) => Channels::new(&self.gpu, self.variants, cutoff, aux, self.counts),
             None => Ok(if aux { &self.all } else { &self.color }.clone()),
         }
-    }
-
-    fn variants_of(&self, shot: &Shot) -> Variants {
-        self.variants.cut_off_at(shot.projection.alpha_cutoff)
     }
 
     /// Projects `model` and lists its splats by tile.
@@ -325,7 +320,7 @@ impl Renderer {
             args: &self.args,
             first_entry: entry::TILES,
             entries: ENTRIES,
-            cutoffs: shot.projection.alpha_cutoff.map(|_| self.variants_of(shot).approximation.cutoffs()),
+            alpha_cutoff: shot.projection.alpha_cutoff,
         };
         self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))
     }

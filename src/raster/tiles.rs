@@ -5,10 +5,9 @@ use super::kernels;
 use super::loan::{Layout, Loan, parts, words};
 use super::scan::{self, Extent, Scan, Summand};
 use super::sort::{Keys, RadixSort, Shape};
-use crate::pass::cutoffs::Cutoffs;
 use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
-use crate::pass::{compact, counters, emit, gather_counts, slot_sum, tile_ranges};
+use crate::pass::{alpha_min, compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::scene::tile::TileGrid;
 use crate::vk::{Buffer, BufferSlice, Error, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
 
@@ -97,8 +96,8 @@ pub struct Inputs<'a> {
     pub first_entry: u32,
     /// Entries in `args`: all become zero when the pairs do not fit.
     pub entries: u32,
-    /// What is left out, if not what the lists were made for.
-    pub cutoffs: Option<Cutoffs>,
+    /// A splat is listed only in tiles where its alpha is at least 1 / this somewhere, where that is not 255.
+    pub alpha_cutoff: Option<u32>,
 }
 
 /// The lists of one recorded frame.
@@ -138,7 +137,7 @@ impl TileLists {
         let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(Part::whole(slot_splat));
-        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, &Cutoffs::EXACT, false)
+        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, false)
     }
 
     /// The same in memory that is the lists' until they are complete, see [`Layout`]. `listed`: the visible splats are kept in the order of
@@ -148,7 +147,6 @@ impl TileLists {
         capacities: Capacities,
         shape: Shape,
         loan: Loan<'_>,
-        cutoffs: &Cutoffs,
         listed: bool,
     ) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
@@ -158,8 +156,7 @@ impl TileLists {
                 .map(|ranges| parts(loan.early, ranges));
         let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(Part::whole);
         let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
-        let [alpha_min] = cutoffs.constants();
-        let emission = [carried, per_turn(tiles), alpha_min];
+        let emission = [carried, per_turn(tiles), alpha_min::constant(None)];
         Ok(TileLists {
             gpu: gpu.clone(),
             capacities,
@@ -224,7 +221,7 @@ impl TileLists {
     /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit, `status`
     /// gets its bit and nothing is emitted.
     pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
-        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries, cutoffs } = inputs;
+        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries, alpha_cutoff } = inputs;
         let [splat2d, tile_counts, count_words]: [BufferSlice<'_>; 3] = [splat2d, tile_counts, counts].map(Into::into);
         let [columns, rows] = grid.counts();
         let tiles = columns * rows;
@@ -286,10 +283,13 @@ impl TileLists {
         let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
         let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
         let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
-        let emit = match cutoffs.map(|cutoffs| cutoffs.constants()) {
-            Some([alpha_min]) => {
+        let emit = match alpha_cutoff {
+            Some(_) => {
                 let [carried, per_turn, _] = self.emission;
-                self.gpu.pipeline(&kernels::emission(&self.gpu).kernel, &[carried, per_turn, alpha_min])?
+                self.gpu.pipeline(
+                    &kernels::emission(&self.gpu).kernel,
+                    &[carried, per_turn, alpha_min::constant(alpha_cutoff)],
+                )?
             }
             None => self.emit.clone(),
         };

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::approximation::Approximation;
 use super::kernels;
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
@@ -48,9 +47,6 @@ pub struct Variants {
     pub tile: TileShape,
     /// Gradient summation.
     pub gradients: GradientSum,
-    /// What pictures may lose.
-    #[serde(default)]
-    pub approximation: Approximation,
 }
 
 impl std::fmt::Display for Variants {
@@ -64,19 +60,14 @@ impl std::fmt::Display for Variants {
             GradientSum::CompareAndSwap => "compare-and-swap",
             GradientSum::Slots => "slots",
         };
-        write!(f, "{tile} tiles, gradients by {gradients}")?;
-        let Approximation { alpha_cutoff } = self.approximation;
-        if alpha_cutoff != Approximation::NONE.alpha_cutoff {
-            write!(f, ", alpha cut off at 1/{alpha_cutoff}")?;
-        }
-        Ok(())
+        write!(f, "{tile} tiles, gradients by {gradients}")
     }
 }
 
 impl Variants {
-    /// Of pictures that lose nothing.
+    /// Of tiles and sums.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
-        Self { tile, gradients, approximation: Approximation::NONE }
+        Self { tile, gradients }
     }
 
     /// Every form that the device can run, whichever is best.
@@ -134,17 +125,11 @@ impl Variants {
             _ => GradientSum::CompareAndSwap,
         };
         let tile = if caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH) { self.tile } else { TileShape::Pixel };
-        Self { tile, gradients, ..self }
-    }
-
-    /// The same with another cut-off of alpha, where one is given.
-    pub(super) fn cut_off_at(self, alpha_cutoff: Option<u32>) -> Self {
-        let alpha_cutoff = alpha_cutoff.unwrap_or(self.approximation.alpha_cutoff);
-        Self { approximation: Approximation { alpha_cutoff }, ..self }
+        Self { tile, gradients }
     }
 
     /// The same with some forms given.
     pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>) -> Self {
-        Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients), ..self }
+        Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients) }
     }
 }

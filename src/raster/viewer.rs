@@ -1,10 +1,10 @@
 //! Pictures of a model, outside of training.
 
-use super::approximation::ShStorage;
 use super::live::LiveModel;
 use super::picture::Picture;
 use super::planes::Planes;
 use super::renderer::{Renderer, Shot};
+use super::sh_storage::ShStorage;
 use super::size::{Size, most_pairs};
 use super::target::Target;
 use super::tiles::DEPTH_BITS;

@@ -25,7 +25,6 @@ pub use values::{
 
 use std::path::PathBuf;
 
-use crate::raster::Approximation;
 use group::group;
 
 /// Heading of the options that most trainings need.
@@ -214,9 +213,7 @@ group! {
     flags {}
     optional {}
     constants {
-        /// N of 1/N, the alpha below which a splat is skipped at a pixel in training; held-out pictures are drawn with 255
-        pub alpha_cutoff: u32 = Approximation::NONE.alpha_cutoff; CUTOFF,
-        /// Share of the steps, the first ones, that take early-cutoff in place of alpha-cutoff
+        /// Share of the steps, the first ones, that skip splats at a pixel below an alpha of 1/early-cutoff; all others skip below 1/255
         pub early_steps: f64 = 0.0; Range::SHARE,
         /// N of 1/N, the alpha below which a splat is skipped at a pixel in early steps
         pub early_cutoff: u32 = 64; CUTOFF,
@@ -356,13 +353,6 @@ pub struct Settings {
     /// How it steps.
     #[arg(skip)]
     pub stepping: SteppingForms,
-}
-
-impl Shortcuts {
-    /// What the passes lose by them.
-    pub fn approximation(&self) -> Approximation {
-        Approximation { alpha_cutoff: self.alpha_cutoff }
-    }
 }
 
 impl Settings {

@@ -22,7 +22,7 @@ use super::schedule::{Adam, Band, Event, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
 use super::{Error, memory};
 use crate::pass::counters;
-use crate::raster::{Approximation, Variants};
+use crate::raster::Variants;
 use crate::vk::Gpu;
 
 /// Views that are timed, spread over the training views.
@@ -101,9 +101,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     let variants = faster(default, &times);
     // With forms named on the command line it is no choice among all.
     let (blending, stepping) = (&settings.blending, &settings.stepping);
-    let free = blending.tile_shape.is_none()
-        && stepping.gradient_sum.is_none()
-        && default.approximation == Approximation::NONE;
+    let free = blending.tile_shape.is_none() && stepping.gradient_sum.is_none();
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
     {
@@ -119,7 +117,6 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
         let mut asked = settings.clone();
         asked.blending.tile_shape = asked.blending.tile_shape.or(Some(possible.tile));
         asked.stepping.gradient_sum = asked.stepping.gradient_sum.or(Some(possible.gradients));
-        let possible = Variants { approximation: default.approximation, ..possible };
         if chosen_variants(gpu, &asked).ok() == Some(possible) && !all.contains(&possible) {
             all.push(possible);
         }

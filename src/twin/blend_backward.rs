@@ -3,7 +3,7 @@
 use super::blend_forward::{Blend, Evaluation, NO_BLOCKS, evaluate, inputs};
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE};
-use crate::pass::cutoffs::Cutoffs;
+use crate::scene::tile;
 
 /// Place of the constant BLOCK in the tables of the passes that have one.
 const BLOCK: usize = 4;
@@ -61,7 +61,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
                     continue;
                 }
                 let row = &blend.splats[splat];
-                let at = evaluate(row, Blend::center(x, y), &blend.cutoffs);
+                let at = evaluate(row, Blend::center(x, y), blend.alpha_min);
                 out.evaluated += 1;
                 let alpha = at.alpha();
                 if alpha == R::zero() {
@@ -118,11 +118,8 @@ fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, 
 }
 
 fn pairs(call: &TwinCall<'_>, side: u32, block: usize) -> (Blend<f32>, PairGrads<f32>) {
-    let cutoffs = match *call.constants {
-        [.., alpha] => Cutoffs::of_bits(alpha),
-        _ => Cutoffs::EXACT,
-    };
-    let blend = inputs(call, side, block, cutoffs);
+    let alpha_min = call.constants.last().map_or(tile::ALPHA_MIN, |bits| f32::from_bits(*bits));
+    let blend = inputs(call, side, block, alpha_min);
     let up = Upstream {
         image: call.get(4),
         last: call.get(5),

@@ -2,8 +2,7 @@
 
 use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
-use crate::pass::cutoffs::Cutoffs;
-use crate::scene::tile::{self, TileGrid};
+use crate::scene::tile::{self, ALPHA_MIN, TileGrid};
 
 /// A pixel stops before the splat that would take its transmittance below this (Kerbl et al. 2023).
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
@@ -29,8 +28,8 @@ pub struct Blend<R> {
     pub ranges: Vec<[u32; 2]>,
     /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`: no blocks.
     pub block: Option<[u32; 2]>,
-    /// What is left out.
-    pub cutoffs: Cutoffs,
+    /// A splat is skipped where its alpha is below this.
+    pub alpha_min: f32,
 }
 
 /// The blended image.
@@ -69,13 +68,13 @@ impl<R: Real> Evaluation<R> {
 }
 
 /// The splat `row` at the pixel whose centre is `center`.
-pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2], cutoffs: &Cutoffs) -> Evaluation<R> {
+pub fn evaluate<R: Real>(row: &[R; 12], center: [R; 2], alpha_min: f32) -> Evaluation<R> {
     let d = [center[0] - row[0], center[1] - row[1]];
     let along = d[0] + row[3] / row[2] * d[1];
     let power = -(row[2] * along * along + row[7] * d[1] * d[1]) / R::of(2.0);
     let falloff = power.exp();
     let alpha = row[5] * falloff;
-    let skipped = alpha < R::of(f64::from(cutoffs.alpha));
+    let skipped = alpha < R::of(f64::from(alpha_min));
     Evaluation { d, falloff, unclamped: if skipped { R::zero() } else { alpha } }
 }
 
@@ -95,7 +94,7 @@ impl<R: Real> Blend<R> {
     pub fn evaluates(&self, splat: usize, x: usize, y: usize) -> bool {
         let Some([width, height]) = self.block else { return true };
         let image = [self.width as u32, self.height as u32];
-        let grid = TileGrid { alpha_min: self.cutoffs.alpha, ..TileGrid::new(image, [width, height]) };
+        let grid = TileGrid { alpha_min: self.alpha_min, ..TileGrid::new(image, [width, height]) };
         let row = &self.splats[splat];
         let ellipse = tile::ellipse([row[0], row[1]], [row[2], row[3], row[4]], row[5], &grid);
         let at = [x as u32 / width, y as u32 / height];
@@ -133,7 +132,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                     continue;
                 }
                 let row = &blend.splats[splat as usize];
-                let alpha = evaluate(row, Blend::center(x, y), &blend.cutoffs).alpha();
+                let alpha = evaluate(row, Blend::center(x, y), blend.alpha_min).alpha();
                 out.evaluated += 1;
                 if alpha == R::zero() {
                     continue;
@@ -179,7 +178,7 @@ pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
 }
 
 /// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK, past the last where there is none.
-pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cutoffs) -> Blend<f32> {
+pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, alpha_min: f32) -> Blend<f32> {
     let push: Push = call.push();
     Blend {
         width: push.width as usize,
@@ -191,17 +190,17 @@ pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, cutoffs: Cuto
         sorted: call.get(2),
         ranges: call.get(3),
         block: block_size(call.constants.get(block).copied().unwrap_or(0)),
-        cutoffs,
+        alpha_min,
     }
 }
 
 fn run(call: &mut TwinCall<'_>, side: u32) {
     let block = if side == PIXEL_SIDE { 2 } else { NO_BLOCKS };
-    let (weighed, cutoffs) = match *call.constants {
-        [.., weighed, alpha] => (weighed != 0, Cutoffs::of_bits(alpha)),
-        _ => (false, Cutoffs::EXACT),
+    let (weighed, alpha_min) = match *call.constants {
+        [.., weighed, alpha_min] => (weighed != 0, f32::from_bits(alpha_min)),
+        _ => (false, ALPHA_MIN),
     };
-    let blend = inputs(call, side, block, cutoffs);
+    let blend = inputs(call, side, block, alpha_min);
     let out = forward(&blend);
     call.set(4, &out.image);
     if blend.normals.is_some() {

@@ -2,9 +2,8 @@
 
 use super::{Real, TwinCall};
 use crate::pass::counters;
-use crate::pass::cutoffs::Cutoffs;
 use crate::pass::emit::Push;
-use crate::scene::tile::{TileGrid, list};
+use crate::scene::tile::{ALPHA_MIN, TileGrid, list};
 
 /// The tiles of a stored row of `splat2d`, made to be `count` many as the pass does.
 pub fn tiles_of<T: Real>(row: &[f32; 12], count: u32, grid: &TileGrid) -> Vec<u32> {
@@ -18,7 +17,7 @@ pub fn tiles_of<T: Real>(row: &[f32; 12], count: u32, grid: &TileGrid) -> Vec<u3
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
-    let alpha_min = call.constants.last().map_or(Cutoffs::EXACT.alpha, |bits| f32::from_bits(*bits));
+    let alpha_min = call.constants.last().map_or(ALPHA_MIN, |bits| f32::from_bits(*bits));
     let grid = TileGrid { alpha_min, ..TileGrid::new([push.width, push.height], [push.tile_width, push.tile_height]) };
     let splat2d = call.get::<[f32; 12]>(0);
     let tile_counts = call.get::<u32>(1);

@@ -5,7 +5,6 @@ use super::splat::{Splat, View, model_of, model_of_halves};
 use super::{Real, TwinCall, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
-use crate::pass::cutoffs::Cutoffs;
 use crate::scene::Gaussians;
 use crate::scene::sh;
 use crate::scene::tile::{self, TileGrid};
@@ -81,7 +80,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid
     if view.antialias {
         opacity *= e.compensation;
     }
-    let alpha_min = R::of(f64::from(grid.map_or(Cutoffs::EXACT.alpha, |grid| grid.alpha_min)));
+    let alpha_min = R::of(f64::from(grid.map_or(tile::ALPHA_MIN, |grid| grid.alpha_min)));
     let sound = finite(&mean) && finite(&e.conic) && e.det.is_finite() && p[2].is_finite();
     if !sound || opacity < alpha_min {
         return Err(Culled::Faint);

@@ -44,16 +44,12 @@ fn pictures_gradients_and_trainings_have_a_time_and_an_error() {
     let error = |name: &str| setting(&tables[1], name)["error"].as_f64().expect("a number");
     assert!(error("default") < 2e-5, "{}", error("default"));
     assert!(error("spherical harmonics of 16 bits") >= error("default"));
-    assert!(error("splats skipped below an alpha of 1/64") > 100.0 * error("default"));
-    assert!(error("splats skipped below an alpha of 1/64") > error("splats skipped below an alpha of 1/128"));
     assert!(error("depths sorted by 12 bits") > 100.0 * error("default"));
-    let (exact, cheaper): (Vec<&Value>, Vec<&Value>) =
-        tables[2]["settings"].as_array().expect("settings").iter().partition(|s| {
-            let name = text_of(s, "name");
-            name.contains("tiles") || name == "default, again"
-        });
-    assert!(exact.iter().all(|s| s["error"].as_f64().is_some_and(|e| e < 1e-3)), "{exact:?}");
-    assert!(cheaper.len() == 3 && cheaper.iter().all(|s| text_of(s, "options").starts_with("--")), "{cheaper:?}");
+    for s in tables[2]["settings"].as_array().expect("settings") {
+        let name = text_of(s, "name");
+        assert!(name.contains("tiles") || name == "default, again", "{s}");
+        assert!(s["error"].as_f64().is_some_and(|e| e < 1e-3), "{s}");
+    }
 
     let svg = read("pareto.svg");
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>") && svg.contains("default"));

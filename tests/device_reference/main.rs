@@ -1,10 +1,10 @@
 //! Whole images and whole gradients of the device against the brute-force f64 renderer, which shares no arithmetic with it.
 
-mod approximations;
 #[path = "../common/mod.rs"]
 mod common;
 mod constrained;
 mod geometry;
+mod shortcuts;
 mod windows;
 
 use common::guards::Guards;

@@ -1,14 +1,14 @@
 //! `blend_backward` in all shapes and ways of adding up against the f64 twin; contributors as in the forward pass; equal bits of
 //! two runs with slots.
 
-use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS};
+use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::blend_backward::{PairGrads, Upstream, backward};
 use psrgs_vk::twin::blend_forward::{Blend, forward};
 use psrgs_vk::vk::{FloatAtomics, Gpu, Subgroup};
 
 use super::blend_forward::{inputs, push, run_shape, shapes, some};
-use super::blend_scene::{CHEAPER, Draws, doubts, hard_scenes, widen};
+use super::blend_scene::{Draws, EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
 use super::common::guards::Guards;
 use super::harness::{self, bytes, garbage};
 
@@ -200,13 +200,13 @@ struct Case {
 fn cases(side: usize) -> Vec<Case> {
     let mut cases = Vec::new();
     for (number, scene) in hard_scenes().into_iter().enumerate() {
-        for (aux, cutoffs) in [(false, Cutoffs::EXACT), (true, Cutoffs::EXACT), (false, CHEAPER)] {
+        for (aux, alpha_min) in [(false, ALPHA_MIN), (true, ALPHA_MIN), (false, EARLY_ALPHA_MIN)] {
             // Every set of constants is a pipeline to make.
-            if cutoffs != Cutoffs::EXACT && number % 4 != 0 {
+            if alpha_min != ALPHA_MIN && number % 4 != 0 {
                 continue;
             }
             let (sum_abs, passes) = (aux == (number % 2 == 0), aux != (number % 3 == 0));
-            let blend = Blend { cutoffs, ..scene.blend(side, aux) };
+            let blend = Blend { alpha_min, ..scene.blend(side, aux) };
             let wide = widen::<f64>(&blend);
             let up = upstream(&wide, 31 + number as u64, passes);
             let mut grads = backward(&wide, &up);
@@ -219,11 +219,14 @@ fn cases(side: usize) -> Vec<Case> {
                 ("ABS", u32::from(sum_abs)),
                 ("CLAMP_GRADIENT_PASSES", u32::from(passes)),
             ];
-            if cutoffs != Cutoffs::EXACT {
-                constants.extend(cutoffs.constants());
+            if alpha_min != ALPHA_MIN {
+                constants.push(("ALPHA_MIN", alpha_min.to_bits()));
             }
             cases.push(Case {
-                name: format!("{}, aux {aux}, abs {sum_abs}, clamped gradient {passes}, {cutoffs:?}", scene.name),
+                name: format!(
+                    "{}, aux {aux}, abs {sum_abs}, clamped gradient {passes}, skipped below {alpha_min}",
+                    scene.name
+                ),
                 want: exact(&wide, &grads),
                 sizes: sizes(&wide, &up),
                 longest: blend.ranges.iter().map(|r| r[1] - r[0]).max().unwrap_or(0),

@@ -1,11 +1,11 @@
 //! `blend_forward` in all shapes against the f64 twin, within proven bounds, on scenes that have broken rasterizers.
 
-use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::pass::{Pass, blend_forward as passes};
+use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::blend_forward::{Blend, Blended, block_size, forward};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::blend_scene::{CHEAPER, Doubt, doubts, hard_scenes, widen};
+use super::blend_scene::{Doubt, EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
 use super::harness::{self, Outcome, bytes, garbage};
 
 /// The shapes that run on this device, with the side of their tiles.
@@ -46,8 +46,8 @@ pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
         garbage(4),
     ]);
     let mut given = vec![("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
-    if blend.cutoffs != Cutoffs::EXACT {
-        given.extend(blend.cutoffs.constants());
+    if blend.alpha_min != ALPHA_MIN {
+        given.push(("ALPHA_MIN", blend.alpha_min.to_bits()));
     }
     harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32)
 }
@@ -177,12 +177,12 @@ pub fn run(gpu: &Gpu) {
     culling(gpu);
     for (pass, side) in shapes(gpu) {
         for scene in hard_scenes() {
-            for (aux, cutoffs) in [(false, Cutoffs::EXACT), (true, Cutoffs::EXACT), (false, CHEAPER)] {
-                let blend = Blend { cutoffs, ..scene.blend(side, aux) };
+            for (aux, alpha_min) in [(false, ALPHA_MIN), (true, ALPHA_MIN), (false, EARLY_ALPHA_MIN)] {
+                let blend = Blend { alpha_min, ..scene.blend(side, aux) };
                 let wide = widen::<f64>(&blend);
                 let (want, doubts) = (forward(&wide), doubts(&wide));
                 let outcome = run_shape(gpu, pass, &blend);
-                let what = format!("{} of {}, aux {aux}, {cutoffs:?}", pass.kernel.name, scene.name);
+                let what = format!("{} of {}, aux {aux}, skipped below {alpha_min}", pass.kernel.name, scene.name);
                 for (who, buffers) in [("device", &outcome.device), ("twin", &outcome.twin)] {
                     let read = |i: usize| bytemuck::pod_collect_to_vec::<u8, f32>(&buffers[i]);
                     let got = Read {

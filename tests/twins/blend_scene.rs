@@ -1,6 +1,6 @@
 //! Scenes for the blending tests: splats on an image with their tile lists, and where the f32 device may decide otherwise.
 
-use psrgs_vk::pass::cutoffs::Cutoffs;
+use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::blend_forward::{Blend, TRANSMITTANCE_MIN, evaluate};
 
@@ -103,7 +103,7 @@ impl Scene {
             sorted,
             ranges,
             block: None,
-            cutoffs: Cutoffs::EXACT,
+            alpha_min: ALPHA_MIN,
         }
     }
 }
@@ -125,7 +125,7 @@ pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
         sorted: b.sorted.clone(),
         ranges: b.ranges.clone(),
         block: b.block,
-        cutoffs: b.cutoffs,
+        alpha_min: b.alpha_min,
     }
 }
 
@@ -139,8 +139,8 @@ pub struct Doubt {
     pub transmittance: f64,
 }
 
-/// What a cheaper picture is drawn with.
-pub const CHEAPER: Cutoffs = Cutoffs { alpha: 1.0 / 64.0 };
+/// The alpha below which an early step skips splats.
+pub const EARLY_ALPHA_MIN: f32 = 1.0 / 64.0;
 
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
@@ -159,7 +159,7 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
             let mut transmittance = 1.0f64;
             for &splat in blend.list(x, y) {
                 let row = &blend.splats[splat as usize];
-                let at = evaluate(row, Blend::center(x, y), &blend.cutoffs);
+                let at = evaluate(row, Blend::center(x, y), blend.alpha_min);
                 let [dx, dy] = at.d;
                 let [a, b, rest] = [row[2], row[3], row[7]];
                 let p = (a / 2.0).sqrt();
@@ -171,7 +171,7 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                     + 10.0 * root_y * root_y;
                 let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + 2.0f64.powi(-21) + u;
                 let raw = row[5] * at.falloff;
-                doubt.undecided |= (raw / f64::from(blend.cutoffs.alpha) - 1.0).abs() <= off;
+                doubt.undecided |= (raw / f64::from(blend.alpha_min) - 1.0).abs() <= off;
                 // Where the clamp sets in, gradients jump.
                 doubt.undecided |= (raw / 0.99 - 1.0).abs() <= off;
                 let alpha = at.alpha();

@@ -19,7 +19,7 @@ fn smooth(blend: &Blend<f64>) -> Vec<bool> {
             let mut transmittance = 1.0;
             blend.list(x, y).iter().all(|&splat| {
                 let row = &blend.splats[splat as usize];
-                let at = evaluate(row, Blend::center(x, y), &blend.cutoffs);
+                let at = evaluate(row, Blend::center(x, y), blend.alpha_min);
                 let raw = row[5] * at.falloff;
                 transmittance *= 1.0 - at.alpha();
                 (raw * 255.0 - 1.0).abs() > 1e-3

@@ -2,13 +2,12 @@
 
 use half::f16;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::pass::cutoffs::Cutoffs;
 use psrgs_vk::pass::{
     counters,
     project::{HALF, PASS, SPARSE},
 };
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::scene::tile::{self, TileGrid};
+use psrgs_vk::scene::tile::{self, ALPHA_MIN, TileGrid};
 use psrgs_vk::twin::project::{Culled, Projected, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::vk::{Gpu, Subgroup};
@@ -43,7 +42,7 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(model: &'a Gaussians, projection: Projection, tile: [u32; 2], aux: bool) -> Self {
-        Self { model, projection, tile, aux, alpha_min: Cutoffs::EXACT.alpha, halved: false }
+        Self { model, projection, tile, aux, alpha_min: ALPHA_MIN, halved: false }
     }
 
     fn grid(&self, view: &View<f64>) -> TileGrid {
@@ -53,7 +52,7 @@ impl<'a> Case<'a> {
 
 fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
     let mut constants = vec![("TILE_W", case.tile[0]), ("TILE_H", case.tile[1]), ("AUX", u32::from(case.aux))];
-    if case.alpha_min != Cutoffs::EXACT.alpha {
+    if case.alpha_min != ALPHA_MIN {
         constants.push(("ALPHA_MIN", case.alpha_min.to_bits()));
     }
     let mut buffers = scene::project_buffers(case.model);
@@ -214,7 +213,7 @@ fn edges(gpu: &Gpu) {
         let model = scene::model(&splats);
         for antialias in [false, true] {
             let projection = Projection { antialias, ..Projection::default() };
-            for alpha_min in [Cutoffs::EXACT.alpha, 1.0 / 32.0] {
+            for alpha_min in [ALPHA_MIN, 1.0 / 32.0] {
                 let case = Case { alpha_min, ..Case::new(&model, projection, [8, 8], true) };
                 let tiles = dispatch(gpu, &case).device::<u32>(10);
                 let seen = tiles[..model.len()].iter().filter(|t| **t > 0).count();

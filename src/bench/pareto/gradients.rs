@@ -1,12 +1,10 @@
 //! Gradients of a model: time of forward and backward passes against their error.
 
 use super::super::Error;
-use super::pictures::{approximations, form_name, milliseconds};
+use super::pictures::milliseconds;
 use super::{AGAIN, Reference, Setting, Table};
 use crate::pass::counters;
-use crate::raster::{
-    self, Approximation, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer,
-};
+use crate::raster::{self, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer};
 use crate::vk::{Gpu, Memory};
 
 /// Gradients of the first view of the reference by every form that the device can run, `rounds` times in turn after one that does not
@@ -19,7 +17,6 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
     let mut forms = Variants::possible(gpu);
     let again = forms.len();
     forms.push(default);
-    forms.extend(approximations().map(|(_, approximation)| Variants { approximation, ..default }));
     let mut runs = Vec::new();
     for form in &forms {
         runs.push(Run::new(gpu, reference, *form, &upstream)?);
@@ -49,20 +46,13 @@ pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table,
         settings: Vec::new(),
     };
     for (k, ((form, times), (error, cosine))) in forms.iter().zip(times).zip(errors).enumerate() {
-        let mut name = match form.approximation {
-            _ if k == again => AGAIN.to_owned(),
-            Approximation::NONE => form.to_string(),
-            other => form_name(other),
-        };
+        let mut name = if k == again { AGAIN.to_owned() } else { form.to_string() };
         if *form == deterministic && k != again {
             name += " (deterministic)";
         }
         table.settings.push(Setting {
             name,
-            options: approximations()
-                .into_iter()
-                .find(|(_, approximation)| *approximation == form.approximation)
-                .map_or_else(|| options(*form), |(options, _)| options.to_owned()),
+            options: options(*form),
             default: *form == default && k != again,
             repeats: k == again,
             reproducible: form.gradients == GradientSum::Slots,

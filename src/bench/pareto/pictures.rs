@@ -3,7 +3,7 @@
 use super::super::Error;
 use super::{AGAIN, Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
-use crate::raster::{Approximation, Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
+use crate::raster::{Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
 use crate::vk::{self, Gpu};
 
 /// A way to draw.
@@ -14,25 +14,6 @@ struct Form {
     depth_bits: u32,
     sh_degree: u32,
     sh: ShStorage,
-}
-
-/// Cut-offs that are compared, with the options that choose them.
-pub(super) fn approximations() -> [(&'static str, Approximation); 3] {
-    [
-        ("--alpha-cutoff 1000", Approximation { alpha_cutoff: 1000 }),
-        ("--alpha-cutoff 128", Approximation { alpha_cutoff: 128 }),
-        ("--alpha-cutoff 64", Approximation { alpha_cutoff: 64 }),
-    ]
-}
-
-/// What a table calls an approximation.
-pub(super) fn form_name(approximation: Approximation) -> String {
-    let Approximation { alpha_cutoff } = approximation;
-    if alpha_cutoff != Approximation::NONE.alpha_cutoff {
-        format!("splats skipped below an alpha of 1/{alpha_cutoff}")
-    } else {
-        "default".into()
-    }
 }
 
 /// Every form that the device can run, and what is left out or rounded in the default one.
@@ -57,10 +38,6 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
     }
     for bits in [24, 16, 12] {
         all.push(Form { depth_bits: bits, ..plain(format!("depths sorted by {bits} bits"), variants) });
-    }
-    for (options, approximation) in approximations() {
-        let name = form_name(approximation);
-        all.push(Form { options: options.into(), ..plain(name, Variants { approximation, ..variants }) });
     }
     all.push(Form {
         sh: ShStorage::Half,

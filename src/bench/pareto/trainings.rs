@@ -32,8 +32,6 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
         knob("deterministic", "--deterministic", |s| s.run.deterministic = true),
         knob("moments of 16 bits", "--moment-bits 16", |s| s.shortcuts.moment_bits = 16),
         knob("splats on the image alone", "--visible-adam", |s| s.shortcuts.visible_adam = true),
-        knob("splats skipped below an alpha of 1/128", "--alpha-cutoff 128", |s| s.shortcuts.alpha_cutoff = 128),
-        knob("splats skipped below an alpha of 1/64", "--alpha-cutoff 64", |s| s.shortcuts.alpha_cutoff = 64),
         knob("no reduced photographs", "--coarse-steps 0", |s| s.frequencies.coarse_steps = 0.0),
         knob("twice the steps on reduced photographs", "--coarse-steps 0.4", |s| s.frequencies.coarse_steps = 0.4),
         knob("spherical harmonics to degree 1", "--sh-degree 1", |s| s.model.sh_degree = 1),

@@ -3,10 +3,10 @@
 use super::{Renderer, Shot, entry};
 use crate::pass::camera::CameraPush;
 use crate::pass::turns::per_turn;
-use crate::pass::{adam, project_backward, project_backward_adam, slot_sum};
-use crate::raster::approximation::ShStorage;
+use crate::pass::{adam, alpha_min, project_backward, project_backward_adam, slot_sum};
 use crate::raster::kernels;
 use crate::raster::planes::Planes;
+use crate::raster::sh_storage::ShStorage;
 use crate::raster::size::Size;
 use crate::raster::target::Target;
 use crate::raster::tiles::Lists;
@@ -86,13 +86,15 @@ struct Channels {
 }
 
 impl Channels {
-    fn new(gpu: &Gpu, variants: Variants, aux: bool, form: Form) -> Result<Self, vk::Error> {
+    /// `cutoff`: see [`alpha_min`].
+    fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, form: Form) -> Result<Self, vk::Error> {
         let chosen = kernels::blend_backward(gpu, variants)?;
         let aux = ("AUX", u32::from(aux));
         let mut switches = vec![
             aux,
             ("COUNT", u32::from(form.count)),
             ("CLAMP_GRADIENT_PASSES", u32::from(form.clamp_gradient_passes)),
+            alpha_min::constant(cutoff),
         ];
         switches.extend(&chosen.constants);
         let summed = || gpu.pipeline(&slot_sum::PASS.kernel, &[aux, form.turn]);
@@ -145,7 +147,7 @@ impl Backward {
             clamp_gradient_passes: size.clamp_gradient_passes,
             turn: per_turn(u64::from(size.tiles)),
         };
-        let channels = |aux: bool| Channels::new(gpu, variants, aux, form);
+        let channels = |aux: bool| Channels::new(gpu, variants, None, aux, form);
         let rows = |name, there: bool, bytes: u64, count: u32| {
             gpu.buffer(name, if there { bytes * u64::from(count.max(1)) } else { 16 }, Memory::Device)
         };
@@ -261,7 +263,7 @@ impl Renderer {
         let of_aux = of_aux.filter(|_| self.with_aux);
         let aux = of_aux.is_some();
         let channels = match shot.projection.alpha_cutoff {
-            Some(_) => Channels::new(&self.gpu, self.variants_of(shot), aux, backward.form)?,
+            cutoff @ Some(_) => Channels::new(&self.gpu, self.variants, cutoff, aux, backward.form)?,
             None => backward.channels(aux).clone(),
         };
         let (width, height) = (shot.camera.width, shot.camera.height);

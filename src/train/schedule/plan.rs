@@ -70,7 +70,7 @@ pub struct StepPlan {
     pub factor: u32,
     /// The part of the photograph that the step looks at, where that is not all of it.
     pub band: Option<Band>,
-    /// Splats are skipped where their alpha is below 1 / this, where that is not the number of the settings.
+    /// Splats are skipped where their alpha is below 1 / this, where that is not 255.
     pub alpha_cutoff: Option<u32>,
     /// What the weights of depth and normals are multiplied by, where the step has them.
     pub geometry: Option<f64>,

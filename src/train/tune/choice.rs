@@ -10,7 +10,6 @@ pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error
     let run = &settings.run;
     let (blending, stepping) = (&settings.blending, &settings.stepping);
     let variants = Variants::choose(gpu, run.deterministic).with(blending.tile_shape, stepping.gradient_sum);
-    let variants = Variants { approximation: settings.shortcuts.approximation(), ..variants };
     // What suits the device's own tiles may not be there in those that are asked for; slots are in all.
     let slots = Variants { gradients: GradientSum::Slots, ..variants };
     let variants = match stepping.gradient_sum {
