@@ -16,6 +16,17 @@ pub struct Prior<'a> {
     pub median: f32,
 }
 
+/// A render with what is compared with it.
+#[derive(Clone, Copy)]
+pub struct Rendered<'a> {
+    /// Rendered with its auxiliary channels, at the photograph's size.
+    pub target: &'a Target,
+    /// The photograph.
+    pub photograph: &'a Photograph<'a>,
+    /// What is known of the view.
+    pub prior: &'a Prior<'a>,
+}
+
 /// A prior on its way to the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedPrior {
@@ -106,17 +117,16 @@ impl GeometryLoss {
         })
     }
 
-    /// Records the loss of what `target` holds, rendered with its auxiliary channels at the photograph's size. Adds to dL/dT in
-    /// `grad_image` and writes [`Self::grad_aux`]. Where the photograph's mask is 1 nothing counts.
+    /// Records the loss of a render. Adds to dL/dT in `grad_image` and writes [`Self::grad_aux`]. Where the photograph's mask is 1 nothing
+    /// counts.
     pub fn record(
         &self,
         recorder: &mut Recorder,
-        target: &Target,
-        photograph: &Photograph<'_>,
-        prior: &Prior<'_>,
+        rendered: Rendered<'_>,
         weights: &GeometryWeights,
         grad_image: &Buffer,
     ) -> Result<(), vk::Error> {
+        let Rendered { target, photograph, prior } = rendered;
         let (width, height) = photograph.size;
         let (mask_buffer, mask_size) = photograph.mask_to_bind();
         let (edges, edge) = match weights.edges {

@@ -6,7 +6,7 @@
 mod geometry;
 mod gradient_map;
 
-pub use geometry::{Edges, GeometryLoss, GeometryWeights, PackedPrior, Prior};
+pub use geometry::{Edges, GeometryLoss, GeometryWeights, PackedPrior, Prior, Rendered};
 pub use gradient_map::{GradientMapLoss, GradientMapWeights};
 
 use crate::pass::part_sum;

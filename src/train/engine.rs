@@ -1,7 +1,9 @@
 //! The device side of training: records an event, submits it, and later tells what came of it.
 
 mod beside;
+mod capacity;
 mod changes;
+mod cost;
 mod growth;
 mod reports;
 mod rows;
@@ -24,9 +26,8 @@ use super::input::Input;
 use super::learning::exposures::Exposures;
 use super::learning::optimiser::Optimiser;
 use super::learning::sigma::{SigmaTraining, SigmaUpdate};
-use super::memory::Needs;
-use super::pacing::Pacing;
-use super::photographs::{Photographs, Residency};
+use super::pacing::{Pacing, Residency};
+use super::photographs::Photographs;
 use super::schedule::{Event, Kind, StepPlan};
 use super::settings::{Exposure, Settings, SigmaLearning};
 use super::terms::{Perceptual, Terms};
@@ -43,6 +44,8 @@ const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
+pub(super) use capacity::{Needs, PAIRS_PER_SPLAT};
+pub use cost::MemoryCost;
 pub(super) use rows::Appended;
 
 /// What grew, and its new capacity.

@@ -8,8 +8,7 @@ pub use trained_on::TrainedOn;
 use std::sync::Arc;
 
 use super::cloud::Gate;
-use super::prepare::Coloured;
-use crate::dataset::{Depth, Pixels, Supply, Undecoded, Warning};
+use crate::dataset::{Colourless, Depth, Pixels, Supply, Undecoded, Warning};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
 use crate::stereo::{Prior, Scene};
@@ -71,6 +70,21 @@ pub struct Known {
     pub undecoded: Undecoded,
     /// The views as stereo sees them, in their order, where depths are propagated.
     pub scene: Option<Arc<Scene>>,
+}
+
+/// Where the colours of the first splats come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Coloured {
+    /// What is to be said of the points.
+    pub colourless: Colourless,
+    /// Whether the points are those of the dataset, of which [`crate::dataset::Dataset::warnings`] has told this.
+    pub of_dataset: bool,
+    /// Points with a colour of photographs.
+    pub seen: usize,
+    /// All points.
+    pub points: usize,
+    /// Their colours.
+    pub colours: Arc<Vec<[u8; 3]>>,
 }
 
 impl Input {

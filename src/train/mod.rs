@@ -19,14 +19,14 @@ mod trainer;
 pub mod tune;
 
 pub use crate::scene::ExposureMatrix;
-pub use engine::{Engine, Outcome, State};
+pub use engine::{Engine, MemoryCost, Outcome, State};
 pub use error::Error;
 pub use input::{Input, Known, Outline, TrainedOn, View};
 pub use learning::sigma::SigmaUpdate;
-pub use memory::{HostMemory, HostPlan, MemoryCost, MemoryPlan, shares_memory};
+pub use memory::{HostMemory, HostPlan, MemoryPlan, shares_memory};
 pub use message::Message;
-pub use pacing::Pacing;
-pub use photographs::{FeedCounts, Residency};
+pub use pacing::{Pacing, Residency};
+pub use photographs::FeedCounts;
 pub use prepare::{CloudReport, StereoReport, longer_side, splats_on_surfaces, stereo_settings, take_stereo};
 pub use schedule::{Event, Kind, Schedule, StepPlan};
 pub use settings::Settings;

@@ -1,11 +1,21 @@
 //! How far the host runs ahead of the device.
 
-use super::photographs::Residency;
-
 /// Most events in flight.
 pub(super) const MOST_IN_FLIGHT: usize = 32;
 /// Most threads that decode photographs during a training: more are never needed for the next step's.
 const MOST_DECODERS: usize = 8;
+
+/// Where the photographs of a training are while it goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub enum Residency {
+    /// On the device where they take at most half of what the training may use, else streamed.
+    #[default]
+    Auto,
+    /// All on the device from the beginning.
+    Resident,
+    /// Each is uploaded in the step that looks at it, from memory that the host fills some steps ahead.
+    Streamed,
+}
 
 /// How far the host may run ahead of the device, how large the buffers start, and where the photographs are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,25 +16,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::Error;
 use super::input::View;
-use super::pacing::Pacing;
+use super::pacing::{Pacing, Residency};
 use super::schedule::Band;
 use crate::dataset::Depth;
 use crate::eval::PhotographWait;
 use crate::pass::loss;
 use crate::scene::Camera;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
-
-/// Where the photographs of a training are while it goes on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub enum Residency {
-    /// On the device where they take at most half of what the training may use, else streamed.
-    #[default]
-    Auto,
-    /// All on the device from the beginning.
-    Resident,
-    /// Each is uploaded in the step that looks at it, from memory that the host fills some steps ahead.
-    Streamed,
-}
 
 /// Photographs that are uploaded to in turn, so that an upload need not wait for the step before.
 pub(super) const LANDINGS: usize = 2;
@@ -93,13 +81,13 @@ pub(super) struct Visit {
 }
 
 impl Photographs {
-    /// Buffers for photographs of these cameras; contents undefined. An event looks at `at_once` of them at most: its own and those of the
-    /// steps before it; at `bands` of one in turn.
+    /// Buffers for photographs of these cameras; contents undefined. Streamed ones lie in `places` until no event in
+    /// flight looks at them; steps look at `bands` of one in turn.
     pub(super) fn allocate(
         gpu: &Gpu,
         views: &[(Camera, Depth)],
         residency: Residency,
-        (in_flight, at_once): (usize, usize),
+        places: usize,
         bands: u32,
     ) -> Result<Self, Error> {
         let known: Vec<Known> = views
@@ -114,8 +102,8 @@ impl Photographs {
                     .collect::<Result<_, vk::Error>>()
             };
             Place::Streamed(Stream {
-                staging: buffers("photographs on their way", in_flight + at_once, Memory::Upload)?,
-                places: Mutex::new(Places::new(in_flight + at_once)),
+                staging: buffers("photographs on their way", places, Memory::Upload)?,
+                places: Mutex::new(Places::new(places)),
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
                 waits: Mutex::default(),

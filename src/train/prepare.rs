@@ -5,7 +5,8 @@ mod setup;
 mod stereo;
 mod stereo_cost;
 
-pub use colours::{Coloured, Uncoloured};
+pub use super::input::Coloured;
+pub use colours::Uncoloured;
 pub use setup::{Request, Setup, SetupEvent};
 pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
 pub use stereo_cost::stereo_settings;

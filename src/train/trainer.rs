@@ -21,9 +21,8 @@ use std::time::Instant;
 
 use super::Error;
 use super::actions::Actions;
-use super::engine::{Engine, Start};
+use super::engine::{Engine, MemoryCost, Start};
 use super::input::{Input, PerceptualBy, TrainedOn, View};
-use super::memory::MemoryCost;
 use super::message::Message;
 use super::pacing::Pacing;
 use super::photographs::Feed;

@@ -1,7 +1,7 @@
 //! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and backward, each of
 //! which is checked against differences by itself.
 
-use psrgs_vk::losses::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Prior};
+use psrgs_vk::losses::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Prior, Rendered};
 use psrgs_vk::pass::geometry::{Push, pack_prior};
 use psrgs_vk::pass::{counters, loss};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
@@ -151,7 +151,8 @@ fn on_device(
         mask: Some(Mask { buffer: mask, size: MASK }),
     };
     let prior = Prior { buffer: prior, size: PRIOR, median: known.median };
-    geometry.record(&mut rec, &target, &photograph, &prior, weights, grad_image).unwrap();
+    let rendered = Rendered { target: &target, photograph: &photograph, prior: &prior };
+    geometry.record(&mut rec, rendered, weights, grad_image).unwrap();
     let of_image = raster::ImageGradients { of_image: grad_image, of_aux: Some(geometry.grad_aux()) };
     let gradients = raster::Gradients { model: &model, of_model: &grads, of_image };
     renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();

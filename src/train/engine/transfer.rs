@@ -1,6 +1,6 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
-use super::{Engine, State};
+use super::{Engine, MemoryCost, State};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
@@ -10,7 +10,6 @@ use crate::scene::{Camera, Gaussians, rows_of};
 use crate::train::Error;
 use crate::train::learning::exposures::{self, Exposures};
 use crate::train::learning::sigma::SigmaTraining;
-use crate::train::memory::MemoryCost;
 
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {

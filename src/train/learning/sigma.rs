@@ -137,7 +137,7 @@ impl SigmaTraining {
         let Some(update) = update else { return Ok(None) };
         let choice = self.learner.choose(spectrum.features());
         let from = step.saturating_add(DELAY);
-        self.add(view, (from, choice.sigma, choice.level), &spectrum)?;
+        self.add(view, from, [choice.sigma, choice.level], &spectrum)?;
         // What no later step asks for goes.
         let masks = &mut self.masks[view];
         let used = masks.iter().rposition(|mask| mask.from <= step).unwrap_or(0);
@@ -159,7 +159,7 @@ impl SigmaTraining {
         Ok(Some(Curve::of_target(&spectrum, &target, &sigmas)?))
     }
 
-    fn add(&mut self, view: usize, (from, sigma, level): (u32, f64, f64), spectrum: &Spectrum) -> Result<(), Error> {
+    fn add(&mut self, view: usize, from: u32, [sigma, level]: [f64; 2], spectrum: &Spectrum) -> Result<(), Error> {
         let mask = spectrum.map(sigma)?.mask(level).plane();
         self.masks[view].push(Mask { from, sigma, level, bytes: bytes(&mask) });
         Ok(())
@@ -181,7 +181,7 @@ impl SigmaTraining {
         self.learner = kept.learner;
         for (view, masks) in kept.masks.into_iter().enumerate().filter(|(_, masks)| !masks.is_empty()) {
             let spectrum = Spectrum::new(&self.images[view].luma, &self.settings)?;
-            masks.into_iter().try_for_each(|mask| self.add(view, mask, &spectrum))?;
+            masks.into_iter().try_for_each(|(from, sigma, level)| self.add(view, from, [sigma, level], &spectrum))?;
         }
         Ok(())
     }

@@ -9,8 +9,8 @@ use crate::eval::REPORT_BYTES;
 use crate::host_memory::{FREE_UNKNOWN, free, resident};
 use crate::stereo::Room;
 use crate::train::input::Outline;
-use crate::train::pacing::Pacing;
-use crate::train::photographs::{LANDINGS, Residency};
+use crate::train::pacing::{Pacing, Residency};
+use crate::train::photographs::LANDINGS;
 use crate::train::settings::{DepthPrior, LidarCloud, Settings};
 use crate::vk::{DeviceKind, Gpu};
 

@@ -8,7 +8,7 @@ use super::spread;
 use crate::dataset::{Colourless, Dataset, Pixels, Role};
 use crate::scene::{Camera, Gaussians, init};
 use crate::train::Error;
-use crate::train::input::Input;
+use crate::train::input::{Coloured, Input};
 
 /// Photographs that a point takes its colour from, at most: the nearest, which see it best and between which and the point least lies.
 const MOST: usize = 7;
@@ -24,21 +24,6 @@ pub struct Uncoloured {
     positions: Vec<[f64; 3]>,
     /// The points are those of the dataset, which may say who observes them.
     of_dataset: bool,
-}
-
-/// Where the colours of the first splats come from.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Coloured {
-    /// What is to be said of the points.
-    pub colourless: Colourless,
-    /// Whether the points are those of the dataset, of which [`Dataset::warnings`] has told this.
-    pub of_dataset: bool,
-    /// Points with a colour of photographs.
-    pub seen: usize,
-    /// All points.
-    pub points: usize,
-    /// Their colours.
-    pub colours: Arc<Vec<[u8; 3]>>,
 }
 
 /// What a point is seen as.

@@ -1,7 +1,7 @@
 //! Depth and normals against priors.
 
 use super::{LossTerm, Phase, StepContext};
-use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior};
+use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Rendered};
 use crate::raster::Held;
 use crate::scene::Camera;
 use crate::stereo::Prior;
@@ -147,7 +147,8 @@ impl LossTerm for Geometry {
         let known = self.priors.get(step.view).ok_or(Error::NoViews)?;
         let prior = losses::Prior { buffer: &known.buffer, size: known.size, median: known.median };
         let weights = self.weights(step.plan.geometry.unwrap_or(0.0));
-        self.loss.record(recorder, step.target, &step.compared, &prior, &weights, step.grad_image)?;
+        let rendered = Rendered { target: step.target, photograph: &step.compared, prior: &prior };
+        self.loss.record(recorder, rendered, &weights, step.grad_image)?;
         step.grad_aux = Some(self.loss.grad_aux());
         Ok(())
     }
