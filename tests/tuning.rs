@@ -122,8 +122,8 @@ fn what_is_fixed_is_not_timed() {
     };
     let mut s = settings(Tune::Again);
     s.run.deterministic = true;
-    assert_eq!(why(&s), "--deterministic");
-    assert_eq!(why(&settings(Tune::Off)), "--tune off");
+    assert_eq!(why(&s), "`deterministic`");
+    assert_eq!(why(&settings(Tune::Off)), "`tune` is off");
     let mut s = settings(Tune::Auto);
     s.run.iterations = 999;
     assert!(why(&s).contains("too short"));

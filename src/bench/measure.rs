@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::enlarge::enlarge;
+use super::memory_traffic::Work;
 use super::per_pixel::PerPixel;
 use super::rates::Rates;
 use super::report::{DeviceName, Loss, PerStep, Report, Workload};
 use super::rows::rows;
-use super::traffic::Work;
+use super::upscale::enlarge;
 use super::{Error, Quartiles};
 use crate::pass::counters;
 use crate::raster::scan;

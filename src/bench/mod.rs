@@ -1,9 +1,8 @@
 //! Where the time of a training step goes: timestamps around every pass of warm steps, and what those passes worked on.
 
-mod enlarge;
 mod error;
-mod floors;
 mod measure;
+mod memory_traffic;
 mod model;
 pub mod pareto;
 mod per_pixel;
@@ -11,17 +10,18 @@ pub mod plot;
 mod quartiles;
 mod rates;
 mod report;
+mod roofline;
 mod rows;
 mod sort;
-mod traffic;
+mod upscale;
 
 pub use error::Error;
-pub use floors::{Arithmetic, Floors, arithmetic};
 pub use measure::{COPY_BYTES, Options, commands, measure};
+pub use memory_traffic::{Work, bytes};
 pub use model::resized;
 pub use per_pixel::PerPixel;
 pub use quartiles::Quartiles;
 pub use rates::Rates;
 pub use report::{DeviceName, Loss, PassRow, PerStep, Report, StageRow, Workload};
+pub use roofline::{Arithmetic, Floors, arithmetic};
 pub use sort::{SortReport, sort};
-pub use traffic::{Work, bytes};

@@ -4,8 +4,8 @@ use super::per_pixel::PerPixel;
 use serde::Serialize;
 
 use super::Quartiles;
-use super::floors::Floors;
 use super::rates::Rates;
+use super::roofline::Floors;
 use crate::raster::Variants;
 use crate::train::MemoryCost;
 

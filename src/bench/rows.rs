@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::floors::Floors;
+use super::memory_traffic::{self, Work};
 use super::per_pixel::PerPixel;
 use super::rates::Rates;
 use super::report::{PassRow, StageRow};
-use super::traffic::{self, Work};
+use super::roofline::Floors;
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
 
@@ -63,7 +63,7 @@ pub(super) fn rows(
     let mut passes: Vec<PassRow> = sums(steps, |pass| pass)
         .into_iter()
         .map(|(pass, (ms, calls))| {
-            let bytes = traffic::bytes(pass, work);
+            let bytes = memory_traffic::bytes(pass, work);
             let floors = Floors::of(pass, work, per_pixel, rates);
             let (share, ms) = (share(&ms), Quartiles::of(ms));
             PassRow {

@@ -1,9 +1,9 @@
 //! `psrgs-vk bench`: where the time of a step goes.
 
-mod grown;
 mod listing;
 mod pareto;
-mod sorted;
+mod scaling;
+mod sort;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -173,13 +173,13 @@ impl Args {
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     args.json.as_deref().map(atomic::check).transpose()?;
     if let Some([picture, results @ ..]) = args.plot.as_deref() {
-        return grown::run(picture, results);
+        return scaling::run(picture, results);
     }
     if let Some(out) = &args.pareto {
         return pareto::run(args, out, console);
     }
     match (args.sort, &args.data) {
-        (Some(keys), _) => sorted::run(args, keys, console),
+        (Some(keys), _) => sort::run(args, keys, console),
         (None, Some(data)) => steps(args, data, console),
         (None, None) => Ok(()),
     }

@@ -17,15 +17,15 @@ use super::colour::Colour;
 use super::console::{self, Console};
 use super::drawing::DrawingArgs;
 use super::exit::Failure;
-use super::exposed::{self, ExposureArgs};
+use super::exposure_args::{self, ExposureArgs};
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
 use super::model_file::{Drawn, ModelFile};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
+use super::resize_args::SizeArgs;
 use super::run_folder::{REPORT, SETTINGS};
-use super::score_size::SizeArgs;
-use super::{device, out_folder, progress, trained_as};
+use super::{device, output_guard, progress, settings_mismatch};
 use results::Scored;
 
 /// Score a model on the held-out photographs of a dataset
@@ -141,7 +141,7 @@ fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile
 /// The dataset, which has photographs to score by and is not where results go.
 fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<Dataset> {
     let dataset = Dataset::load(&args.data, options)?;
-    args.out.as_deref().map(|out| out_folder::check(out, &dataset)).transpose()?;
+    args.out.as_deref().map(|out| output_guard::check(out, &dataset)).transpose()?;
     if dataset.views_of(Role::HeldOut).next().is_none() {
         return Err(nothing_held_out(args, &dataset));
     }
@@ -205,7 +205,7 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, console: &Console) {
     let held_out = dataset.views_of(Role::HeldOut).map(|(_, view)| view.size_on_disk.0.max(view.size_on_disk.1));
     let longest = held_out.max().filter(|_| options.sizing.is_none());
-    for line in trained_as::differences(&args.model, &args.photographs, args.background.rgb, longest) {
+    for line in settings_mismatch::differences(&args.model, &args.photographs, args.background.rgb, longest) {
         console.warn(line);
     }
 }
@@ -228,7 +228,7 @@ fn known_geometry(
 fn tell_scores(compared: &Compared, geometry: &Geometry, console: &Console) -> anyhow::Result<()> {
     console::print(&tables::scores(&compared.images))?;
     if let Some(scores) = &compared.exposures {
-        console.say(exposed::line(scores));
+        console.say(exposure_args::line(scores));
     }
     if *geometry != Geometry::default() {
         console::print(&tables::geometry(geometry))?;

@@ -6,7 +6,7 @@ use psrgs_vk::train::{View, score};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
-use super::exposed::Exposed;
+use super::exposure_args::Exposed;
 use super::lpips::Lpips;
 use super::pictures::Pictures;
 

@@ -16,7 +16,7 @@ use psrgs_vk::train::{Trainer, View, prepare};
 
 use super::console::Console;
 use super::exit::Failure;
-use super::exposed;
+use super::exposure_args;
 use super::finished::Finished;
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
@@ -224,7 +224,7 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
         let lpips = metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
         console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}"));
         if let Some(scores) = &metrics.exposures {
-            console.say(exposed::line(scores));
+            console.say(exposure_args::line(scores));
         }
     }
     let seconds = metrics.seconds;

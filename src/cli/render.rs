@@ -14,7 +14,7 @@ use super::exit::Failure;
 use super::model_file::{ModelFile, Set};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
-use super::{device, out_folder, progress};
+use super::{device, output_guard, progress};
 
 /// Render a model from the cameras of a dataset
 #[derive(clap::Args)]
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let options = LoadOptions { max_side, strict, photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
     dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
-    out_folder::check(&args.out, &dataset)?;
+    output_guard::check(&args.out, &dataset)?;
     let wanted: Vec<(&str, Camera)> = dataset
         .views
         .iter()

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::console::Console;
 use super::pictures::Pictures;
-use super::{out_folder, progress};
+use super::{output_guard, progress};
 
 /// This share of a map's pixels is not brighter than white in its PNG.
 const SHOWN: f64 = 0.995;
@@ -152,7 +152,7 @@ fn sources(args: &Args, console: &Console) -> anyhow::Result<(Vec<Source>, Optio
     // Of the whole photograph: the map is reduced, not what it is made of.
     let options = LoadOptions { max_side: None, strict: args.strict, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.input, &options)?;
-    out_folder::check(&args.out, &dataset)?;
+    output_guard::check(&args.out, &dataset)?;
     for warning in &dataset.warnings {
         match warning.is_of_files() {
             true => console.warn(warning),

@@ -13,7 +13,9 @@ use psrgs_vk::format::image_out::{
 use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
-use psrgs_vk::stereo::{self, Accuracy, Known, Matcher, Observations, Prior, Room, Scene, Settings, Start, fuse};
+use psrgs_vk::stereo::{
+    self, Accuracy, InitialPlanes, Known, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, fuse,
+};
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
 use psrgs_vk::vk::Gpu;
@@ -21,7 +23,7 @@ use psrgs_vk::vk::Gpu;
 use super::console::Console;
 use super::depths::without_depth;
 use super::exit::Failure;
-use super::{device, out_folder, progress};
+use super::{device, output_guard, progress};
 
 /// Points that this many views observe are what depths are compared with.
 const TRUSTED_TRACK: usize = 3;
@@ -129,13 +131,13 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         ..LoadOptions::default()
     };
     let mut dataset = Dataset::load(&args.data, &options)?;
-    out_folder::check(&args.out, &dataset)?;
+    output_guard::check(&args.out, &dataset)?;
     dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
     let share = host_share(&gpu, &dataset, &settings, args, console)?;
     let mut scene = scene(&mut dataset, &settings, &share, console)?;
     if args.random_start {
-        scene.views.iter_mut().for_each(|view| view.start = Start::Random);
+        scene.views.iter_mut().for_each(|view| view.start = InitialPlanes::Random);
     }
     without_depth(&scene.skipped, console);
     let prepared = Instant::now();
@@ -208,7 +210,7 @@ fn host_share(
     console: &Console,
 ) -> anyhow::Result<HostShare> {
     let views = || dataset.views_of(Role::Train).map(|(_, view)| view);
-    let room = Room::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
+    let room = MemoryEstimate::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
     let matching = room.host + if shares_memory(gpu) { room.device } else { 0 };
     let memory = HostMemory::new(args.host.host_memory.map(|bytes| bytes.0)).after(matching);
     let share = memory.share(views().map(View::decoding_bytes).max().unwrap_or(0));

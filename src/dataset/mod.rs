@@ -3,22 +3,25 @@
 //! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or by
 //! [`Role`], so that held-out photographs stay unread during training.
 
-mod behind;
+mod alpha_composite;
+mod bounded_parallel;
 mod colmap;
 mod colourless;
+mod diagnostics;
 mod error;
 mod extent;
 mod folder;
 mod foreign;
 mod hint;
-mod jpeg_end;
 mod jpeg_reduced;
+mod jpeg_truncation;
 mod json;
 pub mod lens;
 mod masks;
 mod model;
 mod names;
 mod nerfstudio;
+mod numeric_limits;
 mod opendronemap;
 mod opensfm;
 mod parts;
@@ -26,22 +29,19 @@ mod paths;
 mod photograph;
 mod picture_file;
 mod picture_size;
+mod pixel_source;
 mod pixels;
 mod points_ply;
 mod poses;
 mod random_points;
-mod range;
 mod read;
 mod rotation;
 mod shape;
 mod sizing;
 mod split;
 mod split_lists;
-mod supply;
-mod survey;
 mod tone;
 mod tracks;
-mod turns;
 mod undecoded;
 mod undistort;
 mod usable;
@@ -55,6 +55,7 @@ use rayon::prelude::*;
 
 pub use colmap::Point;
 pub use colourless::{Colourless, NoColours};
+pub use diagnostics::Sight;
 pub use error::Error;
 pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, MaskUse, Masks};
@@ -62,14 +63,13 @@ pub use model::Format;
 pub use names::{Differences, Renamed};
 pub(crate) use names::{Found, Names};
 pub use photograph::Photograph;
+pub(crate) use pixel_source::cores;
+pub use pixel_source::{HostShare, Supply};
 pub use pixels::{Depth, Pixels};
 pub use poses::{Convention, PoseFault, WrongConvention};
 pub(crate) use random_points::in_view;
 pub use sizing::{Rounding, Sizing};
 pub use split::{Role, Split};
-pub(crate) use supply::cores;
-pub use supply::{HostShare, Supply};
-pub use survey::Sight;
 pub use tone::{Samples, Tone, Transfer};
 pub use tracks::Tracks;
 pub use undecoded::{Decoding, Undecodable, Undecoded};
@@ -277,7 +277,7 @@ impl Dataset {
                     role,
                     pose_checked: false,
                 };
-                range::check_camera(&file, &view).map(|()| view)
+                numeric_limits::check_camera(&file, &view).map(|()| view)
             })
             .collect::<Vec<Result<View, Error>>>();
         let mut views = usable::views(&mut model, views, options.strict)?;

@@ -11,7 +11,7 @@ use super::masks::{Mask, MaskUse};
 use super::picture_file::{picture, read, samples, whole};
 use super::pixels::{Pixels, Sample};
 use super::tone::{Samples, Tone};
-use super::{View, behind, jpeg_reduced, undistort};
+use super::{View, alpha_composite, jpeg_reduced, undistort};
 use crate::host_memory::DecodeLimit;
 
 /// An image in memory.
@@ -45,7 +45,7 @@ impl Photograph {
         let deep = samples(image.color()) != Samples::Bits8;
         let (image, clipped) = if deep { Tone::default().applied(image) } else { (image, 0) };
         let (width, height) = (image.width(), image.height());
-        let transparent = behind::mostly_clear(&image);
+        let transparent = alpha_composite::mostly_clear(&image);
         Ok(Self { width, height, pixels: reduced(image, deep, width, height), clipped, transparent, mask: None })
     }
 
@@ -85,10 +85,10 @@ pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Erro
     let has_alpha = image.color().has_alpha();
     let (image, clipped) = if deep { view.tone.applied(image) } else { (image, 0) };
     let image = match view.behind {
-        Some(colour) if has_alpha => behind::laid_over(image, colour),
+        Some(colour) if has_alpha => alpha_composite::laid_over(image, colour),
         _ => image,
     };
-    let transparent = behind::mostly_clear(&image);
+    let transparent = alpha_composite::mostly_clear(&image);
     let now = (image.width(), image.height());
     let mask = match &view.mask {
         Some(file) => Some(Mask::read(file, view.mask_ignores, view.limit)?.for_photograph(file, now)?),

@@ -7,7 +7,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::error::Error;
-use super::jpeg_end::{self, End};
+use super::jpeg_truncation::{self, End};
 use super::picture_size;
 use super::tone::Samples;
 use crate::format::contain::contained;
@@ -109,11 +109,11 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Error> {
 /// The file with the mark of its end, where only that is missing of a JPEG file. One of which pixels are missing is refused: decoders fill
 /// these with grey and say nothing.
 pub(super) fn whole<'a>(file: &Path, bytes: &'a [u8], limit: DecodeLimit) -> Result<Cow<'a, [u8]>, Error> {
-    let mended = match jpeg_end::end(bytes) {
+    let mended = match jpeg_truncation::end(bytes) {
         End::Whole => return Ok(Cow::Borrowed(bytes)),
         End::Missing => {
             let needed = opened(file, bytes, limit)?;
-            jpeg_end::mended(bytes, |bytes| decoded(bytes, needed).ok())
+            jpeg_truncation::mended(bytes, |bytes| decoded(bytes, needed).ok())
         }
         End::Truncated => None,
     };

@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 
 use super::error::Error;
 use super::model::Model;
-use super::{View, Warning, names, paths, range};
+use super::{View, Warning, names, numeric_limits, paths};
 use crate::format::{Error as FileError, Tally};
 use crate::scene::Frame;
 
@@ -81,7 +81,9 @@ pub(super) fn is_of_one_photograph(error: &Error) -> bool {
 pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, strict: bool) -> Result<(), Error> {
     let (mut tally, mut kept) = (Tally::new(strict), vec![true; views.len()]);
     for (view, kept) in views.iter().zip(&mut kept) {
-        *kept = tally.take(format_args!("'{}'", view.name), range::check_placed(&model.file, view, frame))?.is_some();
+        *kept = tally
+            .take(format_args!("'{}'", view.name), numeric_limits::check_placed(&model.file, view, frame))?
+            .is_some();
         if !*kept {
             model.warnings.retain(|warning| !is_of_pose(warning, &view.name));
         }
@@ -94,7 +96,7 @@ pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, st
     let file = model.points_file.clone().unwrap_or_else(|| model.file.clone());
     let (mut tally, mut kept) = (Tally::new(strict), vec![true; model.points.len()]);
     for (point, kept) in model.points.iter().zip(&mut kept) {
-        if let Err(error) = range::check_point(&file, point, frame) {
+        if let Err(error) = numeric_limits::check_point(&file, point, frame) {
             *kept = false;
             tally.bad(format_args!("point {}", point.id), error)?;
         }

@@ -83,7 +83,7 @@ impl Distance {
         self.trunk.network.least()
     }
 
-    /// Room for windows of this size, with a gradient or for the value alone, which takes much less memory.
+    /// Activations for windows of this size, with a gradient or for the value alone, which takes much less memory.
     pub fn windows(&self, width: u32, height: u32, gradient: bool) -> Result<Windows, Error> {
         Windows::new(&self.trunk, width, height, gradient)
     }

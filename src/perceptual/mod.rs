@@ -20,6 +20,7 @@
 //! # }
 //! ```
 
+mod activations;
 mod distance;
 mod error;
 mod filter_bank;
@@ -27,7 +28,6 @@ mod folder;
 mod metric;
 mod network;
 mod read;
-mod room;
 mod rows;
 mod squeezenet;
 mod tensors;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Error;
+use super::activations::{Activations, Gradients};
 use super::network::Op;
-use super::room::{Gradients, Room};
 use super::rows::Placed;
 use super::trunk::Trunk;
 use crate::pass::convolution::{self as conv, FLAG_ADD, FLAG_GATE, FLAG_RELU};
@@ -17,7 +17,7 @@ pub struct Windows {
     trunk: Arc<Trunk>,
     width: u32,
     height: u32,
-    room: Room,
+    room: Activations,
 }
 
 /// Two images on the device and a place in them.
@@ -56,7 +56,7 @@ struct Side<'a> {
 
 impl Windows {
     pub(super) fn new(trunk: &Arc<Trunk>, width: u32, height: u32, gradient: bool) -> Result<Self, Error> {
-        let room = Room::new(trunk, width, height, gradient)?;
+        let room = Activations::new(trunk, width, height, gradient)?;
         Ok(Self { trunk: trunk.clone(), width, height, room })
     }
 

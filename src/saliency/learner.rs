@@ -7,7 +7,7 @@ use super::adam::Adam;
 use super::features::Standard;
 use super::mask::logistic;
 use super::network::{Network, PARAMETERS};
-use super::recall::Recall;
+use super::replay_buffer::Recall;
 use super::{Error, Features, Plane, Spectrum, Target, composite, cross_entropy, spaced};
 
 /// How sigma is learned.

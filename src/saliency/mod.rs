@@ -32,7 +32,7 @@ mod map;
 mod mask;
 mod network;
 mod plane;
-mod recall;
+mod replay_buffer;
 mod resample;
 mod settings;
 mod spectrum;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::links::Link;
+use super::homography::Homography;
 use super::{Prior, View};
 
 /// Relative difference of depths between pixels of one surface, and of a point's depth from that of the surface which a view sees there.
@@ -88,15 +88,15 @@ impl Accuracy {
         for (i, view) in views.iter().enumerate() {
             let (Some(truth), Some(map), false) = (&truths[i], &maps[i], view.sources.is_empty()) else { continue };
             let (w, h) = (view.camera.width, view.camera.height);
-            let links: Vec<(usize, Link)> =
-                view.sources.iter().map(|s| (*s, Link::new(&view.camera, &views[*s].camera))).collect();
+            let links: Vec<(usize, Homography)> =
+                view.sources.iter().map(|s| (*s, Homography::new(&view.camera, &views[*s].camera))).collect();
             for pixel in 0..w * h {
                 let (x, y) = (pixel % w, pixel / w);
                 let (want, got) = (map[pixel as usize], f64::from(priors[i].depth[pixel as usize]));
                 if !(want > 0.0 && want.is_finite()) {
                     continue;
                 }
-                let sees = |(s, link): &&(usize, Link)| {
+                let sees = |(s, link): &&(usize, Homography)| {
                     let (camera, map) = (&views[*s].camera, &maps[*s]);
                     let h = link.applied(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0 / want);
                     let (u, v) = (h.x / h.z, h.y / h.z);

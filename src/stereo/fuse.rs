@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::links::{Link, intrinsics, rotation};
+use super::homography::{Homography, intrinsics, rotation};
 use super::{Prior, Settings, View};
 use crate::scene::Camera;
 
@@ -35,8 +35,8 @@ pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedP
     let mut used: Vec<Vec<bool>> = priors.iter().map(|prior| vec![false; prior.depth.len()]).collect();
     let mut points = Vec::new();
     for (i, (view, prior)) in views.iter().zip(priors).enumerate() {
-        let links: Vec<(usize, Link)> =
-            view.sources.iter().map(|&s| (s, Link::new(&view.camera, &views[s].camera))).collect();
+        let links: Vec<(usize, Homography)> =
+            view.sources.iter().map(|&s| (s, Homography::new(&view.camera, &views[s].camera))).collect();
         for pixel in 0..prior.depth.len() {
             if used[i][pixel] || prior.depth[pixel] <= 0.0 {
                 continue;
@@ -80,7 +80,7 @@ fn middle(prior: &Prior, pixel: usize) -> (f64, f64) {
 }
 
 /// The pixel of another view in which a pixel at a depth lies, and its depth there.
-fn seen_at(link: &Link, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Option<(usize, f64)> {
+fn seen_at(link: &Homography, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Option<(usize, f64)> {
     let h = link.applied(u, v, 1.0 / depth);
     let (x, y) = (h.x / h.z, h.y / h.z);
     let inside = h.z > 0.0 && x >= 0.0 && y >= 0.0 && x < f64::from(other.width) && y < f64::from(other.height);

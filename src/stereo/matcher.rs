@@ -1,6 +1,6 @@
 //! PatchMatch on the device, view by view, and the check of all views against each other.
 
-use super::work::Work;
+use super::device_state::DeviceState;
 use super::{Error, Prior, Settings, View};
 use crate::pass::Pass;
 use crate::pass::stereo::{BLOCKS, FILTER, REFIT, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6};
@@ -48,7 +48,7 @@ impl Matcher {
         if views.iter().all(|view| view.pixels() == 0) {
             return Ok(views.iter().map(|view| Prior::new(&view.camera, &[])).collect());
         }
-        let work = Work::new(self, views)?;
+        let work = DeviceState::new(self, views)?;
         let rounds = 1 + self.settings.rounds;
         let steps = (rounds as usize * views.len()) as f64;
         for round in 0..rounds {

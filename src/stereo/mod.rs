@@ -18,34 +18,34 @@
 //! ```
 
 mod accuracy;
-mod continued;
+mod depth_extrapolation;
+mod device_state;
 mod error;
-mod extend;
+mod extrapolate;
 mod fuse;
-mod links;
+mod homography;
+mod initial_planes;
 mod matcher;
+mod memory_estimate;
 mod prior;
-mod room;
 mod scene;
 mod settings;
 mod skirt;
-mod sources;
-mod start;
 mod surface;
 mod view;
-mod work;
+mod view_selection;
 
 pub use accuracy::{Accuracy, Known};
 pub use error::Error;
-pub use extend::extend;
+pub use extrapolate::extend;
 pub use fuse::{FusedPoint, fuse, lifted_pixel};
+pub use initial_planes::{InitialPlanes, depth_range};
 pub use matcher::Matcher;
+pub use memory_estimate::MemoryEstimate;
 pub use prior::Prior;
-pub use room::Room;
 pub use scene::{Pending, Scene, Skipped, WithoutDepth};
 pub use settings::{Budget, Settings};
 pub use skirt::{SkirtPoint, skirt};
-pub use sources::{Observations, choose_sources};
-pub use start::{Start, depth_range};
 pub use surface::{surface, surface_of_points};
 pub use view::View;
+pub use view_selection::{Observations, choose_sources};

@@ -1,6 +1,6 @@
 //! What stereo knows of a view.
 
-use super::links::intrinsics;
+use super::homography::intrinsics;
 use crate::scene::Camera;
 use glam::DVec3;
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Error, Observations, Settings, Start, View, choose_sources, depth_range};
+use super::{Error, InitialPlanes, Observations, Settings, View, choose_sources, depth_range};
 use crate::dataset::{self, Dataset, HostShare, Photograph, Pixels, Role};
 use crate::saliency::Plane;
 use crate::scene::Camera;
@@ -243,8 +243,8 @@ fn view(
     let placed: Vec<[f64; 3]> = own.iter().filter_map(|p| placed(camera, *seen.points.get(*p as usize)?)).collect();
     let depths = depth_range(placed.iter().map(|p| p[2]));
     let start = match seen.drawn || placed.len() < FEW_POINTS {
-        true => Start::Random,
-        false => Start::from_points(camera, &placed),
+        true => InitialPlanes::Random,
+        false => InitialPlanes::from_points(camera, &placed),
     };
     let (width, height) = (camera.width, camera.height);
     let rgba = channels(pixels, (full.width, full.height), (width, height));

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::continued::Continued;
-use super::extend::{others, pixel_at};
+use super::depth_extrapolation::Continued;
+use super::extrapolate::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::continued::middle;
-use super::extend::{others, pixel_at};
-use super::links::Link;
+use super::depth_extrapolation::middle;
+use super::extrapolate::{others, pixel_at};
+use super::homography::Homography;
 use super::{Prior, View};
 use crate::scene::Camera;
 
@@ -34,7 +34,7 @@ fn is_known(view: &View, prior: &Prior) -> bool {
 /// A view's part of it.
 fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     let prior = &priors[i];
-    let others: Vec<(usize, Link)> =
+    let others: Vec<(usize, Homography)> =
         others(views, i).into_iter().filter(|(j, _)| known.get(*j) == Some(&true)).collect();
     let (width, height) = (prior.width as usize, prior.height as usize);
     let along = |side: usize| (STEP.min(side) / 2..side).step_by(STEP);
@@ -48,7 +48,7 @@ fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
             continue;
         }
         let (u, v) = middle(prior.width, pixel);
-        let sees = |(j, link): &&(usize, Link)| {
+        let sees = |(j, link): &&(usize, Homography)| {
             let Some(place) = pixel_at(link, [u, v], 1.0 / depth, &views[*j].camera) else { return false };
             let there = f64::from(priors[*j].depth[place]);
             let here = link.applied(u, v, 1.0 / depth).z * depth;

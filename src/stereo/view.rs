@@ -1,6 +1,6 @@
 //! A view as stereo sees it.
 
-use super::{Error, Start};
+use super::{Error, InitialPlanes};
 use crate::scene::Camera;
 
 /// A picture with its camera, and what it is to be compared with.
@@ -18,7 +18,7 @@ pub struct View {
     /// Nearest and farthest depth that is possible.
     pub depths: [f64; 2],
     /// What pixels begin with.
-    pub start: Start,
+    pub start: InitialPlanes,
     /// Which pixels are matched; `None`: all.
     pub wanted: Option<Vec<bool>>,
 }
@@ -43,7 +43,7 @@ impl View {
         if let Some(wanted) = &self.wanted {
             counted("wanted pixels", wanted.len())?;
         }
-        if let Start::Hypotheses(rows) = &self.start {
+        if let InitialPlanes::Hypotheses(rows) = &self.start {
             counted("hypotheses", rows.len())?;
         }
         match self.sources.iter().find(|s| **s >= views || **s == number) {

@@ -11,14 +11,14 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::device::{Device, Parts};
+use super::device_query::report;
 use super::error::{Error, Result};
 use super::features::{Features, REQUIRED};
 use super::gpu::Gpu;
 use super::host_allocator::HostAllocator;
 use super::options::OpenOptions;
-use super::order::SubmitOrder;
 use super::recorder::Recorder;
-use super::report::report;
+use super::submit_sync::SubmitOrder;
 use super::ticket::Ticket;
 use super::validation::Messages;
 

@@ -10,13 +10,13 @@ use ash::vk;
 
 use super::buffer::BufferInner;
 use super::caps::Caps;
+use super::device_query::{Reported, report};
 use super::error::{Error, Result};
 use super::features::FeatureStructures;
 use super::host_allocator::HostAllocator;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
 use super::queue_lock::QueueLock;
-use super::report::{Reported, report};
 use super::ticket::next_device;
 use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
 

@@ -13,10 +13,10 @@ use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
 use super::error::{Error, Named, Result};
-use super::order::{HostSemaphore, SubmitOrder};
 use super::queue_lock::QueueLock;
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
+use super::submit_sync::{HostSemaphore, SubmitOrder};
 
 /// As [`full_barrier`], and the host sees what was written: after a loss no semaphore makes it visible.
 ///

@@ -12,19 +12,19 @@ use super::cache;
 use super::caps::Caps;
 use super::device::Device;
 use super::error::{Error, Named, Result};
-use super::form::Reach;
 use super::hazard::HazardChecker;
 use super::kernel::Kernel;
 use super::lock::lock;
 use super::making::Watcher;
 use super::memory::MemoryUse;
 use super::options::{OpenOptions, Validation};
-use super::order::SubmitOrder;
 use super::pipeline::{Pipeline, constants};
+use super::pipeline_variant::BindingMode;
 use super::placement::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::Recorder;
 use super::submit::{STAGING, State};
+use super::submit_sync::SubmitOrder;
 use super::ticket::Ticket;
 use super::validation::Messages;
 
@@ -136,7 +136,7 @@ impl Gpu {
     }
 
     /// Makes a form of a pipeline unless it is there.
-    pub(super) fn make_form(&self, pipeline: &Pipeline, reach: Reach) -> Result<()> {
+    pub(super) fn make_form(&self, pipeline: &Pipeline, reach: BindingMode) -> Result<()> {
         if pipeline.inner.form(reach).is_some() {
             return Ok(());
         }

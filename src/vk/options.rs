@@ -52,7 +52,7 @@ pub struct OpenOptions {
     pub max_device_memory: Option<u64>,
     /// Treat a storage-buffer descriptor as if it covered no more than this many bytes.
     pub storage_range: Option<u64>,
-    /// Reach buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a descriptor's range.
+    /// BindingMode buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a descriptor's range.
     /// Never, too, on a device without the feature.
     pub addresses: Option<bool>,
     /// Read rows of buffers as texels always (`true`) or never (`false`); `None` does so on CPU devices. Never, too, on a device

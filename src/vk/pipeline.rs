@@ -7,8 +7,8 @@ use ash::vk;
 use super::caps::{Addresses, Caps};
 use super::device::Device;
 use super::error::{Error, Result};
-use super::form::{Form, Reach};
 use super::kernel::{Kernel, TexelView};
+use super::pipeline_variant::{BindingMode, Form};
 
 pub(super) struct PipelineInner {
     device: Arc<Device>,
@@ -52,22 +52,22 @@ pub(super) fn constants(kernel: &Kernel, given: &[(&str, u32)]) -> Result<Vec<u3
 }
 
 impl PipelineInner {
-    fn slot(&self, reach: Reach) -> &OnceLock<Form> {
+    fn slot(&self, reach: BindingMode) -> &OnceLock<Form> {
         match reach {
-            Reach::Descriptors => &self.descriptors,
-            Reach::Addresses => &self.addresses,
-            Reach::Texels => &self.texels,
-            Reach::TexelsByAddress => &self.texels_by_address,
+            BindingMode::Descriptors => &self.descriptors,
+            BindingMode::Addresses => &self.addresses,
+            BindingMode::Texels => &self.texels,
+            BindingMode::TexelsByAddress => &self.texels_by_address,
         }
     }
 
     /// A form that [`Pipeline::make`] has made.
-    pub(super) fn form(&self, reach: Reach) -> Option<&Form> {
+    pub(super) fn form(&self, reach: BindingMode) -> Option<&Form> {
         self.slot(reach).get()
     }
 
     /// What a form reads as texels, where the kernel has it and the device binds as many.
-    pub(super) fn texels(&self, caps: &Caps, reach: Reach) -> Option<&'static [TexelView]> {
+    pub(super) fn texels(&self, caps: &Caps, reach: BindingMode) -> Option<&'static [TexelView]> {
         let views = reach.texels(&self.kernel)?.views;
         (views.len() as u64 <= u64::from(caps.limits.texel_buffers)).then_some(views)
     }
@@ -136,9 +136,11 @@ impl Pipeline {
         };
         let always = device.caps.addresses == Addresses::Always && inner.by_address();
         let first = match () {
-            () if always => Reach::Addresses,
-            () if device.caps.texels && inner.texels(&device.caps, Reach::Texels).is_some() => Reach::Texels,
-            () => Reach::Descriptors,
+            () if always => BindingMode::Addresses,
+            () if device.caps.texels && inner.texels(&device.caps, BindingMode::Texels).is_some() => {
+                BindingMode::Texels
+            }
+            () => BindingMode::Descriptors,
         };
         let pipeline = Pipeline { inner: Arc::new(inner) };
         pipeline.make(device, cache, first)?;
@@ -146,7 +148,7 @@ impl Pipeline {
     }
 
     /// Makes a form unless it is there. True when it was made.
-    pub(super) fn make(&self, device: &Arc<Device>, cache: vk::PipelineCache, reach: Reach) -> Result<bool> {
+    pub(super) fn make(&self, device: &Arc<Device>, cache: vk::PipelineCache, reach: BindingMode) -> Result<bool> {
         let PipelineInner { kernel, values, workgroup_size, .. } = &*self.inner;
         let slot = self.inner.slot(reach);
         if slot.get().is_some() {

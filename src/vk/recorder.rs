@@ -8,10 +8,10 @@ use super::buffer::{Buffer, BufferSlice};
 use super::caps::Addresses;
 use super::device::Device;
 use super::error::{Error, Result};
-use super::form::Reach;
 use super::gpu::Gpu;
 use super::kernel::Access;
 use super::pipeline::Pipeline;
+use super::pipeline_variant::BindingMode;
 use super::ticket::Ticket;
 
 /// Workgroups along one axis that every device takes.
@@ -57,7 +57,7 @@ pub(super) struct Table {
 pub(super) enum Command {
     Dispatch {
         pipeline: Pipeline,
-        reach: Reach,
+        reach: BindingMode,
         buffers: Vec<Bound>,
         table: Option<Table>,
         push: Vec<u8>,
@@ -280,7 +280,7 @@ impl Recorder {
 
     /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where that was
     /// asked for; rows as texels where the kernel does.
-    fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<Reach> {
+    fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<BindingMode> {
         let caps = self.gpu.caps();
         let limit = caps.limits.storage_range;
         let possible = caps.addresses != Addresses::Never && pipeline.inner.by_address();
@@ -291,11 +291,11 @@ impl Recorder {
             _ if possible && (always || beyond.is_some()) => {
                 // Whoever asks for addresses means all of them, unless texels are asked for too.
                 let texels = if always { self.texels == Some(true) } else { texels };
-                let seen = texels && self.as_texels(pipeline, slices, Reach::TexelsByAddress);
-                Ok(if seen { Reach::TexelsByAddress } else { Reach::Addresses })
+                let seen = texels && self.as_texels(pipeline, slices, BindingMode::TexelsByAddress);
+                Ok(if seen { BindingMode::TexelsByAddress } else { BindingMode::Addresses })
             }
-            None if texels && self.as_texels(pipeline, slices, Reach::Texels) => Ok(Reach::Texels),
-            None => Ok(Reach::Descriptors),
+            None if texels && self.as_texels(pipeline, slices, BindingMode::Texels) => Ok(BindingMode::Texels),
+            None => Ok(BindingMode::Descriptors),
             Some(BufferSlice { buffer, bytes, .. }) => {
                 Err(Error::BindingTooLarge { buffer: buffer.name().to_owned(), bytes: *bytes, limit })
             }
@@ -303,7 +303,7 @@ impl Recorder {
     }
 
     /// Whether rows can be read as texels in this form: where the kernel has it, and every buffer concerned can be seen so.
-    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: Reach) -> bool {
+    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: BindingMode) -> bool {
         let caps = self.gpu.caps();
         let Some(views) = pipeline.inner.texels(caps, reach) else { return false };
         views.iter().all(|view| {

@@ -13,11 +13,11 @@ use super::device::Device;
 use super::encode::{Handed, encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
-use super::order::SubmitOrder;
 use super::placement::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;
+use super::submit_sync::SubmitOrder;
 
 /// Size of a staging buffer that is kept for reuse.
 pub(super) const STAGING: u64 = 256 << 10;

@@ -1,7 +1,7 @@
 //! Surfaces continued to where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, Prior, SkirtPoint, Start, View, extend, skirt, surface, surface_of_points};
+use psrgs_vk::stereo::{FusedPoint, InitialPlanes, Prior, SkirtPoint, View, extend, skirt, surface, surface_of_points};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -60,7 +60,7 @@ fn views(at: &[(f64, f64)], wrong: impl Fn(usize) -> f64) -> (Vec<View>, Vec<Pri
         colours: (0..pixels).map(colour).collect(),
         sources: Vec::new(),
         depths: [1.0, 100.0],
-        start: Start::Random,
+        start: InitialPlanes::Random,
         wanted: None,
     };
     let prior = |camera: &Camera| {

@@ -1,7 +1,7 @@
 //! Input of which nothing can be made.
 
 use glam::DVec3;
-use psrgs_vk::stereo::{Error, Matcher, Prior, Settings, Start, View, fuse};
+use psrgs_vk::stereo::{Error, InitialPlanes, Matcher, Prior, Settings, View, fuse};
 
 use super::common;
 use super::site::{Sheet, camera, cross, views};
@@ -108,7 +108,7 @@ fn what_does_not_fit_together_is_an_error() {
     };
     assert!(matches!(refused(&|v| v.luma.truncate(5)), Error::Pixels { view: 1, what: "luma", .. }));
     assert!(matches!(refused(&|v| v.wanted = Some(vec![])), Error::Pixels { view: 1, .. }));
-    assert!(matches!(refused(&|v| v.start = Start::Hypotheses(vec![])), Error::Pixels { view: 1, .. }));
+    assert!(matches!(refused(&|v| v.start = InitialPlanes::Hypotheses(vec![])), Error::Pixels { view: 1, .. }));
     assert!(matches!(refused(&|v| v.sources = vec![1]), Error::Source { view: 1, wrong: 1 }));
     assert!(matches!(refused(&|v| v.sources = vec![7]), Error::Source { view: 1, wrong: 7 }));
     for wrong in [

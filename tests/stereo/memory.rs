@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role, Split};
-use psrgs_vk::stereo::{Room, Scene, Settings, Start, View};
+use psrgs_vk::stereo::{InitialPlanes, MemoryEstimate, Scene, Settings, View};
 use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{self, prepare, take_stereo};
 use psrgs_vk::world::{LidarParams, WorldParams, generate};
@@ -22,7 +22,7 @@ pub(super) fn world(folder: &std::path::Path, max_side: u32) -> Dataset {
 /// Bytes of a view's values.
 fn held(view: &View) -> u64 {
     let start = match &view.start {
-        Start::Hypotheses(rows) => 12 * rows.len(),
+        InitialPlanes::Hypotheses(rows) => 12 * rows.len(),
         _ => 0,
     };
     (4 * view.luma.len() + 3 * view.colours.len() + view.wanted.as_ref().map_or(0, Vec::len) + start) as u64
@@ -58,7 +58,7 @@ fn what_is_being_decoded_stays_within_the_share() {
     }
     // What stays of them is what is counted, and far from what the photographs take.
     let sizes = || dataset.views.iter().map(|view| (view.camera.width, view.camera.height));
-    let room = Room::of(&settings, sizes());
+    let room = MemoryEstimate::of(&settings, sizes());
     let views: u64 = all.views.iter().map(held).sum();
     assert!(views <= room.host - room.results, "{views} bytes, {room:?}");
     assert!(views >= (room.host - room.results) / 2, "{views} bytes, {room:?}");

@@ -1,7 +1,7 @@
 //! Depth and normals of planes.
 
 use glam::DVec3;
-use psrgs_vk::stereo::{FusedPoint, Matcher, Prior, Settings, Start, fuse};
+use psrgs_vk::stereo::{FusedPoint, InitialPlanes, Matcher, Prior, Settings, fuse};
 
 use super::common;
 use super::site::{Sheet, Truth, cross, views};
@@ -116,7 +116,7 @@ fn what_views_agree_on_is_kept_where_windows_correlate_little() {
             view.luma.iter_mut().enumerate().for_each(|(p, l)| *l += (noise(p) as f32 / 16_777_216.0 - 0.5) * 0.012);
             let depth: Vec<f32> = truth.depth.iter().map(|z| *z as f32).collect();
             let normals: Vec<[f32; 3]> = truth.normals.iter().map(|n| n.as_vec3().to_array()).collect();
-            view.start = Start::from_maps(&view.camera, &depth, &normals);
+            view.start = InitialPlanes::from_maps(&view.camera, &depth, &normals);
         }
         let priors = Matcher::new(&gpu, &Settings { least_ncc, ..settings.clone() }).unwrap().run(&views, |_| ());
         let score = score(&priors.unwrap()[0], &truths[0], not_at_the_edge(96, 72, 3));
@@ -149,7 +149,7 @@ fn a_rendered_start_needs_no_random_draws() {
         let depth: Vec<f32> = truth.depth.iter().map(|z| 1.03 * *z as f32).collect();
         let normals: Vec<[f32; 3]> =
             truth.normals.iter().map(|n| (*n + 0.1 * DVec3::Y).normalize().as_vec3().to_array()).collect();
-        view.start = Start::from_maps(&view.camera, &depth, &normals);
+        view.start = InitialPlanes::from_maps(&view.camera, &depth, &normals);
     }
     let settings = Settings { first_draws: 0, ..settings() };
     let priors = Matcher::new(&gpu, &settings).unwrap().run(&views, |_| ()).unwrap();

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{Start, View};
+use psrgs_vk::stereo::{InitialPlanes, View};
 
 /// A part of a plane: the points p with normal p = offset that `bounds` (x and y, least and most) holds.
 pub struct Sheet {
@@ -118,7 +118,7 @@ pub fn views(sheets: &[Sheet], cameras: &[Camera], depths: [f64; 2]) -> (Vec<Vie
         colours: Vec::new(),
         sources: (0..cameras.len()).filter(|j| *j != i).take(4).collect(),
         depths,
-        start: Start::Random,
+        start: InitialPlanes::Random,
         wanted: None,
     });
     (views.collect(), truths)

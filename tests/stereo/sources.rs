@@ -96,7 +96,7 @@ fn assumed_observations_are_no_measurements() {
         colours: Vec::new(),
         sources: Vec::new(),
         depths: [0.1, 1.0],
-        start: psrgs_vk::stereo::Start::Random,
+        start: psrgs_vk::stereo::InitialPlanes::Random,
         wanted: None,
     };
     let observed = seen.observed_by(&chosen.iter().map(view).collect::<Vec<_>>(), 3);

@@ -15,14 +15,14 @@ use crate::cli::interrupt::Interrupt;
 use crate::cli::lpips::Lpips;
 use crate::cli::outputs;
 use crate::cli::run_folder::{self, RunFolder};
-use crate::cli::{device, out_folder};
+use crate::cli::{device, output_guard};
 
 /// Trains as planned; the process is counted from `started`.
 pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
     let mut dataset = load(plan, console)?;
     if !plan.resume {
-        out_folder::check(&plan.out, &dataset)?;
+        output_guard::check(&plan.out, &dataset)?;
     }
     // Not before: a wrong name of the dataset leaves no folder behind.
     let folder = RunFolder::open(plan)?;

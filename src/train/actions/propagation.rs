@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::raster::Picture;
 use crate::scene::{Camera, Frame, Gaussians, init};
-use crate::stereo::{self, Matcher, Prior, Scene, Start, View, lifted_pixel};
+use crate::stereo::{self, InitialPlanes, Matcher, Prior, Scene, View, lifted_pixel};
 use crate::train::Error;
 use crate::train::density::logit;
 use crate::train::settings::Geometry;
@@ -94,7 +94,7 @@ impl Propagation {
         let whole = depth.len() == view.pixels() && normals.len() == view.pixels();
         View {
             sources: (0..count).filter(|k| *k != number).collect(),
-            start: if whole { Start::from_maps(&view.camera, &depth, &normals) } else { Start::Random },
+            start: if whole { InitialPlanes::from_maps(&view.camera, &depth, &normals) } else { InitialPlanes::Random },
             ..view.clone()
         }
     }

@@ -7,7 +7,7 @@ use crate::byte_size::readable;
 use crate::dataset::{Dataset, HostShare, cores};
 use crate::eval::REPORT_BYTES;
 use crate::host_memory::{FREE_UNKNOWN, free, resident};
-use crate::stereo::Room;
+use crate::stereo::MemoryEstimate;
 use crate::train::input::Outline;
 use crate::train::pacing::{Pacing, Residency};
 use crate::train::photographs::LANDINGS;
@@ -129,11 +129,11 @@ impl HostPlan {
     ) -> Self {
         let decoding = dataset.views.iter().map(|view| view.decoding_bytes()).max().unwrap_or(0);
         let sizes = outline.train.iter().map(|(camera, _)| (camera.width, camera.height));
-        let room = Room::of(&settings.geometry.stereo(), sizes);
+        let room = MemoryEstimate::of(&settings.geometry.stereo(), sizes);
         let stereo = match settings.geometry.depth_prior {
-            DepthPrior::None if settings.density.lidar != Some(LidarCloud::Mvs) => Room::default(),
+            DepthPrior::None if settings.density.lidar != Some(LidarCloud::Mvs) => MemoryEstimate::default(),
             // What views are matched with stays.
-            DepthPrior::Propagation => Room { results: room.host, ..room },
+            DepthPrior::Propagation => MemoryEstimate { results: room.host, ..room },
             _ => room,
         };
         let at_once = u64::from(settings.texture.views_at_once());
@@ -144,7 +144,7 @@ impl HostPlan {
         memory: HostMemory,
         outline: &Outline,
         plan: &MemoryPlan,
-        (each_decoding, stereo): (u64, Room),
+        (each_decoding, stereo): (u64, MemoryEstimate),
         (shared, at_once): (bool, u64),
     ) -> Self {
         let mut pacing = Pacing::default();
@@ -251,7 +251,7 @@ mod tests {
 
     fn planned(budget: u64, views: usize, shared: bool) -> HostPlan {
         let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB, most: budget * MIB };
-        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, Room::default()), (shared, 1))
+        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, MemoryEstimate::default()), (shared, 1))
     }
 
     #[test]
@@ -289,7 +289,8 @@ mod tests {
         assert_eq!((needed, most), (plan.short_by + 150 * MIB, 150 * MIB));
         // More than half of what is free, and less than all of it.
         let memory = HostMemory { most: needed, ..plan.memory };
-        let plan = HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, Room::default()), (true, 1));
+        let plan =
+            HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, MemoryEstimate::default()), (true, 1));
         assert!(plan.check().is_ok() && plan.to_string().contains("more than half of what is free"), "{plan}");
         assert!(HostPlan { memory: HostMemory { most: needed - 1, ..memory }, ..plan }.check().is_err());
     }
@@ -298,7 +299,7 @@ mod tests {
     fn one_photograph_that_takes_more_than_the_machine_has_is_refused() {
         let decoding = 100 << 30;
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 2000 * MIB };
-        let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, Room::default()), (true, 1));
+        let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, MemoryEstimate::default()), (true, 1));
         assert!(plan.check().is_err(), "{plan}");
         assert!(memory.check(&memory.share(decoding)).is_err() && memory.check(&memory.share(MIB)).is_ok());
     }
@@ -307,7 +308,7 @@ mod tests {
     fn what_is_matched_before_the_training_is_part_of_the_plan() {
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 1000 * MIB };
         let with = |host, device, results, shared| {
-            let room = Room { host: host * MIB, device: device * MIB, results: results * MIB };
+            let room = MemoryEstimate { host: host * MIB, device: device * MIB, results: results * MIB };
             HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), (shared, 1)).training
         };
         let none = with(0, 0, 0, true);

@@ -13,7 +13,7 @@ use super::shared_memory;
 
 /// How a kernel reaches its buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reach {
+pub(super) enum BindingMode {
     /// A descriptor per buffer.
     Descriptors,
     /// One descriptor, for a table of addresses.
@@ -24,7 +24,7 @@ pub(super) enum Reach {
     TexelsByAddress,
 }
 
-impl Reach {
+impl BindingMode {
     /// Whether there is a table of addresses.
     pub(super) fn by_address(self) -> bool {
         matches!(self, Self::Addresses | Self::TexelsByAddress)
@@ -56,17 +56,17 @@ impl Form {
         kernel: &Kernel,
         values: &[u32],
         workgroup_size: u32,
-        reach: Reach,
+        reach: BindingMode,
     ) -> Result<Form> {
         let bad = |what: String| Error::Interface { kernel: kernel.name, what };
         let mut views: &[TexelView] = &[];
         let (spirv, descriptors) = match reach {
-            Reach::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
-            Reach::Addresses => {
+            BindingMode::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
+            BindingMode::Addresses => {
                 let spirv = kernel.spirv.addresses.ok_or_else(|| bad("it has no form by address".into()))?;
                 (spirv, 1)
             }
-            Reach::Texels | Reach::TexelsByAddress => {
+            BindingMode::Texels | BindingMode::TexelsByAddress => {
                 let texels = reach.texels(kernel).ok_or_else(|| bad("it has no form with texels".into()))?;
                 views = texels.views;
                 (texels.spirv, if reach.by_address() { 1 } else { kernel.bindings.len() as u32 })

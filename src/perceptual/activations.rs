@@ -10,7 +10,7 @@ use crate::vk::{self, Buffer, BufferSlice, Memory, Pipeline};
 
 /// Buffers of one window size. Images lie one after the other, pixels with their channels together, and behind the last image there is
 /// a pixel of zeros, for convolutions that reach outside.
-pub(super) struct Room {
+pub(super) struct Activations {
     /// Width and height of each tensor.
     pub(super) sizes: Vec<(u32, u32)>,
     /// Features of both images by tensor; those of a room for values share memory.
@@ -40,7 +40,7 @@ pub(super) struct Gradients {
     pub(super) to_image: Pipeline,
 }
 
-impl Room {
+impl Activations {
     pub(super) fn new(trunk: &Trunk, width: u32, height: u32, gradient: bool) -> Result<Self, Error> {
         let (gpu, network) = (&trunk.gpu, &trunk.network);
         let sizes = network.sizes(width, height)?;

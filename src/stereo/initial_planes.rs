@@ -20,7 +20,7 @@ const WIDENED: f64 = 1.3;
 
 /// What pixels begin with.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Start {
+pub enum InitialPlanes {
     /// Random planes in the range of depths.
     #[default]
     Random,
@@ -28,7 +28,7 @@ pub enum Start {
     Hypotheses(Vec<[f32; 3]>),
 }
 
-impl Start {
+impl InitialPlanes {
     /// Planes through the nearest of some points of the picture: their place in pixels and their depth.
     pub fn from_points(camera: &Camera, points: &[[f64; 3]]) -> Self {
         let usable = |p: &&[f64; 3]| p.iter().all(|v| v.is_finite()) && p[2] > 0.0;

@@ -8,7 +8,7 @@ use crate::scene::Camera;
 /// From a pixel (u, v) at inverse depth d of one camera to homogeneous pixels of another: A (u, v, 1) + b d. The third of them, divided
 /// by d, is the depth in the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Link {
+pub(super) struct Homography {
     pub(super) a: DMat3,
     pub(super) b: DVec3,
 }
@@ -27,7 +27,7 @@ pub(super) fn rotation(camera: &Camera) -> DMat3 {
     DMat3::from_cols_array_2d(&camera.rotation).transpose()
 }
 
-impl Link {
+impl Homography {
     pub(super) fn new(from: &Camera, to: &Camera) -> Self {
         let turned = rotation(to);
         // Centres first: where coordinates are large, their difference is what keeps its digits.
@@ -59,7 +59,7 @@ impl Link {
 
 /// The rows of a source, see [`LINK_ROWS`].
 pub(super) fn rows(from: &Camera, to: &Camera) -> [[f32; 4]; LINK_ROWS] {
-    let (there, back) = (Link::new(from, to).rows(), Link::new(to, from).rows());
+    let (there, back) = (Homography::new(from, to).rows(), Homography::new(to, from).rows());
     let size = [to.width as f32, to.height as f32, 0.0, 0.0];
     [there[0], there[1], there[2], size, back[0], back[1], back[2]]
 }

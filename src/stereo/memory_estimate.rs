@@ -14,7 +14,7 @@ const SLOTS: u64 = 16 * (MOST_CHECKS as u64 + 1) + 4 + 16;
 
 /// Bytes that matching takes, photographs that are being decoded apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Room {
+pub struct MemoryEstimate {
     /// Of the host's memory, results included.
     pub host: u64,
     /// Of the device's memory.
@@ -23,7 +23,7 @@ pub struct Room {
     pub results: u64,
 }
 
-impl Room {
+impl MemoryEstimate {
     /// For photographs of these sizes.
     pub fn of(settings: &Settings, sizes: impl Iterator<Item = (u32, u32)>) -> Self {
         let (mut all, mut largest) = (0, 0);

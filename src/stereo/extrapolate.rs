@@ -3,9 +3,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::continued::{Continued, middle};
+use super::depth_extrapolation::{Continued, middle};
 use super::fuse::in_space;
-use super::links::Link;
+use super::homography::Homography;
 use super::{FusedPoint, Prior, View};
 use crate::scene::Camera;
 
@@ -64,17 +64,17 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
 }
 
 /// How the pixels of a view lead to those of all others, of those first that stand nearest: they are the likeliest to look at the same.
-pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Link)> {
+pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Homography)> {
     let centre = |view: &View| DVec3::from_array(view.camera.center());
     let own = centre(&views[i]);
     let distance = |j: &usize| own.distance_squared(centre(&views[*j]));
     let mut nearest: Vec<usize> = (0..views.len()).filter(|&j| j != i).collect();
     nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.into_iter().map(|j| (j, Link::new(&views[i].camera, &views[j].camera))).collect()
+    nearest.into_iter().map(|j| (j, Homography::new(&views[i].camera, &views[j].camera))).collect()
 }
 
 /// The pixel of another camera in which a place in a picture at an inverse depth lies.
-pub(super) fn pixel_at(link: &Link, [u, v]: [f64; 2], inverse_depth: f64, camera: &Camera) -> Option<usize> {
+pub(super) fn pixel_at(link: &Homography, [u, v]: [f64; 2], inverse_depth: f64, camera: &Camera) -> Option<usize> {
     let h = link.applied(u, v, inverse_depth);
     let (x, y) = (h.x / h.z, h.y / h.z);
     let inside = h.z > 0.0 && x >= 0.0 && y >= 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);

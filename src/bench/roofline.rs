@@ -3,8 +3,8 @@
 use super::per_pixel::PerPixel;
 use serde::Serialize;
 
+use super::memory_traffic::{self, Work};
 use super::rates::Rates;
-use super::traffic::{self, Work};
 
 /// Arithmetic that a pass must do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +29,7 @@ impl Floors {
     pub fn of(pass: &str, work: &Work, per_pixel: Option<&PerPixel>, rates: &Rates) -> Floors {
         let time = |a: Arithmetic| 1e-6 * (a.operations / rates.gops_per_s + a.exp2 / rates.gexp2_per_s);
         Floors {
-            bytes_ms: traffic::bytes(pass, work).map(|bytes| 1e3 * bytes / rates.bandwidth()),
+            bytes_ms: memory_traffic::bytes(pass, work).map(|bytes| 1e3 * bytes / rates.bandwidth()),
             arithmetic_ms: arithmetic(pass, work, per_pixel).map(time),
         }
     }
@@ -79,7 +79,7 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
         }
         _ if is("project_backward") => plain(900.0 * work.visible),
         _ if is("project") => plain(150.0 * work.splats + 430.0 * work.visible),
-        _ if is("adam") => plain(15.0 * traffic::parameters() * work.splats),
+        _ if is("adam") => plain(15.0 * memory_traffic::parameters() * work.splats),
         _ if is("slot_sum") => plain(12.0 * work.pairs),
         _ => None,
     }

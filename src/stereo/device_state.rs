@@ -1,7 +1,7 @@
 //! What a run of the matcher has on the device, and what it does there.
 
-use super::links::{self, Link};
-use super::{Error, Matcher, Prior, Start, View};
+use super::homography::{self, Homography};
+use super::{Error, InitialPlanes, Matcher, Prior, View};
 use crate::pass::stereo::{BlocksPush, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, RefitPush, SweepPush};
 use crate::scene::Camera;
 use crate::vk::{Buffer, Groups, Memory, Recorder, Ticket};
@@ -18,7 +18,7 @@ const LATER_SWEEPS: u32 = 1;
 const TURNS: u32 = 1 << 16;
 
 /// The views of a run with their memory on the device.
-pub(super) struct Work<'a> {
+pub(super) struct DeviceState<'a> {
     matcher: &'a Matcher,
     views: &'a [View],
     /// Pixels of the largest view.
@@ -35,7 +35,7 @@ pub(super) struct Work<'a> {
     refined: Buffer,
 }
 
-impl<'a> Work<'a> {
+impl<'a> DeviceState<'a> {
     pub(super) fn new(matcher: &'a Matcher, views: &'a [View]) -> Result<Self, Error> {
         let gpu = &matcher.gpu;
         let stride = views.iter().map(View::pixels).max().unwrap_or(0);
@@ -91,10 +91,10 @@ impl<'a> Work<'a> {
             recorder.copy(&self.kept[number], 0, planes, 0, 16 * view.pixels() as u64)?;
         }
         let (draws, sweeps) = match (round, &view.start) {
-            (0, Start::Random) => {
+            (0, InitialPlanes::Random) => {
                 (settings.first_draws + settings.random_draws, settings.iterations + settings.random_iterations)
             }
-            (0, Start::Hypotheses(_)) => (settings.first_draws, settings.iterations),
+            (0, InitialPlanes::Hypotheses(_)) => (settings.first_draws, settings.iterations),
             _ => (0, LATER_SWEEPS),
         };
         let push = self.push(number, sources);
@@ -205,14 +205,14 @@ impl<'a> Work<'a> {
 
     fn link_rows(&self, number: usize, sources: &[usize]) -> Vec<[f32; 4]> {
         let camera = |view: usize| &self.views[view].camera;
-        sources.iter().flat_map(|s| links::rows(camera(number), camera(*s))).collect()
+        sources.iter().flat_map(|s| homography::rows(camera(number), camera(*s))).collect()
     }
 
     /// The change of inverse depth that moves the middle of the picture by a pixel in the sources, in the median.
     fn parallax_unit(&self, view: &View, sources: &[usize]) -> f32 {
         let d = (view.depths[0] * view.depths[1]).sqrt().recip();
         let (u, v) = (0.5 * f64::from(view.camera.width), 0.5 * f64::from(view.camera.height));
-        let moves = |s: &usize| Link::new(&view.camera, &self.views[*s].camera).parallax(u, v, d);
+        let moves = |s: &usize| Homography::new(&view.camera, &self.views[*s].camera).parallax(u, v, d);
         let mut moves: Vec<f64> = sources.iter().map(moves).collect();
         moves.sort_by(f64::total_cmp);
         let middle = moves.get(moves.len() / 2).copied().unwrap_or(0.0);
