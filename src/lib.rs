@@ -71,7 +71,7 @@ pub mod dataset;
 pub mod eval;
 pub mod format;
 mod host_memory;
-pub mod losses;
+pub mod loss;
 pub mod numbers;
 pub mod pass;
 pub mod perceptual;

@@ -1,6 +1,6 @@
 //! Depth and normals of a render against those of a prior: loss and gradient, in two passes.
 //!
-//! [`crate::losses::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass, [`DEPTH`], counts
+//! [`crate::loss::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass, [`DEPTH`], counts
 //! what the means are taken over; its parts, added up by [`super::part_sum`], are the totals of the second, [`GRAD`], whose own parts
 //! add up to the loss: depth, smoothness, normals, and their sum. The formulas stand in `glsl/include/geometry.glsl`. GRAD adds to the
 //! fourth component of `grad_image` and leaves the others, so it follows every pass that writes that buffer anew.

@@ -1,6 +1,6 @@
 //! Gradient maps of a render and a photograph: their correlation in windows, and the total variation of the residual.
 //!
-//! [`crate::losses::GradientMapLoss`] composes the passes. [`SOBEL`] makes the maps, [`WINDOWS`] correlates them, [`super::part_sum`]
+//! [`crate::loss::GradientMapLoss`] composes the passes. [`SOBEL`] makes the maps, [`WINDOWS`] correlates them, [`super::part_sum`]
 //! adds the windows up to the totals of [`GRAD`], which adds to `grad_image` and whose parts, added up, are the loss: (correlation
 //! term, variation, mean correlation, sum of both terms). The formulas stand in `glsl/include/gradient_map.glsl`. GRAD follows the
 //! pass that writes `grad_image` anew; where a photograph has an exposure, the image is the exposed one, and the exposure's backward

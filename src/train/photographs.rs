@@ -20,6 +20,7 @@ use super::pacing::{Pacing, Residency};
 use super::schedule::Band;
 use crate::dataset::Depth;
 use crate::eval::PhotographWait;
+use crate::loss::Photograph;
 use crate::pass::loss;
 use crate::scene::Camera;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
@@ -58,16 +59,6 @@ struct Stream {
     waits: Mutex<Vec<PhotographWait>>,
     /// Of feeds that are gone.
     before: FeedCounts,
-}
-
-/// A photograph as the loss takes it.
-pub(super) struct Shown<'a> {
-    pub(super) buffer: &'a Buffer,
-    pub(super) depth: Depth,
-    /// What the means of the loss are taken over: of the photograph, whatever part of it this is.
-    pub(super) values: f32,
-    /// This part's share in them.
-    pub(super) shown: f32,
 }
 
 /// A look at a photograph in a recording.
@@ -165,8 +156,9 @@ impl Photographs {
         }
     }
 
-    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording.
-    pub(super) fn record(&self, gpu: &Gpu, recorder: &mut Recorder, visit: &Visit) -> Result<Shown<'_>, Error> {
+    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording. Its mask is
+    /// for the caller to add.
+    pub(super) fn record(&self, gpu: &Gpu, recorder: &mut Recorder, visit: &Visit) -> Result<Photograph<'_>, Error> {
         let Visit { view, step, band, recording } = *visit;
         let known = self.views.get(view).ok_or(Error::NoViews)?;
         let (first, bytes) = known.part(band);
@@ -189,8 +181,10 @@ impl Photographs {
             }
         };
         // The share of masked pixels is taken to be that of the whole photograph.
-        let shown = (f64::from(known.values) * bytes as f64 / known.bytes().max(1) as f64) as f32;
-        Ok(Shown { buffer, depth: known.depth, values: known.values, shown })
+        let part_values = (f64::from(known.values) * bytes as f64 / known.bytes().max(1) as f64) as f32;
+        let rows = band.map_or(known.size.1, |band| band.rows(known.size.1).1);
+        let (bits, size) = (known.depth.bits(), (known.size.0, rows));
+        Ok(Photograph { buffer, bits, size, values: known.values, part_values, mask: None })
     }
 
     /// How the photographs of the steps so far came; `None` when all are on the device.

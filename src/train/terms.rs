@@ -17,7 +17,7 @@ use super::Error;
 use super::learning::sigma::SigmaTraining;
 use super::schedule::StepPlan;
 use super::settings::Settings;
-use crate::losses::GradientMapLoss;
+use crate::loss::GradientMapLoss;
 use crate::raster::Held;
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Recorder};
@@ -25,7 +25,7 @@ use crate::vk::{self, Gpu, Recorder};
 use constrained::Constrained;
 use geometry::Geometry;
 use gradient_maps::GradientMaps;
-use photometric::{LowStageWeights, PhotometricLoss};
+use photometric::Photometric;
 
 /// Where in a step a term has a part, in the order of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +67,7 @@ pub(super) struct Terms {
     pub(super) sigma: Option<SigmaTraining>,
     constrained: Option<Constrained>,
     /// Compares colours, in every step.
-    pub(super) photometric: PhotometricLoss,
+    pub(super) photometric: Photometric,
     gradient_maps: Option<GradientMaps>,
     /// Compares windows by a network.
     pub(super) perceptual: Option<Perceptual>,
@@ -94,13 +94,12 @@ impl Terms {
             }
             _ => None,
         };
-        let weights = LowStageWeights::of(&settings.frequencies);
         let geometry =
             settings.geometry.has_loss().then(|| Geometry::new(gpu, cameras, &settings.geometry)).transpose()?;
         Ok(Self {
             sigma: None,
             constrained,
-            photometric: PhotometricLoss::new(gpu, &sizes, deep, weights, settings.optimiser.lambda_dssim)?,
+            photometric: Photometric::new(gpu, &sizes, deep, settings)?,
             gradient_maps: maps.map(|maps| GradientMaps::new(maps, texture)),
             perceptual: None,
             geometry,

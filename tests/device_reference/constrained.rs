@@ -1,7 +1,7 @@
 //! The gradient-map loss of the constrained set beside the full one: the gradients that the device adds to the model's against the f64
 //! renderer, loss and backward, and these against differences of the loss.
 
-use psrgs_vk::losses::{GradientMapLoss, GradientMapWeights, Photograph};
+use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph};
 use psrgs_vk::pass::constrain::{ADD, KEEP};
 use psrgs_vk::pass::gradient_map::{Push, windows};
 use psrgs_vk::pass::{counters, loss};
@@ -102,7 +102,8 @@ fn on_device(gpu: &Gpu, tile: TileShape, case: &Case, target: &[u32]) -> [Vec<f3
     (words[counters::SPLATS], words[counters::CONSTRAINED]) = (n, BOUND);
     let masked = target.iter().filter(|t| **t >> 24 == 0).count() as u32;
     let values = loss::values(width, height, masked);
-    let compared = Photograph { buffer: &buffer, bits: 8, size: (width, height), values, mask: None };
+    let compared =
+        Photograph { buffer: &buffer, bits: 8, size: (width, height), values, part_values: values, mask: None };
     let maps = GradientMapLoss::new(gpu, &[(width, height)]).unwrap();
 
     let mut rec = gpu.recorder("both sets").unwrap();

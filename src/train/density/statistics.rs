@@ -1,12 +1,12 @@
 //! What density control wants to know of every splat, gathered step by step.
 
 use crate::dataset::Depth;
+use crate::loss::Photograph;
 use crate::pass::camera::CameraPush;
 use crate::pass::{densify_scores, densify_stats, densify_views};
 use crate::raster::{MEANS, Planes, QUATS, Renderer, SCALES, Shot, grown};
 use crate::scene::Camera;
 use crate::train::Error;
-use crate::train::photographs::Shown;
 use crate::train::settings::{Growth, Settings};
 use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 
@@ -34,7 +34,7 @@ pub(in crate::train) struct Seen<'a> {
     /// Rows of the image that this is a part of, or all of.
     pub(in crate::train) of_height: u32,
     pub(in crate::train) image: &'a Buffer,
-    pub(in crate::train) photograph: &'a Shown<'a>,
+    pub(in crate::train) photograph: &'a Photograph<'a>,
     /// A value per pixel, where there are masks.
     pub(in crate::train) saliency: Option<&'a Buffer>,
 }
@@ -103,10 +103,7 @@ impl Statistics {
             )?;
         }
         let Some(scores) = &self.scores else { return Ok(()) };
-        let pipeline = match (seen.photograph.depth, &scores.sixteen) {
-            (Depth::Sixteen, Some(pipeline)) => pipeline,
-            _ => &scores.eight,
-        };
+        let pipeline = scores.sixteen.as_ref().filter(|_| seen.photograph.bits == 16).unwrap_or(&scores.eight);
         let masked = u32::from(seen.saliency.is_some());
         let push = densify_scores::Push { width, height, masked, error: scores.error };
         let [image, photograph, saliency, rows] =

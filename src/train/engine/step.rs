@@ -1,7 +1,6 @@
 //! The recording of a training step.
 
 use super::Engine;
-use crate::losses::Photograph;
 use crate::train::Error;
 use crate::train::learning::exposures::Turn;
 use crate::train::photographs::Visit;
@@ -40,7 +39,7 @@ impl Engine {
         Ok(self.optimiser.record(recorder, &step.stepping(self.statistics.stats(), beside))?)
     }
 
-    /// Records a photograph with what it is compared by; `seen` is how often it has been looked at.
+    /// Records a photograph, and gives what comparing a render with it is about; `seen` is how often it has been looked at.
     pub(super) fn look_at<'a>(
         &'a self,
         recorder: &mut Recorder,
@@ -58,13 +57,6 @@ impl Engine {
             top = first;
         }
         let known = plan.step.div_ceil(self.settings.run.bands.max(1));
-        let compared = Photograph {
-            buffer: photograph.buffer,
-            bits: photograph.depth.bits(),
-            size: (shot.camera.width, shot.camera.height),
-            values: photograph.values,
-            mask: self.views.saliencies.as_ref().and_then(|saliencies| saliencies.mask(view)),
-        };
         Ok(StepContext {
             plan,
             view,
@@ -76,7 +68,6 @@ impl Engine {
             top,
             of_height: camera.height,
             photograph,
-            compared,
             saliency: None,
             center: self.views.center(view, seen),
             exposures: self.exposures.as_ref(),

@@ -3,13 +3,14 @@
 use std::time::Instant;
 
 use crate::dataset::Depth;
+use crate::loss::Photograph;
 use crate::raster::Held;
 use crate::saliency::Cache;
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::input::View;
 use crate::train::pacing::Pacing;
-use crate::train::photographs::{Coarse, Photographs, Saliencies, Shown, Visit};
+use crate::train::photographs::{Coarse, Photographs, Saliencies, Visit};
 use crate::train::schedule::StepPlan;
 use crate::train::settings::Settings;
 use crate::vk::{Gpu, Recorder};
@@ -55,16 +56,17 @@ impl Views {
         Ok(Some(cache))
     }
 
-    /// Records a photograph with its camera, reduced where the plan says so. The part of it is that of the plan.
+    /// Records a photograph, or the band of it that is looked at, reduced where the plan says so; gives it with the camera of the whole.
     pub(super) fn record<'a>(
         &'a self,
         gpu: &Gpu,
         recorder: &mut Recorder,
         visit: &Visit,
         plan: &StepPlan,
-    ) -> Result<(Shown<'a>, Camera), Error> {
+    ) -> Result<(Photograph<'a>, Camera), Error> {
         let whole = self.cameras.get(visit.view).ok_or(Error::NoViews)?;
-        let photograph = self.photographs.record(gpu, recorder, visit)?;
+        let mut photograph = self.photographs.record(gpu, recorder, visit)?;
+        photograph.mask = self.saliencies.as_ref().and_then(|saliencies| saliencies.mask(visit.view));
         let Some(coarse) = self.coarse.as_ref().filter(|_| plan.factor > 1) else { return Ok((photograph, *whole)) };
         Ok((coarse.record(recorder, whole, &photograph, plan.factor)?, Coarse::camera(whole, plan.factor)))
     }

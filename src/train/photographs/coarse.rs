@@ -1,7 +1,7 @@
 //! Steps at a fraction of the photographs' size.
 
-use super::Shown;
 use crate::dataset::Depth;
+use crate::loss::Photograph;
 use crate::pass::photograph_reduce as pass;
 use crate::scene::Camera;
 use crate::train::Error;
@@ -49,13 +49,10 @@ impl Coarse {
         &'a self,
         recorder: &mut Recorder,
         camera: &Camera,
-        photograph: &Shown<'a>,
+        photograph: &Photograph<'a>,
         factor: u32,
-    ) -> Result<Shown<'a>, Error> {
-        let pipeline = match (photograph.depth, &self.sixteen) {
-            (Depth::Sixteen, Some(pipeline)) => pipeline,
-            _ => &self.eight,
-        };
+    ) -> Result<Photograph<'a>, Error> {
+        let pipeline = self.sixteen.as_ref().filter(|_| photograph.bits == 16).unwrap_or(&self.eight);
         let push = pass::Push { width: camera.width, height: camera.height, factor };
         let small = Self::camera(camera, factor);
         let pixels = u64::from(small.width) * u64::from(small.height);
@@ -63,7 +60,8 @@ impl Coarse {
         // The share of masked pixels is taken to be that of the whole photograph.
         let all = f64::from(camera.width) * f64::from(camera.height);
         let values = (f64::from(photograph.values) * pixels as f64 / all) as f32;
-        Ok(Shown { buffer: &self.reduced, depth: photograph.depth, values, shown: values })
+        let size = (small.width, small.height);
+        Ok(Photograph { buffer: &self.reduced, size, values, part_values: values, ..*photograph })
     }
 
     /// Bytes of its buffer.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::losses::Mask;
+use crate::loss::Mask;
 use crate::pass::saliency_plane as pass;
 use crate::saliency::{Cache, Plane, Settings};
 use crate::scene::Camera;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::{LossTerm, Phase, StepContext};
-use crate::losses::{GradientMapLoss, GradientMapWeights};
+use crate::loss::{GradientMapLoss, GradientMapWeights};
 use crate::pass::constrain::{ADD, KEEP};
 use crate::raster::{Held, Renderer};
 use crate::train::Error;
@@ -47,7 +47,7 @@ impl Constrained {
         recorder.fill(step.grad_image, 0)?;
         let weight = (self.weight * step.plan.gradients.unwrap_or(0.0)) as f32;
         let weights = GradientMapWeights { correlation: weight, variation: 0.0 };
-        self.maps.record(recorder, &step.target.image, &step.compared, &weights, step.grad_image)?;
+        self.maps.record(recorder, &step.target.image, &step.photograph, &weights, step.grad_image)?;
         step.record_blend_backward(recorder, &lists)?;
         let renderer = step.renderer;
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };

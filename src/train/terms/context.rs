@@ -1,12 +1,11 @@
 //! What one step is about.
 
-use crate::losses::Photograph;
+use crate::loss::Photograph;
 use crate::raster::tiles::Lists;
 use crate::raster::{ImageGradients, Planes, Renderer, Shot, Target};
 use crate::train::density::Seen;
 use crate::train::learning::exposures::{Exposures, Turn};
 use crate::train::learning::optimiser::Stepping;
-use crate::train::photographs::Shown;
 use crate::train::schedule::StepPlan;
 use crate::vk::{self, Buffer, Groups, Recorder};
 
@@ -29,10 +28,8 @@ pub(in crate::train) struct StepContext<'a> {
     pub(in crate::train) top: u32,
     /// ... and the rows of the image that the band belongs to.
     pub(in crate::train) of_height: u32,
-    /// The part of the photograph that is rendered, as the photometric term and the statistics take it ...
-    pub(in crate::train) photograph: Shown<'a>,
-    /// ... and as the other terms do.
-    pub(in crate::train) compared: Photograph<'a>,
+    /// The part of the photograph that is rendered.
+    pub(in crate::train) photograph: Photograph<'a>,
     /// Saliency of the pixels, where the step needs it.
     pub(in crate::train) saliency: Option<&'a Buffer>,
     /// A place where the photograph's mask is rich, as shares of width and height.

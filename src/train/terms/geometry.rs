@@ -1,7 +1,7 @@
 //! Depth and normals against priors.
 
 use super::{LossTerm, Phase, StepContext};
-use crate::losses::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Rendered};
+use crate::loss::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Rendered};
 use crate::raster::Held;
 use crate::scene::Camera;
 use crate::stereo::Prior;
@@ -145,9 +145,9 @@ impl LossTerm for Geometry {
     /// Adds to the gradient of the transmittance, and writes that of depth and normals.
     fn record<'a>(&'a self, _: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error> {
         let known = self.priors.get(step.view).ok_or(Error::NoViews)?;
-        let prior = losses::Prior { buffer: &known.buffer, size: known.size, median: known.median };
+        let prior = loss::Prior { buffer: &known.buffer, size: known.size, median: known.median };
         let weights = self.weights(step.plan.geometry.unwrap_or(0.0));
-        let rendered = Rendered { target: step.target, photograph: &step.compared, prior: &prior };
+        let rendered = Rendered { target: step.target, photograph: &step.photograph, prior: &prior };
         self.loss.record(recorder, rendered, &weights, step.grad_image)?;
         step.grad_aux = Some(self.loss.grad_aux());
         Ok(())

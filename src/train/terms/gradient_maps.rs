@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{LossTerm, Phase, StepContext};
-use crate::losses::{GradientMapLoss, GradientMapWeights};
+use crate::loss::{GradientMapLoss, GradientMapWeights};
 use crate::raster::Held;
 use crate::train::Error;
 use crate::train::settings::Texture;
@@ -36,7 +36,7 @@ impl LossTerm for GradientMaps {
         let Some(times) = step.plan.gradients else { return Ok(()) };
         let [correlation, variation] = self.weights.map(|weight| (weight * times) as f32);
         let weights = GradientMapWeights { correlation, variation };
-        Ok(self.loss.record(recorder, step.shown, &step.compared, &weights, step.grad_image)?)
+        Ok(self.loss.record(recorder, step.shown, &step.photograph, &weights, step.grad_image)?)
     }
 
     fn footprint(&self) -> Held {

@@ -1,7 +1,7 @@
 //! The perceptual distance of windows of render and photograph.
 
 use super::{LossTerm, Phase, StepContext};
-use crate::losses::Photograph;
+use crate::loss::Photograph;
 use crate::perceptual::{Distance, GradientOf, LpipsWeights, Pair, Windows};
 use crate::raster::Held;
 use crate::train::Error;
@@ -40,8 +40,8 @@ impl Perceptual {
 
     /// The window of a view, about its `center`. A photograph with 16 bits per channel, or smaller than the window, has none.
     pub(in crate::train) fn window(&self, step: &StepContext<'_>) -> Option<Window> {
-        let (side, size) = (self.windows.size().0, step.compared.size);
-        if step.compared.bits != 8 || size.0.min(size.1) < side {
+        let (side, size) = (self.windows.size().0, step.photograph.size);
+        if step.photograph.bits != 8 || size.0.min(size.1) < side {
             return None;
         }
         let corner = |center: f32, size: u32| ((center * size as f32) as u32).saturating_sub(side / 2).min(size - side);
@@ -58,7 +58,7 @@ impl Perceptual {
         cropped: bool,
     ) -> Result<(), Error> {
         let Some(planned) = step.plan.perceptual else { return Ok(()) };
-        let Photograph { buffer, size, .. } = step.compared;
+        let Photograph { buffer, size, .. } = step.photograph;
         let pair = Pair { image: step.shown, photograph: buffer, size, at: window.at, cropped };
         let weight = (self.weight * planned.times) as f32;
         self.windows.record(recorder, &pair, Some(&GradientOf { image: step.grad_image, weight }))?;

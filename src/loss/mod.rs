@@ -1,18 +1,21 @@
-//! Losses beyond the comparison of colours, composed of passes: depth and normals against a prior, and gradient maps.
+//! Losses composed of passes: colours, gradient maps, and depth and normals against a prior. None knows of training: what a step makes of
+//! them is said in `train::terms`.
 //!
-//! Each owns the buffers between its passes, adds to gradients that are there already and leaves its value on the device. In a step
-//! they follow the pass that writes the gradient of the image anew, and precede what reads it.
+//! Each owns the buffers between its passes and leaves its value on the device. [`PhotometricLoss`] writes the gradient of the image anew; the
+//! others add to a gradient that is there already.
 
 mod geometry;
-mod gradient_map;
+mod gradient_maps;
+mod photometric;
 
 pub use geometry::{Edges, GeometryLoss, GeometryWeights, PackedPrior, Prior, Rendered};
-pub use gradient_map::{GradientMapLoss, GradientMapWeights};
+pub use gradient_maps::{GradientMapLoss, GradientMapWeights};
+pub use photometric::{PhotometricLoss, PixelWeights};
 
 use crate::pass::part_sum;
 use crate::vk::{self, Buffer, Gpu, Groups, Pipeline, Recorder};
 
-/// A photograph on the device.
+/// A photograph on the device, or a part of one.
 #[derive(Clone, Copy)]
 pub struct Photograph<'a> {
     /// RGBA, a word per pixel with 8 bits per channel, two with 16; a pixel with alpha 0 is masked.
@@ -21,8 +24,11 @@ pub struct Photograph<'a> {
     pub bits: u32,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`].
+    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`]. Means are taken over these; of a part of a photograph,
+    /// they are those of the whole.
     pub values: f32,
+    /// The part's share in them.
+    pub part_values: f32,
     /// Where its texture is, if that is to matter.
     pub mask: Option<Mask<'a>>,
 }

@@ -1,0 +1,149 @@
+//! L1 and SSIM between the render as the photograph would show it and the photograph.
+
+use super::Photograph;
+use crate::dataset::Depth;
+use crate::pass::loss::{self, Layout, Push, SumPush};
+use crate::vk::{self, Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
+
+/// L1 + SSIM between a render and a photograph, value and gradient.
+pub struct PhotometricLoss {
+    lambda: f32,
+    /// Of the largest image: strips of the others have as many rows and channels.
+    layout: Layout,
+    /// For photographs with 8 bits per channel, and with 16 where there are any.
+    eight: Passes,
+    sixteen: Option<Passes>,
+    sum: Pipeline,
+    planes: [Buffer; 3],
+    ssim_parts: Buffer,
+    l1_parts: Buffer,
+    grad_image: Buffer,
+    result: Buffer,
+}
+
+/// Weights of pixels in the gradient.
+#[derive(Clone, Copy)]
+pub struct PixelWeights<'a> {
+    /// A value per pixel, from 0 to 1.
+    pub saliency: &'a Buffer,
+    /// Weight of saliency 0, and of 1.
+    pub of: [f32; 2],
+}
+
+/// The passes for one depth of photographs.
+struct Passes {
+    /// Without weights, and with them where there are any.
+    strips: [Option<Pipeline>; 2],
+    grad: [Option<Pipeline>; 2],
+}
+
+impl PhotometricLoss {
+    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may have weights; `lambda` is
+    /// the weight of 1 - SSIM, L1 has the rest.
+    pub fn new(gpu: &Gpu, sizes: &[(u32, u32)], deep: bool, weighted: bool, lambda: f64) -> Result<Self, vk::Error> {
+        let (constant, lanes) = match gpu.caps().subgroup {
+            Subgroup::Hardware(width) if width >= loss::LEAST_LANES => ("LOCAL_SIZE", width),
+            _ => ("EMULATED_WIDTH", loss::EMULATED_LANES),
+        };
+        let (width, height) = sizes.iter().copied().max_by_key(|&(w, h)| u64::from(w) * u64::from(h)).unwrap_or((1, 1));
+        let mut layout = Layout::new(width, height, lanes);
+        let (strips, grad) = if constant == "EMULATED_WIDTH" {
+            layout.apart = 3;
+            (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED)
+        } else if layout.apart == 3 {
+            (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP)
+        } else if gpu.caps().kind == DeviceKind::Cpu {
+            (&loss::STRIPS_SUBGROUP_THREE, &loss::GRAD_SUBGROUP)
+        } else {
+            (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP)
+        };
+        let passes = |depth: Depth| -> Result<Passes, vk::Error> {
+            let (lanes, bits) = ((constant, lanes), ("PHOTOGRAPH_BITS", depth.bits()));
+            let segment = ("SEGMENT", layout.segment);
+            let one = |weights: u32| -> Result<[Option<Pipeline>; 2], vk::Error> {
+                let weights = ("WEIGHTED", weights);
+                let strips = gpu.pipeline(&strips.kernel, &[lanes, segment, bits, weights])?;
+                Ok([Some(strips), Some(gpu.pipeline(&grad.kernel, &[lanes, bits, weights])?)])
+            };
+            let [plain_strips, plain_grad] = one(0)?;
+            let [strips, grad] = if weighted { one(1)? } else { [None, None] };
+            Ok(Passes { strips: [plain_strips, strips], grad: [plain_grad, grad] })
+        };
+        let most = |f: &dyn Fn(Layout) -> u64| {
+            let layouts = sizes.iter().map(|&(width, height)| Layout { width, height, ..layout });
+            layouts.map(f).max().unwrap_or(1)
+        };
+        let pixels = most(&|l| u64::from(l.width) * u64::from(l.height));
+        let plane = |name| gpu.buffer(name, 4 * most(&|l| l.plane_floats()), Memory::Device);
+        Ok(Self {
+            lambda: lambda as f32,
+            layout,
+            eight: passes(Depth::Eight)?,
+            sixteen: if deep { Some(passes(Depth::Sixteen)?) } else { None },
+            sum: gpu.pipeline(&loss::SUM.kernel, &[("LOCAL_SIZE", sum_threads(gpu.caps()))])?,
+            planes: [plane("red_planes")?, plane("green_planes")?, plane("blue_planes")?],
+            ssim_parts: gpu.buffer("ssim_parts", 4 * most(&|l| u64::from(l.ssim_parts())), Memory::Device)?,
+            l1_parts: gpu.buffer("l1_parts", 4 * most(&|l| u64::from(l.l1_parts())), Memory::Device)?,
+            grad_image: gpu.buffer("grad_image", 16 * pixels, Memory::Device)?,
+            result: gpu.buffer("loss", 4 * u64::from(loss::SLOT_FLOATS), Memory::Device)?,
+        })
+    }
+
+    /// Records the loss of `image` against `photograph`. Of a part of a photograph the gradient is the part's share in that of all of it, and
+    /// the loss that of the part.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        image: &Buffer,
+        photograph: &Photograph<'_>,
+        weights: Option<PixelWeights<'_>>,
+    ) -> Result<(), vk::Error> {
+        let (width, height) = photograph.size;
+        let layout = Layout { width, height, ..self.layout };
+        let passes = self.sixteen.as_ref().filter(|_| photograph.bits == 16).unwrap_or(&self.eight);
+        let form = usize::from(weights.is_some());
+        let (Some(strips), Some(grad)) = (&passes.strips[form], &passes.grad[form]) else { return Ok(()) };
+        let (saliency, [low_weight, high_weight]) =
+            weights.map_or((&self.result, [1.0; 2]), |weights| (weights.saliency, weights.of));
+        let push = Push { width, height, lambda: self.lambda, values: photograph.values, low_weight, high_weight };
+        let [red, green, blue] = &self.planes;
+        let buffers = [image, photograph.buffer, red, green, blue, &self.ssim_parts, saliency];
+        recorder.dispatch(strips, &buffers, &push, Groups::Items(layout.strip_threads()))?;
+        let buffers = [image, photograph.buffer, red, green, blue, &self.grad_image, &self.l1_parts, saliency];
+        recorder.dispatch(grad, &buffers, &push, Groups::Items(layout.grad_threads()))?;
+        let push = SumPush {
+            values: photograph.part_values,
+            ssim_count: layout.ssim_parts(),
+            l1_count: layout.l1_parts(),
+            slot: 0,
+            lambda: self.lambda,
+        };
+        let buffers = [&self.ssim_parts, &self.l1_parts, &self.result];
+        recorder.dispatch(&self.sum, &buffers, &push, Groups::Workgroups(1))
+    }
+
+    /// Bytes of its buffers.
+    pub fn bytes(&self) -> u64 {
+        let rest = [&self.ssim_parts, &self.l1_parts, &self.grad_image, &self.result];
+        self.planes.iter().chain(rest).map(Buffer::size).sum()
+    }
+
+    /// dL/d(image), the layout of the image; the fourth component is zero.
+    pub fn grad_image(&self) -> &Buffer {
+        &self.grad_image
+    }
+
+    /// Total, L1 and SSIM of the last recorded view.
+    pub fn result(&self) -> &Buffer {
+        &self.result
+    }
+}
+
+/// Threads that add the parts of the loss up.
+fn sum_threads(caps: &Caps) -> u32 {
+    const MOST: u32 = 1024;
+    match caps.kind {
+        DeviceKind::Cpu => loss::SUM_THREADS,
+        _ => caps.limits.workgroup_size.clamp(loss::SUM_THREADS, MOST) / loss::SUM_THREADS * loss::SUM_THREADS,
+    }
+}
