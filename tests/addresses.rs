@@ -177,7 +177,7 @@ const SMALL: Pacing = Pacing {
 };
 
 #[test]
-fn training_by_address_and_across_a_descriptors_range_is_that_through_descriptors() {
+fn training_by_address_equals_training_through_descriptors() {
     let Some(through) = common::gpu_with(|o| o.addresses = Some(false)) else { return };
     let Some(always) = gpu(|o| o.addresses = Some(true)) else { return };
     let Some(across) = gpu(|o| (o.storage_range, o.addresses) = (Some(RANGE), None)) else { return };
@@ -198,7 +198,7 @@ fn training_by_address_and_across_a_descriptors_range_is_that_through_descriptor
 }
 
 #[test]
-fn pairs_that_have_no_room_for_slots_are_summed_by_atomics_unless_that_is_forbidden() {
+fn pairs_beyond_the_slots_use_atomics_unless_forbidden() {
     let Some(gpu) = common::gpu_with(|o| (o.storage_range, o.addresses) = (Some(RANGE), Some(false))) else { return };
     let slots = Variants { gradients: GradientSum::Slots, ..Variants::choose(&gpu, true) };
     let most = most_pairs(&gpu, slots);

@@ -132,7 +132,7 @@ fn few_views_are_spread_over_all() {
 }
 
 #[test]
-fn buffers_that_are_too_small_grow_and_the_steps_before_do_not_count() {
+fn steps_before_a_buffer_grows_are_not_measured() {
     let Some(gpu) = common::gpu() else { return };
     let mut input = plane_scene::input(4, 64, 48, 300);
     // Every splat on every one of 48 tiles: more than the eight pairs per splat that are allotted at first.

@@ -119,7 +119,7 @@ layout(set = 0, binding = 5) readonly buffer Other { float other[]; };
 }
 
 #[test]
-fn texels_stand_beside_a_table_of_addresses_where_their_rows_are_only_read() {
+fn read_only_rows_become_texels_beside_a_table_of_addresses() {
     let text = "\
 #version 460
 layout(set = 0, binding = 0) readonly buffer Rows { vec4 rows[]; };

@@ -143,7 +143,7 @@ fn psrgs_is_the_method_where_none_is_named() {
 }
 
 #[test]
-fn psrgs_has_a_loss_on_depth_where_splats_do_not_begin_on_its_surfaces() {
+fn psrgs_has_a_depth_loss_unless_splats_begin_on_surfaces() {
     let weights = |args: &[&str]| {
         let got = settings(&[&["fox"], args].concat());
         ["lambda-depth", "lambda-normal"].map(|key| got["geometry"][key].as_float().expect("a number"))
@@ -229,7 +229,7 @@ fn presets_are_written_out_and_named_options_win_over_them() {
 }
 
 #[test]
-fn a_settings_file_is_what_it_says_and_a_preset_by_name_wins_over_it() {
+fn a_settings_file_is_complete_and_a_preset_option_overrides_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let chosen = |text: &str, args: &[&str]| {
         let file = write(folder.path(), "my.toml", text);

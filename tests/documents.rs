@@ -9,7 +9,7 @@ use std::process::Command;
 
 use psrgs_vk::dataset::{Colourless, Format, NoColours, PoseFault, Renamed, Warning};
 
-/// Names of the test functions under `folder`, and of the cases of the twin tests.
+/// Names of the test functions under `folder`.
 fn tests_under(folder: &Path, found: &mut Vec<String>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     entries.sort();
@@ -30,12 +30,26 @@ fn tests_under(folder: &Path, found: &mut Vec<String>) {
     }
 }
 
-/// How many numbered rows of a document's tables there are; the last column of each names tests, and each of these is there.
+/// Names of all test functions.
+fn tests() -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    for folder in ["tests", "src"] {
+        tests_under(&root.join(folder), &mut found);
+    }
+    found
+}
+
+#[test]
+fn names_of_tests_have_at_most_60_letters() {
+    let long: Vec<String> = tests().into_iter().filter(|name| name.len() > 60).collect();
+    assert!(long.is_empty(), "longer than 60 letters: {long:#?}");
+}
+
+/// How many numbered rows of a document's tables there are. The last column of each row names tests that exist.
 fn rows_with_tests(document: &str) -> usize {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut tests = Vec::new();
-    tests_under(&root.join("tests"), &mut tests);
-    tests_under(&root.join("src"), &mut tests);
+    let tests = tests();
     let cases = fs::read_to_string(root.join("tests/twins/main.rs")).unwrap();
     let document = fs::read_to_string(root.join(document)).unwrap();
     let rules = document.lines().filter(|line| {

@@ -239,7 +239,7 @@ fn flatness_pulls_at_the_shortest_axis_alone() {
 }
 
 #[test]
-fn smallness_pulls_at_the_view_dependent_coefficients_in_use_alone() {
+fn smallness_pulls_only_at_view_dependent_coefficients_in_use() {
     let camera = camera(64, 48);
     let mut random = Random::new(12);
     for degree in 0..=3 {
@@ -285,7 +285,7 @@ fn projection_twin_beyond_the_clamp_of_the_reference() {
 /// Below the bound the colour is that of a brighter splat less a constant: differences of the brighter one are what the gradient has to be
 /// where it leads back inside.
 #[test]
-fn a_colour_at_its_lower_bound_has_the_gradient_that_raises_it_and_no_other() {
+fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     let camera = camera(64, 48);
     let mut random = Random::new(23);
     let lift = 10.0;
@@ -321,7 +321,7 @@ fn a_colour_at_its_lower_bound_has_the_gradient_that_raises_it_and_no_other() {
 
 /// Exactly at the bound the loss has two slopes: a gradient that leads back inside is the one to the right of the bound.
 #[test]
-fn brute_force_gradients_at_the_bound_of_colours_are_the_slopes_that_lead_back() {
+fn brute_force_gradients_at_the_colour_bound_lead_back_inside() {
     let camera = camera(22, 17);
     let settings = Settings { black_learns: true, ..settings(0, false) };
     let (mut splats, mut random) = calm_scene(40, &camera, &settings);
@@ -350,7 +350,7 @@ fn brute_force_gradients_at_the_bound_of_colours_are_the_slopes_that_lead_back()
 }
 
 #[test]
-fn reference_clamp_changes_the_means_gradient_only_where_clamped() {
+fn reference_clamp_changes_only_gradients_of_clamped_means() {
     let camera = camera(64, 48);
     let honest = View::<f64>::exact(&camera, &Projection::default());
     let quirk = View::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });

@@ -194,7 +194,7 @@ impl Reflection {
 }
 
 #[test]
-fn modules_with_texels_have_a_descriptor_for_every_buffer_and_view() {
+fn modules_with_texels_have_a_descriptor_per_buffer_and_view() {
     let mut with_texels = 0;
     for pass in pass::ALL {
         let kernel = &pass.kernel;

@@ -226,7 +226,7 @@ fn portraits(stages: bool, depth: bool) -> ReportData {
 }
 
 #[test]
-fn masked_pixels_are_hatched_and_have_no_part_in_the_scale_of_errors() {
+fn masked_pixels_are_hatched_and_left_out_of_the_error_scale() {
     let mut data = half_masked();
     let page = render_report(&data).unwrap();
     assert!(page.contains("Hatched: masked, 50 % of the pixels"));

@@ -198,7 +198,7 @@ fn a_scaled_schedule_of_full_length_is_the_reference() {
 }
 
 #[test]
-fn a_short_schedule_changes_density_seldom_and_has_room_after_resets() {
+fn a_short_schedule_densifies_seldom_with_room_after_resets() {
     let s = schedule(|o| {
         o.run.iterations = 500;
         o.run.scale_schedule = true;
@@ -401,7 +401,7 @@ fn bands_of_a_photograph_follow_one_another() {
 
 /// What needs a whole photograph has it: depths, gradient maps, the perceptual distance, learned widths, and what is reduced already.
 #[test]
-fn steps_that_look_at_more_than_colours_look_at_all_of_the_photograph() {
+fn steps_that_need_more_than_colours_see_the_whole_photograph() {
     let whole = |change: fn(&mut Settings)| {
         let s = schedule(|s| {
             (s.run.iterations, s.run.bands, s.frequencies.coarse_steps) = (600, 2, 0.0);

@@ -145,7 +145,7 @@ fn buffers_hold_no_three_component_vectors() {
 }
 
 #[test]
-fn modules_are_made_for_vulkan_1_2_and_ask_for_known_capabilities() {
+fn modules_target_vulkan_1_2_and_declare_known_capabilities() {
     const KNOWN: &[Capability] = &[
         Capability::Shader,
         Capability::GroupNonUniform,

@@ -62,7 +62,7 @@ fn timing_leaves_no_trace_in_the_training() {
 }
 
 #[test]
-fn a_choice_is_kept_and_found_again_and_a_damaged_file_is_made_anew() {
+fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let cache = folder.path().join("not/there/yet");

@@ -110,7 +110,7 @@ fn forms_that_the_device_cannot_run_are_refused() {
 
 /// The least that Vulkan asks of a device is 16 KiB.
 #[test]
-fn forms_that_take_more_shared_memory_than_there_is_are_not_taken() {
+fn forms_with_too_much_shared_memory_are_not_chosen() {
     let Some(gpu) = common::gpu_with(|o| o.max_shared_bytes = Some(16 << 10)) else { return };
     assert_eq!(gpu.caps().limits.shared_bytes, 16 << 10);
     let possible = Variants::possible(&gpu);

@@ -89,7 +89,7 @@ fn layer_reports_a_removed_barrier() {
 }
 
 #[test]
-fn checker_objects_to_a_removed_barrier_before_the_device_sees_it() {
+fn checker_reports_a_removed_barrier_before_the_device_runs() {
     let Some(gpu) = common::gpu_with(|o| o.check_hazards = true) else { return };
     let mut rec = write_then_read(&gpu);
     rec.omit_barrier(0);

@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_another_program_under_the_name_of_a_result_is_never_replaced() {
+    fn a_foreign_file_named_as_a_result_is_never_replaced() {
         let names = [
             "point_cloud.ply",
             "metrics.json",

@@ -173,7 +173,7 @@ mod tests {
 
     /// However many there are, and though all others have them in view: nothing is seen there from a camera.
     #[test]
-    fn the_places_of_many_cameras_that_see_one_another_are_of_no_use() {
+    fn points_at_the_places_of_the_cameras_are_of_no_use() {
         let cameras = circle(64, false);
         let useless = judged(&cameras, cameras.iter().map(Camera::center)).expect("taken for useful");
         assert_eq!((useless.served, useless.kept.len()), (0, 0));

@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn few_photographs_and_equal_ones_expect_the_model_s_own_colours() {
+    fn few_or_equal_exposures_expect_the_colours_of_the_model() {
         for none in [learned([]), learned([(1, 0.8)]), learned((0..9).map(|i| (i, 1.0)))] {
             assert_eq!((none.follows(), none.of("x.jpg", [0.0; 3])), (Follows::default(), IDENTITY));
         }

@@ -147,7 +147,7 @@ mod tests {
 
     /// All of the content before the name, and the name after.
     #[test]
-    fn a_file_is_flushed_before_it_has_its_name_and_the_folder_after() {
+    fn a_file_is_flushed_before_its_rename_and_its_folder_after() {
         let folder = tempfile::tempdir().unwrap();
         let disk = Watched::default();
         write_on(&disk, &folder.path().join("a"), |out| out.write_all(&[7; 300_000])).unwrap();
@@ -156,7 +156,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_folder_that_cannot_be_flushed_is_no_error_and_a_broken_disk_is() {
+    fn a_folder_without_flushing_is_fine_and_a_broken_disk_is_not() {
         use rustix::io::Errno;
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a");

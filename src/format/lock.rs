@@ -132,7 +132,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_lock_that_the_file_system_refuses_is_told_and_other_errors_stay() {
+    fn a_lock_without_support_is_told_and_other_errors_remain() {
         use rustix::io::Errno;
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("lock");

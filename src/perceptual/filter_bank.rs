@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn filters_answer_to_their_own_orientation_and_not_to_flat_places() {
+    fn filters_answer_to_their_orientation_and_not_to_flat_areas() {
         for (size, wavelength, sigma) in SCALES {
             let f = filters(size, wavelength, sigma);
             let answer = |output: usize, image: &dyn Fn(f64, f64) -> f64| -> f64 {

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_follow_specialization_constants_and_what_is_cut_short_is_not_known() {
+    fn lengths_follow_constants_and_truncated_modules_have_none() {
         let op = |code: u32, operands: &[u32]| -> Vec<u32> {
             let mut words = vec![(operands.len() as u32 + 1) << 16 | code];
             words.extend(operands);

@@ -143,7 +143,7 @@ fn too_little_device_memory_has_its_code() {
 }
 
 #[test]
-fn masks_are_counted_and_a_photograph_masked_all_over_is_left_out() {
+fn masks_are_counted_and_a_wholly_masked_photograph_is_left_out() {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
     let masks = data.path().join("masks");

@@ -62,7 +62,7 @@ fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
 
 /// Chromium's packages bring a driver whose device can do nothing.
 #[test]
-fn a_device_that_lacks_what_is_needed_is_named_with_what_it_lacks() {
+fn a_device_that_lacks_features_is_named_with_those_features() {
     let library = Path::new("/usr/lib/chromium/libVkICD_mock_icd.so");
     if !library.exists() {
         return common::left_out("there is no driver of a device that lacks something");

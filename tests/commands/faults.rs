@@ -28,7 +28,7 @@ fn saved(out: &Path) -> u64 {
 /// Optimised builds have no option to keep no photographs.
 #[cfg(debug_assertions)]
 #[test]
-fn photographs_that_go_away_end_a_training_that_reads_them_again() {
+fn missing_photographs_end_a_training_that_reads_them_again() {
     let Some(shared) = shared() else { return };
     type Damage = fn(&Path);
     let cases: [(Damage, &str); 2] = [
@@ -131,7 +131,7 @@ fn a_second_run_in_the_same_folder_touches_nothing() {
 }
 
 #[test]
-fn a_run_that_fails_before_it_begins_costs_an_earlier_one_nothing() {
+fn a_run_that_fails_to_start_leaves_the_earlier_run_whole() {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
     let out = data.path().join("run");
@@ -172,7 +172,7 @@ fn a_run_goes_on_without_the_file_that_it_began_with() {
 
 /// Splats that swell until their pairs no longer fit.
 #[test]
-fn device_memory_that_runs_out_while_training_ends_it_with_a_checkpoint() {
+fn running_out_of_device_memory_ends_training_with_a_checkpoint() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");
@@ -257,7 +257,7 @@ fn a_cache_that_cannot_be_written_does_not_stop_a_training() {
 
 /// Settings that no step depends on are taken, with a line; others are named with both values, and nothing is lost.
 #[test]
-fn a_settings_file_that_was_edited_is_held_against_the_checkpoint() {
+fn an_edited_settings_file_is_compared_with_the_checkpoint() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");

@@ -10,7 +10,7 @@ const SHORT: [&str; 8] =
     ["--iterations", "25", "--densify-from", "5", "--densify-interval", "10", "--set", "stereo-side=64"];
 
 #[test]
-fn a_scan_of_the_dataset_is_taken_and_without_one_stereo_stands_in() {
+fn a_lidar_scan_is_used_and_stereo_replaces_a_missing_scan() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (data, out) = (shared.data(), folder.path().join("run"));

@@ -25,7 +25,7 @@ fn ending(folder: &Path, end: &str) -> Vec<String> {
 }
 
 #[test]
-fn held_out_photographs_of_the_longest_names_are_rendered_and_scored() {
+fn held_out_photographs_with_the_longest_names_are_scored() {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
     let (long, part) = (format!("{}.jpg", "n".repeat(241)), "p".repeat(200));
@@ -43,7 +43,7 @@ fn held_out_photographs_of_the_longest_names_are_rendered_and_scored() {
 }
 
 #[test]
-fn photographs_of_one_name_have_pictures_and_depths_of_their_own() {
+fn photographs_of_one_name_keep_separate_renders_and_depths() {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
     for (from, to) in [("view_0001.jpg", "a.jpg"), ("view_0002.jpg", "a.jpeg"), ("view_0003.jpg", "A-1.jpg")] {

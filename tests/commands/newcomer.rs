@@ -169,7 +169,7 @@ fn a_run_does_not_go_on_with_another_dataset() {
 
 /// A photograph that was trained on has gone, or cannot be decoded any more; one that is held out may.
 #[test]
-fn a_run_does_not_go_on_without_a_photograph_that_it_was_trained_on() {
+fn a_run_does_not_resume_without_one_of_its_photographs() {
     if common::gpu().is_none() {
         return;
     }

@@ -25,7 +25,7 @@ fn a_training_never_replaces_files_of_its_dataset() {
 
 /// Through everything that a run removes and replaces, from its beginning to its end.
 #[test]
-fn files_beside_the_results_of_a_run_outlast_another_run_in_its_place() {
+fn files_of_others_in_a_run_folder_outlast_the_next_run() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");

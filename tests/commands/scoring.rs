@@ -40,13 +40,13 @@ fn psnr_of_files(out: &Path, view: &str) -> f64 {
 /// A score may be exposed as other photographs let expect, and by nothing else: a photograph of noise changes neither model nor exposures
 /// nor render, and its score is that of noise. The last evaluation of the training is the score in the metrics.
 #[test]
-fn a_held_out_photograph_of_noise_changes_its_score_and_nothing_else() {
+fn held_out_noise_changes_only_its_score_with_affine_exposures() {
     noise_changes_a_score_alone("affine");
 }
 
 /// The same in the model's own colours.
 #[test]
-fn a_held_out_photograph_of_noise_changes_no_render_in_own_colours() {
+fn held_out_noise_changes_only_its_score_with_exposures_off() {
     noise_changes_a_score_alone("off");
 }
 

@@ -13,7 +13,7 @@ fn psnr(out: &std::path::Path) -> f64 {
 }
 
 #[test]
-fn a_training_on_swiftshader_comes_to_what_it_comes_to_elsewhere() {
+fn a_training_on_swiftshader_scores_as_on_the_other_driver() {
     let (Some(shared), Some(driver)) = (shared(), swiftshader()) else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let cache = folder.path().join("cache");

@@ -59,7 +59,7 @@ fn code(mut child: Child) -> Option<i32> {
 
 /// Standard error is a pipe that nobody will read from again.
 #[test]
-fn a_lost_terminal_before_the_first_step_does_not_keep_signals_from_ending_it() {
+fn signals_end_a_training_that_lost_its_terminal_at_the_start() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     for name in ["-TERM", "-HUP", "-INT"] {
@@ -76,7 +76,7 @@ fn a_lost_terminal_before_the_first_step_does_not_keep_signals_from_ending_it() 
 
 /// As a pager that was stopped leaves it: whoever writes to it waits.
 #[test]
-fn a_terminal_that_takes_nothing_more_does_not_keep_signals_from_ending_it() {
+fn signals_end_a_command_whose_terminal_is_blocked() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (model, data) = (shared.model(), shared.data());

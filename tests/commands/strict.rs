@@ -52,7 +52,7 @@ fn cut(photograph: &Path) {
 const CUT: &str = "1 of 12 photographs cannot be used and is left out, 'view_0005.jpg': pixels at byte";
 
 #[test]
-fn every_command_leaves_out_a_photograph_whose_pixels_are_cut_off() {
+fn every_command_leaves_out_a_truncated_photograph() {
     if common::gpu().is_none() {
         return;
     }
@@ -113,7 +113,7 @@ fn every_command_leaves_out_a_photograph_whose_pixels_are_cut_off() {
 }
 
 #[test]
-fn every_command_leaves_out_a_record_of_many_and_refuses_it_strictly() {
+fn every_command_skips_a_bad_record_and_strict_refuses_it() {
     if common::gpu().is_none() {
         return;
     }

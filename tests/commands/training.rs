@@ -123,7 +123,7 @@ fn stopped(args: &[String], word: &str, signal: &str) -> (Option<i32>, String) {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_saves_and_says_how_to_go_on_and_ends_the_same() {
+fn an_interrupted_run_saves_and_resumes_to_the_same_model() {
     let Some(shared) = shared() else { return };
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -176,7 +176,7 @@ fn a_hang_up_that_is_ignored_stays_ignored() {
 
 #[cfg(unix)]
 #[test]
-fn a_killed_run_goes_on_from_its_last_checkpoint_and_ends_the_same() {
+fn a_killed_run_resumes_to_the_same_model() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");

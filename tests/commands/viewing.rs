@@ -76,7 +76,7 @@ fn what_is_not_scored_says_why() {
 }
 
 #[test]
-fn render_gives_the_pictures_of_training_and_depth_in_the_units_of_the_dataset() {
+fn render_gives_training_pictures_and_depth_in_dataset_units() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("pictures");
@@ -180,7 +180,7 @@ fn views_are_those_asked_for_and_photographs_are_not_needed() {
 }
 
 #[test]
-fn a_model_from_elsewhere_is_warned_of_and_an_empty_one_is_not_scored() {
+fn a_model_out_of_view_is_warned_of_and_an_empty_one_not_scored() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let read = ply::read(&shared.model()).expect("a model");

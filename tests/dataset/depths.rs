@@ -67,7 +67,7 @@ fn apart(eight: &Photograph, deep: &Photograph) -> f64 {
 }
 
 #[test]
-fn sixteen_bits_and_floats_are_the_8_bit_picture_with_more_digits() {
+fn deep_photographs_decode_as_8_bit_copies_with_finer_digits() {
     for (distorted, max_side) in [(false, None), (false, Some(24)), (true, None), (true, Some(24))] {
         let root = copies(distorted);
         let dataset = load(root.path(), LoadOptions { max_side, ..LoadOptions::default() });

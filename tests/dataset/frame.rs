@@ -25,7 +25,7 @@ fn the_frame_is_that_of_the_training_cameras() {
 }
 
 #[test]
-fn one_photograph_and_cameras_at_one_place_take_the_extent_of_the_points() {
+fn cameras_at_one_place_take_the_extent_of_the_points() {
     let folder = Folder::ring(&["only.png"], [50.0, 0.0, 0.0]);
     let dataset = load(folder.dataset(false).path()).expect("loads");
     assert_eq!(dataset.views[0].role, Role::Train);
@@ -56,7 +56,7 @@ fn one_photograph_and_cameras_at_one_place_take_the_extent_of_the_points() {
 
 /// One pose of a reconstruction that went wrong, 1e30 away, used to make the scene as large and every splat a speck in it.
 #[test]
-fn a_camera_far_from_all_others_is_named_and_has_no_say_in_the_extent() {
+fn a_far_camera_is_named_and_does_not_change_the_extent() {
     let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png"];
     let all = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
     let load = |folder: &Folder| Dataset::load(folder.dataset(false).path(), &all).expect("loads");

@@ -201,7 +201,7 @@ fn pixels_without_a_source_are_masked_and_no_others() {
 }
 
 #[test]
-fn rays_and_pixels_are_each_other_s_inverse_and_end_where_the_polynomial_turns() {
+fn lens_rays_invert_pixels_up_to_the_turn_of_the_polynomial() {
     for case in cases() {
         let root = case.dataset(|_| [0; 3]);
         let lens = first(root.path(), None).lens.expect("a lens");

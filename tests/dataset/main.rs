@@ -150,7 +150,7 @@ fn reduced_folders_are_chosen_by_option_and_by_size() {
 }
 
 #[test]
-fn sizes_may_differ_between_cameras_and_between_camera_and_photograph() {
+fn sizes_of_cameras_and_photographs_may_differ() {
     let mut folder = Folder::ring(&NAMES, [0.0; 3]);
     folder.cameras.push(CameraRow { id: 9, model: SIMPLE_PINHOLE, size: [30, 40], params: vec![33.0, 14.0, 21.0] });
     folder.images[2].camera = 9;
@@ -235,7 +235,7 @@ fn folders_that_may_not_be_looked_into_are_not_taken_for_empty() {
 }
 
 #[test]
-fn grey_photographs_have_three_equal_channels_and_foreign_files_are_refused() {
+fn grey_photographs_are_read_and_foreign_files_are_refused() {
     let folder = Folder::ring(&NAMES, [0.0; 3]);
     let root = folder.dataset(false);
     let file = root.path().join("images/b.png");

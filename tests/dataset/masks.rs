@@ -133,7 +133,7 @@ fn transparent_pixels_are_left_out_and_keep_their_colours() {
 }
 
 #[test]
-fn transparent_pixels_show_what_is_behind_where_that_is_asked_for() {
+fn transparent_pixels_show_the_background_that_is_asked_for() {
     let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
     let clear = |x: u32| if x < 8 { 0 } else { 255 };
     RgbaImage::from_fn(24, 16, |x, _| Rgba([40, 90, 200, clear(x)]))

@@ -51,7 +51,7 @@ fn tints(dataset: &Dataset) -> Vec<u8> {
 }
 
 #[test]
-fn photographs_under_names_that_differ_a_little_are_found_in_every_format() {
+fn photographs_under_similar_names_are_found_in_every_format() {
     for (names, files, words) in [
         (
             ["a.png", "b.png", "c.png"],

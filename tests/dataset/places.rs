@@ -54,7 +54,7 @@ fn models_in_other_places_are_found() {
 }
 
 #[test]
-fn the_originals_of_a_conversion_go_with_the_model_they_were_made_of() {
+fn originals_of_a_conversion_go_with_the_original_model() {
     // convert.py leaves undistorted photographs in images/, with a model in sparse/0, beside what they were made of.
     let root = laid_out("distorted/sparse/0", "input");
     Folder::ring(&NAMES, [0.0; 3]).write_photographs(&root.path().join("images"));

@@ -50,7 +50,7 @@ fn shown(input: &Input) -> Vec<[u8; 3]> {
 }
 
 #[test]
-fn points_of_one_colour_take_those_of_the_photographs_that_see_them() {
+fn points_of_one_colour_take_the_colours_of_the_photographs() {
     let mut folder = ring(&NAMES);
     for colour in [[0; 3], [255; 3], [10, 20, 30]] {
         folder.points.iter_mut().for_each(|point| point.color = colour);
@@ -94,7 +94,7 @@ fn colours_come_from_the_photographs_that_observe_a_point() {
 }
 
 #[test]
-fn a_cloud_of_init_without_colours_takes_those_of_the_photographs() {
+fn an_init_cloud_without_colours_takes_those_of_photographs() {
     let folder = ring(&NAMES);
     let root = folder.dataset(false);
     write_plain(&folder, root.path(), |_, _| [200, 100, 50]);

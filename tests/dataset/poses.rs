@@ -135,7 +135,7 @@ fn a_scene_whose_points_fit_has_no_wrong_pose() {
 }
 
 #[test]
-fn a_photograph_whose_own_points_are_elsewhere_is_left_out_of_training() {
+fn a_photograph_with_misplaced_points_is_left_out_of_training() {
     let sound = load(&scene());
     for way in ["far", "aside", "turned", "swapped", "shifted"] {
         let mut folder = scene();
@@ -191,7 +191,7 @@ fn a_pose_worse_than_the_others_is_named_and_kept() {
 }
 
 #[test]
-fn keypoints_of_another_size_than_the_camera_do_not_speak_against_poses() {
+fn keypoints_at_another_scale_do_not_speak_against_poses() {
     let mut folder = scene();
     folder.images.iter_mut().for_each(|image| {
         image.keypoints.iter_mut().for_each(|(u, v, _)| (*u, *v) = (4.0 * *u, 4.0 * *v));
@@ -216,7 +216,7 @@ fn a_far_camera_whose_points_fit_is_part_of_the_extent() {
 
 /// Without tracks nothing but where the camera is, and what it sees, speaks for or against its pose.
 #[test]
-fn a_far_camera_that_no_points_bear_out_has_no_say_in_the_extent() {
+fn a_far_camera_without_points_does_not_change_the_extent() {
     let bare = |way: Option<&str>| {
         let mut folder = scene();
         way.into_iter().for_each(|way| spoil(&mut folder, way));
@@ -344,7 +344,7 @@ fn transforms(folder: &std::path::Path, rows: impl Fn(&ImageRow) -> (Matrix, [f6
 }
 
 #[test]
-fn matrices_of_transforms_json_in_another_convention_are_recognised_by_what_is_in_sight() {
+fn points_in_view_reveal_the_pose_convention_of_transforms_json() {
     let options = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
     let folder = tempfile::tempdir().unwrap();
     // As the format has them: camera to world with y up and z backwards.

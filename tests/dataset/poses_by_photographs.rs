@@ -109,7 +109,7 @@ fn change_places(model: &mut Folder, [a, b]: [usize; 2]) {
 }
 
 #[test]
-fn photographs_with_tracks_and_no_keypoints_that_changed_places_are_told_by_colours() {
+fn colours_reveal_swapped_photographs_without_keypoints() {
     for zeros in [false, true] {
         for text in [false, true] {
             let mut model = flight();
@@ -171,7 +171,7 @@ fn transforms(root: &std::path::Path, written: impl Fn((Matrix, [f64; 3])) -> (M
 }
 
 #[test]
-fn matrices_in_another_convention_without_points_are_recognised_by_what_neighbours_have_in_common() {
+fn neighbours_without_points_reveal_the_pose_convention() {
     let root = tempfile::tempdir().unwrap();
     // As the format has them: camera to world with y up and z backwards.
     let sound = transforms(root.path(), |pose| written_of(pose, Some(Convention::InvertedWithOtherAxes)));
@@ -194,7 +194,7 @@ fn matrices_in_another_convention_without_points_are_recognised_by_what_neighbou
 
 /// Poses of the flight with an error of their own each are wrong in every convention.
 #[test]
-fn poses_that_are_wrong_in_every_convention_are_not_taken_for_one_of_them() {
+fn poses_wrong_in_every_convention_match_none() {
     let root = tempfile::tempdir().unwrap();
     let mut dataset = transforms(root.path(), |pose| written_of(pose, Some(Convention::InvertedWithOtherAxes)));
     for (k, view) in dataset.views.iter_mut().enumerate() {
@@ -221,7 +221,7 @@ fn in_convention(camera: &mut Camera, found: Convention) {
 }
 
 #[test]
-fn neighbouring_photographs_tell_poses_of_another_convention_without_points() {
+fn neighbours_of_real_scenes_reveal_another_pose_convention() {
     for name in ["lund"] {
         let Some((mut dataset, photographs)) = without_tracks(name) else { continue };
         dataset.points.clear();
@@ -248,7 +248,7 @@ fn photographs_of_real_scenes_bear_their_poses_out() {
 }
 
 #[test]
-fn neighbours_of_real_scenes_that_changed_places_are_told_by_colours() {
+fn colours_reveal_swapped_neighbours_in_real_scenes() {
     for (name, first) in [("fox", 5), ("lund", 10)] {
         let Some((mut dataset, photographs)) = without_tracks(name) else { continue };
         let (a, b) = (dataset.views[first].camera, dataset.views[first + 1].camera);

@@ -121,7 +121,7 @@ fn more_than_a_tenth_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn a_photograph_with_two_poses_has_the_first_and_numbers_may_repeat() {
+fn a_photograph_with_two_poses_has_the_first_and_ids_may_repeat() {
     for text in [false, true] {
         let root = ring().dataset(text);
         let mut folder = ring();

@@ -74,7 +74,7 @@ fn pixels_are_the_same_however_they_are_kept() {
 
 /// To the same size and format: nothing but its sum shows it.
 #[test]
-fn a_photograph_or_mask_that_becomes_another_is_told_when_it_is_read_again() {
+fn a_changed_photograph_or_mask_is_told_when_it_is_read_again() {
     let root = folder(&["a.png", "b.png", "c.png", "d.png"], 24, 16);
     let (image, mask) = (root.path().join("images/c.png"), root.path().join("masks/c.png"));
     std::fs::create_dir(root.path().join("masks")).expect("folder");
@@ -114,7 +114,7 @@ fn of_several_damaged_photographs_the_first_is_told() {
 }
 
 #[test]
-fn very_large_jpegs_decoded_at_reduced_scale_show_the_same_picture() {
+fn large_jpegs_decoded_at_reduced_scale_show_the_same_picture() {
     let root = folder(&["a.jpg", "b.png", "c.jpg"], 3200, 400);
     let file = |name: &str| root.path().join("images").join(name);
     // The same pixels without and with the shortcut: PNG is always decoded whole.

@@ -181,7 +181,7 @@ fn clouds_and_models_as_text_mean_the_same_in_every_spelling() {
 }
 
 #[test]
-fn byte_order_marks_are_passed_over_by_every_reader_of_settings_and_frames() {
+fn readers_of_settings_and_frames_skip_byte_order_marks() {
     let root = tempfile::tempdir().expect("a folder");
     let with_mark = |name: &str, text: &str| {
         let file = root.path().join(name);
@@ -325,7 +325,7 @@ fn camera_models_are_known_in_every_usual_spelling() {
 }
 
 #[test]
-fn rotation_matrices_with_one_scale_are_rotations_and_others_are_named() {
+fn uniformly_scaled_rotations_are_read_and_others_are_named() {
     let folder = turned_ring([0.0; 3]);
     let root = nerfstudio(&folder, true);
     let file = root.path().join("transforms.json");

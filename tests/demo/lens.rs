@@ -83,7 +83,7 @@ fn photographs_through_a_lens_train_as_well_as_without_it() {
 /// From sparse points, with growth: both have their own. The lens gained 0.03, 0.13, 0.14 and 0.24 dB in four seeds. By 3dgs, as what is
 /// judged are the pictures: psrgs gains 0.3 to 0.4 dB from resampled photographs in each of them, 0.2 to 0.3 without noise and JPEG.
 #[test]
-fn a_world_seen_through_a_lens_trains_as_well_as_its_pinhole_copy() {
+fn a_world_with_lens_distortion_trains_as_well_as_a_pinhole_one() {
     let folder = tempfile::tempdir().unwrap();
     let scene =
         "--images 32 --max-side 96 --pixels-per-point 20 --without exposure,pose-noise,outliers --lidar-density 0.1";

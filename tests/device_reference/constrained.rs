@@ -136,7 +136,7 @@ fn spread(rows: &[f64], of: usize, chosen: &[usize], splats: usize) -> Vec<f64> 
 }
 
 #[test]
-fn gradients_of_the_constrained_set_agree_with_the_brute_force_renderer() {
+fn gradients_of_constrained_splats_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };
     let mut case = case((61, 45), 1, false, 300, 77);
     case.model.opacities.iter_mut().for_each(|o| *o = o.abs() + 0.3);

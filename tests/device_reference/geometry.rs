@@ -162,7 +162,7 @@ fn on_device(
 }
 
 #[test]
-fn gradients_of_the_geometry_loss_agree_with_the_brute_force_renderer() {
+fn gradients_of_the_geometry_loss_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };
     // So many that most pixels have a depth, and small enough that it varies.
     let mut case = case((61, 45), 1, false, 900, 411);

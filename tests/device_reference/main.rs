@@ -288,7 +288,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
 
 /// With gradients of depth and normals too, by every form of the blend backward, and by the step that consumes them at once.
 #[test]
-fn gradients_of_depth_and_normals_agree_with_the_brute_force_renderer() {
+fn gradients_of_depth_and_normals_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };
     for (k, case) in [case((61, 45), 1, false, 200, 301), case((34, 40), 2, true, 200, 302)].into_iter().enumerate() {
         let decided = case.decided();

@@ -48,7 +48,7 @@ fn checkpoint_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn the_last_two_checkpoints_are_kept_and_the_newest_whole_one_is_taken() {
+fn two_checkpoints_are_kept_and_the_newest_whole_one_is_read() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let path = folder.path();
     let files = || {

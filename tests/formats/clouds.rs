@@ -97,7 +97,7 @@ fn with_properties(properties: &[(&str, &str)], rows: &[&str]) -> String {
 }
 
 #[test]
-fn colours_of_clouds_are_read_under_all_usual_names_and_in_all_usual_ranges() {
+fn colours_of_clouds_are_read_under_all_usual_names_and_ranges() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("cloud.ply");
     let want = vec![[0, 51, 255], [255, 102, 0]];
@@ -134,7 +134,7 @@ fn colours_of_clouds_are_read_under_all_usual_names_and_in_all_usual_ranges() {
 }
 
 #[test]
-fn colours_of_unknown_form_are_none_and_their_properties_are_named() {
+fn colours_of_unknown_form_are_none_with_properties_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("cloud.ply");
     for (properties, row, unknown) in [

@@ -43,7 +43,7 @@ fn quaternions_of_any_length_are_written_with_unit_length() {
 
 /// The lines that other programs write and read.
 #[test]
-fn comments_on_antialiasing_are_written_and_read_as_other_programs_do() {
+fn comments_on_antialiasing_agree_with_those_of_other_programs() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let file = folder.path().join("point_cloud.ply");
     for (antialias, line) in [(true, "comment SplatRenderMode: mip\n"), (false, "comment SplatRenderMode: default\n")] {
@@ -240,7 +240,7 @@ fn foreign_ply_is_read_in_any_order_type_and_degree() {
 }
 
 #[test]
-fn infinite_opacities_of_a_file_are_made_finite_and_other_infinities_refused() {
+fn infinite_opacities_become_finite_and_other_values_refused() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let file = folder.path().join("point_cloud.ply");
     let mut g = splats(3);

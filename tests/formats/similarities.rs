@@ -178,7 +178,7 @@ fn a_model_in_a_frame_of_its_own_comes_back_into_the_scene() {
 }
 
 #[test]
-fn transforms_of_other_trainers_are_read_and_others_refused_with_a_reason() {
+fn transforms_of_other_trainers_are_read_and_bad_ones_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("transform.json");
     let read = |text: &str| {

@@ -26,7 +26,7 @@ fn measure(gpu: &Gpu, distance: &Distance, image: &[[f32; 4]], rgba: &[u8]) -> (
 }
 
 #[test]
-fn filter_bank_grows_with_blur_and_has_the_gradient_of_its_value() {
+fn filter_bank_grows_with_blur_and_its_gradient_is_right() {
     let Some(gpu) = common::gpu() else { return };
     let distance = Distance::filter_bank(&gpu).unwrap();
     assert_eq!((distance.layers(), distance.least_side()), (2, 13));

@@ -210,7 +210,7 @@ fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
 /// A model on the surface is right; lowered by a metre it is wrong by that in depth and distance; what is added to it high
 /// above floats.
 #[test]
-fn a_model_made_of_the_truth_is_right_and_one_that_was_moved_is_wrong_by_that() {
+fn geometry_errors_of_a_moved_model_are_its_displacement() {
     let Some(gpu) = common::gpu() else { return };
     let dir = tempfile::tempdir().unwrap();
     let params = WorldParams {

@@ -195,7 +195,7 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
 }
 
 #[test]
-fn views_of_one_place_show_one_photograph_of_it_however_many_they_are() {
+fn many_views_from_one_place_count_as_one_photograph() {
     let filled = |at: &[(f64, f64)], wrong: f64| {
         let (views, mut priors) = views(at, |_| 1.0);
         // The last three see something else there.
@@ -280,7 +280,7 @@ fn a_view_beyond_many_that_stand_nearer_looks_all_the_same() {
 }
 
 #[test]
-fn a_skirt_goes_on_from_roofs_and_trees_as_a_blur_does_not_show_them() {
+fn a_skirt_continues_rough_ground_that_extension_leaves_out() {
     let spread = |share: f64| move |p: usize| 1.0 + share * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
     // Three hundredths of the distance, as buildings of 5 m are from 100 m above: no splats that photographs look at, but a skirt.
     let (views, priors) = views(&ROW, spread(0.05));

@@ -19,7 +19,7 @@ fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool)
 
 /// Splats on surfaces differ from round ones of reconstructed points by just what is asked for, and those of the points by nothing.
 #[test]
-fn splats_on_surfaces_begin_as_wide_flat_and_opaque_as_asked_for() {
+fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dataset = world(folder.path(), 96);

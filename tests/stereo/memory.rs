@@ -89,7 +89,7 @@ fn the_first_damaged_photograph_is_the_one_that_is_told() {
 
 /// Kept decoded, compressed, or read again: the same depths.
 #[test]
-fn depths_to_train_with_are_the_same_wherever_photographs_are_kept() {
+fn depths_to_train_with_do_not_depend_on_where_photographs_are() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dataset = world(folder.path(), 96);

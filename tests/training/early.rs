@@ -16,7 +16,7 @@ fn early(share: f64) -> Settings {
 }
 
 #[test]
-fn early_steps_are_those_of_their_cut_off_and_the_others_are_not() {
+fn only_early_steps_use_the_early_alpha_cutoff() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
     for shape in [TileShape::Column, TileShape::Pixel] {

@@ -35,7 +35,7 @@ fn used(state: &State) -> Vec<bool> {
 }
 
 #[test]
-fn the_share_of_splats_that_is_asked_for_has_them_when_growth_has_ended() {
+fn the_asked_share_of_splats_has_harmonics_after_growth() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
     let one = Pacing { events_in_flight: 1, ..Pacing::default() };

@@ -129,7 +129,7 @@ fn fused_and_separate_optimiser_steps_are_bit_equal() {
 }
 
 #[test]
-fn overflow_is_replayed_bit_equal_with_1_2_and_8_events_in_flight() {
+fn overflow_is_replayed_bit_equal_with_any_events_in_flight() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
     let large = Pacing { splat_capacity: 20_000, pair_capacity: 400_000, ..Pacing::default() };

@@ -181,7 +181,7 @@ fn a_prior_without_weights_is_no_loss() {
 }
 
 #[test]
-fn a_weight_on_harmonics_makes_colours_depend_less_on_the_direction() {
+fn a_weight_on_harmonics_lowers_the_view_dependence_of_colours() {
     let Some(gpu) = gpu() else { return };
     let mut s = settings(40);
     s.density.no_densify = true;
@@ -284,7 +284,7 @@ fn the_coarse_camera_sees_the_same_rays() {
 
 /// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the photographs.
 #[test]
-fn black_splats_learn_their_colours_but_in_the_published_methods() {
+fn black_splats_learn_colours_except_in_published_methods() {
     let Some(gpu) = gpu() else { return };
     let mut input = plane_scene::input(5, 64, 48, 300);
     let black = -0.5 / SH_C0 as f32 - 0.1;

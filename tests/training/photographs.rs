@@ -121,7 +121,7 @@ fn scored(
 }
 
 #[test]
-fn photographs_that_do_not_stay_in_memory_train_and_score_the_same() {
+fn photographs_not_kept_in_memory_train_and_score_the_same() {
     let Some(gpu) = common::gpu() else { return };
     let scene = OnDisk::new();
     let whole = scene.input(u64::MAX);
@@ -155,7 +155,7 @@ fn photographs_that_do_not_stay_in_memory_train_and_score_the_same() {
 /// step in front of it is submitted: at the start, after scorings and changes, when steps are taken again because buffers have
 /// grown, and when a training goes on. So a step waits only where decoding takes longer than training.
 #[test]
-fn every_photograph_is_asked_for_before_the_step_in_front_of_its_own() {
+fn every_photograph_is_asked_for_one_step_ahead() {
     let Some(gpu) = common::gpu() else { return };
     let scene = OnDisk::new();
     let tight = |decoded_ahead| Pacing { splat_capacity: 1, pair_capacity: 64, decoded_ahead, ..streamed(4) };
@@ -213,7 +213,7 @@ fn streamed_training_stops_and_resumes_without_a_trace() {
 }
 
 #[test]
-fn a_photograph_that_goes_missing_on_the_way_ends_the_training_with_its_name() {
+fn a_missing_photograph_ends_the_training_and_is_named() {
     let Some(gpu) = common::gpu() else { return };
     let scene = OnDisk::new();
     let mut trainer = Trainer::new(&gpu, scene.input(0), &scene.settings, streamed(2), None).expect("trainer");
@@ -230,7 +230,7 @@ fn a_photograph_that_goes_missing_on_the_way_ends_the_training_with_its_name() {
 }
 
 #[test]
-fn sixteen_bits_train_as_their_8_bit_copies_and_their_lower_digits_count() {
+fn deep_photographs_train_as_8_bit_copies_with_finer_digits() {
     let Some(gpu) = common::gpu() else { return };
     let eight = plane_scene::input(4, 64, 48, 300);
     let deep = |lower| {

@@ -71,7 +71,7 @@ fn half(mut input: Input) -> Input {
 }
 
 #[test]
-fn splats_are_added_where_propagated_depths_are_not_those_rendered() {
+fn splats_are_added_where_propagated_and_rendered_depths_differ() {
     let Some(gpu) = gpu() else { return };
     let mut settings = gspro(30);
     settings.density.no_densify = true;

@@ -79,7 +79,7 @@ fn splats_of_little_weight_are_dropped_when_growth_has_ended() {
 }
 
 #[test]
-fn dropping_splats_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
+fn dropping_splats_keeps_replays_and_resumed_runs_bit_equal() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
     let truth = run(&gpu, input.clone(), &pruned(), Pacing::default());
@@ -145,7 +145,7 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
 /// The limit is reached by the change right before the step at which the lightest splats may go: with events on their way the host used
 /// to decide by the count before that change.
 #[test]
-fn a_limit_that_was_reached_just_now_is_seen_with_any_number_of_events_on_their_way() {
+fn a_limit_just_reached_is_seen_with_any_events_in_flight() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(5, 64, 48, 300);
     let mut settings = recycled(400);

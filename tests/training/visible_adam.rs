@@ -85,7 +85,7 @@ fn apart(one: &Run, other: &Run, input: &Input) -> f64 {
 
 /// What is left out is made up for: the model ends where steps of all splats would have brought it, but for what is expected in advance.
 #[test]
-fn what_a_photograph_does_not_show_ends_where_steps_of_all_would_have_it() {
+fn splats_out_of_view_end_where_steps_of_all_splats_lead() {
     let Some(gpu) = common::gpu() else { return };
     // From narrow pictures, each of which shows a part.
     let mut input = plane_scene::input(5, 64, 48, 300);

@@ -134,7 +134,7 @@ fn absolute_columns_are_sums_over_pixels_of_absolute_values() {
 }
 
 #[test]
-fn clamped_alpha_has_no_gradient_unless_the_reference_is_followed() {
+fn clamped_alpha_has_a_gradient_only_as_in_the_reference() {
     let mut scene = Scene::random("clamped", 1, 1, [1, 1], 1.0);
     scene.splats[0] = [0.5, 0.5, 1.0, 0.0, 1.0, 0.999, 1.0, 0.0, 0.3, 0.6, 0.9, 0.0];
     scene.everywhere = true;

@@ -101,7 +101,7 @@ fn cells_double_in_size_away_from_the_origin() {
 }
 
 #[test]
-fn a_change_in_morton_order_leaves_the_same_splats_along_the_curve() {
+fn a_change_in_morton_order_keeps_splats_along_the_curve() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 2, 64, 65, 500, 1025] {
         for (max_splats, shape) in [(None, Shape::Runs), (Some(n as u32 + 3), Shape::Groups)] {

@@ -106,7 +106,7 @@ fn a_range_that_a_later_submit_writes_is_not_ready() {
 }
 
 #[test]
-fn memory_in_the_hosts_commands_is_left_alone_until_they_are_finished() {
+fn memory_in_commands_of_the_host_is_kept_until_they_finish() {
     let Some(host) = host() else { return };
     let (gpu, other) = (adopt(&host), adopt(&host));
     let (ring, upload) =

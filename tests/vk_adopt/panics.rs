@@ -72,7 +72,7 @@ fn copy(gpu: &Gpu, from: &Buffer, to: &Buffer) -> Recorder {
 }
 
 #[test]
-fn barriers_of_a_submit_whose_lock_panicked_are_not_taken_for_done() {
+fn barriers_lost_with_a_panicked_lock_are_recorded_again() {
     let Some(host) = host() else { return };
     let (gpu, fuse) = with_lock(&host);
     let [source, target, never] = ["source", "target", "never"].map(|n| gpu.buffer(n, 64, Memory::Device).unwrap());

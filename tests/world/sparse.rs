@@ -45,7 +45,7 @@ fn poses_are_as_far_off_as_asked_for() {
 
 /// Points far from the surface are the wrong matches; without noise every other point lies on it.
 #[test]
-fn as_many_points_are_wrong_as_asked_for_and_the_others_are_sparse() {
+fn the_asked_share_of_points_is_wrong_and_the_rest_is_sparse() {
     let effects = Effects { outliers: 0.1, pose_noise: 0.0, observation_noise: 0.0, ..Effects::default() };
     let params = WorldParams { images: 16, effects, ..small() };
     let dir = tempfile::tempdir().unwrap();

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_by_less_than_two_runs_of_the_default_is_the_same() {
+    fn differences_within_the_noise_of_the_default_dominate_nothing() {
         let mut table = table(&[(1.0, 1.0), (1.2, 1.0), (0.85, 1.0), (0.7, 1.0)]);
         table.settings[0].default = true;
         table.settings[1].repeats = true;

@@ -64,7 +64,7 @@ mod tests {
     use crate::scene::SH_GROUP_FLOATS;
 
     #[test]
-    fn a_splat_needs_harmonics_by_what_changes_and_how_much_of_it_is_seen() {
+    fn need_of_harmonics_follows_change_of_colour_and_visible_area() {
         let head = |constant: f32, linear: f32| {
             let mut row = vec![constant; 3];
             row.resize(SH_GROUP_FLOATS, linear);

@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn one_photograph_that_takes_more_than_the_machine_has_is_refused() {
+    fn a_photograph_larger_than_the_memory_of_the_host_is_refused() {
         let decoding = 100 << 30;
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 2000 * MIB };
         let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, MemoryEstimate::default()), (true, 1));

@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_of_a_settings_file_may_be_written_as_floating_point_ones() {
+    fn whole_numbers_of_settings_may_have_a_decimal_point() {
         let s = parse("[run]\niterations = 700.0\nseed = 3e0\n[optimiser]\nlr-means = 1.0\n").unwrap();
         assert_eq!((s.run.iterations, s.run.seed, s.optimiser.lr_means), (700, 3, 1.0));
         let message = parse("[run]\niterations = 700.5\n").unwrap_err().to_string();
