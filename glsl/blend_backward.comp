@@ -99,8 +99,8 @@ void main() {
 #ifdef SLOTS
     for (uint i = range.x + top; i < range.y; ++i) {
         const uint row = sorted_slots[i];
-        put(row, lane, 0.0);
-        if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, 0.0);
+        store_grad(row, lane, 0.0);
+        if (lane < (AUX != 0u ? 7u : 4u)) store_grad(row, 8u + lane, 0.0);
     }
 #endif
 
@@ -114,7 +114,7 @@ void main() {
             mine.opacity = lane < n ? mine.opacity : 0.0;
             const float mine_inverse = mine.opacity > 0.0 ? 1.0 / mine.opacity : 0.0;
 #ifdef SLOTS
-            const uint mine_row = fetched(row_of(pair));
+            const uint mine_row = prefetch_row(row_of(pair));
 #else
             const uint mine_row = row_of(pair);
 #endif
@@ -146,8 +146,8 @@ void main() {
                     second += subgroup_shuffle(second, lane ^ 4u);
                 }
                 const uint row = subgroup_shuffle(mine_row, k);
-                put(row, lane, first);
-                if (lane < (AUX != 0u ? 7u : 4u)) put(row, 8u + lane, second);
+                store_grad(row, lane, first);
+                if (lane < (AUX != 0u ? 7u : 4u)) store_grad(row, 8u + lane, second);
                 ++k;
             } while (k < n);
             left -= n;
@@ -185,7 +185,7 @@ void add_up(uint row, float column[16]) {
     if (t < (AUX != 0u ? 15u : 12u)) {
         sum = 0.0;
         for (uint i = 0u; i < 16u; ++i) sum += part_sums[16u * t + i];
-        put(row, t, sum);
+        store_grad(row, t, sum);
     }
 }
 #else
@@ -197,9 +197,9 @@ shared uint subgroup_has[LOCAL_SIZE];
 // Splats of a part: as many as there are rows for.
 uint part_splats() { return min(32u, subgroup_width()); }
 
-void give(uint place, uint column, float sum) { subgroup_sums[16u * (subgroup_number() * part_splats() + place) + column] = sum; }
+void accumulate(uint place, uint column, float sum) { subgroup_sums[16u * (subgroup_number() * part_splats() + place) + column] = sum; }
 #else
-void give(uint row, uint column, float sum) { put(row, column, sum); }
+void accumulate(uint row, uint column, float sum) { store_grad(row, column, sum); }
 #endif
 
 // Adds each column over the subgroup by a transposing butterfly: a step adds lanes that differ in one bit, of which those without it keep
@@ -217,7 +217,7 @@ void add_up(uint row, float column[16]) {
         [[unroll]] for (uint c = 0u; c < 15u; ++c) {
             if (c < COLUMNS) {
                 const float sum = subgroup_add(column[c]);
-                if (subgroup_elect()) give(row, c, sum);
+                if (subgroup_elect()) accumulate(row, c, sum);
             }
         }
     } else {
@@ -231,14 +231,14 @@ void add_up(uint row, float column[16]) {
         const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
         const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
         if (subgroup_width() < 16u) {
-            give(row, lane, first);
-            if (8u + lane < COLUMNS) give(row, 8u + lane, second);
+            accumulate(row, lane, first);
+            if (8u + lane < COLUMNS) accumulate(row, 8u + lane, second);
         } else {
             float sum = butterfly(first, second, 8u);
             [[unroll]] for (uint k = 4u; k < 7u; ++k) {
                 if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
             }
-            if (lane < COLUMNS) give(row, lane, sum);
+            if (lane < COLUMNS) accumulate(row, lane, sum);
         }
     }
 }
@@ -246,7 +246,7 @@ void add_up(uint row, float column[16]) {
 
 // Takes a pixel past staged splat k and adds up what the splat gets, to `row`: false where that is nothing. Called by all threads that
 // add_up adds over.
-bool take(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
+bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
     const Splat s = staged(k);
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
@@ -286,7 +286,7 @@ void add_subgroups(uint k0, uint count) {
         for (uint s = 0u; s < subgroups; ++s) {
             if ((subgroup_has[s] >> j & 1u) != 0u) sum += subgroup_sums[16u * (s * part_splats() + j) + column];
         }
-        if (column < (AUX != 0u ? 15u : 12u)) put(staged_row[k0 + j], column, column < COLUMNS ? sum : 0.0);
+        if (column < (AUX != 0u ? 15u : 12u)) store_grad(staged_row[k0 + j], column, column < COLUMNS ? sum : 0.0);
     }
 }
 #endif
@@ -313,7 +313,7 @@ void main() {
 
 #ifdef SLOTS
     for (uint i = range.x + top; i < range.y; ++i) {
-        if (t < (AUX != 0u ? 15u : 12u)) put(sorted_slots[i], t, 0.0);
+        if (t < (AUX != 0u ? 15u : 12u)) store_grad(sorted_slots[i], t, 0.0);
     }
 #endif
 
@@ -359,9 +359,9 @@ void main() {
             for (uint bits = shown & low_bits(count) & ~behind; bits > 0u; bits -= bits & (~bits + 1u)) {
                 const uint j = uint(findLSB(bits));
 #ifdef SLOTS
-                if (take(pixel, k0 + j, j, center, left - k0 - j)) has |= 1u << j;
+                if (blend_splat(pixel, k0 + j, j, center, left - k0 - j)) has |= 1u << j;
 #else
-                take(pixel, k0 + j, staged_row[k0 + j], center, left - k0 - j);
+                blend_splat(pixel, k0 + j, staged_row[k0 + j], center, left - k0 - j);
 #endif
             }
 #ifdef SLOTS
@@ -373,7 +373,7 @@ void main() {
         }
 #else
         barrier();
-        for (uint k = 0u; k < n; ++k) take(pixel, k, staged_row[k], center, left - k);
+        for (uint k = 0u; k < n; ++k) blend_splat(pixel, k, staged_row[k], center, left - k);
 #endif
     }
     if (COUNT != 0u) {

@@ -49,7 +49,7 @@ uint blended = 0u;
 // The weight. Branch-free: a stopped pixel and a skipped splat both give 0.
 float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
     const float alpha = min(unclamped_alpha(exponent(conic_roots(along, s.q, s.r, dy)), s.opacity), ALPHA_MAX);
-    const float next = behind(pixel.transmittance, alpha);
+    const float next = attenuate(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
     const float weight = mix(0.0, alpha * pixel.transmittance, goes_on);
     pixel.color += weight * s.color;
@@ -152,7 +152,7 @@ void main() {
 #include "staged.glsl"
 shared uint going_on;
 
-void take(inout Pixel pixel, Splat s, vec2 center, uint place, uint list) {
+void blend_splat(inout Pixel pixel, Splat s, vec2 center, uint place, uint list) {
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
     const float weight = blend(pixel, s, along, center.y - s.y, place);
@@ -187,7 +187,7 @@ void main() {
         if (BLOCK == 0u) {
             for (uint k = 0u; k < n; ++k) {
                 if (pixel.transmittance <= 0.0) break;
-                take(pixel, staged(k), center, first + k, range.x);
+                blend_splat(pixel, staged(k), center, first + k, range.x);
             }
         } else {
             for (uint k0 = 0u; k0 < n; k0 += 32u) {
@@ -195,7 +195,7 @@ void main() {
                 for (uint bits = touched_word(rank, k0 / 32u); bits > 0u; bits -= bits & (~bits + 1u)) {
                     if (pixel.transmittance <= 0.0) break;
                     const uint k = k0 + uint(findLSB(bits));
-                    take(pixel, staged(k), center, first + k, range.x);
+                    blend_splat(pixel, staged(k), center, first + k, range.x);
                 }
             }
         }

@@ -61,11 +61,11 @@ void emit_shared(uint splat, uint place, uint end, uint shift) {
             const uint j = j0 + lane;
             const uint row = last_at_most(before, j);
             const uint x = subgroup_shuffle(columns.x, row) + (j - subgroup_shuffle(before, row));
-            if (j < total && place + j < end) put(place + j, shift, (e.row_begin + y0 + row) * tiles.x + x, splat);
+            if (j < total && place + j < end) store_pair(place + j, shift, (e.row_begin + y0 + row) * tiles.x + x, splat);
         }
         place += total;
     }
-    for (uint left = place + lane; left < end; left += width) put(left, shift, tiles.x * tiles.y, splat);
+    for (uint left = place + lane; left < end; left += width) store_pair(left, shift, tiles.x * tiles.y, splat);
 }
 
 void main() {

@@ -41,7 +41,7 @@ float unclamped_alpha(float e, float opacity) {
 }
 
 // Transmittance behind a splat.
-float behind(float transmittance, float alpha) {
+float attenuate(float transmittance, float alpha) {
     precise float t = transmittance * (1.0 - alpha);
     return t;
 }

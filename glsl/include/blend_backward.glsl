@@ -55,7 +55,7 @@ uint row_of(uint pair) {
 // The same row, once its first and last word have been asked for. Rows lie where their splats do, far from one another: a store to a line
 // that is not in the cache holds up all stores after it, row by row, while loads for all lanes of a subgroup wait together. What is
 // read is of no use, but without a say in where the row is it would not be read; pictures are never 0 wide.
-uint fetched(uint row) {
+uint prefetch_row(uint row) {
     const uint words = floatBitsToUint(slot_grads[12u * row]) ^ floatBitsToUint(slot_grads[12u * row + 11u]);
     return row + (push.width == 0u ? words : 0u);
 }
@@ -74,7 +74,7 @@ uint fetched(uint row) {
 #endif
 
 // Column `column` of a row: 0 to 11 are grad2d's, 12 to 14 (AUX only) the normal's.
-void put(uint row, uint column, float value) {
+void store_grad(uint row, uint column, float value) {
 #ifdef SLOTS
     if (column < 12u) slot_grads[12u * row + column] = value;
     else if (AUX != 0u) slot_normals[4u * row + column - 12u] = value;

@@ -32,7 +32,7 @@ layout(constant_id = 0) const uint CARRIED = 0u;  // pairs carry the splat itsel
 layout(constant_id = 23) const uint PER_TURN = 8u;
 
 // Writes a pair to a place; `shift` is from there to its slot.
-void put(uint place, uint shift, uint tile, uint splat) {
+void store_pair(uint place, uint shift, uint tile, uint splat) {
     pair_keys[place] = tile;
     if (CARRIED != 0u) {
         pair_vals[place] = splat;
@@ -77,7 +77,7 @@ void emit_alone(uint splat, uint place, uint end, uint shift) {
         for (uint j = 0u; j < PER_TURN; ++j) {
             const bool listed = y < e.row_end;
             if (place < end && (!listed || columns.x < columns.y)) {
-                put(place, shift, listed ? y * tiles.x + columns.x : tiles.x * tiles.y, splat);
+                store_pair(place, shift, listed ? y * tiles.x + columns.x : tiles.x * tiles.y, splat);
                 ++place;
                 ++columns.x;
             }
