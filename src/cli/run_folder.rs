@@ -107,7 +107,7 @@ impl RunFolder {
     }
 
     /// Adds to an error that ends a training how to go on, unless it says so itself.
-    pub(crate) fn with_way_on(&self, error: anyhow::Error) -> anyhow::Error {
+    pub(crate) fn with_resume_hint(&self, error: anyhow::Error) -> anyhow::Error {
         if exit::message(&error).contains("--resume") {
             return error;
         }
@@ -199,7 +199,7 @@ fn not_through_a_link(checkpoints: &Path) -> Result<(), Failure> {
 }
 
 /// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
-pub(crate) fn with_way_back(run: &Path, error: anyhow::Error) -> anyhow::Error {
+pub(crate) fn with_dataset_hint(run: &Path, error: anyhow::Error) -> anyhow::Error {
     error.context(Remedy(format!("if the dataset has moved: psrgs-vk train DATA --resume {}", run.display())))
 }
 
@@ -407,7 +407,7 @@ mod tests {
     fn the_way_on_is_told_once() {
         let folder = tempfile::tempdir().unwrap();
         let run = RunFolder::open(&plan(folder.path())).unwrap();
-        let told = |text: &str| exit::remedies(&run.with_way_on(anyhow::anyhow!(text.to_owned()))).join("\n");
+        let told = |text: &str| exit::remedies(&run.with_resume_hint(anyhow::anyhow!(text.to_owned()))).join("\n");
         assert!(told("disk full").contains("no checkpoint"));
         fs::write(run.checkpoints().join("checkpoint-000100.ckpt"), "x").unwrap();
         let way_on = told("disk full");

@@ -38,7 +38,7 @@ group! {
     options {
         /// Train by this method: psrgs is the best; 3dgs, absgs, gspro and rsgs are published ones to compare with
         #[arg(value_name = "METHOD", help_heading = MOST_USED, display_order = 3)]
-        pub method: Method = Method::Gs,
+        pub method: Method = Method::Reference3dgs,
         /// Take N training steps; a step looks at one photograph. More show finer texture
         #[arg(value_name = "N", help_heading = MOST_USED, display_order = 5)]
         pub iterations: u32 = 30_000; Range::COUNT,

@@ -289,7 +289,7 @@ impl Gpu {
     /// From now on every submit, wait and question about a ticket is answered as by a driver that has lost its device: for tests of
     /// what comes of that. What was submitted still runs.
     #[doc(hidden)]
-    pub fn pretend_lost(&self) {
+    pub fn simulate_device_loss(&self) {
         self.inner.lost.store(true, Ordering::Release);
     }
 

@@ -238,7 +238,7 @@ fn depth_priors_bring_splats_to_the_surface() {
 #[test]
 fn methods_are_values_of_options_and_named_ones_win() {
     let plain = Settings::default();
-    assert_eq!(Settings::of_method(Method::Gs), plain);
+    assert_eq!(Settings::of_method(Method::Reference3dgs), plain);
     let abs = Settings::of_method(Method::AbsGs);
     assert!(
         abs.density.absgrad && abs.density.split_grad_threshold == Some(4e-4) && abs.density.percent_dense == 0.001
@@ -290,7 +290,7 @@ fn black_splats_learn_colours_except_in_published_methods() {
     let black = -0.5 / SH_C0 as f32 - 0.1;
     input.initial.sh[0].chunks_exact_mut(12).for_each(|sh| sh[..3].fill(black));
     for (method, learns) in [
-        (Method::Gs, false),
+        (Method::Reference3dgs, false),
         (Method::AbsGs, false),
         (Method::Lean, true),
         (Method::PsrgsPaper, true),

@@ -101,7 +101,7 @@ impl Args {
             (None, Some(file)) => {
                 let mut settings = asked.over(&Settings::read(file)?, given)?;
                 if given("stereo-splats") || given("stereo-density") {
-                    settings.geometry.begin_as_asked(given);
+                    settings.geometry.reset_density_refinements(given);
                 }
                 let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
                 let set = |key: &str| given(key) || written.iter().any(|k| k == key);

@@ -81,7 +81,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
         };
         outputs::write(&finished, &mut trainer, &mut lpips, console)
     };
-    to_the_end().map_err(|error| folder.with_way_on(error))
+    to_the_end().map_err(|error| folder.with_resume_hint(error))
 }
 
 /// Loads the dataset. Where a run is gone on with, an error says what to do if it has moved.
@@ -93,7 +93,7 @@ fn load(plan: &Plan, console: &Console) -> anyhow::Result<Dataset> {
     }
     let options = prepare::load_options_of(settings);
     Dataset::load(data, &options).map_err(|error| match plan.resume {
-        true => run_folder::with_way_back(&plan.out, error.into()),
+        true => run_folder::with_dataset_hint(&plan.out, error.into()),
         false => error.into(),
     })
 }

@@ -28,7 +28,7 @@ pub(super) fn follow(
             Message::Step { step, seconds: now, .. } => {
                 seconds = now;
                 if plan.lose_device_at == Some(step) {
-                    gpu.pretend_lost();
+                    gpu.simulate_device_loss();
                 }
                 if progress.wants_estimate(step) {
                     progress.estimate(step, now, gpu.memory_use().current, !plan.settings.density.no_densify);

@@ -11,7 +11,7 @@ use super::{DepthPrior, Exposure, Gate, Growth, Run, Settings, SigmaLearning};
 #[non_exhaustive]
 pub enum Method {
     /// `3dgs`: the reference method of Kerbl et al. 2023 with its published schedule and quirks.
-    Gs,
+    Reference3dgs,
     /// `absgs`: 3dgs with splits by sums of absolute gradients (Ye et al. 2024).
     AbsGs,
     /// `gspro`: 3dgs with depths and normals propagated from its renders, and splats where these are far off (GaussianPro, Cheng et al.
@@ -30,7 +30,7 @@ pub enum Method {
 impl Method {
     /// All methods, with what they are called.
     pub const ALL: [(Self, &str); 7] = [
-        (Self::Gs, "3dgs"),
+        (Self::Reference3dgs, "3dgs"),
         (Self::AbsGs, "absgs"),
         (Self::GsPro, "gspro"),
         (Self::Rsgs, "rsgs"),
@@ -48,7 +48,7 @@ impl Method {
     /// that is black stays black: the published methods follow that.
     pub fn black_learns(self) -> bool {
         match self {
-            Self::Gs | Self::AbsGs | Self::GsPro | Self::Rsgs => false,
+            Self::Reference3dgs | Self::AbsGs | Self::GsPro | Self::Rsgs => false,
             Self::Lean | Self::Psrgs | Self::PsrgsPaper => true,
         }
     }
@@ -57,7 +57,7 @@ impl Method {
     pub fn apply(self, settings: &mut Settings, named: impl Fn(&str) -> bool) {
         settings.run.method = self;
         match self {
-            Self::Gs => {}
+            Self::Reference3dgs => {}
             Self::AbsGs => absgs(settings, &named),
             Self::GsPro => gspro(settings, &named),
             Self::Rsgs => rsgs(settings, &named),

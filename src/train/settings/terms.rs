@@ -136,7 +136,7 @@ impl Geometry {
 
     /// A file's settings after `given` options have said how many splats begin on surfaces: whoever gives a number has that number, and
     /// what only refines one that is 0 now falls with it, unless it was given too.
-    pub fn begin_as_asked(&mut self, given: impl Fn(&str) -> bool) {
+    pub fn reset_density_refinements(&mut self, given: impl Fn(&str) -> bool) {
         if !given("stereo-density") {
             self.stereo_density = 0;
         }
