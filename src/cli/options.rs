@@ -64,7 +64,8 @@ fn keys(program: &Command) -> String {
     };
     let keys = Settings::all_keys().into_iter().filter(|(_, key)| !is_option(&key.name));
     let row = |(group, key): (&str, settings::Key)| {
-        let (default, takes) = (cell(&key.default), cell(key.range.unwrap_or_default()));
+        let (default, takes) =
+            (cell(&key.default), cell(&key.range.map_or_else(|| words_of(&key.name), str::to_owned)));
         format!("| `[{group}]` | `{}` | {default} | {takes} | {} |\n", key.name, cell(&paragraph(key.help)))
     };
     KEYS.to_owned() + &keys.map(row).collect::<String>()
@@ -131,6 +132,17 @@ fn paragraph(help: &str) -> String {
 
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('<', "&lt;")
+}
+
+/// The words that a key without a range takes, as they are told of a word that it does not take.
+fn words_of(key: &str) -> String {
+    let told = Settings::default().set(key, "?").err().map(|error| error.to_string()).unwrap_or_default();
+    let words = told.rsplit_once("it is ").or_else(|| told.rsplit_once("expected ")).map_or("", |(_, words)| words);
+    match words.trim() {
+        "u32" | "u64" => "a whole number".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        words => words.replace('`', ""),
+    }
 }
 
 /// A table of what the methods set.
