@@ -79,7 +79,7 @@ fn a_slice_by_address_begins_where_it_should() {
     common::assert_no_messages(&gpu);
 }
 
-/// Beyond a descriptor's range rows are still read as texels where the device does that, in a form of its own.
+/// Beyond a descriptor's range rows are still read as texels where the device does that, in a variant of its own.
 #[test]
 fn rows_beyond_a_descriptor_are_read_as_texels() {
     use psrgs_vk::pass::{ALL, slot_sum};
@@ -90,7 +90,7 @@ fn rows_beyond_a_descriptor_are_read_as_texels() {
     }
     let views = slot_sum::PASS.kernel.spirv.texels_by_address.expect("its rows are only read").views;
     assert!(views.iter().all(|view| view.at >= 64 && u64::from(view.binding) + 64 == u64::from(view.at)));
-    // A kernel that writes rows which it reads has no such form.
+    // A kernel that writes rows which it reads has no such variant.
     let written = |name: &str| ALL.iter().find(|pass| pass.kernel.name == name).expect("a pass").kernel.spirv;
     let fused = written("project_backward_adam");
     assert!(fused.texels.is_some() && fused.texels_by_address.is_none());
@@ -114,7 +114,7 @@ fn guards_notice_a_write_past_the_end_by_address() {
     run(256).unwrap();
 }
 
-/// Everything about a run that must not depend on the form of its kernels.
+/// Everything about a run that must not depend on the variant of its kernels.
 #[derive(Debug, PartialEq)]
 struct Told {
     losses: Vec<u32>,

@@ -281,7 +281,7 @@ fn commands_of_a_step_say_what_they_wait_for() {
     assert!(barriers > 10 && barriers <= waiting, "{barriers} barriers for {waiting} commands that wait");
     // Each pass of the tile lists is there.
     for pass in ["project", "compact", "emit", "tile_ranges", "finish"] {
-        // Some have a pass per form.
+        // Some have a pass per variant.
         let is = |name: &str| {
             name == pass
                 || pass == "emit" && name.starts_with("emit_together")

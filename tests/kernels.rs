@@ -116,7 +116,7 @@ impl Reflection {
     }
 }
 
-/// Every pass with each form of its module.
+/// Every pass with each variant of its module.
 fn forms() -> impl Iterator<Item = (&'static Pass, Reflection)> {
     pass::ALL.iter().flat_map(|&pass| {
         let addresses = pass.kernel.spirv.addresses.expect("build.rs makes both forms");

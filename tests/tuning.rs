@@ -1,4 +1,4 @@
-//! The forms of the passes by timing: what is chosen when, what is kept on disk, and that training does not notice.
+//! The variants of the passes by timing: what is chosen when, what is kept on disk, and that training does not notice.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn timing_leaves_no_trace_in_the_training() {
     let memory = gpu.memory_use().current;
     let all = Variants::possible(&gpu);
     let times = tune::measure(&gpu, &input(), &settings(Tune::Again), &all).expect("timings");
-    // Both tiles are tried; those that are far slower need not be in all forms.
+    // Both tiles are tried; those that are far slower need not be in all variants.
     let tried: Vec<Variants> = times.iter().map(|t| t.0).collect();
     assert!(tried.iter().all(|form| all.contains(form)) && tried[0] == all[0], "{tried:?}");
     assert!(
@@ -96,7 +96,7 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
         assert!(warning.contains("forms.json") && warning.contains("made anew"), "{warning}");
         assert_eq!(tuned(&auto).why, Why::Kept);
     }
-    // Of another driver, or a form that this device cannot run: as if it were not there.
+    // Of another driver, or a variant that this device cannot run: as if it were not there.
     for (from, to) in [("\"driver\": \"", "\"driver\": \"other "), ("\"tile\": \"", "\"tile\": \"hexagonal ")] {
         fs::write(&file, fs::read_to_string(&file).expect("a file").replace(from, to)).expect("written");
         assert!(timed(&tuned(&auto)), "{to}");
@@ -131,7 +131,7 @@ fn what_is_fixed_is_not_timed() {
     let mut s = settings(Tune::Again);
     s.blending.tile_shape = Some(named.tile);
     s.stepping.gradient_sum = Some(GradientSum::Slots);
-    assert_eq!(why(&s), "no other form is possible");
+    assert_eq!(why(&s), "no other variant is possible");
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0, "nothing was timed, so nothing is kept");
 
     // A part is named: the rest is timed, and not kept for those who name nothing.

@@ -113,7 +113,7 @@ fn short() -> Settings {
     s
 }
 
-/// Trains in every form on the device, which must have nothing to say.
+/// Trains in every variant on the device, which must have nothing to say.
 fn every_form(gpu: &Gpu) {
     let input = plane_scene::input(3, 40, 30, 60);
     for variants in Variants::possible(gpu) {

@@ -1,4 +1,4 @@
-//! One training under every form of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of every width
+//! One training under every variant of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of every width
 //! learn alike; what is integer is the same bits.
 
 mod common;
@@ -39,7 +39,7 @@ fn losses(gpu: &Gpu, input: &Input, variants: Variants) -> Vec<f32> {
             losses.push(loss);
         }
     }
-    assert_eq!(trainer.snapshot().unwrap().variants, variants, "another form ran than was asked for");
+    assert_eq!(trainer.snapshot().unwrap().variants, variants, "another variant ran than was asked for");
     gpu.check_canaries().unwrap();
     common::assert_no_messages(gpu);
     losses
@@ -127,7 +127,7 @@ fn forms_with_too_much_shared_memory_are_not_chosen() {
     for variants in possible {
         assert!(start(variants).is_none(), "{variants}");
     }
-    // Nor does what is chosen on a device with less than any form of pixel tiles takes, or the sort.
+    // Nor does what is chosen on a device with less than any variant of pixel tiles takes, or the sort.
     let little = common::gpu_with(|o| {
         o.max_shared_bytes = Some(4 << 10);
         o.emulate_subgroup = Some(32);

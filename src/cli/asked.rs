@@ -118,7 +118,7 @@ const REMOVED: [(&str, &str); 9] = [
         "alpha-cutoff",
         "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a training",
     ),
-    ("backward", "leave it out: threads own pixels in every form"),
+    ("backward", "leave it out: threads own pixels in every variant"),
     ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),
     ("exponential", "leave it out: blending takes the exact exponential"),
     ("fast", "--set moment-bits=16 has what it saved in memory"),

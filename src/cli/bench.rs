@@ -13,7 +13,7 @@ use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::Frame;
-use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Shortcuts, SteppingForms};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Photographs, Shortcuts, SteppingVariants};
 use psrgs_vk::train::{Input, MemoryPlan, Pacing, Settings, chosen_variants, prepare};
 use psrgs_vk::vk::Gpu;
 
@@ -103,9 +103,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) host: HostChoice,
     #[command(flatten)]
-    pub(crate) blending: BlendingForms,
+    pub(crate) blending: BlendingVariants,
     #[command(flatten)]
-    pub(crate) stepping: SteppingForms,
+    pub(crate) stepping: SteppingVariants,
 }
 
 /// What the JSON holds: how it was made, and the results.

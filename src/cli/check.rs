@@ -9,7 +9,7 @@ use psrgs_vk::dataset::{self, Dataset, Decoding, Format, HostShare, PoseFault, R
 use psrgs_vk::numbers::{counted, fraction, grouped, percent};
 use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
-    BlendingForms, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingForms,
+    BlendingVariants, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingVariants,
 };
 use psrgs_vk::train::{self, Settings, prepare};
 
@@ -58,9 +58,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) host: HostChoice,
     #[command(flatten)]
-    pub(crate) blending: BlendingForms,
+    pub(crate) blending: BlendingVariants,
     #[command(flatten)]
-    pub(crate) stepping: SteppingForms,
+    pub(crate) stepping: SteppingVariants,
 }
 
 /// What `--json` prints.

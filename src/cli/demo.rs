@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Method, SteppingForms};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Method, SteppingVariants};
 use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
@@ -56,9 +56,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     host: HostChoice,
     #[command(flatten)]
-    blending: BlendingForms,
+    blending: BlendingVariants,
     #[command(flatten)]
-    stepping: SteppingForms,
+    stepping: SteppingVariants,
 }
 
 pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {

@@ -56,7 +56,7 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
     Ok(gpu)
 }
 
-/// Where compiled pipelines and chosen forms are kept between runs.
+/// Where compiled pipelines and chosen variants are kept between runs.
 pub(crate) fn cache_folder() -> Option<PathBuf> {
     OpenOptions::from_env().ok()?.pipeline_cache
 }

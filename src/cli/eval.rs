@@ -10,7 +10,7 @@ use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
 use psrgs_vk::eval::{Geometry, GeometryTruth, geometry};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::{counted, grouped, of_count};
-use psrgs_vk::train::settings::{BlendingForms, DeviceChoice, HostChoice, Photographs, Scoring, Split};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare};
 
 use super::colour::Colour;
@@ -70,7 +70,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) host: HostChoice,
     #[command(flatten)]
-    pub(crate) blending: BlendingForms,
+    pub(crate) blending: BlendingVariants,
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {

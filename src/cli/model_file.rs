@@ -7,7 +7,7 @@ use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
-use psrgs_vk::train::settings::BlendingForms;
+use psrgs_vk::train::settings::BlendingVariants;
 use psrgs_vk::vk::{self, Gpu};
 
 use super::colour::Colour;
@@ -111,7 +111,7 @@ impl ModelFile {
     pub(crate) fn upload(
         &self,
         gpu: &Gpu,
-        forms: &BlendingForms,
+        forms: &BlendingVariants,
         drawing: &DrawingArgs,
         frame: &Frame,
         background: &Colour,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::Camera;
-use psrgs_vk::train::settings::{BlendingForms, DeviceChoice};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice};
 
 use super::colour::Colour;
 use super::console::Console;
@@ -60,7 +60,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) device: DeviceChoice,
     #[command(flatten)]
-    pub(crate) blending: BlendingForms,
+    pub(crate) blending: BlendingVariants,
 }
 
 /// Cameras of a dataset.

@@ -53,7 +53,7 @@ pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
     }
 }
 
-/// The backward pass; an error where the device has no way to run this form.
+/// The backward pass; an error where the device has no way to run this variant.
 pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
     use GradientSum::{Atomic, CompareAndSwap, Slots};
     use TileShape::{Column, Pixel};

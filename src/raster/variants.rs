@@ -1,4 +1,4 @@
-//! Which form of each pass runs: fixed when an engine is opened, printed, and written into settings and checkpoints.
+//! Which variant of each pass runs: fixed when an engine is opened, printed, and written into settings and checkpoints.
 
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +70,7 @@ impl Variants {
         Self { tile, gradients }
     }
 
-    /// Every form that the device can run, whichever is best.
+    /// Every variant that the device can run, whichever is best.
     pub fn possible(gpu: &Gpu) -> Vec<Self> {
         let mut found = Vec::new();
         for tile in [TileShape::Column, TileShape::Pixel] {
@@ -82,7 +82,7 @@ impl Variants {
         found
     }
 
-    /// Whether the device can run this form: slots always, other sums of column tiles with subgroups of 8 only, float atomics
+    /// Whether the device can run this variant: slots always, other sums of column tiles with subgroups of 8 only, float atomics
     /// where there are some and subgroup operations too; and what takes no more shared memory than there is.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
@@ -105,12 +105,12 @@ impl Variants {
             && kernels::blend_forward(gpu, self).pass.kernel.fits(limits, &[])
     }
 
-    /// What suits the device; `deterministic` allows only bit-reproducible forms.
+    /// What suits the device; `deterministic` allows only bit-reproducible variants.
     pub fn choose(gpu: &Gpu, deterministic: bool) -> Self {
         let caps = gpu.caps();
         let cpu = caps.kind == DeviceKind::Cpu;
         let tile = if cpu { TileShape::Column } else { TileShape::Pixel };
-        // On CPU devices slots are also the faster form: atomics there are compare-and-swap loops per lane.
+        // On CPU devices slots are also the faster variant: atomics there are compare-and-swap loops per lane.
         let slots = Self::new(tile, GradientSum::Slots);
         let best = if deterministic || cpu { slots } else { slots.without_slots(gpu) };
         // Column tiles need next to no shared memory.

@@ -56,7 +56,7 @@ impl Viewer {
         Self::with_variants(gpu, Variants::choose(gpu, false))
     }
 
-    /// The same with these forms of the passes.
+    /// The same with these variants of the passes.
     pub fn with_variants(gpu: &Gpu, variants: Variants) -> Self {
         // Without a backward there are no slots, which would limit the pairs.
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };

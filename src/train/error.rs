@@ -34,13 +34,13 @@ pub enum Error {
     /// Settings could not be written into a checkpoint.
     #[error(transparent)]
     Settings(#[from] super::settings::SettingsError),
-    /// A form of a pass was asked for that does not give equal bits.
+    /// A variant of a pass was asked for that does not give equal bits.
     #[error("only the `gradient-sum` slots gives equal bits: leave `gradient-sum` unset, or `deterministic`")]
     NotDeterministic,
     /// Float atomics were asked for on a device (or with a switch) that has none.
     #[error("`gradient-sum` atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
     NoFloatAtomics,
-    /// A form of the blending passes that takes more shared memory than a workgroup has.
+    /// A variant of the blending passes that takes more shared memory than a workgroup has.
     #[error(
         "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; `tile-shape` column with `gradient-sum` slots takes next to none"
     )]

@@ -277,7 +277,7 @@ group! {
 
 group! {
     /// Variants of the passes that draw: they change the speed, and not the picture.
-    pub struct BlendingForms("Variants of the GPU passes")
+    pub struct BlendingVariants("Variants of the GPU passes")
     options {}
     flags {}
     optional {
@@ -291,7 +291,7 @@ group! {
 
 group! {
     /// Variants of the passes of a training step beyond those: they change the speed.
-    pub struct SteppingForms("Variants of the GPU passes")
+    pub struct SteppingVariants("Variants of the GPU passes")
     options {}
     flags {}
     optional {
@@ -349,10 +349,10 @@ pub struct Settings {
     pub host: HostChoice,
     /// How it draws.
     #[arg(skip)]
-    pub blending: BlendingForms,
+    pub blending: BlendingVariants,
     /// How it steps.
     #[arg(skip)]
-    pub stepping: SteppingForms,
+    pub stepping: SteppingVariants,
 }
 
 impl Settings {

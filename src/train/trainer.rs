@@ -408,7 +408,7 @@ impl Trainer {
         self.last_splats
     }
 
-    /// The forms of the passes in use.
+    /// The variants of the passes in use.
     pub fn variants(&self) -> Variants {
         self.engine.variants()
     }

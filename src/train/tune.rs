@@ -1,4 +1,4 @@
-//! Which form of the passes a training runs with: of those that settings and device allow the one that is the fastest for this scene,
+//! Which variant of the passes a training runs with: of those that settings and device allow the one that is the fastest for this scene,
 //! by timing at the start; and how long the training will take.
 //!
 //! The steps that are timed are those of an engine of their own, which is dropped before the training's is made: they leave
@@ -31,7 +31,7 @@ const VIEWS: usize = 2;
 const ROUNDS: usize = 3;
 /// Another form than the capability's choice has to take at most this share of its time.
 const WORTH_IT: f64 = 0.9;
-/// A form whose first step takes so many times the best median so far is not timed further.
+/// A variant whose first step takes so many times the best median so far is not timed further.
 const HOPELESS: f64 = 1.5;
 /// Tiles whose first form takes so many times the best median so far are not tried in other forms: those differ by less.
 const HOPELESS_TILES: f64 = 3.0;
@@ -45,11 +45,11 @@ pub enum Why {
     Capability(&'static str),
     /// By an earlier timing, kept on disk.
     Kept,
-    /// By timing; each form with the seconds of its forward and backward steps.
+    /// By timing; each variant with the seconds of its forward and backward steps.
     Timed(Vec<(Variants, f64)>),
 }
 
-/// The forms of the passes, and why these.
+/// The variants of the passes, and why these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The forms.
@@ -60,7 +60,7 @@ pub struct Tuned {
     pub warning: Option<String>,
 }
 
-/// The forms for a training: those that the settings name, else those of an earlier timing in the folder `kept`, else the fastest
+/// The variants for a training: those that the settings name, else those of an earlier timing in the folder `kept`, else the fastest
 /// now. A form other than the capability's has to be a tenth faster.
 pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>) -> Result<Tuned, Error> {
     let default = chosen_variants(gpu, settings)?;
@@ -75,7 +75,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     }
     let candidates = candidates(gpu, settings, default);
     if candidates.len() < 2 {
-        return by_capability("no other form is possible");
+        return by_capability("no other variant is possible");
     }
     if input.train.is_empty() || gpu.caps().limits.timestamp_ns <= 0.0 {
         return by_capability("nothing can be timed");
@@ -105,12 +105,12 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
     {
-        warning = Some(format!("the chosen forms could not be kept: {problem}"));
+        warning = Some(format!("the chosen variants could not be kept: {problem}"));
     }
     Ok(Tuned { variants, why: Why::Timed(times), warning })
 }
 
-/// The forms to time: all that the device can run and the settings allow, the default first.
+/// The variants to time: all that the device can run and the settings allow, the default first.
 fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants> {
     let mut all = vec![default];
     for possible in Variants::possible(gpu) {
@@ -124,7 +124,7 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
     all
 }
 
-/// Seconds of a forward and backward of each view, medians summed over the views. A form that a first step shows to be far
+/// Seconds of a forward and backward of each view, medians summed over the views. A variant that a first step shows to be far
 /// slower than another has the time of that step; one that does not fit the memory is left out.
 pub fn measure(
     gpu: &Gpu,
@@ -259,7 +259,7 @@ impl Tuned {
 
 impl fmt::Display for Tuned {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "forms of the passes: {}", self.variants)?;
+        write!(f, "variants of the passes: {}", self.variants)?;
         match &self.why {
             Why::Capability(why) => write!(f, " (by the device's capabilities: {why})"),
             Why::Kept => {

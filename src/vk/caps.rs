@@ -84,7 +84,7 @@ pub enum Addresses {
     Never,
     /// In dispatches that bind more in one piece than a descriptor's range.
     BeyondRange,
-    /// In every dispatch of a kernel that has the form.
+    /// In every dispatch of a kernel that has the variant.
     Always,
 }
 

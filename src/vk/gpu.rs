@@ -135,7 +135,7 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// Makes a form of a pipeline unless it is there.
+    /// Makes a variant of a pipeline unless it is there.
     pub(super) fn make_form(&self, pipeline: &Pipeline, reach: BindingMode) -> Result<()> {
         if pipeline.inner.form(reach).is_some() {
             return Ok(());

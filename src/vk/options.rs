@@ -13,7 +13,7 @@ pub enum Validation {
     Off,
     /// Core and synchronization validation; [`crate::vk::Error::MissingLayer`] where the layer is not installed.
     CoreAndSync,
-    /// GPU-assisted validation: every address that a shader of the form by address uses is checked on the device against the buffers
+    /// GPU-assisted validation: every address that a shader of the variant by address uses is checked on the device against the buffers
     /// that there are. The host waits for every submit: the layer (up to 1.3.250) does not follow timelines in this mode and
     /// would let each look at one wait for ten seconds.
     GpuAssisted,

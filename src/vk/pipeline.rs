@@ -66,7 +66,7 @@ impl PipelineInner {
         self.slot(reach).get()
     }
 
-    /// What a form reads as texels, where the kernel has it and the device binds as many.
+    /// What a variant reads as texels, where the kernel has it and the device binds as many.
     pub(super) fn texels(&self, caps: &Caps, reach: BindingMode) -> Option<&'static [TexelView]> {
         let views = reach.texels(&self.kernel)?.views;
         (views.len() as u64 <= u64::from(caps.limits.texel_buffers)).then_some(views)
@@ -97,7 +97,7 @@ impl Pipeline {
         Err(Error::Foreign { what: format!("the pipeline of kernel {}", self.name()) })
     }
 
-    /// Makes the form that the device uses unless a buffer asks for another.
+    /// Makes the variant that the device uses unless a buffer asks for another.
     pub(super) fn new(
         device: &Arc<Device>,
         cache: vk::PipelineCache,

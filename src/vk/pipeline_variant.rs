@@ -1,4 +1,4 @@
-//! A kernel as the device has it: module, layouts and pipeline, in one of its forms.
+//! A kernel as the device has it: module, layouts and pipeline, in one of its variants.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ impl BindingMode {
         matches!(self, Self::Addresses | Self::TexelsByAddress)
     }
 
-    /// What this form of a kernel reads as texels, with its module, where it has it.
+    /// What this variant of a kernel reads as texels, with its module, where it has it.
     pub(super) fn texels(self, kernel: &Kernel) -> Option<Texels> {
         match self {
             Self::Texels => kernel.spirv.texels,
@@ -40,7 +40,7 @@ impl BindingMode {
     }
 }
 
-/// One form of a pipeline.
+/// One variant of a pipeline.
 pub(super) struct Form {
     device: Arc<Device>,
     pub(super) raw: vk::Pipeline,
@@ -184,7 +184,7 @@ impl Form {
 
 impl Drop for Form {
     fn drop(&mut self) {
-        // SAFETY: submits in flight hold a handle of the pipeline that owns this form, so none uses it any more.
+        // SAFETY: submits in flight hold a handle of the pipeline that owns this variant, so none uses it any more.
         unsafe {
             self.device.raw.destroy_pipeline(self.raw, None);
             self.device.raw.destroy_pipeline_layout(self.layout, None);

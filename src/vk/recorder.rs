@@ -302,7 +302,7 @@ impl Recorder {
         }
     }
 
-    /// Whether rows can be read as texels in this form: where the kernel has it, and every buffer concerned can be seen so.
+    /// Whether rows can be read as texels in this variant: where the kernel has it, and every buffer concerned can be seen so.
     fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: BindingMode) -> bool {
         let caps = self.gpu.caps();
         let Some(views) = pipeline.inner.texels(caps, reach) else { return false };

@@ -28,7 +28,7 @@ fn forms_chosen_by_timing_are_told_and_kept_with_the_run() {
         "again",
         "--scale-schedule=false",
     ]);
-    assert!(said.contains("forms of the passes: ") && said.contains("timed: "), "{said}");
+    assert!(said.contains("variants of the passes: ") && said.contains("timed: "), "{said}");
     assert!(said.contains("device memory: ") && said.contains("B per splat"), "{said}");
     assert!(folder.path().join("cache/forms.json").exists());
     let read = |name: &str| fs::read_to_string(out.join(name)).expect("a file");

@@ -286,7 +286,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
     common::assert_no_messages(&gpu);
 }
 
-/// With gradients of depth and normals too, by every form of the blend backward, and by the step that consumes them at once.
+/// With gradients of depth and normals too, by every variant of the blend backward, and by the step that consumes them at once.
 #[test]
 fn gradients_of_depth_and_normals_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };

@@ -47,7 +47,7 @@ pub(crate) fn single(v: f64) -> f64 {
     f64::from(v as f32)
 }
 
-/// The exponent (base e) of a row in the arithmetic of `R`, as blending has it or in the plain form.
+/// The exponent (base e) of a row in the arithmetic of `R`, as blending has it or in the plain variant.
 pub(crate) fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f64 {
     let [a, b, c, rest] = [row[2], row[3], row[4], row[7]].map(R::of);
     let [dx, dy] = d.map(R::of);

@@ -39,7 +39,7 @@ enum Stage {
     Stored,
     /// The projection's derivative, from gradients in f32.
     Projection,
-    /// `Sums` in the frame of the two squares: no stage of the device, but what another form of blending could have.
+    /// `Sums` in the frame of the two squares: no stage of the device, but what another variant of blending could have.
     Squared,
 }
 

@@ -1,4 +1,4 @@
-//! Runs a pass on the device, in each of its forms, and its twin on the CPU, on the same buffers.
+//! Runs a pass on the device, in each of its variants, and its twin on the CPU, on the same buffers.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -62,7 +62,7 @@ enum Way {
     WithoutTexels,
 }
 
-/// Whether every form of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may contract products and
+/// Whether every variant of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may contract products and
 /// sums as it likes in each form, and divides within 2.5 ulp.
 pub fn rounds_alike(gpu: &Gpu) -> bool {
     gpu.caps().kind == DeviceKind::Cpu
@@ -72,7 +72,7 @@ thread_local! {
     static WAY: Cell<Way> = const { Cell::new(Way::Usual) };
 }
 
-/// Runs a case once where all forms of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in which a pass can reach
+/// Runs a case once where all variants of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in which a pass can reach
 /// its buffers, so that each form is as near to the twin as the case wants it.
 pub fn each_way(gpu: &Gpu, case: fn(&Gpu)) {
     case(gpu);
@@ -87,7 +87,7 @@ pub fn each_way(gpu: &Gpu, case: fn(&Gpu)) {
     }
 }
 
-/// Whether the pass has a form of its own for this way.
+/// Whether the pass has a variant of its own for this way.
 fn has(gpu: &Gpu, pass: &Pass, way: Way) -> bool {
     match way {
         Way::Usual | Way::ByAddress => true,
@@ -136,7 +136,7 @@ fn repeats(pass: &Pass) -> bool {
     !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
 }
 
-/// Place of these constants among the sets that a pass is run with. It is run in its other forms with the first ones only. Every set is a
+/// Place of these constants among the sets that a pass is run with. It is run in its other variants with the first ones only. Every set is a
 /// pipeline that takes a driver on a CPU up to seconds to make, and where buffers are does not depend on constants.
 fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     static SETS: Mutex<BTreeMap<&str, Vec<String>>> = Mutex::new(BTreeMap::new());
@@ -149,7 +149,7 @@ fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     })
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`], fails unless all forms of
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`], fails unless all variants of
 /// the pass leave the same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
 pub fn run<P: bytemuck::NoUninit>(
     gpu: &Gpu,

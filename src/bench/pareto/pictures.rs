@@ -16,7 +16,7 @@ struct Form {
     sh: ShStorage,
 }
 
-/// Every form that the device can run, and what is left out or rounded in the default one.
+/// Every variant that the device can run, and what is left out or rounded in the default one.
 fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
     let variants = Variants::choose(gpu, false);
     let plain = |name: String, variants| Form {

@@ -67,7 +67,7 @@ pub struct Scored {
     pub splats: u32,
     /// The model.
     pub model: Gaussians,
-    /// The forms of the passes that trained it.
+    /// The variants of the passes that trained it.
     pub variants: Variants,
 }
 

@@ -61,7 +61,7 @@ pub struct BackwardStep<'a> {
     pub model: &'a Planes,
     /// The first and second moments, or both in one, which change with it.
     pub moments: &'a [Planes],
-    /// The pipeline of [`project_backward_adam`], or of its form for packed moments, with the optimiser's constants: with `AUX`
+    /// The pipeline of [`project_backward_adam`], or of its variant for packed moments, with the optimiser's constants: with `AUX`
     /// exactly after a blend backward of the auxiliary channels, and with `LISTED` exactly where the renderer lists the splats on the image
     /// ([`Size::listed`]).
     pub pipeline: &'a Pipeline,

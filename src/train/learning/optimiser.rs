@@ -110,7 +110,7 @@ impl Optimiser {
         Ok(Self { moments, form, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
     }
 
-    /// Whether splats that are not on the image take no step: where that is wanted, and the device binds the buffers of the fused form. The
+    /// Whether splats that are not on the image take no step: where that is wanted, and the device binds the buffers of the fused variant. The
     /// separate one steps all, to the same result but for what is expected in advance.
     pub(in crate::train) fn leaves_out(gpu: &Gpu, training: &Settings) -> bool {
         let needed = if training.shortcuts.moment_bits == 16 { packed::BINDINGS } else { fused::BINDINGS };

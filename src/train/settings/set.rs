@@ -18,8 +18,8 @@ impl Settings {
             ("scoring", super::Scoring::keys()),
             ("device", super::DeviceChoice::keys()),
             ("host", super::HostChoice::keys()),
-            ("blending", super::BlendingForms::keys()),
-            ("stepping", super::SteppingForms::keys()),
+            ("blending", super::BlendingVariants::keys()),
+            ("stepping", super::SteppingVariants::keys()),
         ];
         groups.into_iter().flat_map(|(group, keys)| keys.into_iter().map(move |key| (group, key))).collect()
     }

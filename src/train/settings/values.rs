@@ -170,7 +170,7 @@ impl FromStr for Split {
 
 as_word!(Split);
 
-/// Whether the forms of the passes are chosen by timing.
+/// Whether the variants of the passes are chosen by timing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tune {
     /// By an earlier timing on this device for this size, or by one now.

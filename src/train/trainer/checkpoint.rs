@@ -31,7 +31,7 @@ pub struct Restart {
     pub seconds: f64,
     /// Everything the device holds between steps.
     pub state: State,
-    /// The variant set in use: a run goes on with the forms of the passes it began with.
+    /// The variant set in use: a run goes on with the variants of the passes it began with.
     pub variants: Variants,
     /// The curves so far.
     pub history: History,

@@ -72,10 +72,11 @@ fn read(folder: &Path) -> Result<Vec<Entry>, String> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(e) => return Err(format!("{}: cannot read: {e}", path.display())),
     };
-    serde_json::from_str(&text).map_err(|e| format!("{}: forms of earlier timings cannot be read: {e}", path.display()))
+    serde_json::from_str(&text)
+        .map_err(|e| format!("{}: variants of earlier timings cannot be read: {e}", path.display()))
 }
 
-/// The forms kept for a device and size; an error in words where the file is damaged.
+/// The variants kept for a device and size; an error in words where the file is damaged.
 pub(super) fn find(folder: &Path, caps: &Caps, size: SizeClass) -> Result<Option<Variants>, String> {
     let entries = read(folder)?;
     let found = entries.iter().find(|entry| entry.is_for(&Entry::new(caps, size, entry.variants)));

@@ -1,11 +1,11 @@
-//! The forms of the passes that a training runs with.
+//! The variants of the passes that a training runs with.
 
 use crate::raster::{GradientSum, Variants};
 use crate::train::Error;
 use crate::train::settings::Settings;
 use crate::vk::{FloatAtomics, Gpu};
 
-/// The forms that the settings ask for, and what suits the device where they ask for nothing.
+/// The variants that the settings ask for, and what suits the device where they ask for nothing.
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
     let (blending, stepping) = (&settings.blending, &settings.stepping);
