@@ -108,6 +108,20 @@ struct Parts<'a> {
     scratch: Scratch<'a>,
 }
 
+/// What decides which splats grow and which go: rules, and the event that keys the random draws.
+#[derive(Clone, Copy)]
+struct Decision<'a> {
+    rules: &'a DensityRules,
+    event: u32,
+}
+
+/// A plane of rows, as many floats wide.
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    plane: &'a Buffer,
+    width: u32,
+}
+
 /// Pipelines of density changes.
 pub struct DensityControl {
     capacity: u32,
@@ -175,7 +189,7 @@ impl DensityControl {
         let parts = model.scratch.parts(self.capacity, self.alignment);
         let Parts { flags, offsets, map, old_ids, scratch } = parts;
         let sorted = self.order.record_births(rec, model)?;
-        self.decide(rec, model, &parts, rules, &sorted, event)?;
+        self.decide(rec, model, &parts, &sorted, Decision { rules, event })?;
 
         // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
         let [entry_new, entry_old] = [self.first_entry, self.first_entry + ARGS - 1];
@@ -220,22 +234,19 @@ impl DensityControl {
                 OPACITIES if rules.sampled.is_some() => MODE_SHARE,
                 _ => MODE_COPY,
             };
-            self.gather_as(
-                rec,
-                model,
-                &parts,
-                (plane, width),
-                densify_gather::Push { mode, keep: rules.keep_opacity },
-            )?;
+            let push = densify_gather::Push { mode, keep: rules.keep_opacity };
+            self.gather(rec, model, &parts, Rows { plane, width }, push)?;
         }
         for moments in [model.first_moments].into_iter().chain(model.second_moments) {
             for (_, (plane, width)) in moments.iter().zip(WIDTHS).enumerate().filter(|(p, _)| model.moves(*p)) {
-                self.gather(rec, model, &parts, plane, width, MODE_MOMENT)?;
+                let push = densify_gather::Push { mode: MODE_MOMENT, keep: 1.0 };
+                self.gather(rec, model, &parts, Rows { plane, width }, push)?;
             }
         }
-        self.gather(rec, model, &parts, model.stats, 4, MODE_ZERO)?;
-        if let Some(scores) = model.scores {
-            self.gather(rec, model, &parts, scores, 2, MODE_ZERO)?;
+        let zero = densify_gather::Push { mode: MODE_ZERO, keep: 1.0 };
+        self.gather(rec, model, &parts, Rows { plane: model.stats, width: 4 }, zero)?;
+        if let Some(plane) = model.scores {
+            self.gather(rec, model, &parts, Rows { plane, width: 2 }, zero)?;
         }
 
         let push = densify_finish::Push { stride: self.capacity };
@@ -260,10 +271,10 @@ impl DensityControl {
         rec: &mut Recorder,
         model: &Model<'_>,
         parts: &Parts<'_>,
-        rules: &DensityRules,
         sorted: &ByBirth<'_>,
-        event: u32,
+        by: Decision<'_>,
     ) -> Result<()> {
+        let Decision { rules, event } = by;
         let all = Groups::Items(u64::from(self.capacity));
         rec.fill(&self.tally, 0)?;
         let [means, quats, scales, opacities, sh0, sh1, sh2, sh3] = model.planes;
@@ -306,21 +317,10 @@ impl DensityControl {
         rec: &mut Recorder,
         model: &Model<'_>,
         parts: &Parts<'_>,
-        plane: &Buffer,
-        width: u32,
-        mode: u32,
-    ) -> Result<()> {
-        self.gather_as(rec, model, parts, (plane, width), densify_gather::Push { mode, keep: 1.0 })
-    }
-
-    fn gather_as(
-        &self,
-        rec: &mut Recorder,
-        model: &Model<'_>,
-        parts: &Parts<'_>,
-        (plane, width): (&Buffer, u32),
+        rows: Rows<'_>,
         push: densify_gather::Push,
     ) -> Result<()> {
+        let Rows { plane, width } = rows;
         let Some((_, pipeline)) = self.gathers.iter().find(|(w, _)| *w == width) else {
             return Ok(());
         };

@@ -7,30 +7,26 @@ mod cost;
 mod growth;
 mod reports;
 mod rows;
-mod state;
 mod step;
 mod streaming;
 mod transfer;
 mod views;
 
-pub use state::State;
-
 use reports::Reports;
 use views::{Views, has_deep, mean_pixels, most_pixels};
-
-use std::time::Instant;
 
 use super::Error;
 use super::density::{DensityControl, Statistics};
 use super::input::Input;
 use super::learning::exposures::Exposures;
 use super::learning::optimiser::Optimiser;
-use super::learning::sigma::{SigmaTraining, SigmaUpdate};
+use super::learning::sigma::SigmaUpdate;
 use super::pacing::{Pacing, Residency};
 use super::photographs::Photographs;
 use super::schedule::{Event, Kind, StepPlan};
-use super::settings::{Exposure, Settings, SigmaLearning};
-use super::terms::{Perceptual, Terms};
+use super::settings::{Exposure, Settings};
+use super::state::State;
+use super::terms::Terms;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
 use crate::raster::sort::Shape;
@@ -39,8 +35,6 @@ use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitOrder, Ticket};
 
-/// Side of the windows of the perceptual distance.
-const PERCEPTUAL_SIDE: u32 = 128;
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
 
@@ -151,34 +145,13 @@ impl Engine {
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
         engine.views.photographs.fill(gpu, &input.train, feed)?;
-        engine.fill_terms(input, pacing)?;
+        let masks = engine.views.fill_masks(gpu, &input.train, settings, pacing)?;
+        engine.terms.fill(gpu, input, settings, masks, pacing)?;
         match state {
             Some(state) => engine.restore(&state)?,
             None => engine.begin(&input.initial)?,
         }
         Ok(engine)
-    }
-
-    /// Makes what terms of the loss need of the photographs and of what is known besides.
-    fn fill_terms(&mut self, input: &Input, pacing: Pacing) -> Result<(), Error> {
-        let Self { gpu, settings, terms, views, .. } = self;
-        if let Some(cache) = views.fill_masks(gpu, &input.train, settings, pacing)?
-            && settings.frequencies.sigma_learning != SigmaLearning::Off
-        {
-            let started = Instant::now();
-            let lumas = cache.images().cloned().collect();
-            terms.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, settings, pacing.events_in_flight())?);
-            views.saliency_seconds += started.elapsed().as_secs_f64();
-        }
-        if let Some(geometry) = &mut terms.geometry {
-            geometry.fill(gpu, &input.known)?;
-        }
-        if settings.texture.lambda_perceptual > 0.0 {
-            let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
-            let (weights, side) = (input.known.perceptual.as_deref(), smallest.min(PERCEPTUAL_SIDE));
-            terms.perceptual = Some(Perceptual::new(gpu, weights, side, &settings.texture)?);
-        }
-        Ok(())
     }
 
     /// The cameras of the views, in their order.

@@ -126,25 +126,10 @@ impl Schedule {
         let s = if run.scale_schedule { f64::from(run.iterations) / REFERENCE_ITERATIONS } else { 1.0 };
         let scaled = |steps: u32| (f64::from(steps) * s).round() as u32;
 
-        let densify_until = scaled(density.densify_until);
+        let growth = Growth::new(settings, views, scaled);
+        let densify_until = growth.until;
         let prune_again = (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1;
-        let mut densify_interval = density.densify_interval;
-        let mut reset_interval = density.opacity_reset_interval;
-        let mut reset_until = densify_until.saturating_sub(1);
-        if run.scale_schedule {
-            // A statistic needs every training view once, or the views seen decide what grows. Beyond that few changes of many steps each
-            // are better than many of few: what grew is judged when it has settled.
-            let pass = pass_of(views, run.bands);
-            let interval = scaled(densify_interval).max(pass).max(run.iterations / MOST_INTERVALS);
-            densify_interval =
-                interval.min(densify_interval.max(pass.min(LONGEST_PASS.saturating_mul(run.bands.max(1)))));
-            if reset_interval > 0 {
-                reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
-            }
-            reset_until = densify_until.saturating_sub(RESET_RECOVERY).min(reset_until);
-        }
-        let prune_large_after = if reset_interval > 0 { reset_interval } else { scaled(3000) };
-
+        let prune_large_after = if growth.reset_interval > 0 { growth.reset_interval } else { scaled(3000) };
         let coarse_until = (settings.frequencies.coarse_steps * f64::from(run.iterations)).round() as u32;
         let low_until = (settings.frequencies.low_stage * f64::from(run.iterations)).round() as u32;
         let early_until = (settings.shortcuts.early_steps * f64::from(run.iterations)).round() as u32;
@@ -153,9 +138,9 @@ impl Schedule {
             iterations: run.iterations,
             densify_from: scaled(density.densify_from),
             densify_until,
-            densify_interval: densify_interval.max(1),
-            reset_interval,
-            reset_until,
+            densify_interval: growth.interval,
+            reset_interval: growth.reset_interval,
+            reset_until: growth.reset_until,
             prune_large_after,
             sh_interval: scaled(settings.model.sh_interval).max(1),
             lr_means_steps,
@@ -190,7 +175,7 @@ impl Schedule {
                 false => 0,
             },
             recycle_share: density.recycle_share,
-            recycle_every: recycle_steps(views, run.bands).div_ceil(densify_interval.max(1)),
+            recycle_every: recycle_steps(views, run.bands).div_ceil(growth.interval),
             sh_degree: settings.model.sh_degree,
             settle_sh: match (settings.model.sh_share < 1.0, settings.density.no_densify) {
                 (false, _) => 0,
@@ -440,6 +425,37 @@ fn pass_of(views: usize, bands: u32) -> u32 {
 /// Steps from one weighing to the next.
 fn recycle_steps(views: usize, bands: u32) -> u32 {
     pass_of(views, bands).saturating_mul(RECYCLE_PASSES).max(1)
+}
+
+/// When splats grow and opacities are reset.
+struct Growth {
+    until: u32,
+    /// At least 1.
+    interval: u32,
+    reset_interval: u32,
+    reset_until: u32,
+}
+
+impl Growth {
+    fn new(settings: &Settings, views: usize, scaled: impl Fn(u32) -> u32) -> Self {
+        let (run, density) = (&settings.run, &settings.density);
+        let until = scaled(density.densify_until);
+        let mut interval = density.densify_interval;
+        let mut reset_interval = density.opacity_reset_interval;
+        let mut reset_until = until.saturating_sub(1);
+        if run.scale_schedule {
+            // A statistic needs every training view once, or the views seen decide what grows. Beyond that few changes of many steps each
+            // are better than many of few: what grew is judged when it has settled.
+            let pass = pass_of(views, run.bands);
+            let longest = interval.max(pass.min(LONGEST_PASS.saturating_mul(run.bands.max(1))));
+            interval = scaled(interval).max(pass).max(run.iterations / MOST_INTERVALS).min(longest);
+            if reset_interval > 0 {
+                reset_interval = scaled(reset_interval).max(SHORTEST_RESET_INTERVAL);
+            }
+            reset_until = until.saturating_sub(RESET_RECOVERY).min(reset_until);
+        }
+        Self { until, interval: interval.max(1), reset_interval, reset_until }
+    }
 }
 
 /// A term of the loss that a step in every few has, after the low-frequency stage.

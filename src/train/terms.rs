@@ -14,11 +14,15 @@ pub(super) use perceptual::Perceptual;
 use std::sync::Arc;
 
 use super::Error;
+use super::input::Input;
 use super::learning::sigma::SigmaTraining;
+use super::pacing::Pacing;
 use super::schedule::StepPlan;
-use super::settings::Settings;
+use super::settings::{Settings, SigmaLearning};
+use super::state::State;
 use crate::loss::GradientMapLoss;
 use crate::raster::Held;
+use crate::saliency::Cache;
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Recorder};
 
@@ -59,6 +63,16 @@ pub(super) trait LossTerm {
 
     /// Bytes of its buffers.
     fn footprint(&self) -> Held;
+
+    /// Reads back what a restart needs of it. Waits.
+    fn save(&self, _: &Gpu, _: &mut State) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Takes back what [`Self::save`] has read.
+    fn restore(&mut self, _: &Gpu, _: &State) -> Result<(), Error> {
+        Ok(())
+    }
 }
 
 /// The terms of a training. Those that their settings leave out are not there.
@@ -73,6 +87,22 @@ pub(super) struct Terms {
     pub(super) perceptual: Option<Perceptual>,
     /// Compares depth and normals with priors.
     pub(super) geometry: Option<Geometry>,
+}
+
+/// All terms, in the order in which they record in each phase.
+macro_rules! in_order {
+    ($terms:ident, $as_ref:ident, $($borrow:tt)+) => {
+        [
+            $terms.sigma.$as_ref().map(|term| term as $($borrow)+ dyn LossTerm),
+            $terms.constrained.$as_ref().map(|term| term as _),
+            Some($($borrow)+ $terms.photometric as _),
+            $terms.gradient_maps.$as_ref().map(|term| term as _),
+            $terms.perceptual.$as_ref().map(|term| term as _),
+            $terms.geometry.$as_ref().map(|term| term as _),
+        ]
+        .into_iter()
+        .flatten()
+    };
 }
 
 impl Terms {
@@ -106,21 +136,47 @@ impl Terms {
         })
     }
 
-    /// All terms, in the order in which they record in each phase.
     fn all(&self) -> impl Iterator<Item = &dyn LossTerm> {
-        fn term<T: LossTerm>(of: Option<&T>) -> Option<&dyn LossTerm> {
-            of.map(|term| term as &dyn LossTerm)
+        in_order!(self, as_ref, &)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn LossTerm> {
+        in_order!(self, as_mut, &mut)
+    }
+
+    /// Makes what depends on the content of photographs, and on what is known besides; `masks` are those of the photographs, where there are
+    /// any.
+    pub(super) fn fill(
+        &mut self,
+        gpu: &Gpu,
+        input: &Input,
+        settings: &Settings,
+        masks: Option<Cache>,
+        pacing: Pacing,
+    ) -> Result<(), Error> {
+        if let Some(masks) = masks.filter(|_| settings.frequencies.sigma_learning != SigmaLearning::Off) {
+            let lumas = masks.images().cloned().collect();
+            self.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, settings, pacing.events_in_flight())?);
         }
-        [
-            term(self.sigma.as_ref()),
-            term(self.constrained.as_ref()),
-            term(Some(&self.photometric)),
-            term(self.gradient_maps.as_ref()),
-            term(self.perceptual.as_ref()),
-            term(self.geometry.as_ref()),
-        ]
-        .into_iter()
-        .flatten()
+        if let Some(geometry) = &mut self.geometry {
+            geometry.fill(gpu, &input.known)?;
+        }
+        if settings.texture.lambda_perceptual > 0.0 {
+            let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
+            self.perceptual =
+                Some(Perceptual::new(gpu, input.known.perceptual.as_deref(), smallest, &settings.texture)?);
+        }
+        Ok(())
+    }
+
+    /// Reads back what a restart needs of the terms. Waits.
+    pub(super) fn save(&self, gpu: &Gpu, state: &mut State) -> Result<(), Error> {
+        self.all().try_for_each(|term| term.save(gpu, state))
+    }
+
+    /// Takes back what [`Self::save`] has read.
+    pub(super) fn restore(&mut self, gpu: &Gpu, state: &State) -> Result<(), Error> {
+        self.all_mut().try_for_each(|term| term.restore(gpu, state))
     }
 
     /// The terms of a step.

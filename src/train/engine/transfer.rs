@@ -1,6 +1,6 @@
 //! What goes into an engine at the beginning, and what is read back of it.
 
-use super::{Engine, MemoryCost, State};
+use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
@@ -9,7 +9,7 @@ use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians, rows_of};
 use crate::train::Error;
 use crate::train::learning::exposures::{self, Exposures};
-use crate::train::learning::sigma::SigmaTraining;
+use crate::train::state::State;
 
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
@@ -57,12 +57,7 @@ impl Engine {
         if let Some(exposures) = &self.exposures {
             exposures.restore(&self.gpu, &state.exposures)?;
         }
-        if let Some(sigma) = self.terms.sigma.as_mut().filter(|_| !state.sigma.is_empty()) {
-            sigma.restore(&state.sigma)?;
-        }
-        if let Some(geometry) = &mut self.terms.geometry {
-            geometry.restore(&self.gpu, &state.priors)?;
-        }
+        self.terms.restore(&self.gpu, state)?;
         self.gpu.write(&self.renderer.counters, &state.counters)?;
         Ok(())
     }
@@ -166,7 +161,7 @@ impl Engine {
         let n = counters[counters::SPLATS];
         let ids = if n > 0 { self.gpu.read_at(&self.ids, 0, n as usize)? } else { Vec::new() };
         let [stats, scores] = self.statistics.read(&self.gpu, n)?;
-        Ok(State {
+        let mut state = State {
             params: self.model.read(&self.gpu, n)?,
             ids,
             moments: self.optimiser.read(&self.gpu, n)?,
@@ -174,9 +169,11 @@ impl Engine {
             scores,
             counters,
             exposures: self.exposures.as_ref().map_or(Ok(Vec::new()), |e| e.state(&self.gpu))?,
-            sigma: self.terms.sigma.as_ref().map_or(Ok(String::new()), SigmaTraining::state)?,
-            priors: self.terms.geometry.as_ref().map_or(Ok(Vec::new()), |geometry| geometry.state(&self.gpu))?,
-        })
+            sigma: String::new(),
+            priors: Vec::new(),
+        };
+        self.terms.save(&self.gpu, &mut state)?;
+        Ok(state)
     }
 
     /// The photographs' exposures in the order of the views; `None` where they are off. Waits.

@@ -172,7 +172,7 @@ impl SigmaTraining {
     }
 
     /// Goes on from a state of the same training.
-    pub(in crate::train) fn restore(&mut self, text: &str) -> Result<(), Error> {
+    pub(in crate::train) fn take_back(&mut self, text: &str) -> Result<(), Error> {
         let kept: Kept = serde_json::from_str(text)?;
         if kept.masks.len() != self.images.len() {
             let (found, expected) = (kept.masks.len(), self.images.len());

@@ -8,6 +8,7 @@ use crate::stereo::Prior;
 use crate::train::Error;
 use crate::train::input::Known as KnownBefore;
 use crate::train::settings::Geometry as Settings;
+use crate::train::state::State;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
 /// Priors of all views on the device, and the loss that compares with them.
@@ -74,7 +75,7 @@ impl Geometry {
 
     /// What is known of all views, where that changes: for each the median as bits and the prior's words, zeros where nothing is known.
     /// Waits.
-    pub(in crate::train) fn state(&self, gpu: &Gpu) -> Result<Vec<u32>, vk::Error> {
+    fn state(&self, gpu: &Gpu) -> Result<Vec<u32>, vk::Error> {
         let mut out = Vec::new();
         if !self.propagated {
             return Ok(out);
@@ -91,7 +92,7 @@ impl Geometry {
     }
 
     /// Takes back what [`Self::state`] gave.
-    pub(in crate::train) fn restore(&mut self, gpu: &Gpu, state: &[u32]) -> Result<(), Error> {
+    fn take_back(&mut self, gpu: &Gpu, state: &[u32]) -> Result<(), Error> {
         if !self.propagated {
             return Ok(());
         }
@@ -151,6 +152,15 @@ impl LossTerm for Geometry {
         self.loss.record(recorder, rendered, &weights, step.grad_image)?;
         step.grad_aux = Some(self.loss.grad_aux());
         Ok(())
+    }
+
+    fn save(&self, gpu: &Gpu, state: &mut State) -> Result<(), Error> {
+        state.priors = self.state(gpu)?;
+        Ok(())
+    }
+
+    fn restore(&mut self, gpu: &Gpu, state: &State) -> Result<(), Error> {
+        self.take_back(gpu, &state.priors)
     }
 
     fn footprint(&self) -> Held {

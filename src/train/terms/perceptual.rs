@@ -8,6 +8,9 @@ use crate::train::Error;
 use crate::train::settings::Texture as Weights;
 use crate::vk::{Gpu, Recorder};
 
+/// Width and height of a window, where photographs are not smaller.
+const SIDE: u32 = 128;
+
 /// A network on the device with room for a window.
 pub(in crate::train) struct Perceptual {
     windows: Windows,
@@ -24,17 +27,18 @@ pub(in crate::train) struct Window {
 }
 
 impl Perceptual {
-    /// By the weights of LPIPS, or by oriented filters where there are none. Windows are square, `side` pixels wide.
+    /// By the weights of LPIPS, or by oriented filters where there are none, for photographs of at least `least` pixels in width and height.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         network: Option<&LpipsWeights>,
-        side: u32,
+        least: u32,
         weights: &Weights,
     ) -> Result<Self, Error> {
         let distance = match network {
             Some(network) => Distance::lpips(gpu, network)?,
             None => Distance::filter_bank(gpu)?,
         };
+        let side = least.min(SIDE);
         Ok(Self { windows: distance.windows(side, side, true)?, weight: weights.lambda_perceptual })
     }
 

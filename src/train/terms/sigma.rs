@@ -4,7 +4,8 @@ use super::{LossTerm, Phase, StepContext};
 use crate::raster::Held;
 use crate::train::Error;
 use crate::train::learning::sigma::SigmaTraining;
-use crate::vk::Recorder;
+use crate::train::state::State;
+use crate::vk::{Gpu, Recorder};
 
 impl LossTerm for SigmaTraining {
     fn phases(&self) -> &'static [Phase] {
@@ -26,6 +27,15 @@ impl LossTerm for SigmaTraining {
             _ => (step.shown, full),
         };
         Ok(recorder.copy(image, 0, to, 0, 16 * u64::from(step.pixels()))?)
+    }
+
+    fn save(&self, _: &Gpu, state: &mut State) -> Result<(), Error> {
+        state.sigma = self.state()?;
+        Ok(())
+    }
+
+    fn restore(&mut self, _: &Gpu, state: &State) -> Result<(), Error> {
+        if state.sigma.is_empty() { Ok(()) } else { self.take_back(&state.sigma) }
     }
 
     /// The host's side holds them.

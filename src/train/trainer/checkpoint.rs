@@ -5,9 +5,9 @@ use crate::format::checkpoint::Checkpoint;
 use crate::pass::counters;
 use crate::raster::{PLANES, Variants};
 use crate::train::Error;
-use crate::train::engine::State;
 use crate::train::input::TrainedOn;
 use crate::train::settings::Settings;
+use crate::train::state::State;
 
 /// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
 const MOMENTS: [&str; 2] = ["m_", "v_"];
