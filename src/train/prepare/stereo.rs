@@ -15,7 +15,7 @@ use crate::train::cloud::{self, Gate};
 use crate::train::input::{self, Input, Outline};
 use crate::train::memory::MemoryPlan;
 use crate::train::pacing::Pacing;
-use crate::train::settings::{DepthPrior, LidarCloud, Settings};
+use crate::train::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use crate::train::tune::chosen_variants;
 use crate::vk::Gpu;
 
@@ -89,17 +89,8 @@ pub fn take_stereo(
         false => None,
     };
     if let Some(stereo) = &matched {
-        let points = input.initial.len() as u32;
         let more = match begins && settings.begins_on_surfaces() {
-            true => {
-                report.surface =
-                    (settings.stereo_density > 0).then(|| stereo::surface(&stereo.scene.views, &stereo.priors));
-                let plan =
-                    MemoryPlan::new(gpu, input, training, chosen_variants(gpu, training)?, Pacing::default(), points)?;
-                let fit = plan.most_splats.0;
-                let side = longer_side(sizes(input));
-                splats_on_surfaces(points, report.surface.unwrap_or(0.0), side, fit, training) as usize
-            }
+            true => more_on_surfaces(gpu, input, training, stereo, &mut report)?,
             false => 0,
         };
         if made || more > 0 {
@@ -121,39 +112,15 @@ pub fn take_stereo(
     }
     let stereo = matched.is_some();
     let matched_alone = matched.as_ref().map(|stereo| stereo.scene.skipped.clone());
-    let priors = match (settings.depth_prior, matched, &cloud) {
-        (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
-        (DepthPrior::Lidar, None, Some(cloud)) => {
-            let reduced = |c: &Camera| {
-                let (width, height) = settings.prior_size(c.width, c.height);
-                c.resized(width, height)
-            };
-            cloud::maps(&input.train.iter().map(|view| reduced(&view.camera)).collect::<Vec<_>>(), cloud)
-        }
-        (DepthPrior::Stereo | DepthPrior::Lidar, matched, _) => matched.map(|m| m.priors).unwrap_or_default(),
-    };
+    let priors = priors_of(settings, input, matched, cloud.as_deref());
     if let Some(cloud) = &cloud {
-        let within = training.density.lidar_distance * f64::from(input.extent);
-        let gate = Gate::new(cloud, within).ok_or(Error::NoCloud)?;
-        let near = gate.near(&input.initial.means);
-        report.cloud = Some(CloudReport {
-            points: cloud.len(),
-            within: within / dataset.frame.scale,
-            near: near.iter().filter(|n| **n).count() as f64 / near.len().max(1) as f64,
-        });
-        input.known.gate = Some(Arc::new(gate));
+        report.cloud = Some(keep_growth_to(cloud, dataset, input, training)?);
     }
-    let known = |prior: &Prior| prior.depth.iter().any(|d| *d > 0.0);
-    report.views = priors.iter().filter(|p| known(p)).count();
+    report.views = priors.iter().filter(|prior| is_known(prior)).count();
     report.share = priors.iter().map(Prior::share).sum::<f64>() / report.views.max(1) as f64;
     let alone = matched_alone.unwrap_or_default();
     let otherwise = if stereo { WithoutDepth::NoAgreement } else { WithoutDepth::NothingInView };
-    let unknown = input.train.iter().zip(&priors).enumerate().filter(|(_, (_, prior))| !known(prior));
-    let named = |(view, (of, _)): (usize, (&input::View, _))| {
-        let why = alone.iter().find(|skipped| skipped.view == view).map_or(otherwise, |skipped| skipped.why);
-        Skipped { view, name: of.name.clone(), why }
-    };
-    report.skipped = unknown.map(named).collect();
+    report.skipped = without_depth(input, &priors, &alone, otherwise);
     if settings.depth_prior == DepthPrior::Propagation {
         let scene = scene(dataset, input, &wanted, share)?;
         report.views = scene.views.len() - scene.skipped.len();
@@ -162,10 +129,75 @@ pub fn take_stereo(
     }
     let kept = priors.into_iter().zip(&input.train).map(|(prior, view)| {
         let (width, height) = settings.prior_size(view.camera.width, view.camera.height);
-        known(&prior).then(|| prior.at_size(width, height))
+        is_known(&prior).then(|| prior.at_size(width, height))
     });
     input.known.priors = kept.collect();
     Ok(report)
+}
+
+/// How many splats to add on the surfaces that stereo has found.
+fn more_on_surfaces(
+    gpu: &Gpu,
+    input: &Input,
+    training: &Settings,
+    found: &Stereo,
+    report: &mut StereoReport,
+) -> Result<usize, Error> {
+    let points = input.initial.len() as u32;
+    let measured = training.geometry.stereo_density > 0;
+    report.surface = measured.then(|| stereo::surface(&found.scene.views, &found.priors));
+    let variants = chosen_variants(gpu, training)?;
+    let fit = MemoryPlan::new(gpu, input, training, variants, Pacing::default(), points)?.most_splats.0;
+    let side = longer_side(sizes(input));
+    Ok(splats_on_surfaces(points, report.surface.unwrap_or(0.0), side, fit, training) as usize)
+}
+
+/// Depths and normals of the views to train with, from what stereo has found, or else from the cloud.
+fn priors_of(settings: &Geometry, input: &Input, found: Option<Stereo>, cloud: Option<&[[f64; 3]]>) -> Vec<Prior> {
+    match (settings.depth_prior, found, cloud) {
+        (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
+        (DepthPrior::Lidar, None, Some(cloud)) => {
+            let reduced = |c: &Camera| {
+                let (width, height) = settings.prior_size(c.width, c.height);
+                c.resized(width, height)
+            };
+            cloud::maps(&input.train.iter().map(|view| reduced(&view.camera)).collect::<Vec<_>>(), cloud)
+        }
+        (DepthPrior::Stereo | DepthPrior::Lidar, found, _) => found.map(|stereo| stereo.priors).unwrap_or_default(),
+    }
+}
+
+/// Has growth keep to a cloud.
+fn keep_growth_to(
+    cloud: &[[f64; 3]],
+    dataset: &Dataset,
+    input: &mut Input,
+    training: &Settings,
+) -> Result<CloudReport, Error> {
+    let within = training.density.lidar_distance * f64::from(input.extent);
+    let gate = Gate::new(cloud, within).ok_or(Error::NoCloud)?;
+    let near = gate.near(&input.initial.means);
+    input.known.gate = Some(Arc::new(gate));
+    Ok(CloudReport {
+        points: cloud.len(),
+        within: within / dataset.frame.scale,
+        near: near.iter().filter(|n| **n).count() as f64 / near.len().max(1) as f64,
+    })
+}
+
+/// The views without a depth: those that stereo has left out, with its reason, and the others with this one.
+fn without_depth(input: &Input, priors: &[Prior], left_out: &[Skipped], otherwise: WithoutDepth) -> Vec<Skipped> {
+    let unknown = input.train.iter().zip(priors).enumerate().filter(|(_, (_, prior))| !is_known(prior));
+    let named = |(view, (of, _)): (usize, (&input::View, _))| {
+        let why = left_out.iter().find(|skipped| skipped.view == view).map_or(otherwise, |skipped| skipped.why);
+        Skipped { view, name: of.name.clone(), why }
+    };
+    unknown.map(named).collect()
+}
+
+/// Whether a view has any depth.
+fn is_known(prior: &Prior) -> bool {
+    prior.depth.iter().any(|d| *d > 0.0)
 }
 
 /// Sizes of the photographs that are trained on.
