@@ -20,7 +20,7 @@ use psrgs_vk::raster::{Picture, Shot, Viewer};
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::scene::{Camera, Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::vk::ash::vk;
-use psrgs_vk::vk::{Gpu, HostDevice, OpenOptions, SubmitOrder};
+use psrgs_vk::vk::{Gpu, HostDevice, OpenOptions, SubmitSync};
 
 /// Where the splats of [`model`] are, and their colours.
 pub const SPLATS: [([f32; 3], [f32; 3]); 3] =
@@ -97,7 +97,7 @@ pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn 
                 let mut ticket = gpu.last_ticket();
                 for frame in to_draw {
                     let (wait, signal) = ([timeline.at(3 * frame + 1)], [timeline.at(3 * frame + 2)]);
-                    let order = SubmitOrder::new(&wait, &signal);
+                    let order = SubmitSync::new(&wait, &signal);
                     let mut viewer = viewer.lock().unwrap_or_else(PoisonError::into_inner);
                     ticket = viewer.submit(planes, splats, &shot(frame % FRAMES), true, order)?;
                     let target = viewer.target().map(|target| (target.image.clone(), target.aux.clone()));

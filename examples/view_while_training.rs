@@ -19,7 +19,7 @@ use psrgs_vk::raster::{LiveModel, Picture, Shot, Viewer};
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer, prepare};
 use psrgs_vk::vk::ash::vk;
-use psrgs_vk::vk::{Gpu, HostDevice, HostRecording, OpenOptions, SubmitOrder};
+use psrgs_vk::vk::{Gpu, HostDevice, HostRecording, OpenOptions, SubmitSync};
 
 /// What came of it.
 pub struct Outcome {
@@ -109,7 +109,7 @@ fn train(
     let (mut done, mut grown, mut submitted) = (0, 0, 0);
     loop {
         let (wait, signal) = ([frames.at(lock(shared).frame)], [steps.at(submitted + 1)]);
-        let going = trainer.step(SubmitOrder::new(&wait, &signal))?.is_some();
+        let going = trainer.step(SubmitSync::new(&wait, &signal))?.is_some();
         submitted += u64::from(going);
         let mut new_planes = false;
         while let Some(message) = trainer.poll()? {

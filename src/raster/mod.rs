@@ -1,13 +1,13 @@
 //! Passes composed into forward and backward: the differentiable renderer.
 
-mod held;
-mod kernels;
 mod live;
-mod loan;
+mod memory_footprint;
+mod pass_select;
 mod picture;
 mod planes;
 mod renderer;
 pub mod scan;
+mod scratch_buffers;
 mod sh_storage;
 mod size;
 pub mod sort;
@@ -16,8 +16,8 @@ pub mod tiles;
 mod variants;
 mod viewer;
 
-pub use held::Held;
 pub use live::LiveModel;
+pub use memory_footprint::MemoryFootprint;
 pub use picture::Picture;
 pub use planes::{MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH0, UPPER, gaussians_of, grown, planes_of};
 pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, ImageGradients, Renderer, Shot, Terms};

@@ -6,10 +6,10 @@ pub use backward::{BackwardStep, Gradients, ImageGradients, Terms};
 
 use backward::Backward;
 
-use super::held::Held;
-use super::kernels;
-use super::loan::{Layout, Loan};
+use super::memory_footprint::MemoryFootprint;
+use super::pass_select;
 use super::planes::Planes;
+use super::scratch_buffers::{Layout, ScratchBuffers};
 use super::sh_storage::ShStorage;
 use super::size::{LEAST_2D, ROW_2D, Size};
 use super::sort::Shape;
@@ -86,11 +86,11 @@ impl Channels {
         let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
         let alpha_min = alpha_min::constant(cutoff);
         let projection = [("TILE_W", side), ("TILE_H", side), aux, alpha_min];
-        let chosen = kernels::blend_forward(gpu, variants);
+        let chosen = pass_select::blend_forward(gpu, variants);
         let mut switches = vec![aux, ("COUNT", u32::from(count)), alpha_min];
         switches.extend(chosen.constants);
         Ok(Self {
-            project: gpu.pipeline(&kernels::projection(gpu).kernel, &projection)?,
+            project: gpu.pipeline(&pass_select::projection(gpu).kernel, &projection)?,
             projection,
             blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
         })
@@ -148,7 +148,8 @@ impl Renderer {
             if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
         // Splats of slots are dead when gradients come to the slots.
         let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
-        let lists = TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, size.listed)?;
+        let lists =
+            TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, size.listed)?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,
@@ -251,7 +252,7 @@ impl Renderer {
         target: &Target,
         weights: &Buffer,
     ) -> Result<(), vk::Error> {
-        let chosen = kernels::blend_forward(&self.gpu, self.variants);
+        let chosen = pass_select::blend_forward(&self.gpu, self.variants);
         let mut switches = vec![("AUX", 0), ("WEIGHTS", 1), alpha_min::constant(shot.projection.alpha_cutoff)];
         switches.extend(chosen.constants);
         let blend = self.gpu.pipeline(&chosen.pass.kernel, &switches)?;
@@ -360,18 +361,18 @@ impl Renderer {
     }
 
     /// Bytes of its buffers.
-    pub fn held(&self) -> Held {
+    pub fn held(&self) -> MemoryFootprint {
         let backward = self.backward.as_ref();
         // What the lists need beyond the gradients is there for pairs: the tables of their sort.
         let of_splats = backward.map_or(self.early.size(), |b| b.grad2d.slice().bytes().max(LEAST_2D));
         let slots = backward.map_or(0, |b| b.slot_grads.size() + b.slot_normals.size());
         let of_normals = backward.map_or(0, |b| b.grad_normals.size());
-        let own = Held {
+        let own = MemoryFootprint {
             splats: self.splat2d.size() + self.tile_counts.size() + self.normals.size() + of_normals + of_splats,
             pairs: self.early.size() - of_splats,
             slot_pairs: slots,
             fixed: self.counters.size() + self.args.size() + self.pair_counts.size() + self.no_weights.size(),
-            ..Held::default()
+            ..MemoryFootprint::default()
         };
         own + self.lists.held()
     }

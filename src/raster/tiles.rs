@@ -1,9 +1,9 @@
 //! From projected splats to the depth-ordered list of splats of every tile.
 
-use super::held::Held;
-use super::kernels;
-use super::loan::{Layout, Loan, parts, words};
+use super::memory_footprint::MemoryFootprint;
+use super::pass_select;
 use super::scan::{self, Extent, Scan, Summand};
+use super::scratch_buffers::{Layout, ScratchBuffers, parts, words};
 use super::sort::{Keys, RadixSort, Shape};
 use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
@@ -137,7 +137,7 @@ impl TileLists {
         let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(Part::whole(slot_splat));
-        TileLists::within(gpu, capacities, shape, Loan { early: &early, slot_splat }, false)
+        TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, false)
     }
 
     /// The same in memory that is the lists' until they are complete, see [`Layout`]. `listed`: the visible splats are kept in the order of
@@ -146,7 +146,7 @@ impl TileLists {
         gpu: &Gpu,
         capacities: Capacities,
         shape: Shape,
-        loan: Loan<'_>,
+        loan: ScratchBuffers<'_>,
         listed: bool,
     ) -> Result<TileLists> {
         let Capacities { splats, pairs, tiles } = capacities;
@@ -165,7 +165,7 @@ impl TileLists {
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
             gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
-            emit: gpu.pipeline(&kernels::emission(gpu).kernel, &emission)?,
+            emit: gpu.pipeline(&pass_select::emission(gpu).kernel, &emission)?,
             emission,
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[carried])?,
             splat_scan: Scan::new(gpu, "splat_scan", splats)?,
@@ -186,16 +186,16 @@ impl TileLists {
     }
 
     /// Bytes of its own buffers, what was lent aside.
-    pub(super) fn held(&self) -> Held {
+    pub(super) fn held(&self) -> MemoryFootprint {
         let bytes = |parts: &[Part; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
         let listed = self.listed.as_ref().map_or(0, |part| part.slice().bytes());
         let (of_optimiser, of_slots) = if self.optimised { (listed, 0) } else { (0, listed) };
-        Held {
+        MemoryFootprint {
             splats: self.splat_scan.bytes() + self.depth_sort.bytes() + of_optimiser,
             pairs: bytes(&self.pair_keys) + bytes(&self.pair_vals) + self.tile_sort.bytes(),
             pixels: self.tile_ranges.size(),
             slot_splats: of_slots + self.slots.as_ref().map_or(0, |slots| slots.offsets.slice().bytes()),
-            ..Held::default()
+            ..MemoryFootprint::default()
         }
     }
 
@@ -287,7 +287,7 @@ impl TileLists {
             Some(_) => {
                 let [carried, per_turn, _] = self.emission;
                 self.gpu.pipeline(
-                    &kernels::emission(&self.gpu).kernel,
+                    &pass_select::emission(&self.gpu).kernel,
                     &[carried, per_turn, alpha_min::constant(alpha_cutoff)],
                 )?
             }

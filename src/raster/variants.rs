@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::kernels;
+use super::pass_select;
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
 /// The column shape is written for subgroups of this width.
@@ -101,8 +101,8 @@ impl Variants {
     /// Whether a workgroup has as much shared memory as this form takes; also where the form is not there for other reasons.
     pub(crate) fn fits(self, gpu: &Gpu) -> bool {
         let limits = &gpu.caps().limits;
-        kernels::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits, &[]))
-            && kernels::blend_forward(gpu, self).pass.kernel.fits(limits, &[])
+        pass_select::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits, &[]))
+            && pass_select::blend_forward(gpu, self).pass.kernel.fits(limits, &[])
     }
 
     /// What suits the device; `deterministic` allows only bit-reproducible variants.

@@ -11,7 +11,7 @@ use super::tiles::DEPTH_BITS;
 use super::variants::{GradientSum, Variants};
 use crate::pass::counters;
 use crate::scene::Gaussians;
-use crate::vk::{self, Buffer, Done, Gpu, Memory, Recorder, SubmitOrder, Ticket};
+use crate::vk::{self, Buffer, Done, Gpu, Memory, Recorder, SubmitSync, Ticket};
 
 /// Renders pictures of models; grows as they need.
 pub struct Viewer {
@@ -151,7 +151,7 @@ impl Viewer {
         splats: u32,
         shot: &Shot,
         aux: bool,
-        order: SubmitOrder<'_>,
+        order: SubmitSync<'_>,
     ) -> Result<Ticket, vk::Error> {
         let mut recorder = self.gpu.recorder("view")?;
         self.record(&mut recorder, model, splats, shot, aux)?;
@@ -164,7 +164,7 @@ impl Viewer {
         model: &LiveModel,
         shot: &Shot,
         aux: bool,
-        order: SubmitOrder<'_>,
+        order: SubmitSync<'_>,
     ) -> Result<Ticket, vk::Error> {
         let mut recorder = self.gpu.recorder("live view")?;
         self.record_live(&mut recorder, model, shot, aux)?;

@@ -33,7 +33,7 @@ use crate::raster::sort::Shape;
 use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
 use crate::scene::Camera;
 use crate::stereo::Prior;
-use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitOrder, Ticket};
+use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitSync, Ticket};
 
 /// Opacity to which a reset lowers.
 const RESET_OPACITY: f64 = 0.01;
@@ -249,7 +249,7 @@ impl Engine {
 
     /// Records and submits an event; waits for nothing on the device, and for a photograph only where it was not named ahead.
     pub fn submit(&mut self, event: Event, plan: &StepPlan, view: usize) -> Result<Ticket, Error> {
-        self.submit_with(event, plan, view, SubmitOrder::default())
+        self.submit_with(event, plan, view, SubmitSync::default())
     }
 
     /// The same between points of a host's timelines.
@@ -258,7 +258,7 @@ impl Engine {
         event: Event,
         plan: &StepPlan,
         view: usize,
-        order: SubmitOrder<'_>,
+        order: SubmitSync<'_>,
     ) -> Result<Ticket, Error> {
         let label = match event.kind {
             Kind::Step => "step",

@@ -106,7 +106,7 @@ group! {
         pub strict,
     }
     optional {
-        /// Read the dataset as: colmap, nerfstudio, opensfm or opendronemap [default: the format whose files are there]
+        /// Read the dataset as: colmap, nerfstudio or opensfm (OpenDroneMap too) [default: the format whose files are there]
         #[arg(value_name = "FORMAT")]
         pub format: Format,
         /// Take photographs from this folder inside DATA [default: images, or the images_N that fits --max-side]

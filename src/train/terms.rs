@@ -21,7 +21,7 @@ use super::schedule::StepPlan;
 use super::settings::{Settings, SigmaLearning};
 use super::state::State;
 use crate::loss::GradientMapLoss;
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::saliency::Cache;
 use crate::scene::Camera;
 use crate::vk::{self, Gpu, Recorder};
@@ -62,7 +62,7 @@ pub(super) trait LossTerm {
     fn record<'a>(&'a self, phase: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error>;
 
     /// Bytes of its buffers.
-    fn footprint(&self) -> Held;
+    fn footprint(&self) -> MemoryFootprint;
 
     /// Reads back what a restart needs of it. Waits.
     fn save(&self, _: &Gpu, _: &mut State) -> Result<(), Error> {
@@ -195,8 +195,8 @@ impl Terms {
     }
 
     /// Bytes of their buffers.
-    pub(super) fn footprint(&self) -> Held {
-        self.all().map(LossTerm::footprint).fold(Held::default(), |sum, held| sum + held)
+    pub(super) fn footprint(&self) -> MemoryFootprint {
+        self.all().map(LossTerm::footprint).fold(MemoryFootprint::default(), |sum, held| sum + held)
     }
 }
 

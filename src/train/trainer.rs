@@ -35,7 +35,7 @@ use crate::raster::{Picture, Variants};
 use crate::saliency;
 use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians};
-use crate::vk::{Gpu, SubmitOrder, Ticket};
+use crate::vk::{Gpu, SubmitSync, Ticket};
 
 /// A running training.
 pub struct Trainer {
@@ -152,7 +152,7 @@ impl Trainer {
     fn advance(&mut self) -> Result<(), Error> {
         let (stop, evaluate, last) = self.due();
         while self.has_room() && self.next <= last {
-            self.submit_next(SubmitOrder::default())?;
+            self.submit_next(SubmitSync::default())?;
         }
         if evaluate && self.next > last {
             self.look_ahead_to_scoring();
@@ -197,7 +197,7 @@ impl Trainer {
     }
 
     /// Submits the next event.
-    fn submit_next(&mut self, order: SubmitOrder<'_>) -> Result<Ticket, Error> {
+    fn submit_next(&mut self, order: SubmitSync<'_>) -> Result<Ticket, Error> {
         self.make_ready()?;
         let plan = self.schedule.step(self.next.step);
         self.look_ahead();
@@ -293,7 +293,7 @@ impl Trainer {
             if self.next.kind == Kind::Step && self.actions.done() < self.next.step {
                 return Ok(self.next.step - 1);
             }
-            self.submit_next(SubmitOrder::default())?;
+            self.submit_next(SubmitSync::default())?;
         }
     }
 

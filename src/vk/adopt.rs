@@ -18,7 +18,7 @@ use super::gpu::Gpu;
 use super::host_allocator::HostAllocator;
 use super::options::OpenOptions;
 use super::recorder::Recorder;
-use super::submit_sync::SubmitOrder;
+use super::submit_sync::SubmitSync;
 use super::ticket::Ticket;
 use super::validation::Messages;
 
@@ -181,7 +181,7 @@ unsafe fn check_queue(instance: &ash::Instance, host: &HostDevice<'_>) -> Result
 
 impl Recorder {
     /// As [`Recorder::submit`], between points of the host's timelines.
-    pub fn submit_with(self, order: SubmitOrder<'_>) -> Result<Ticket> {
+    pub fn submit_with(self, order: SubmitSync<'_>) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         gpu.submit_ordered(self, order)
     }

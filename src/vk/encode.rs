@@ -16,7 +16,7 @@ use super::error::{Error, Named, Result};
 use super::queue_lock::QueueLock;
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
-use super::submit_sync::{HostSemaphore, SubmitOrder};
+use super::submit_sync::{HostSemaphore, SubmitSync};
 
 /// As [`full_barrier`], and the host sees what was written: after a loss no semaphore makes it visible.
 ///
@@ -246,7 +246,7 @@ pub(super) fn enqueue(
     commands: vk::CommandBuffer,
     timeline: vk::Semaphore,
     ticket: u64,
-    order: SubmitOrder<'_>,
+    order: SubmitSync<'_>,
 ) -> Result<Handed> {
     let point = |semaphore: vk::Semaphore, value: u64| {
         vk::SemaphoreSubmitInfo::default()

@@ -24,7 +24,7 @@ use super::placement::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::Recorder;
 use super::submit::{STAGING, State};
-use super::submit_sync::SubmitOrder;
+use super::submit_sync::SubmitSync;
 use super::ticket::Ticket;
 use super::validation::Messages;
 
@@ -231,10 +231,10 @@ impl Gpu {
     }
 
     pub(super) fn submit(&self, recorder: Recorder) -> Result<Ticket> {
-        self.submit_ordered(recorder, SubmitOrder::default())
+        self.submit_ordered(recorder, SubmitSync::default())
     }
 
-    pub(super) fn submit_ordered(&self, mut recorder: Recorder, order: SubmitOrder<'_>) -> Result<Ticket> {
+    pub(super) fn submit_ordered(&self, mut recorder: Recorder, order: SubmitSync<'_>) -> Result<Ticket> {
         recorder.profile &= self.inner.timestamp_mask != 0 && self.caps().limits.timestamp_ns > 0.0;
         let result = {
             let mut state = lock(&self.inner.state);

@@ -63,6 +63,6 @@ pub use placement::Memory;
 pub use profile::{PassTime, Stats};
 pub use queue_lock::QueueLock;
 pub use recorder::{Groups, Recorder, fold};
-pub use submit_sync::{HostSemaphore, SubmitOrder};
+pub use submit_sync::{HostSemaphore, SubmitSync};
 pub use ticket::Ticket;
 pub use validation::{Messages, validation_layer};

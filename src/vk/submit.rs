@@ -17,7 +17,7 @@ use super::placement::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;
-use super::submit_sync::SubmitOrder;
+use super::submit_sync::SubmitSync;
 
 /// Size of a staging buffer that is kept for reuse.
 pub(super) const STAGING: u64 = 256 << 10;
@@ -105,7 +105,7 @@ impl State {
         device: &Device,
         timeline: vk::Semaphore,
         recorder: Recorder,
-        order: SubmitOrder<'_>,
+        order: SubmitSync<'_>,
     ) -> Result<std::thread::Result<()>> {
         for id in std::mem::take(&mut *super::lock::lock(&device.freed)) {
             self.tracker.forget(id);

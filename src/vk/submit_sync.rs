@@ -33,14 +33,14 @@ impl HostSemaphore {
 
 /// Points of the host's timelines around work of the engine.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct SubmitOrder<'a> {
+pub struct SubmitSync<'a> {
     /// Nothing of the work begins before all of these have been reached.
     pub wait: &'a [HostSemaphore],
     /// These are reached when all of the work is done, and what was submitted to the queue before it.
     pub signal: &'a [HostSemaphore],
 }
 
-impl<'a> SubmitOrder<'a> {
+impl<'a> SubmitSync<'a> {
     /// Waits for `wait`, then signals `signal`.
     pub fn new(wait: &'a [HostSemaphore], signal: &'a [HostSemaphore]) -> Self {
         Self { wait, signal }

@@ -1,7 +1,7 @@
 //! Buffers, pipelines, recordings and tickets belong to one device, and memory that the host sees to whoever uses it now.
 
 use psrgs_vk::pass::fill;
-use psrgs_vk::vk::{Error, Gpu, Groups, Memory, Result, SubmitOrder, Ticket};
+use psrgs_vk::vk::{Error, Gpu, Groups, Memory, Result, SubmitSync, Ticket};
 
 use super::{adopt, common, host};
 
@@ -86,7 +86,7 @@ fn a_range_that_a_later_submit_writes_is_not_ready() {
         let mut rec = gpu.recorder("to the ring").unwrap();
         rec.fill(&source, value).unwrap();
         rec.copy(&source, 0, &ring, at, 16).unwrap();
-        rec.submit_with(SubmitOrder::new(wait, &[])).unwrap()
+        rec.submit_with(SubmitSync::new(wait, &[])).unwrap()
     };
     submit(1, 0, &[]);
     let first = submit(1, 16, &[]);

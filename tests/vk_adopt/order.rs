@@ -1,7 +1,7 @@
 //! Points of the host's timelines around work of the engine, and command buffers of the host.
 
 use psrgs_vk::raster::{MEANS, PLANES, Viewer};
-use psrgs_vk::vk::SubmitOrder;
+use psrgs_vk::vk::SubmitSync;
 use psrgs_vk::vk::ash::vk;
 
 use super::embed::host::memory::HostBuffer;
@@ -21,7 +21,7 @@ fn a_picture_waits_for_the_host_and_signals_it() {
     let expected = viewer.render(&planes, splats, &shot, true).unwrap();
     let timeline = host.timeline().unwrap();
     let (wait, signal) = ([timeline.at(1)], [timeline.at(2)]);
-    let ticket = viewer.submit(&planes, splats, &shot, true, SubmitOrder::new(&wait, &signal)).unwrap();
+    let ticket = viewer.submit(&planes, splats, &shot, true, SubmitSync::new(&wait, &signal)).unwrap();
     assert!(!timeline.wait(2, A_WHILE).unwrap(), "it did not wait for the host");
     assert!(!gpu.is_done(ticket).unwrap());
     assert_eq!(viewer.fits(ticket).unwrap(), None, "nothing can be known yet");
@@ -47,7 +47,7 @@ fn a_picture_that_did_not_fit_is_told_without_waiting() {
     let (planes, shot) = (viewer.upload(&model).unwrap(), embed::shot(0));
     let mut told = Vec::new();
     while told.last() != Some(&Some(true)) {
-        let ticket = viewer.submit(&planes, 1000, &shot, false, SubmitOrder::default()).unwrap();
+        let ticket = viewer.submit(&planes, 1000, &shot, false, SubmitSync::default()).unwrap();
         gpu.wait(ticket).unwrap();
         told.push(viewer.fits(ticket).unwrap());
     }

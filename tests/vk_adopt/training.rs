@@ -1,7 +1,7 @@
 //! Training on a host's device, step by step and watched.
 
 use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer};
-use psrgs_vk::vk::{Gpu, HostDevice, SubmitOrder};
+use psrgs_vk::vk::{Gpu, HostDevice, SubmitSync};
 
 use super::common::{self, plane_scene};
 use super::{adopt, host, view_while_training};
@@ -71,7 +71,7 @@ fn steps_between_points_of_the_host_are_those_of_the_stream() {
     let (mut steps, mut scored, mut calls, mut grown) = (Vec::new(), Vec::new(), 0, 0);
     loop {
         let (wait, signal) = ([timeline.at(calls)], [timeline.at(calls + 1)]);
-        let Some(ticket) = trainer.step(SubmitOrder::new(&wait, &signal)).unwrap() else { break };
+        let Some(ticket) = trainer.step(SubmitSync::new(&wait, &signal)).unwrap() else { break };
         calls += 1;
         assert_eq!(ticket, gpu.last_ticket());
         while let Some(message) = trainer.poll().unwrap() {
@@ -96,7 +96,7 @@ fn a_step_waits_for_the_host() {
     let mut trainer = Trainer::new(&gpu, input(), &settings(), Pacing::default(), None).unwrap();
     let timeline = host.timeline().unwrap();
     let (wait, signal) = ([timeline.at(1)], [timeline.at(2)]);
-    let ticket = trainer.step(SubmitOrder::new(&wait, &signal)).unwrap().unwrap();
+    let ticket = trainer.step(SubmitSync::new(&wait, &signal)).unwrap().unwrap();
     assert!(trainer.poll().unwrap().is_none(), "polling does not wait");
     assert!(!timeline.wait(2, 200_000_000).unwrap(), "it did not wait for the host");
     assert!(!gpu.is_done(ticket).unwrap());

@@ -4,7 +4,7 @@ use super::{Renderer, Shot, entry};
 use crate::pass::camera::CameraPush;
 use crate::pass::turns::per_turn;
 use crate::pass::{adam, alpha_min, project_backward, project_backward_adam, slot_sum};
-use crate::raster::kernels;
+use crate::raster::pass_select;
 use crate::raster::planes::Planes;
 use crate::raster::sh_storage::ShStorage;
 use crate::raster::size::Size;
@@ -88,7 +88,7 @@ struct Channels {
 impl Channels {
     /// `cutoff`: see [`alpha_min`].
     fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, form: Form) -> Result<Self, vk::Error> {
-        let chosen = kernels::blend_backward(gpu, variants)?;
+        let chosen = pass_select::blend_backward(gpu, variants)?;
         let aux = ("AUX", u32::from(aux));
         let mut switches = vec![
             aux,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 
 /// Device memory of a training: real allocations over the capacities they were made for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,7 +30,7 @@ pub struct MemoryCost {
 }
 
 impl MemoryCost {
-    pub(in crate::train) fn new(held: Held, [splats, pairs, pixels]: [u32; 3], photographs: u64) -> Self {
+    pub(in crate::train) fn new(held: MemoryFootprint, [splats, pairs, pixels]: [u32; 3], photographs: u64) -> Self {
         let per = |bytes: u64, count: u32| bytes as f64 / f64::from(count.max(1));
         Self {
             per_splat: per(held.splats, splats),

@@ -3,7 +3,7 @@
 use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
-use crate::raster::{Held, LiveModel, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
+use crate::raster::{LiveModel, MemoryFootprint, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians, rows_of};
@@ -72,11 +72,11 @@ impl Engine {
             self.density.bytes(),
         ];
         let [of_pixels, fixed] = self.exposures.as_ref().map_or([0; 2], Exposures::bytes);
-        let own = Held {
+        let own = MemoryFootprint {
             splats: of_splats.iter().sum(),
             pixels: self.target.bytes() + of_pixels,
             fixed: self.reports.bytes(&self.gpu) + fixed,
-            ..Held::default()
+            ..MemoryFootprint::default()
         };
         MemoryCost::new(
             own + self.terms.footprint() + self.views.footprint() + self.renderer.held(),

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::dataset::Depth;
 use crate::loss::Photograph;
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::saliency::Cache;
 use crate::scene::Camera;
 use crate::train::Error;
@@ -77,10 +77,10 @@ impl Views {
     }
 
     /// Bytes of the buffers, photographs apart.
-    pub(super) fn footprint(&self) -> Held {
+    pub(super) fn footprint(&self) -> MemoryFootprint {
         let [of_pixels, fixed] = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);
         let of_coarse = self.coarse.as_ref().map_or(0, Coarse::bytes);
-        Held { pixels: of_pixels + of_coarse, fixed, ..Held::default() }
+        MemoryFootprint { pixels: of_pixels + of_coarse, fixed, ..MemoryFootprint::default() }
     }
 }
 

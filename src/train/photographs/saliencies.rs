@@ -15,7 +15,7 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// A mask of reduced size for each view, 8 bits a value, and the values of the pixels of the view of a step.
 pub(in crate::train) struct Saliencies {
-    masks: Vec<Held>,
+    masks: Vec<MemoryFootprint>,
     plane: Buffer,
     spread: Pipeline,
     /// Of each view: pixels drawn by their mask value, as shares of width and height.
@@ -25,7 +25,7 @@ pub(in crate::train) struct Saliencies {
 /// Pixels that are drawn of each view.
 const DRAWN: u64 = 16;
 
-struct Held {
+struct MemoryFootprint {
     buffer: Buffer,
     size: (u32, u32),
 }
@@ -34,10 +34,10 @@ impl Saliencies {
     /// For photographs of these cameras; contents undefined.
     pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
         let side = Settings::default().side;
-        let held = |camera: &Camera| -> Result<Held, vk::Error> {
+        let held = |camera: &Camera| -> Result<MemoryFootprint, vk::Error> {
             let size = Plane::reduced_size(camera.width, camera.height, side);
             let bytes = (u64::from(size.0) * u64::from(size.1)).next_multiple_of(4);
-            Ok(Held { buffer: gpu.buffer("saliency_mask", bytes, Memory::Device)?, size })
+            Ok(MemoryFootprint { buffer: gpu.buffer("saliency_mask", bytes, Memory::Device)?, size })
         };
         let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).max().unwrap_or(1);
         Ok(Self {

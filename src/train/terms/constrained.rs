@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{GradientMapLoss, GradientMapWeights};
 use crate::pass::constrain::{ADD, KEEP};
-use crate::raster::{Held, Renderer};
+use crate::raster::{MemoryFootprint, Renderer};
 use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 
@@ -80,8 +80,8 @@ impl LossTerm for Constrained {
         Ok(())
     }
 
-    fn footprint(&self) -> Held {
-        Held { splats: self.kept.size(), ..Held::default() }
+    fn footprint(&self) -> MemoryFootprint {
+        MemoryFootprint { splats: self.kept.size(), ..MemoryFootprint::default() }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Rendered};
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::train::Error;
@@ -163,8 +163,8 @@ impl LossTerm for Geometry {
         self.take_back(gpu, &state.priors)
     }
 
-    fn footprint(&self) -> Held {
+    fn footprint(&self) -> MemoryFootprint {
         let priors = self.priors.iter().map(|known| known.buffer.size()).sum();
-        Held { pixels: self.loss.bytes(), fixed: priors, ..Held::default() }
+        MemoryFootprint { pixels: self.loss.bytes(), fixed: priors, ..MemoryFootprint::default() }
     }
 }

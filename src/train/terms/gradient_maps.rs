@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{GradientMapLoss, GradientMapWeights};
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::train::Error;
 use crate::train::settings::Texture;
 use crate::vk::Recorder;
@@ -39,7 +39,7 @@ impl LossTerm for GradientMaps {
         Ok(self.loss.record(recorder, step.shown, &step.photograph, &weights, step.grad_image)?)
     }
 
-    fn footprint(&self) -> Held {
-        Held { pixels: self.loss.bytes(), ..Held::default() }
+    fn footprint(&self) -> MemoryFootprint {
+        MemoryFootprint { pixels: self.loss.bytes(), ..MemoryFootprint::default() }
     }
 }

@@ -3,7 +3,7 @@
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::Photograph;
 use crate::perceptual::{Distance, GradientOf, LpipsWeights, Pair, Windows};
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::train::Error;
 use crate::train::settings::Texture as Weights;
 use crate::vk::{Gpu, Recorder};
@@ -83,7 +83,7 @@ impl LossTerm for Perceptual {
         self.window(step).map_or(Ok(()), |window| self.record_window(recorder, step, window, false))
     }
 
-    fn footprint(&self) -> Held {
-        Held { fixed: self.windows.bytes(), ..Held::default() }
+    fn footprint(&self) -> MemoryFootprint {
+        MemoryFootprint { fixed: self.windows.bytes(), ..MemoryFootprint::default() }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{PhotometricLoss, PixelWeights};
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::train::Error;
 use crate::train::schedule::StepPlan;
 use crate::train::settings::Settings;
@@ -57,7 +57,7 @@ impl LossTerm for Photometric {
         Ok(self.loss.record(recorder, step.shown, &step.photograph, weights)?)
     }
 
-    fn footprint(&self) -> Held {
-        Held { pixels: self.loss.bytes(), ..Held::default() }
+    fn footprint(&self) -> MemoryFootprint {
+        MemoryFootprint { pixels: self.loss.bytes(), ..MemoryFootprint::default() }
     }
 }

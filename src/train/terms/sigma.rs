@@ -1,7 +1,7 @@
 //! Renders that are kept for learning the width of the saliency filter. They add nothing to the gradients.
 
 use super::{LossTerm, Phase, StepContext};
-use crate::raster::Held;
+use crate::raster::MemoryFootprint;
 use crate::train::Error;
 use crate::train::learning::sigma::SigmaTraining;
 use crate::train::state::State;
@@ -39,7 +39,7 @@ impl LossTerm for SigmaTraining {
     }
 
     /// The host's side holds them.
-    fn footprint(&self) -> Held {
-        Held::default()
+    fn footprint(&self) -> MemoryFootprint {
+        MemoryFootprint::default()
     }
 }

@@ -5,7 +5,7 @@ use crate::raster::{LiveModel, Shot};
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::schedule::Kind;
-use crate::vk::{SubmitOrder, Ticket};
+use crate::vk::{SubmitSync, Ticket};
 
 impl Trainer {
     /// Submits the next step, with the density change and the opacity reset that belong to it, and gives the ticket of the last of
@@ -19,7 +19,7 @@ impl Trainer {
     /// their way, when buffers grow, where an evaluation or a checkpoint is due, and where the host has a part in training (a cloud
     /// that growth keeps to, depths that are propagated). So everything that a step waits for must
     /// come without further calls.
-    pub fn step(&mut self, order: SubmitOrder<'_>) -> Result<Option<Ticket>, Error> {
+    pub fn step(&mut self, order: SubmitSync<'_>) -> Result<Option<Ticket>, Error> {
         loop {
             if self.finished {
                 return Ok(None);

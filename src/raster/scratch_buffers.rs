@@ -50,7 +50,7 @@ impl Layout {
 }
 
 /// What the lists are given to work in.
-pub(super) struct Loan<'a> {
+pub(super) struct ScratchBuffers<'a> {
     /// At least as large as the layout.
     pub(super) early: &'a Buffer,
     /// With slots: a word per pair that is dead once the backward begins. Without, pairs carry the splat itself.

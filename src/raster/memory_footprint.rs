@@ -2,7 +2,7 @@
 
 /// Bytes allocated, by what their number follows from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Held {
+pub struct MemoryFootprint {
     /// By splats.
     pub splats: u64,
     /// By (splat, tile) pairs.
@@ -17,10 +17,10 @@ pub struct Held {
     pub fixed: u64,
 }
 
-impl std::ops::Add for Held {
-    type Output = Held;
-    fn add(self, other: Held) -> Held {
-        Held {
+impl std::ops::Add for MemoryFootprint {
+    type Output = MemoryFootprint;
+    fn add(self, other: MemoryFootprint) -> MemoryFootprint {
+        MemoryFootprint {
             splats: self.splats + other.splats,
             pairs: self.pairs + other.pairs,
             pixels: self.pixels + other.pixels,
@@ -31,7 +31,7 @@ impl std::ops::Add for Held {
     }
 }
 
-impl Held {
+impl MemoryFootprint {
     /// All of it.
     pub fn total(&self) -> u64 {
         self.splats + self.pairs + self.pixels + self.slot_pairs + self.slot_splats + self.fixed
