@@ -1,4 +1,5 @@
-//! Part of a photograph.
+//! Part of a photograph. The gradient of a band is its share in the gradient of the photograph: all bands together add up to that, but for
+//! what SSIM compares past their ends.
 
 /// Rows that bands are made of, as a tile has.
 const GRAIN: u32 = 16;
