@@ -104,3 +104,34 @@ impl Actions {
         self.planned.iter().map(|planned| planned.done).max().unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::schedule::Kind;
+
+    /// Due before every step.
+    struct Always;
+
+    impl HostAction for Always {
+        fn due(&self, _: &Schedule, event: Event) -> bool {
+            event.kind == Kind::Step
+        }
+
+        fn run(&mut self, _: &mut Engine, _: &Schedule, _: u32) -> Result<Option<Change>, Error> {
+            Ok(Some(Change::default()))
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_repeated_has_its_actions_behind_itself() {
+        let schedule = Schedule::new(&Settings::default(), 3);
+        let planned = |done| Planned { action: Box::new(Always), done };
+        let actions = Actions { planned: vec![planned(5), planned(4)] };
+        assert_eq!(actions.done(), 5);
+        assert!(actions.planned[1].is_due(&schedule, Event::of_step(5)), "that one was not done before step 5");
+        assert!(!actions.planned[0].is_due(&schedule, Event::of_step(5)));
+        assert!(actions.are_due(&schedule, Event::of_step(6)));
+        assert!(!actions.are_due(&schedule, Event { step: 6, kind: Kind::Density }));
+    }
+}
