@@ -3,9 +3,10 @@
 mod common;
 
 use common::guards::Guards;
-use common::splats::{self, Random, camera, in_view};
+use common::splats::{self, camera, in_view, seeded, vector};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::scene::Camera;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::project::{Projected, project};
 use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward, shrink};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
@@ -50,10 +51,10 @@ fn random_gradient(random: &mut Random, pixels: usize, what: Seen) -> ImageGradi
     let mut g = ImageGradient::zeros(pixels);
     for i in 0..pixels {
         match what {
-            Seen::Color => g.color[i] = random.vector(),
+            Seen::Color => g.color[i] = vector(random),
             Seen::DepthAndNormal => {
                 g.depth[i] = random.symmetric();
-                g.normal[i] = random.vector();
+                g.normal[i] = vector(random);
             }
             Seen::Transmittance => g.transmittance[i] = random.symmetric(),
         }
@@ -64,7 +65,7 @@ fn random_gradient(random: &mut Random, pixels: usize, what: Seen) -> ImageGradi
 /// A scene in which no pixel is near a threshold: finite differences do not cross one.
 fn calm_scene(first_seed: u64, camera: &Camera, settings: &Settings) -> (Vec<Splat<f64>>, Random) {
     for seed in first_seed..first_seed + 400 {
-        let mut random = Random::new(seed);
+        let mut random = seeded(seed);
         let splats: Vec<_> = (0..4).map(|_| in_view(&mut random, camera)).collect();
         let image = reference::render(&splats, camera, settings);
         // The steps below move ln(alpha) by at most some 1e-5; conditions are some tens and more.
@@ -157,7 +158,7 @@ fn state(splat: &Splat<f64>, view: &View<f64>) -> (bool, [bool; 2], bool, [bool;
 fn projection_against_differences(projection: Projection, spread: f64, seed: u64) -> usize {
     let camera = camera(64, 48);
     let view = View::<f64>::exact(&camera, &projection);
-    let mut random = Random::new(seed);
+    let mut random = seeded(seed);
     let (mut compared, mut clamped) = (0, 0);
     for case in 0..60 {
         let splat = splats::spread(&mut random, &camera, spread);
@@ -225,7 +226,7 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
 #[test]
 fn flatness_pulls_at_the_shortest_axis_alone() {
     let camera = camera(64, 48);
-    let mut random = Random::new(9);
+    let mut random = seeded(9);
     for _ in 0..20 {
         let splat = splats::spread(&mut random, &camera, 1.0);
         let mut got = Splat::from_array(&[0.0; PARAMETERS]);
@@ -241,7 +242,7 @@ fn flatness_pulls_at_the_shortest_axis_alone() {
 #[test]
 fn smallness_pulls_only_at_view_dependent_coefficients_in_use() {
     let camera = camera(64, 48);
-    let mut random = Random::new(12);
+    let mut random = seeded(12);
     for degree in 0..=3 {
         let splat = splats::spread(&mut random, &camera, 1.0);
         let mut got = Splat::from_array(&[0.0; PARAMETERS]);
@@ -287,7 +288,7 @@ fn projection_twin_beyond_the_clamp_of_the_reference() {
 #[test]
 fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     let camera = camera(64, 48);
-    let mut random = Random::new(23);
+    let mut random = seeded(23);
     let lift = 10.0;
     let mut clamped = 0;
     for case in 0..24 {
@@ -354,7 +355,7 @@ fn reference_clamp_changes_only_gradients_of_clamped_means() {
     let camera = camera(64, 48);
     let honest = View::<f64>::exact(&camera, &Projection::default());
     let quirk = View::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });
-    let mut random = Random::new(5);
+    let mut random = seeded(5);
     let g = Grad2d { row: [0.1, -0.2, 3.0, -2.0, 1.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], normal: [0.0; 3] };
     let mut differed = 0;
     for _ in 0..60 {
@@ -377,7 +378,7 @@ fn projection_twin_agrees_with_the_brute_force_renderer() {
     let camera = camera(40, 30);
     for (antialias, sh_degree, black_learns) in [(false, 3, false), (true, 2, true)] {
         let settings = Settings { black_learns, ..settings(sh_degree, antialias) };
-        let mut random = Random::new(31);
+        let mut random = seeded(31);
         let splats: Vec<_> = (0..60).map(|_| splats::spread(&mut random, &camera, 1.4)).collect();
         let mut g = random_gradient(&mut random, 1200, Seen::Color);
         let other = random_gradient(&mut random, 1200, Seen::DepthAndNormal);
@@ -405,7 +406,7 @@ fn projection_twin_agrees_with_the_brute_force_renderer() {
 
 /// A wide splat whose centre is that of the middle pixel of a 5x5 image, with this alpha there.
 fn centred(camera: &Camera, alpha: f64, z: f64) -> Splat<f64> {
-    let mut splat = in_view(&mut Random::new(1), camera);
+    let mut splat = in_view(&mut seeded(1), camera);
     splat.mean = splats::to_scene(camera, [(2.5 - camera.cx) / camera.fx * z, (2.5 - camera.cy) / camera.fy * z, z]);
     splat.logit = (alpha / (1.0 - alpha)).ln();
     splat
@@ -449,7 +450,7 @@ fn clamped_alpha_passes_no_gradient_and_stays_finite_in_a_stack() {
 
 #[test]
 fn guards_object_to_each_kind_of_error() {
-    let mut random = Random::new(3);
+    let mut random = seeded(3);
     let want: Vec<f64> = (0..400).map(|_| random.symmetric() + 2.0 * random.symmetric().signum()).collect();
     let rounded: Vec<f32> = want.iter().map(|v| *v as f32).collect();
     let guards = Guards::of(1e-4);

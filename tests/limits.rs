@@ -116,10 +116,10 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     let Some(gpu) = common::gpu() else { return };
     let camera = common::splats::camera(64, 48);
     let mut model = Gaussians::zeros(MANY);
-    let mut random = common::splats::Random::new(4);
+    let mut random = common::splats::seeded(4);
     for i in 0..MANY {
-        let z = random.between(2.0, 5.0);
-        let (u, v) = (random.between(1.0, 63.0), random.between(1.0, 47.0));
+        let z = random.range(2.0, 5.0);
+        let (u, v) = (random.range(1.0, 63.0), random.range(1.0, 47.0));
         let mean = to_scene(&camera, [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z]);
         model.means[3 * i..3 * i + 3].copy_from_slice(&mean.map(|x| x as f32));
         model.quats[4 * i] = 1.0;
@@ -273,19 +273,21 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
     let camera = common::splats::camera(width, height);
     // Crops of 40x30 pixels in the first and the last tiles and in the middle, a few splats in each.
     let crops = [(0, 0), (3800, 0), (1904, 1065), (0, 2130), (3800, 2130)];
-    let mut random = common::splats::Random::new(8);
+    let mut random = common::splats::seeded(8);
     let mut model = Gaussians::zeros(6 * crops.len());
     for i in 0..model.len() {
         let (x, y) = crops[i % crops.len()];
-        let (u, v) = (f64::from(x) + random.between(8.0, 32.0), f64::from(y) + random.between(8.0, 22.0));
-        let z = random.between(2.0, 3.0);
+        let (u, v) = (f64::from(x) + random.range(8.0, 32.0), f64::from(y) + random.range(8.0, 22.0));
+        let z = random.range(2.0, 3.0);
         let mean = to_scene(&camera, [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z]);
         let splat = Splat {
             mean,
             quat: std::array::from_fn(|_| random.symmetric()),
-            log_scale: std::array::from_fn(|_| random.between(-6.5, -6.0)),
-            logit: random.between(0.0, 2.0),
-            sh: std::array::from_fn(|k| random.vector().map(|v| v * if k == 0 { 1.5 } else { 0.2 })),
+            log_scale: std::array::from_fn(|_| random.range(-6.5, -6.0)),
+            logit: random.range(0.0, 2.0),
+            sh: std::array::from_fn(|k| {
+                common::splats::vector(&mut random).map(|v| v * if k == 0 { 1.5 } else { 0.2 })
+            }),
         };
         splat.store(&mut model, i);
     }
@@ -329,7 +331,7 @@ fn one_splat_is_drawn_and_trained() {
     let Some(gpu) = common::gpu() else { return };
     let camera = common::splats::camera(33, 17);
     let mut model = Gaussians::zeros(1);
-    common::splats::in_view(&mut common::splats::Random::new(2), &camera).store(&mut model, 0);
+    common::splats::in_view(&mut common::splats::seeded(2), &camera).store(&mut model, 0);
     let shot = Shot { camera, projection: Projection { near: NEAR, ..Projection::default() }, background: [0.0; 3] };
     let wanted = reference::Settings {
         sh_degree: 3,

@@ -2,31 +2,15 @@
 
 use std::collections::HashSet;
 
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::{TileGrid, count, list};
 
-/// A small counter-based generator.
-struct Random(u64);
+fn log_range(random: &mut Random, low: f64, high: f64) -> f64 {
+    random.range(low.ln(), high.ln()).exp()
+}
 
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn log_between(&mut self, low: f64, high: f64) -> f64 {
-        self.between(low.ln(), high.ln()).exp()
-    }
-
-    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
-        from[(self.next() % from.len() as u64) as usize]
-    }
+fn one_of<T: Copy>(random: &mut Random, items: &[T]) -> T {
+    items[(random.bits() % items.len() as u64) as usize]
 }
 
 /// A splat as stored.
@@ -181,15 +165,15 @@ fn grids() -> [TileGrid; 6] {
 }
 
 fn opacity(random: &mut Random) -> f32 {
-    match random.next() % 4 {
-        0 => random.log_between(1.0 / 256.0, 1.0 / 240.0) as f32,
-        1 => random.between(0.9, 1.0) as f32,
-        _ => random.log_between(1.0 / 255.0, 1.0) as f32,
+    match random.bits() % 4 {
+        0 => log_range(random, 1.0 / 256.0, 1.0 / 240.0) as f32,
+        1 => random.range(0.9, 1.0) as f32,
+        _ => log_range(random, 1.0 / 255.0, 1.0) as f32,
     }
 }
 
 fn run(name: &str, number: usize, tight: bool, mut splat: impl FnMut(&mut Random, &TileGrid) -> Splat) -> Tally {
-    let mut random = Random(name.bytes().fold(1, |h: u64, b| h.wrapping_mul(31).wrapping_add(u64::from(b))));
+    let mut random = Random::new(name.bytes().fold(1, |h: u64, b| h.wrapping_mul(31).wrapping_add(u64::from(b))));
     let mut tally = Tally::default();
     for i in 0..number {
         let grid = grids()[i % 6];
@@ -202,14 +186,14 @@ fn run(name: &str, number: usize, tight: bool, mut splat: impl FnMut(&mut Random
 }
 
 fn inside(random: &mut Random, grid: &TileGrid, margin: f64) -> [f32; 2] {
-    grid.image.map(|size| random.between(-margin, f64::from(size) + margin) as f32)
+    grid.image.map(|size| random.range(-margin, f64::from(size) + margin) as f32)
 }
 
 #[test]
 fn ordinary_splats_are_listed_exactly() {
     let tally = run("ordinary", 4000, true, |random, grid| Splat {
         mean: inside(random, grid, 30.0),
-        conic: conic([random.log_between(0.55, 40.0), random.log_between(0.55, 40.0)], random.between(0.0, 3.2)),
+        conic: conic([log_range(random, 0.55, 40.0), log_range(random, 0.55, 40.0)], random.range(0.0, 3.2)),
         opacity: opacity(random),
     });
     assert!(tally.beyond * 2000 < tally.listed, "{} of {} tiles are listed in vain", tally.beyond, tally.listed);
@@ -218,16 +202,16 @@ fn ordinary_splats_are_listed_exactly() {
 #[test]
 fn needles_lose_no_pixel() {
     run("needles", 2000, true, |random, grid| {
-        let thin = random.log_between(0.55, 2.0);
+        let thin = log_range(random, 0.55, 2.0);
         Splat {
             mean: inside(random, grid, 30.0),
-            conic: conic([thin * random.log_between(30.0, 300.0), thin], random.between(0.0, 3.2)),
+            conic: conic([thin * log_range(random, 30.0, 300.0), thin], random.range(0.0, 3.2)),
             opacity: opacity(random),
         }
     });
     run("needles of aspect 1000 and more", 2000, false, |random, grid| Splat {
         mean: inside(random, grid, 30.0),
-        conic: conic([0.55 * random.pick(&[1e3, 1.0001e3, 4e3, 1e4, 1e6]), 0.55], random.between(0.0, 3.2)),
+        conic: conic([0.55 * one_of(random, &[1e3, 1.0001e3, 4e3, 1e4, 1e6]), 0.55], random.range(0.0, 3.2)),
         opacity: opacity(random),
     });
 }
@@ -237,11 +221,11 @@ fn far_needles_lose_no_pixel() {
     // Aimed at the image from far away, where the terms of the power cancel to nothing.
     run("far needles", 2000, false, |random, grid| {
         let target = inside(random, grid, 2.0).map(f64::from);
-        let (angle, distance) = (random.between(0.0, 6.3), random.log_between(50.0, 20_000.0));
+        let (angle, distance) = (random.range(0.0, 6.3), log_range(random, 50.0, 20_000.0));
         let mean = [target[0] - distance * angle.cos(), target[1] - distance * angle.sin()];
         Splat {
             mean: mean.map(|x| x as f32),
-            conic: conic([distance * random.log_between(0.3, 2.0), random.log_between(0.55, 5.0)], angle),
+            conic: conic([distance * log_range(random, 0.3, 2.0), log_range(random, 0.55, 5.0)], angle),
             opacity: opacity(random),
         }
     });
@@ -251,15 +235,15 @@ fn far_needles_lose_no_pixel() {
 fn giants_and_centres_far_away_lose_no_pixel() {
     run("giants", 1000, true, |random, grid| Splat {
         mean: inside(random, grid, 1000.0),
-        conic: conic([random.log_between(50.0, 1e4), random.log_between(50.0, 1e4)], random.between(0.0, 3.2)),
+        conic: conic([log_range(random, 50.0, 1e4), log_range(random, 50.0, 1e4)], random.range(0.0, 3.2)),
         opacity: opacity(random),
     });
     run("far centres", 1000, true, |random, _| {
-        let distance = random.log_between(1e3, 1e7);
-        let angle = random.between(0.0, 6.3);
+        let distance = log_range(random, 1e3, 1e7);
+        let angle = random.range(0.0, 6.3);
         Splat {
             mean: [(distance * angle.cos()) as f32, (distance * angle.sin()) as f32],
-            conic: conic([distance * random.between(0.2, 1.0), distance * random.between(0.2, 1.0)], angle),
+            conic: conic([distance * random.range(0.2, 1.0), distance * random.range(0.2, 1.0)], angle),
             opacity: opacity(random),
         }
     });
@@ -269,13 +253,13 @@ fn giants_and_centres_far_away_lose_no_pixel() {
 fn means_on_tile_borders_lose_no_pixel() {
     run("borders", 4000, true, |random, grid| {
         let mean = [0, 1].map(|axis| {
-            let tile = random.next() % u64::from(grid.counts()[axis] + 1);
-            (tile * u64::from(grid.tile[axis])) as f32 + random.pick(&[-0.5f32, 0.0, 0.5])
+            let tile = random.bits() % u64::from(grid.counts()[axis] + 1);
+            (tile * u64::from(grid.tile[axis])) as f32 + one_of(random, &[-0.5f32, 0.0, 0.5])
         });
-        let size = random.pick(&[0.55, 1.0, 2.0, 4.0]);
-        let angle = random.pick(&[0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2]);
-        let opacity = random.pick(&[1.0 / 255.0, 1.000_001 / 255.0, 0.5, 1.0]) as f32;
-        Splat { mean, conic: conic([size, size * random.pick(&[1.0, 2.0, 3.0])], angle), opacity }
+        let size = one_of(random, &[0.55, 1.0, 2.0, 4.0]);
+        let angle = one_of(random, &[0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2]);
+        let opacity = one_of(random, &[1.0 / 255.0, 1.000_001 / 255.0, 0.5, 1.0]) as f32;
+        Splat { mean, conic: conic([size, size * one_of(random, &[1.0, 2.0, 3.0])], angle), opacity }
     });
 }
 

@@ -4,7 +4,7 @@
 mod common;
 
 use common::plane_scene;
-use common::splats::{Random, camera, spread};
+use common::splats::{camera, seeded, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
@@ -201,7 +201,7 @@ fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<V
 fn tile_lists_are_the_same_bits_in_every_form() {
     let Some(native) = common::gpu() else { return };
     let camera = camera(150, 110);
-    let mut random = Random::new(9);
+    let mut random = seeded(9);
     let mut model = Gaussians::zeros(1500);
     (0..model.len()).for_each(|i| spread(&mut random, &camera, 1.4).store(&mut model, i));
     let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };

@@ -9,10 +9,11 @@ use std::process::{Child, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
-use crate::common::splats::Random;
+use crate::common::splats::seeded;
 use crate::run::{command, stderr, text};
 
 /// All parts of the method that have a state: stereo, growth, learned widths of the filter, the constrained set, perceptual
@@ -111,7 +112,7 @@ fn killed_and_resumed(kills: u32) {
     let clock = || SystemTime::UNIX_EPOCH.elapsed().map_or(1, |time| time.as_nanos() as u64);
     let seed = given.unwrap_or_else(clock);
     println!("moments of seed {seed}: PSRGS_KILL_SEED={seed} draws them again");
-    let mut random = Random::new(seed);
+    let mut random = seeded(seed);
 
     let folder = tempfile::tempdir().expect("a temporary folder");
     let data = folder.path().join("scene");

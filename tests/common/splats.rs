@@ -2,45 +2,17 @@
 #![allow(dead_code, unreachable_pub)]
 
 use psrgs_vk::scene::Camera;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::splat::Splat;
 
-/// SplitMix64 (Steele et al. 2014): the same numbers everywhere.
-pub struct Random(u64);
+/// A stream of numbers for each seed, whose beginnings are far apart.
+pub fn seeded(seed: u64) -> Random {
+    Random::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678)
+}
 
-impl Random {
-    /// A stream of its own for each seed.
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678)
-    }
-
-    /// The next 64 bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In [0, 1).
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// In [-1, 1).
-    pub fn symmetric(&mut self) -> f64 {
-        2.0 * self.unit() - 1.0
-    }
-
-    /// In [low, high).
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// Three numbers in [-1, 1).
-    pub fn vector(&mut self) -> [f64; 3] {
-        std::array::from_fn(|_| self.symmetric())
-    }
+/// Three numbers in [-1, 1).
+pub fn vector(random: &mut Random) -> [f64; 3] {
+    std::array::from_fn(|_| random.symmetric())
 }
 
 /// A turned and displaced camera with unequal focal lengths and a principal point off the middle.
@@ -69,24 +41,24 @@ pub fn to_scene(camera: &Camera, p: [f64; 3]) -> [f64; 3] {
 
 /// A splat whose centre lies anywhere within `reach` times the half image from its middle.
 pub fn spread(random: &mut Random, camera: &Camera, reach: f64) -> Splat<f64> {
-    let z = random.between(1.0, 5.0);
+    let z = random.range(1.0, 5.0);
     let (w, h) = (f64::from(camera.width), f64::from(camera.height));
     let (u, v) = (w * (0.5 + 0.5 * reach * random.symmetric()), h * (0.5 + 0.5 * reach * random.symmetric()));
     let p = [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z];
-    let size = random.between(-3.0, -1.0);
+    let size = random.range(-3.0, -1.0);
     Splat {
         mean: to_scene(camera, p),
         quat: std::array::from_fn(|_| 1.5 * random.symmetric()),
         log_scale: std::array::from_fn(|_| size + 0.9 * random.symmetric()),
-        logit: random.between(-1.5, 2.0),
-        sh: std::array::from_fn(|k| random.vector().map(|v| v * if k == 0 { 1.5 } else { 0.25 })),
+        logit: random.range(-1.5, 2.0),
+        sh: std::array::from_fn(|k| vector(random).map(|v| v * if k == 0 { 1.5 } else { 0.25 })),
     }
 }
 
 /// A splat well inside the image and large enough to be seen there.
 pub fn in_view(random: &mut Random, camera: &Camera) -> Splat<f64> {
     let mut splat = spread(random, camera, 0.6);
-    splat.log_scale = std::array::from_fn(|_| random.between(-1.6, -0.6));
+    splat.log_scale = std::array::from_fn(|_| random.range(-1.6, -0.6));
     splat.sh[0] = splat.sh[0].map(|v| 1.0 + 0.5 * v);
     splat
 }

@@ -13,7 +13,7 @@ use psrgs_vk::twin::splat::Splat;
 use psrgs_vk::vk::{Gpu, Memory, slices};
 
 use super::common::guards::Guards;
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::{Case, FLOOR, NAMES, case, common};
 
 /// Identities below this are constrained: every third splat.
@@ -26,7 +26,7 @@ fn constrained(i: usize) -> bool {
 
 /// A photograph of noise over a slope, masked where the constrained set's render is near a decision.
 fn photograph(image: &Image, width: u32) -> Vec<u32> {
-    let mut random = Random::new(5);
+    let mut random = seeded(5);
     let pixel = |(k, margin): (usize, &f64)| {
         let slope = 90.0 * (k as u32 % width) as f64 / f64::from(width);
         let [r, g, b] = std::array::from_fn(|_| (slope + 60.0 * (1.0 + random.symmetric())) as u32);

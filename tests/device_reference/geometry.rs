@@ -5,6 +5,7 @@ use psrgs_vk::loss::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Pri
 use psrgs_vk::pass::geometry::{Push, pack_prior};
 use psrgs_vk::pass::{counters, loss};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::geometry::Scene;
 use psrgs_vk::twin::loss::{counting, unpack};
 use psrgs_vk::twin::part_sum::part_sum;
@@ -14,7 +15,7 @@ use psrgs_vk::twin::splat::Splat;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::guards::Guards;
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::{Case, FLOOR, NAMES, ROW, ROWS, case, common};
 
 const PRIOR: (u32, u32) = (23, 17);
@@ -31,7 +32,7 @@ struct Known {
 
 /// Photograph, prior and mask at random. Pixels near a decision of the renderer or of the loss are masked.
 fn known(case: &Case, scene_depth: f64) -> Known {
-    let mut random = Random::new(77);
+    let mut random = seeded(77);
     let decided = case.decided();
     let mut target = Vec::new();
     for (i, decided) in decided.iter().enumerate() {

@@ -8,7 +8,7 @@ mod shortcuts;
 mod windows;
 
 use common::guards::Guards;
-use common::splats::{Random, camera, rounded, spread};
+use common::splats::{camera, rounded, seeded, spread};
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::{adam, counters, project_backward_adam as fused};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
@@ -48,7 +48,7 @@ fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: 
     let camera = rounded(camera(size.0, size.1));
     let projection = Projection { sh_degree, antialias, ..Projection::default() };
     let view = View::<f64>::exact(&camera, &projection);
-    let mut random = Random::new(seed);
+    let mut random = seeded(seed);
     let mut model = Gaussians::zeros(splats);
     let mut before = None;
     for i in 0..splats {
@@ -261,7 +261,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
     let Some(gpu) = common::gpu() else { return };
     for (k, case) in cases(200).into_iter().enumerate() {
         let decided = case.decided();
-        let mut random = Random::new(1000 + k as u64);
+        let mut random = seeded(1000 + k as u64);
         let mut upstream = ImageGradient::zeros(decided.len());
         let mut grad_image = vec![0.0f32; 4 * decided.len()];
         for i in (0..decided.len()).filter(|i| decided[*i]) {
@@ -293,7 +293,7 @@ fn gradients_of_depth_and_normals_agree_with_brute_force() {
     for (k, case) in [case((61, 45), 1, false, 200, 301), case((34, 40), 2, true, 200, 302)].into_iter().enumerate() {
         let decided = case.decided();
         let far = case.splats.iter().flat_map(|s| s.mean).fold(1.0f64, |m, v| m.max(v.abs()));
-        let mut random = Random::new(2000 + k as u64);
+        let mut random = seeded(2000 + k as u64);
         let mut upstream = ImageGradient::zeros(decided.len());
         let mut grad_image = vec![0.0f32; 4 * decided.len()];
         let mut grad_aux = grad_image.clone();

@@ -9,7 +9,7 @@ use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::plane_scene;
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::{NAMES, common};
 
 const SIZE: (u32, u32) = (72, 60);
@@ -20,7 +20,7 @@ const WEIGHT: f32 = 3.0;
 /// Opaque splats all over the ground, so that windows have some far outside of them, and large ones reach in from there.
 fn model() -> Gaussians {
     let mut model = plane_scene::splats(900);
-    let mut random = Random::new(3);
+    let mut random = seeded(3);
     model.quats.iter_mut().chain(&mut model.scales).for_each(|v| *v += 0.7 * random.symmetric() as f32);
     model.opacities.fill(1.0);
     model

@@ -4,7 +4,7 @@ use psrgs_vk::raster::Variants;
 use psrgs_vk::vk::DeviceKind;
 
 use super::common;
-use super::common::splats::{Random, camera};
+use super::common::splats::{camera, seeded};
 use super::device::{
     MEANS, OPACITIES, SCALES, SH0, Scene, assert_finite, check, check_sums, decided, relative, round, upstream, worst,
 };
@@ -14,7 +14,7 @@ use super::device::{
 fn saturated_alpha_stacks() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(13, 11);
-    let mut random = Random::new(1);
+    let mut random = seeded(1);
     let splats: Vec<_> =
         (0..50).map(|i| round(&mut random, &camera, [6.3, 4.8], 2.0 + 0.01 * f64::from(i), 2.5, 0.9999)).collect();
     let scene = Scene::new(&splats, camera, false);
@@ -45,7 +45,7 @@ fn saturated_alpha_stacks() {
 fn clamp_gradients() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(5, 5);
-    let mut splat = round(&mut Random::new(2), &camera, [2.9, 2.3], 2.0, 8.0, 0.9999);
+    let mut splat = round(&mut seeded(2), &camera, [2.9, 2.3], 2.0, 8.0, 0.9999);
     splat.log_scale[1] += 0.3;
     // Without view-dependent colours the place has no gradient through the direction of sight.
     splat.sh[1..].fill([0.0; 3]);
@@ -80,7 +80,7 @@ const FOG: f64 = 2000.0 * (0.5 + 0.5 + 2.5 + 1.0) * f32::EPSILON as f64;
 fn fog_of_2000_layers() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(9, 9);
-    let mut random = Random::new(3);
+    let mut random = seeded(3);
     let splats: Vec<_> =
         (0..2000).map(|i| round(&mut random, &camera, [4.4, 4.7], 2.0 + 1e-3 * f64::from(i), 40.0, 0.0043)).collect();
     let scene = Scene::new(&splats, camera, false);
@@ -118,12 +118,12 @@ fn early_stop_forward_and_backward() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(30, 20);
     for seed in [4, 5, 6] {
-        let mut random = Random::new(seed);
+        let mut random = seeded(seed);
         let splats: Vec<_> = (0..300)
             .map(|_| {
-                let at = [random.between(-3.0, 33.0), random.between(-3.0, 23.0)];
-                let (z, sigma) = (random.between(1.5, 5.0), random.between(2.0, 8.0));
-                let opacity = random.between(0.2, 0.995);
+                let at = [random.range(-3.0, 33.0), random.range(-3.0, 23.0)];
+                let (z, sigma) = (random.range(1.5, 5.0), random.range(2.0, 8.0));
+                let opacity = random.range(0.2, 0.995);
                 round(&mut random, &camera, at, z, sigma, opacity)
             })
             .collect();

@@ -7,7 +7,7 @@ use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::splat::{Splat, View};
 
 use super::common;
-use super::common::splats::{Random, camera, spread};
+use super::common::splats::{camera, seeded, spread};
 use super::device::{Scene, decided, worst};
 use super::projection::needles;
 
@@ -125,12 +125,12 @@ fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
 
 /// 200 ordinary splats and needles of aspect 10, 100 and 1,000, each with the share of pixels that may be near a decision.
 pub(crate) fn scenes() -> Vec<(String, f64, Scene)> {
-    let mut random = Random::new(77);
+    let mut random = seeded(77);
     let seen = camera(64, 48);
     let ordinary: Vec<_> = (0..200).map(|_| spread(&mut random, &seen, 1.2)).collect();
     let mut scenes = vec![("ordinary".to_owned(), 0.005, Scene::new(&ordinary, seen, false))];
     for (ratio, left_out) in [(10.0, 0.005), (100.0, 0.005), (1000.0, 0.05)] {
-        scenes.push((format!("needles {ratio}"), left_out, needles(&mut Random::new(ratio as u64), ratio)));
+        scenes.push((format!("needles {ratio}"), left_out, needles(&mut seeded(ratio as u64), ratio)));
     }
     scenes
 }

@@ -3,13 +3,14 @@
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{self, Planes, Renderer, Shot, Size, Target, Variants, Viewer};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::Splat;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::guards::Guards;
-use super::common::splats::{Random, rounded, to_scene};
+use super::common::splats::{rounded, to_scene, vector};
 
 /// Pixels nearer than this to a decision are left out: 16 roundings to f32, in units of the decision's condition.
 pub(crate) const BAND: f64 = 16.0 / (1u64 << 24) as f64;
@@ -69,7 +70,7 @@ pub(crate) fn round(
         quat: [1.0, 0.0, 0.0, 0.0],
         log_scale: [(sigma * z / camera.fx).ln(); 3],
         logit: (opacity / (1.0 - opacity)).ln(),
-        sh: std::array::from_fn(|k| random.vector().map(|v| if k == 0 { 1.0 + 0.5 * v } else { 0.1 * v })),
+        sh: std::array::from_fn(|k| vector(random).map(|v| if k == 0 { 1.0 + 0.5 * v } else { 0.1 * v })),
     }
 }
 

@@ -9,7 +9,7 @@ use psrgs_vk::twin::splat::{Splat, View};
 
 use super::budget::{exponent, rows, scenes, single};
 use super::common;
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::device::{NAMES, SCALES, Scene, decided, upstream};
 
 /// What is computed in f32.
@@ -284,7 +284,7 @@ fn error_of_gradients_by_stage() {
     let Some(gpu) = common::gpu() else { return };
     for ((name, left_out, scene), aspect) in scenes().into_iter().zip([3.0, 10.0, 100.0, 1000.0]) {
         let decided = decided(&name, &scene.wanted(), left_out);
-        let g = upstream(&mut Random::new(78), &decided);
+        let g = upstream(&mut seeded(78), &decided);
         let want = scene.wanted_gradients(&g).planes();
         let none = relative(&planes(&scene, &g, None), &want);
         // The reference forms ac - b^2, which costs it digits by the square of the aspect.

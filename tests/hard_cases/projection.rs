@@ -3,6 +3,7 @@
 use psrgs_vk::pass::camera::{CameraPush, NEAR};
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::Variants;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::density::logit;
 use psrgs_vk::twin::project::project;
@@ -10,7 +11,7 @@ use psrgs_vk::twin::projection::sigmoid;
 use psrgs_vk::twin::splat::{Splat, View};
 
 use super::common;
-use super::common::splats::{Random, camera};
+use super::common::splats::{camera, seeded};
 use super::device::{
     MEANS, OPACITIES, QUATS, SCALES, SH0, Scene, assert_finite, check, decided, relative, round, straight, upstream,
     worst,
@@ -29,13 +30,13 @@ pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
     let camera = camera(64, 48);
     let splats: Vec<_> = (0..40)
         .map(|_| {
-            let at = [random.between(0.0, 64.0), random.between(0.0, 48.0)];
-            let (z, opacity) = (random.between(1.5, 4.0), random.between(0.3, 0.9));
+            let at = [random.range(0.0, 64.0), random.range(0.0, 48.0)];
+            let (z, opacity) = (random.range(1.5, 4.0), random.range(0.3, 0.9));
             // The dilation leaves a needle at least sqrt(0.3) pixels of deviation across.
             let mut splat = round(random, &camera, at, z, 0.05, opacity);
             splat.log_scale[0] = (0.55 * ratio * z / camera.fx).ln();
             // Turned about the viewing axis, and by little out of the picture's plane.
-            let angle = random.between(0.0, 3.0);
+            let angle = random.range(0.0, 3.0);
             splat.quat = [angle.cos(), 0.02 * random.symmetric(), 0.02 * random.symmetric(), angle.sin()];
             splat
         })
@@ -52,7 +53,7 @@ fn needles_of_aspect_10_100_and_1000() {
     for (ratio, image_bound, gradient_bound, left_out) in
         [(10.0, 1e-5, 2e-5, 0.005), (100.0, 3e-5, 4e-5, 0.005), (1000.0, 3e-5, 8e-4, 0.05)]
     {
-        let mut random = Random::new(ratio as u64);
+        let mut random = seeded(ratio as u64);
         let scene = needles(&mut random, ratio);
         let view = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
         let mut aspects: Vec<f64> = scene.splats.iter().map(|s| aspect(s, &view)).collect();
@@ -84,11 +85,11 @@ fn needles_of_aspect_10_100_and_1000() {
 fn giants() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(61, 45);
-    let mut random = Random::new(7);
+    let mut random = seeded(7);
     for sigma in [500.0f64, 1e6] {
         let mut splats: Vec<_> = (0..20)
             .map(|i| {
-                let at = [random.between(5.0, 55.0), random.between(5.0, 40.0)];
+                let at = [random.range(5.0, 55.0), random.range(5.0, 40.0)];
                 round(&mut random, &camera, at, 2.0 + 0.1 * f64::from(i), 4.0, 0.6)
             })
             .collect();
@@ -119,7 +120,7 @@ fn near_plane_sweep() {
     let near = NEAR as f32;
     let mut depths: Vec<f32> = (-100..=300).map(|i| near * (1.0 + 1e-6 * i as f32 * (i as f32).abs())).collect();
     depths.extend([near, near.next_up(), near.next_down(), 0.0, -0.0, 1e-38, -1e-38, 1e-42, -1.0, -1e30, 1e30]);
-    let mut random = Random::new(8);
+    let mut random = seeded(8);
     let splats: Vec<_> = depths
         .iter()
         .map(|z| {
@@ -157,14 +158,14 @@ fn near_plane_sweep() {
 fn off_frustum_clamp() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(48, 40);
-    let mut random = Random::new(9);
+    let mut random = seeded(9);
     let splats: Vec<_> = (0..60)
         .map(|i| {
-            let reach = random.between(1.2, 1.8);
+            let reach = random.range(1.2, 1.8);
             let (sin, cos) = (f64::from(i) * 0.7).sin_cos();
             let longest = sin.abs().max(cos.abs());
             let at = [24.0 * (1.0 + reach * cos / longest), 20.0 * (1.0 + reach * sin / longest)];
-            let (z, opacity) = (random.between(1.5, 4.0), random.between(0.2, 0.8));
+            let (z, opacity) = (random.range(1.5, 4.0), random.range(0.2, 0.8));
             let mut splat = round(&mut random, &camera, at, z, 14.0, opacity);
             splat.quat = std::array::from_fn(|_| random.symmetric());
             splat.log_scale = splat.log_scale.map(|s| s + 0.5 * random.symmetric());
@@ -196,7 +197,7 @@ fn off_frustum_clamp() {
 fn zero_quaternions_scales_and_distance() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(40, 30);
-    let mut random = Random::new(10);
+    let mut random = seeded(10);
     let mut splats = Vec::new();
     for (i, quat) in [[0.0; 4], [1e-30; 4], [1e-13, 0.0, 0.0, 0.0], [-0.0; 4]].into_iter().enumerate() {
         let mut splat = round(&mut random, &camera, [10.0 + 5.0 * i as f64, 9.0], 2.0 + 0.01 * i as f64, 2.0, 0.6);
@@ -241,7 +242,7 @@ fn logit_of_1() {
     }
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(40, 12);
-    let mut random = Random::new(11);
+    let mut random = seeded(11);
     let logits = [16.0, 17.0, 40.0, 88.0, 104.0, 1e30, f64::from(f32::MAX)];
     let splats: Vec<_> = logits
         .iter()
@@ -274,7 +275,7 @@ fn logit_of_1() {
 fn sub_pixel_splats_with_antialiasing() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(64, 40);
-    let mut random = Random::new(12);
+    let mut random = seeded(12);
     let mut splats: Vec<_> = (0..140)
         .map(|i| {
             let at = [2.0 + f64::from(i % 20) * 3.1, 3.0 + f64::from(i / 20) * 5.2];
@@ -286,7 +287,7 @@ fn sub_pixel_splats_with_antialiasing() {
         })
         .collect();
     for i in 0..20 {
-        let at = [random.between(5.0, 59.0), random.between(5.0, 35.0)];
+        let at = [random.range(5.0, 59.0), random.range(5.0, 35.0)];
         let mut splat = round(&mut random, &camera, at, 1.5 + 0.01 * f64::from(i), 12.0, 0.97);
         splat.log_scale[0] += (0.02f64 / 12.0).ln();
         splat.log_scale[2] = splat.log_scale[0];

@@ -5,7 +5,7 @@ use psrgs_vk::raster::{Planes, Renderer, Size, Target, Variants};
 use psrgs_vk::vk::BufferSlice;
 
 use super::common;
-use super::common::splats::{Random, camera, spread};
+use super::common::splats::{camera, seeded, spread};
 use super::device::{Scene, round, straight};
 
 /// 1,000 splats in one plane across the line of sight: the order is that of the rows, in the sort and in the reference, and every run
@@ -14,11 +14,11 @@ use super::device::{Scene, round, straight};
 fn depth_ties_and_stability() {
     let Some(gpu) = common::gpu() else { return };
     let camera = straight(60, 44);
-    let mut random = Random::new(1);
+    let mut random = seeded(1);
     let splats: Vec<_> = (0..1000)
         .map(|_| {
-            let at = [random.between(0.0, 60.0), random.between(0.0, 44.0)];
-            let (sigma, opacity) = (random.between(1.0, 3.0), random.between(0.1, 0.9));
+            let at = [random.range(0.0, 60.0), random.range(0.0, 44.0)];
+            let (sigma, opacity) = (random.range(1.0, 3.0), random.range(0.1, 0.9));
             round(&mut random, &camera, at, 3.0, sigma, opacity)
         })
         .collect();
@@ -49,7 +49,7 @@ fn depth_ties_and_stability() {
 fn tile_counts_and_poisoned_slots() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(150, 70);
-    let mut random = Random::new(2);
+    let mut random = seeded(2);
     let mut splats: Vec<_> = (0..400).map(|_| spread(&mut random, &camera, 1.4)).collect();
     for i in 0..200 {
         // Centres on corners of tiles; needles and discs of every size.

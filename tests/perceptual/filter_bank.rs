@@ -1,11 +1,11 @@
 //! The distance without learned weights.
 
 use psrgs_vk::perceptual::{Distance, GradientOf, Pair};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common;
 use super::values::made_up;
-use super::weights::Random;
 
 const SIZE: (u32, u32) = (41, 36);
 
@@ -46,14 +46,14 @@ fn filter_bank_grows_with_blur_and_its_gradient_is_right() {
     // Smooth, unlike a network: large steps are good enough, and rounding does not matter.
     let start = colours(&image::imageops::blur(&sharp, 1.2));
     let (_, grad) = measure(&gpu, &distance, &start, &rgba);
-    let mut random = Random(6);
+    let mut random = Random::new(6);
     let length = grad.iter().flatten().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
     for trial in 0..3 {
         let direction: Vec<[f32; 4]> = grad
             .iter()
             .map(|g| {
                 // Half along the gradient, so that the slope is far from 0.
-                let noise = |v: f32| (f64::from(v) / length + 0.5 * random.between(-1.0, 1.0) / 38.0) as f32;
+                let noise = |v: f32| (f64::from(v) / length + 0.5 * random.range(-1.0, 1.0) / 38.0) as f32;
                 let [r, g, b] = [g[0], g[1], g[2]].map(noise);
                 [r, g, b, 0.0]
             })

@@ -1,12 +1,13 @@
 //! The gradient with respect to the image against finite differences of the reference in double precision.
 
 use psrgs_vk::perceptual::{Distance, GradientOf, Pair};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common;
 use super::reference::Reference;
 use super::values::made_up;
-use super::weights::{self, Random};
+use super::weights;
 
 /// An image and a photograph, and a window in them.
 struct Scene {
@@ -20,7 +21,7 @@ struct Scene {
 impl Scene {
     fn new() -> Self {
         let size = (40, 31);
-        let mut random = Random(3);
+        let mut random = Random::new(3);
         let rgb = made_up(size.0, size.1, 7);
         let image = rgb.chunks_exact(3).map(|p| {
             let c: [f64; 3] = [p[0], p[1], p[2]].map(|v| f64::from(v) / 255.0 + 0.2 * (random.unit() - 0.5));
@@ -86,7 +87,7 @@ fn gradient_is_that_of_finite_differences() {
     let places = scene.places();
     let photograph: Vec<[f64; 3]> = places.iter().map(|k| scene.photograph(*k)).collect();
     let reference = Reference::new(&trunk, &linear, &photograph, scene.window.0 as usize);
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     let before: Vec<[f32; 4]> = scene.image.iter().map(|_| [0.25, -0.5, 1.0, 7.0]).collect();
     let weight = 512.0;
     let (value, after) = on_device(&gpu, &distance, &scene, weight, &before);
@@ -115,7 +116,7 @@ fn gradient_is_that_of_finite_differences() {
     let unmasked = |i: usize| scene.rgba[4 * places[i / 3] + 3] != 0;
     for trial in 0..6 {
         let direction: Vec<f64> =
-            (0..grad.len()).map(|i| if unmasked(i) { random.between(-1.0, 1.0) } else { 0.0 }).collect();
+            (0..grad.len()).map(|i| if unmasked(i) { random.range(-1.0, 1.0) } else { 0.0 }).collect();
         let got: f64 = grad.iter().zip(&direction).map(|(g, d)| g * d).sum();
         let scale: f64 = grad.iter().zip(&direction).map(|(g, d)| (g * d).powi(2)).sum::<f64>().sqrt();
         let want = slope(&direction);

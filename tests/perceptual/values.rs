@@ -1,11 +1,12 @@
 //! Distances against known ones and against the reference.
 
 use psrgs_vk::perceptual::{Distance, Error, GradientOf, LpipsWeights, Metric, Pair, read_tensors};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common;
 use super::reference::Reference;
-use super::weights::{self, Random};
+use super::weights;
 
 /// RGB8 of a file.
 fn picture(path: &std::path::Path) -> (Vec<u8>, u32, u32) {
@@ -24,13 +25,13 @@ fn unit(rgb: &[u8]) -> Vec<[f64; 3]> {
 
 /// A smooth picture with noise on it.
 pub fn made_up(width: u32, height: u32, seed: u64) -> Vec<u8> {
-    let mut random = Random(seed);
-    let phase: Vec<f64> = (0..6).map(|_| random.between(0.1, 0.9)).collect();
+    let mut random = Random::new(seed);
+    let phase: Vec<f64> = (0..6).map(|_| random.range(0.1, 0.9)).collect();
     (0..width * height * 3)
         .map(|i| {
             let (x, y, c) = (f64::from(i / 3 % width), f64::from(i / 3 / width), (i % 3) as usize);
             let wave = (phase[c] * x + 0.7 * y * phase[3 + c]).sin();
-            (127.0 + 90.0 * wave + random.between(-30.0, 30.0)).clamp(0.0, 255.0) as u8
+            (127.0 + 90.0 * wave + random.range(-30.0, 30.0)).clamp(0.0, 255.0) as u8
         })
         .collect()
 }

@@ -3,25 +3,7 @@
 use std::path::Path;
 
 use psrgs_vk::perceptual::{LpipsWeights, Tensor, Tensors};
-
-/// A small counter-based generator (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    /// Uniform in [0, 1).
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Uniform in [low, high).
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-}
+use psrgs_vk::scene::random::Random;
 
 /// Name, outputs, inputs, taps along a side of every convolution.
 pub fn convolutions() -> Vec<(String, usize, usize, usize)> {
@@ -51,18 +33,18 @@ pub type Named = Vec<(String, Tensor)>;
 
 /// Random arrays of the trunk and of the linear layers. Numbers are multiples of 2^-10, so that 16 bits hold them.
 pub fn arrays() -> (Named, Named) {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     let coarse = |v: f64| ((v * 1024.0).round() / 1024.0) as f32;
     let mut trunk = Vec::new();
     for (name, outputs, inputs, size) in convolutions() {
         let spread = (6.0 / (inputs * size * size) as f64).sqrt();
-        let values = (0..outputs * inputs * size * size).map(|_| coarse(random.between(-spread, spread))).collect();
+        let values = (0..outputs * inputs * size * size).map(|_| coarse(random.range(-spread, spread))).collect();
         trunk.push((format!("{name}.weight"), Tensor { shape: vec![outputs, inputs, size, size], values }));
-        let values = (0..outputs).map(|_| coarse(random.between(-0.1, 0.2))).collect();
+        let values = (0..outputs).map(|_| coarse(random.range(-0.1, 0.2))).collect();
         trunk.push((format!("{name}.bias"), Tensor { shape: vec![outputs], values }));
     }
     let linear = LAYERS.iter().enumerate().map(|(k, &channels)| {
-        let values = (0..channels).map(|_| coarse(random.between(0.0, 2.0))).collect();
+        let values = (0..channels).map(|_| coarse(random.range(0.0, 2.0))).collect();
         (format!("lin{k}.model.1.weight"), Tensor { shape: vec![1, channels, 1, 1], values })
     });
     let linear = linear.collect();

@@ -1,8 +1,9 @@
 //! Derivatives against finite differences.
 
 use psrgs_vk::saliency::{Border, Network, PARAMETERS, RINGS, Settings, Spectrum, Target, composite, cross_entropy};
+use psrgs_vk::scene::random::Random;
 
-use crate::images::{Dice, distance, patch, waves};
+use crate::images::{distance, patch, waves};
 
 const STEP: f64 = 1e-4;
 
@@ -46,8 +47,8 @@ fn losses_by_sigma_and_level() {
     let spectrum = Spectrum::new(&image, &settings).expect("a spectrum");
     let errors = waves(30, 30, 2);
     let target = Target::of_errors(&errors, (48, 40), 1.0, 0.25).expect("a target");
-    let mut dice = Dice(6);
-    let mut picture = || -> Vec<f32> { (0..3 * 48 * 40).map(|_| dice.roll() as f32).collect() };
+    let mut random = Random::new(6);
+    let mut picture = || -> Vec<f32> { (0..3 * 48 * 40).map(|_| random.unit() as f32).collect() };
     let (low, full, photograph) = (picture(), picture(), picture());
     let failing: Loss<'_> = &|logits| cross_entropy(logits, target.values()).expect("a loss");
     let priced: Loss<'_> = &|logits| composite(logits, &low, &full, &photograph, 0.1).expect("a loss");
@@ -66,10 +67,10 @@ fn losses_by_sigma_and_level() {
 
 #[test]
 fn losses_by_logit() {
-    let mut dice = Dice(1);
-    let logits: Vec<f64> = (0..12).map(|_| 8.0 * dice.roll() - 4.0).collect();
-    let target: Vec<f64> = (0..12).map(|_| dice.roll().round()).collect();
-    let mut picture = || -> Vec<f32> { (0..36).map(|_| dice.roll() as f32).collect() };
+    let mut random = Random::new(1);
+    let logits: Vec<f64> = (0..12).map(|_| 8.0 * random.unit() - 4.0).collect();
+    let target: Vec<f64> = (0..12).map(|_| random.unit().round()).collect();
+    let mut picture = || -> Vec<f32> { (0..36).map(|_| random.unit() as f32).collect() };
     let (low, full, photograph) = (picture(), picture(), picture());
     let check = |name: &str, loss: Loss<'_>| {
         let slopes = loss(&logits).1;
@@ -98,10 +99,10 @@ fn losses_far_out_stay_finite() {
 #[test]
 fn the_network_by_its_parameters() {
     let mut network = Network::new([0.3, -0.2], 11);
-    let mut dice = Dice(12);
+    let mut random = Random::new(12);
     // Away from the start, where most of the gradient is 0.
-    network.parameters_mut().iter_mut().for_each(|p| *p += dice.roll() - 0.5);
-    let input: [f64; RINGS] = std::array::from_fn(|_| 4.0 * dice.roll() - 2.0);
+    network.parameters_mut().iter_mut().for_each(|p| *p += random.unit() - 0.5);
+    let input: [f64; RINGS] = std::array::from_fn(|_| 4.0 * random.unit() - 2.0);
     let (a, b) = (0.7, -1.3);
     let gradient = network.backward(&input, [a, b]);
     assert_eq!(gradient.len(), PARAMETERS);

@@ -1,19 +1,7 @@
 //! Images to look at.
 
 use psrgs_vk::saliency::Plane;
-
-/// Uniform in [0, 1), by SplitMix64.
-pub struct Dice(pub u64);
-
-impl Dice {
-    pub fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
+use psrgs_vk::scene::random::Random;
 
 /// An image of a function of (x, y), rounded to 1/256 so that halving and adding quarters is exact.
 pub fn drawn(width: u32, height: u32, mut f: impl FnMut(f64, f64) -> f64) -> Plane {
@@ -28,14 +16,14 @@ pub fn drawn(width: u32, height: u32, mut f: impl FnMut(f64, f64) -> f64) -> Pla
 
 /// Waves of random direction and phase whose amplitudes fall with the frequency, as those of photographs do; they fit the sides.
 pub fn waves(width: u32, height: u32, seed: u64) -> Plane {
-    let mut dice = Dice(seed);
+    let mut random = Random::new(seed);
     let (w, h) = (f64::from(width), f64::from(height));
     let waves: Vec<[f64; 4]> = (0..40)
         .map(|_| {
             let side = |n: f64, roll: f64| ((roll - 0.5) * n * 0.8).round();
-            let (u, v) = (side(w, dice.roll()), side(h, dice.roll()));
+            let (u, v) = (side(w, random.unit()), side(h, random.unit()));
             let f = (u / w).hypot(v / h).max(1.0 / w.min(h));
-            [u / w, v / h, dice.roll() * std::f64::consts::TAU, 0.006 / f]
+            [u / w, v / h, random.unit() * std::f64::consts::TAU, 0.006 / f]
         })
         .collect();
     drawn(width, height, |x, y| {
@@ -45,10 +33,10 @@ pub fn waves(width: u32, height: u32, seed: u64) -> Plane {
 
 /// Soft light and shade with a square of noise in it: the left upper corner of the square, and its side.
 pub fn patch(width: u32, height: u32, at: (f64, f64), side: f64, seed: u64) -> Plane {
-    let mut dice = Dice(seed);
+    let mut random = Random::new(seed);
     drawn(width, height, |x, y| {
         let inside = (at.0..at.0 + side).contains(&x) && (at.1..at.1 + side).contains(&y);
-        let noise = dice.roll() - 0.5;
+        let noise = random.unit() - 0.5;
         0.5 + 0.2 * (0.03 * x).sin() * (0.02 * y).cos() + if inside { 0.3 * noise } else { 0.01 * noise }
     })
 }

@@ -1,12 +1,13 @@
 //! Maps and masks of images that are hard, and what must not change them.
 
 use psrgs_vk::saliency::{Border, Gate, Plane, Settings, Spectrum};
+use psrgs_vk::scene::random::Random;
 
-use crate::images::{Dice, distance, drawn, index, patch, waves};
+use crate::images::{distance, drawn, index, patch, waves};
 
 /// Images that have brought down other programs, each with its name.
 fn hard() -> Vec<(&'static str, Plane)> {
-    let mut dice = Dice(3);
+    let mut random = Random::new(3);
     let constant = |width, height, value: f32| {
         Plane::new(width, height, vec![value; (width * height) as usize]).expect("an image")
     };
@@ -27,7 +28,7 @@ fn hard() -> Vec<(&'static str, Plane)> {
         ("squares of eight", drawn(64, 64, |x, y| ((x / 8.0).floor() + (y / 8.0).floor()) % 2.0)),
         ("a step", drawn(50, 20, |x, _| if x < 25.0 { 0.0 } else { 1.0 })),
         ("a slope", drawn(256, 9, |x, _| x / 256.0)),
-        ("very dark", drawn(48, 48, |_, _| if dice.roll() < 0.05 { 1.0 / 255.0 } else { 0.0 })),
+        ("very dark", drawn(48, 48, |_, _| if random.unit() < 0.05 { 1.0 / 255.0 } else { 0.0 })),
         (
             "tiny values",
             Plane::new(20, 20, waves(20, 20, 4).values().iter().map(|v| v * 1e-37).collect()).expect("one"),

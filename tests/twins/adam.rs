@@ -4,7 +4,7 @@ use psrgs_vk::pass::adam::{PASS, Push, Settings};
 use psrgs_vk::twin::adam::adam;
 use psrgs_vk::vk::Gpu;
 
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::harness::{self, bytes, garbage};
 use super::projection_scene::{BEYOND, counts};
 
@@ -30,14 +30,14 @@ fn step(gpu: &Gpu, n: usize, push: &Push, grad: &[f32], plane: &mut Plane) {
 
 /// Steps with fresh gradients, each compared from the state the device is in.
 fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
-    let mut random = Random::new(u64::from(row) * 100 + n as u64);
+    let mut random = seeded(u64::from(row) * 100 + n as u64);
     let elements = n * row as usize;
     let mut plane = Plane {
         param: (0..elements).map(|_| random.symmetric() as f32).collect(),
         first: vec![0.0; elements],
         second: vec![0.0; elements],
     };
-    let scale: Vec<f64> = (0..elements).map(|_| 10f64.powf(random.between(-9.0, 3.0))).collect();
+    let scale: Vec<f64> = (0..elements).map(|_| 10f64.powf(random.range(-9.0, 3.0))).collect();
     for t in 1..=12 {
         let push = Push::new(&Settings::default(), t, row, head, 2.5e-3, 1.25e-4);
         let grad: Vec<f32> = scale.iter().map(|s| (s * random.symmetric()) as f32).collect();

@@ -2,13 +2,14 @@
 //! two runs with slots.
 
 use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::blend_backward::{PairGrads, Upstream, backward};
 use psrgs_vk::twin::blend_forward::{Blend, forward};
 use psrgs_vk::vk::{FloatAtomics, Gpu, Subgroup};
 
 use super::blend_forward::{inputs, push, run_shape, shapes, some};
-use super::blend_scene::{Draws, EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
+use super::blend_scene::{EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
 use super::common::guards::Guards;
 use super::harness::{self, bytes, garbage};
 
@@ -57,10 +58,10 @@ fn slots(blend: &Blend<f32>) -> Vec<u32> {
 
 /// Random gradients, 0 at pixels where f32 may decide otherwise.
 fn upstream(blend: &Blend<f64>, seed: u64, clamp_gradient_passes: bool) -> Upstream<f64> {
-    let mut draws = Draws(seed);
+    let mut draws = Random::new(seed);
     let (out, doubts) = (forward(blend), doubts(blend));
     let mut grads = || -> Vec<[f64; 4]> {
-        let value = |keep: bool, d: &mut Draws| if keep { f64::from(d.within(-1.0, 1.0) as f32) } else { 0.0 };
+        let value = |keep: bool, d: &mut Random| if keep { f64::from(d.range(-1.0, 1.0) as f32) } else { 0.0 };
         doubts.iter().map(|doubt| std::array::from_fn(|_| value(!doubt.undecided, &mut draws))).collect()
     };
     let image = out.image.iter().map(|p| p.map(|v| f64::from(v as f32))).collect();

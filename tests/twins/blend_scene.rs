@@ -1,24 +1,9 @@
 //! Scenes for the blending tests: splats on an image with their tile lists, and where the f32 device may decide otherwise.
 
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::blend_forward::{Blend, TRANSMITTANCE_MIN, evaluate};
-
-/// Uniform numbers from a counter (SplitMix64), so that a scene is named by its seed.
-pub struct Draws(pub u64);
-
-impl Draws {
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-    pub fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-}
 
 /// A splat with standard deviations `sigma` (before the dilation of 0.3) along axes turned by `angle`.
 pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f64, color: [f64; 3]) -> [f32; 12] {
@@ -45,14 +30,14 @@ pub struct Scene {
 impl Scene {
     /// `n` random splats, opacities up to `most`.
     pub fn random(name: &'static str, seed: u64, n: usize, size: [usize; 2], most: f64) -> Self {
-        let mut d = Draws(seed);
+        let mut d = Random::new(seed);
         let [width, height] = size;
         let splats = (0..n)
             .map(|i| {
-                let mean = [d.within(-4.0, width as f64 + 4.0), d.within(-4.0, height as f64 + 4.0)];
-                let sigma = [d.within(-1.0, 2.2).exp(), d.within(-1.0, 2.2).exp()];
+                let mean = [d.range(-4.0, width as f64 + 4.0), d.range(-4.0, height as f64 + 4.0)];
+                let sigma = [d.range(-1.0, 2.2).exp(), d.range(-1.0, 2.2).exp()];
                 let color = [d.unit(), d.unit(), d.unit()];
-                splat(mean, sigma, d.within(0.0, 3.2), d.within(0.0, most), 1.0 + i as f64 * 0.01, color)
+                splat(mean, sigma, d.range(0.0, 3.2), d.range(0.0, most), 1.0 + i as f64 * 0.01, color)
             })
             .collect();
         Self { name, width, height, background: [0.2, 0.5, 0.9], splats, everywhere: false }
@@ -77,8 +62,8 @@ impl Scene {
         let mut normals = vec![[0.0; 4]; n];
         for (rank, s) in self.splats.iter().enumerate() {
             splats[place(rank)] = *s;
-            let mut d = Draws(rank as u64 + 77);
-            let v: [f64; 3] = std::array::from_fn(|_| d.within(-1.0, 1.0));
+            let mut d = Random::new(rank as u64 + 77);
+            let v: [f64; 3] = std::array::from_fn(|_| d.range(-1.0, 1.0));
             let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
             normals[place(rank)] = [v[0] / length, v[1] / length, v[2] / length, 0.0].map(|x| x as f32);
         }
@@ -204,7 +189,7 @@ pub fn hard_scenes() -> Vec<Scene> {
         splats,
         everywhere,
     };
-    let mut draws = Draws(5);
+    let mut draws = Random::new(5);
     let mut color = || [draws.unit(), draws.unit(), draws.unit()];
     let opaque = (0..50).map(|i| splat([6.3, 4.8], [2.0, 3.0], 0.4, 0.9999, 1.0 + f64::from(i), color())).collect();
     let fog = (0..2000).map(|i| splat([5.0, 5.0], [400.0, 400.0], 0.0, 0.0043, 1.0 + f64::from(i), color())).collect();

@@ -1,8 +1,10 @@
 //! The f64 twin of the blending backward pass against central differences of its forward pass.
 
-use super::blend_scene::{Draws, Scene, widen};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::blend_backward::{Upstream, backward};
 use psrgs_vk::twin::blend_forward::{Blend, Blended, evaluate, forward};
+
+use super::blend_scene::{Scene, widen};
 
 fn loss(out: &Blended<f64>, up: &Upstream<f64>) -> f64 {
     let dot = |a: &[[f64; 4]], b: &[[f64; 4]]| -> f64 {
@@ -31,11 +33,11 @@ fn smooth(blend: &Blend<f64>) -> Vec<bool> {
 }
 
 fn upstream(blend: &Blend<f64>, seed: u64) -> Upstream<f64> {
-    let mut d = Draws(seed);
+    let mut d = Random::new(seed);
     let keep = smooth(blend);
     let out = forward(blend);
     let mut grads =
-        || keep.iter().map(|&k| std::array::from_fn(|_| if k { d.within(-1.0, 1.0) } else { 0.0 })).collect();
+        || keep.iter().map(|&k| std::array::from_fn(|_| if k { d.range(-1.0, 1.0) } else { 0.0 })).collect();
     let (grad_image, grad_aux) = (grads(), grads());
     Upstream { image: out.image, last: out.last, grad_image, grad_aux, clamp_gradient_passes: false }
 }

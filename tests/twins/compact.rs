@@ -1,13 +1,14 @@
 //! `compact` and `gather_counts`: none, some and all visible, around workgroup edges.
 
 use psrgs_vk::pass::{compact, counters, gather_counts};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(41);
+    let mut random = Random::new(41);
     for n in [0usize, 1, 63, 64, 65, 127, 128, 129, 1000] {
         for (hidden, shift) in [(0, 0), (2, 7), (3, 0), (u32::MAX, 15)] {
             let what = format!("compact of {n}, 1 in {hidden} visible");

@@ -2,12 +2,13 @@
 
 use psrgs_vk::pass::constrain::{ADD, KEEP, PASS};
 use psrgs_vk::pass::counters::{self, CONSTRAINED, SPLATS};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(41);
+    let mut random = Random::new(41);
     for n in [0_usize, 1, 63, 64, 200] {
         let room = n + 5;
         let mut counts = [0_u32; counters::COUNT];

@@ -1,11 +1,12 @@
 //! The convolution against its definition in double precision: strides, padding, slices of channels, and what is done to the result.
 
 use psrgs_vk::pass::convolution::{FLAG_ADD, FLAG_GATE, FLAG_RELU, PASS, Push};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::convolution::{Buffers, convolution};
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes};
+use super::harness::{self, Words, bytes};
 
 fn rows(random: &mut Random, count: u32) -> Vec<[f32; 4]> {
     (0..count).map(|_| std::array::from_fn(|_| random.between(-1.0, 1.0))).collect()
@@ -16,7 +17,7 @@ fn wide(rows: &[[f32; 4]]) -> Vec<[f64; 4]> {
 }
 
 fn case(gpu: &Gpu, name: &str, push: Push) {
-    let mut random = Random(u64::from(push.in_width * 31 + push.flags));
+    let mut random = Random::new(u64::from(push.in_width * 31 + push.flags));
     let pixels = push.in_width * push.in_height * push.images;
     let mut source = rows(&mut random, (pixels + 1) * push.in_row);
     source[(pixels * push.in_row) as usize..].fill([0.0; 4]);

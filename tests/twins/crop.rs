@@ -1,9 +1,10 @@
 //! Windows of images, with masked pixels, and the way back for a gradient.
 
 use psrgs_vk::pass::crop::{GRADIENT, GradientPush, PAIR, Push};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Outcome, Random, bytes};
+use super::harness::{self, Outcome, Words, bytes};
 
 const SIZE: (u32, u32) = (23, 17);
 
@@ -21,7 +22,7 @@ pub fn run(gpu: &Gpu) {
 }
 
 fn of(gpu: &Gpu, cropped: bool) {
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     let pixels = (SIZE.0 * SIZE.1) as usize;
     let image: Vec<f32> = (0..4 * pixels).map(|_| random.between(0.0, 1.2)).collect();
     let target: Vec<u32> =

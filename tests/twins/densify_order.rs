@@ -4,6 +4,7 @@
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS};
 use psrgs_vk::pass::densify_order::{BIRTHS, CODES, CodesPush, FLAGS, ORDER, Push};
 use psrgs_vk::raster::sort::Shape;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::densify_order::{cell, code};
 use psrgs_vk::vk::Gpu;
@@ -11,9 +12,9 @@ use psrgs_vk::vk::Gpu;
 use super::common::{assert_no_messages, gpu};
 use super::density::{random_rows, rules};
 use super::density_device::{OnDevice, assert_same};
-use super::density_model::{MEANS, Model, Rng, Row};
+use super::density_model::{MEANS, Model, Row, below};
 use super::density_twin;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 fn counts(set: &[(usize, u32)]) -> Vec<u8> {
     let mut counts = [7; counters::COUNT];
@@ -33,7 +34,7 @@ fn shuffled(random: &mut Random, n: usize) -> Vec<u32> {
 
 pub fn run(gpu: &Gpu) {
     for n in [0, 1, 2, 63, 64, 65, 127, 300] {
-        let random = &mut Random(70 + n as u64);
+        let random = &mut Random::new(70 + n as u64);
         let room = n + 3;
         let push = Push { stride: room as u32 };
         let ids = bytes(&random.words(room));
@@ -105,12 +106,13 @@ fn a_change_in_morton_order_keeps_splats_along_the_curve() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 2, 64, 65, 500, 1025] {
         for (max_splats, shape) in [(None, Shape::Runs), (Some(n as u32 + 3), Shape::Groups)] {
-            let rng = &mut Rng(n as u64);
-            let (rows, born) = random_rows(rng, n);
+            let random = &mut Random::new(n as u64);
+            let (rows, born) = random_rows(random, n);
             let mut mixed: Vec<Row> = rows.clone();
-            (1..n).for_each(|i| mixed.swap(i, rng.below(i + 1)));
+            (1..n).for_each(|i| mixed.swap(i, below(random, i + 1)));
             let rules = DensityRules { max_splats, clone_threshold: 0.25, ..rules() };
-            let (mut want, start) = (Model::new(&rows, 3 * n + 1, born, rng), Model::new(&mixed, 3 * n + 1, born, rng));
+            let (mut want, start) =
+                (Model::new(&rows, 3 * n + 1, born, random), Model::new(&mixed, 3 * n + 1, born, random));
             let device = OnDevice::in_scene(&gpu, &start, 0.625, shape);
             device.change(&rules, &[9]);
             density_twin::change(&mut want, &rules, 9);

@@ -6,12 +6,13 @@ use psrgs_vk::pass::{
     densify_axes, densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means,
     densify_sample, densify_scores, densify_stats, opacity_reset,
 };
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::densify_means::child_mean;
 use psrgs_vk::twin::project_backward_adam_packed;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 const SIZES: [usize; 8] = [0, 1, 2, 63, 64, 65, 127, 300];
 
@@ -32,7 +33,7 @@ fn floats(random: &mut Random, count: usize, low: f32, high: f32) -> Vec<f32> {
 
 pub fn run(gpu: &Gpu) {
     for n in SIZES {
-        let random = &mut Random(90 + n as u64);
+        let random = &mut Random::new(90 + n as u64);
         classify(gpu, random, n);
         sample(gpu, random, n);
         scores(gpu, random, n);

@@ -4,11 +4,12 @@ use glam::{DMat3, DQuat, DVec3};
 use psrgs_vk::pass::camera::{Projection, clamp_limits};
 use psrgs_vk::pass::densify_views;
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::densify_views::is_counted;
 use psrgs_vk::twin::splat::{Splat, View};
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes};
+use super::harness::{self, Words, bytes};
 use super::projection_scene::{self as scene, BEYOND};
 
 /// Mean, half side of the square, and the number of tiles of 16 x 16 pixels between its corners, of a splat in front of the near plane.
@@ -66,7 +67,7 @@ fn splats(model: &Gaussians) -> impl Iterator<Item = Splat<f64>> + '_ {
 pub fn run(gpu: &Gpu) {
     for (model, seed) in [(scene::ordinary(300, 5), 1), (scene::hard(), 2)] {
         let n = model.len();
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let tile_counts: Vec<u32> = (0..n + BEYOND).map(|_| (random.word() % 4) / 3).collect();
         let before: Vec<f32> = (0..4 * (n + BEYOND)).map(|_| random.between(0.0, 5.0)).collect();
         let [means, quats, scales, ..] = &scene::planes(&model)[..] else { unreachable!("a model has eight planes") };

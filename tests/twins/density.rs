@@ -1,8 +1,9 @@
 //! Density changes: sets, moments, identities, draws, limits and overflow, on the twins against a plain reference.
 
-use super::density_model::{MEANS, Model, QUATS, Rng, Row, SCALES};
+use super::density_model::{MEANS, Model, QUATS, Row, SCALES, below, uniform};
 use super::{density_reference, density_twin};
 use psrgs_vk::pass::counters::{self, BAD_SPLATS, CLONED, NEXT_ID, PRUNED, SPLIT, STATUS, WANT_SPLATS};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::{DensityRules, logit};
 use psrgs_vk::twin::random::{bits, normals};
 
@@ -22,16 +23,16 @@ pub(crate) fn rules() -> DensityRules {
     }
 }
 
-pub(crate) fn random_rows(rng: &mut Rng, n: usize) -> (Vec<Row>, u32) {
+pub(crate) fn random_rows(random: &mut Random, n: usize) -> (Vec<Row>, u32) {
     let mut id = 0;
     let rows = (0..n)
         .map(|_| {
-            id += 1 + rng.below(3) as u32;
-            let mut row = Row::random(rng, id);
-            if rng.below(20) == 0 {
-                let p = rng.below(8);
-                let k = rng.below(row.planes[p].len());
-                row.planes[p][k] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.below(3)];
+            id += 1 + below(random, 3) as u32;
+            let mut row = Row::random(random, id);
+            if below(random, 20) == 0 {
+                let p = below(random, 8);
+                let k = below(random, row.planes[p].len());
+                row.planes[p][k] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][below(random, 3)];
             }
             row
         })
@@ -88,7 +89,7 @@ pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
     .into_iter()
     .enumerate()
     .map(|(i, (what, score, views, scale, logit, expected))| {
-        (what, Row::random(&mut Rng(3), i as u32).with(score, views, scale, logit), expected)
+        (what, Row::random(&mut Random::new(3), i as u32).with(score, views, scale, logit), expected)
     })
     .collect()
 }
@@ -96,8 +97,8 @@ pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
 #[test]
 fn thresholds_exactly_hit_and_children_pruned() {
     for (what, row, expected) in borderline() {
-        let (rng, id) = (&mut Rng(3), row.id);
-        let mut model = Model::new(&[row], 4, 100, rng);
+        let (random, id) = (&mut Random::new(3), row.id);
+        let mut model = Model::new(&[row], 4, 100, random);
         density_twin::change(&mut model, &rules(), 1);
         let rows = model.rows();
         let kept = rows.iter().filter(|r| r.id == id).count();
@@ -109,11 +110,11 @@ fn thresholds_exactly_hit_and_children_pruned() {
 
 #[test]
 fn absolute_gradients_split_but_do_not_clone() {
-    let rng = &mut Rng(1);
+    let random = &mut Random::new(1);
     let s = DensityRules { split_absolute: true, split_threshold: 1.0, clone_threshold: 0.75, ..rules() };
-    let small = Row::random(rng, 1).with(0.5, 2.0, 0.0, 0.0);
-    let large = Row::random(rng, 2).with(0.5, 2.0, 0.5, 0.0);
-    let mut model = Model::new(&[small, large], 8, 3, rng);
+    let small = Row::random(random, 1).with(0.5, 2.0, 0.0, 0.0);
+    let large = Row::random(random, 2).with(0.5, 2.0, 0.5, 0.0);
+    let mut model = Model::new(&[small, large], 8, 3, random);
     density_twin::change(&mut model, &s, 1);
     assert_eq!([model.counters[CLONED], model.counters[SPLIT], model.counters[PRUNED]], [0, 1, 0]);
     assert_eq!(model.rows().iter().map(|r| r.id).collect::<Vec<_>>(), [1, 3, 4]);
@@ -123,11 +124,11 @@ fn absolute_gradients_split_but_do_not_clone() {
 fn random_models_follow_the_reference() {
     for n in [0, 1, 2, 63, 64, 65, 127, 128, 129, 300] {
         for (round, absolute) in [false, true].into_iter().enumerate() {
-            let rng = &mut Rng(n as u64 + 1000 * round as u64);
-            let (rows, born) = random_rows(rng, n);
+            let random = &mut Random::new(n as u64 + 1000 * round as u64);
+            let (rows, born) = random_rows(random, n);
             let s = DensityRules { split_absolute: absolute, ..rules() };
             let (want, counts) = density_reference::change(&rows, &s, 9, born);
-            let mut model = Model::new(&rows, 2 * n.max(1), born, rng);
+            let mut model = Model::new(&rows, 2 * n.max(1), born, random);
             density_twin::change(&mut model, &s, 9);
             assert_same(&model.rows(), &want, born);
             let c = model.counters;
@@ -144,17 +145,17 @@ fn random_models_follow_the_reference() {
 
 #[test]
 fn everything_cloned_split_or_pruned() {
-    let rng = &mut Rng(5);
+    let random = &mut Random::new(5);
     for n in [1, 64, 65] {
-        let all = |score: f32, scale: f32, logit: f32, rng: &mut Rng| -> Vec<Row> {
-            (0..n).map(|i| Row::random(rng, i as u32).with(score, 1.0, scale, logit)).collect()
+        let all = |score: f32, scale: f32, logit: f32, random: &mut Random| -> Vec<Row> {
+            (0..n).map(|i| Row::random(random, i as u32).with(score, 1.0, scale, logit)).collect()
         };
         for (rows, expected) in [
-            (all(1.0, 0.0, 0.0, rng), [2 * n, n, 0, 0]),
-            (all(1.0, 0.6, 0.0, rng), [2 * n, 0, n, 0]),
-            (all(1.0, 0.6, -9.0, rng), [0, 0, 0, n]),
+            (all(1.0, 0.0, 0.0, random), [2 * n, n, 0, 0]),
+            (all(1.0, 0.6, 0.0, random), [2 * n, 0, n, 0]),
+            (all(1.0, 0.6, -9.0, random), [0, 0, 0, n]),
         ] {
-            let mut model = Model::new(&rows, 2 * n, n as u32, rng);
+            let mut model = Model::new(&rows, 2 * n, n as u32, random);
             density_twin::change(&mut model, &rules(), 1);
             let c = model.counters;
             let got = [model.len(), c[CLONED] as usize, c[SPLIT] as usize, c[PRUNED] as usize];
@@ -165,10 +166,10 @@ fn everything_cloned_split_or_pruned() {
 
 #[test]
 fn identities_ascend_and_are_never_used_again() {
-    let rng = &mut Rng(8);
-    let (rows, born) = random_rows(rng, 200);
+    let random = &mut Random::new(8);
+    let (rows, born) = random_rows(random, 200);
     let mut seen: std::collections::HashMap<u32, ()> = rows.iter().map(|r| (r.id, ())).collect();
-    let mut model = Model::new(&rows, 4000, born, rng);
+    let mut model = Model::new(&rows, 4000, born, random);
     for event in 0..50 {
         let before: std::collections::HashSet<u32> = model.rows().iter().map(|r| r.id).collect();
         let next = model.counters[NEXT_ID];
@@ -184,13 +185,13 @@ fn identities_ascend_and_are_never_used_again() {
         let rows: Vec<Row> = rows
             .into_iter()
             .map(|r| {
-                let (score, scale) = (rng.uniform(0.0, 1.0), rng.uniform(-1.0, 0.7));
-                let logit = rng.uniform(-0.6, 1.0);
+                let (score, scale) = (uniform(random, 0.0, 1.0), uniform(random, -1.0, 0.7));
+                let logit = uniform(random, -0.6, 1.0);
                 r.with(score, 2.0, scale, logit)
             })
             .collect();
         let counters = model.counters;
-        model = Model::new(&rows, 4000, 0, rng);
+        model = Model::new(&rows, 4000, 0, random);
         model.counters = counters;
     }
     assert!(seen.len() > 1000, "50 rounds bore only {} splats", seen.len());
@@ -198,13 +199,13 @@ fn identities_ascend_and_are_never_used_again() {
 
 #[test]
 fn a_limit_spreads_growth_evenly_and_removes_nothing() {
-    let rng = &mut Rng(4);
-    let (rows, born) = random_rows(rng, 150);
+    let random = &mut Random::new(4);
+    let (rows, born) = random_rows(random, 150);
     let free = density_reference::change(&rows, &rules(), 2, born);
     let growth = free.1.cloned + free.1.split;
     for max_splats in [0, free.0.len() as u32 - growth, free.0.len() as u32 - 3, free.0.len() as u32, u32::MAX] {
         let s = DensityRules { max_splats: Some(max_splats), ..rules() };
-        let mut model = Model::new(&rows, 300, born, rng);
+        let mut model = Model::new(&rows, 300, born, random);
         density_twin::change(&mut model, &s, 2);
         let excess = (free.0.len() as u32).saturating_sub(max_splats).min(growth);
         assert_eq!(model.len() as u32, free.0.len() as u32 - excess);
@@ -252,11 +253,11 @@ fn spread(all: u32, some: u32, place: u32) -> Vec<bool> {
 
 #[test]
 fn room_that_is_left_goes_to_sources_of_every_age() {
-    let rng = &mut Rng(14);
-    let rows: Vec<Row> = (0..1000).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.0, 0.0)).collect();
+    let random = &mut Random::new(14);
+    let rows: Vec<Row> = (0..1000).map(|i| Row::random(random, i).with(1.0, 1.0, 0.0, 0.0)).collect();
     let mut begins = std::collections::HashSet::new();
     for (event, room) in [(1, 100), (2, 250), (3, 333), (4, 999)] {
-        let mut model = Model::new(&rows, 2000, 1000, rng);
+        let mut model = Model::new(&rows, 2000, 1000, random);
         density_twin::change(&mut model, &DensityRules { max_splats: Some(1000 + room), ..rules() }, event);
         // Clones have their sources' colours, and come in the order of their sources.
         let all = model.rows();
@@ -273,9 +274,9 @@ fn room_that_is_left_goes_to_sources_of_every_age() {
 
 #[test]
 fn without_room_nothing_is_written() {
-    let rng = &mut Rng(6);
-    let rows: Vec<Row> = (0..70).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.6, 0.0)).collect();
-    let before = Model::new(&rows, 139, 70, rng);
+    let random = &mut Random::new(6);
+    let rows: Vec<Row> = (0..70).map(|i| Row::random(random, i).with(1.0, 1.0, 0.6, 0.0)).collect();
+    let before = Model::new(&rows, 139, 70, random);
     let mut after = before.clone();
     density_twin::change(&mut after, &rules(), 1);
     assert_eq!(after.counters[STATUS], counters::SPLATS_BIT);
@@ -293,9 +294,9 @@ fn without_room_nothing_is_written() {
 fn children_have_the_parents_mean_and_covariance() {
     // 20,000 parents with one Gaussian and different identities: 40,000 draws.
     let n = 20_000;
-    let parent = Row::random(&mut Rng(2), 0).with(1.0, 1.0, 0.6, 0.0);
+    let parent = Row::random(&mut Random::new(2), 0).with(1.0, 1.0, 0.6, 0.0);
     let rows: Vec<Row> = (0..n).map(|i| Row { id: i, ..parent.clone() }).collect();
-    let mut model = Model::new(&rows, 2 * n as usize, n, &mut Rng(9));
+    let mut model = Model::new(&rows, 2 * n as usize, n, &mut Random::new(9));
     density_twin::change(&mut model, &rules(), 3);
     let draws: Vec<[f64; 3]> =
         model.rows().iter().map(|r| std::array::from_fn(|k| f64::from(r.planes[MEANS][k]))).collect();
@@ -346,18 +347,18 @@ fn children_have_the_parents_mean_and_covariance() {
 
 #[test]
 fn draws_do_not_depend_on_the_place_in_the_buffers() {
-    let rng = &mut Rng(12);
-    let parents: Vec<Row> = (0..90).map(|i| Row::random(rng, 3 * i).with(1.0, 1.0, 0.6, 0.0)).collect();
+    let random = &mut Random::new(12);
+    let parents: Vec<Row> = (0..90).map(|i| Row::random(random, 3 * i).with(1.0, 1.0, 0.6, 0.0)).collect();
     let whole = {
-        let mut model = Model::new(&parents, 200, 1000, rng);
+        let mut model = Model::new(&parents, 200, 1000, random);
         density_twin::change(&mut model, &rules(), 4);
         model.rows()
     };
     // The same parents among others that stay: their children are the same, row by row.
     let mut mixed: Vec<Row> = parents.clone();
-    mixed.extend((0..40).map(|i| Row::random(rng, 3 * i + 1).with(0.0, 1.0, 0.0, 0.0)));
+    mixed.extend((0..40).map(|i| Row::random(random, 3 * i + 1).with(0.0, 1.0, 0.0, 0.0)));
     mixed.sort_by_key(|r| r.id);
-    let mut model = Model::new(&mixed, 333, 5000, rng);
+    let mut model = Model::new(&mixed, 333, 5000, random);
     density_twin::change(&mut model, &rules(), 4);
     let children: Vec<Row> = model.rows().into_iter().filter(|r| r.id >= 5000).collect();
     assert_eq!(children.len(), whole.len());
@@ -366,7 +367,7 @@ fn draws_do_not_depend_on_the_place_in_the_buffers() {
     }
     // Another event and another seed draw otherwise.
     for (seed, event) in [(7, 5), (8, 4)] {
-        let mut model = Model::new(&parents, 200, 1000, rng);
+        let mut model = Model::new(&parents, 200, 1000, random);
         density_twin::change(&mut model, &DensityRules { seed, ..rules() }, event);
         assert!(model.rows().iter().zip(&whole).all(|(a, b)| a.planes[MEANS] != b.planes[MEANS]));
     }
@@ -421,13 +422,13 @@ fn random_bits_are_those_of_the_paper() {
 
 #[test]
 fn a_splat_that_is_not_a_number_is_pruned_and_counted_once() {
-    let rng = &mut Rng(21);
+    let random = &mut Random::new(21);
     for p in 0..8 {
         for poison in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let mut rows: Vec<Row> = (0..5).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.0, 0.0)).collect();
+            let mut rows: Vec<Row> = (0..5).map(|i| Row::random(random, i).with(1.0, 1.0, 0.0, 0.0)).collect();
             let last = rows[3].planes[p].len() - 1;
             rows[3].planes[p][last] = poison;
-            let mut model = Model::new(&rows, 20, 5, rng);
+            let mut model = Model::new(&rows, 20, 5, random);
             density_twin::change(&mut model, &rules(), 1);
             assert_eq!([model.counters[BAD_SPLATS], model.counters[PRUNED], model.counters[CLONED]], [1, 1, 4]);
             assert!(model.rows().iter().all(|r| r.id != 3 && r.planes.iter().flatten().all(|v| v.is_finite())));

@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use super::common::{assert_no_messages, gpu};
 use super::densify_passes::{offset_error, shared_logit_error};
 use super::density::{borderline, random_rows, rules};
-use super::density_model::{MEANS, Model, OPACITIES, QUATS, Rng, Row, SCALES, WIDTHS};
+use super::density_model::{MEANS, Model, OPACITIES, QUATS, Row, SCALES, WIDTHS, below, uniform};
 use super::density_twin;
 use super::harness::rounds_alike;
 use glam::{DQuat, DVec3};
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
 use psrgs_vk::pass::{densify_stats, opacity_reset};
 use psrgs_vk::raster::sort::Shape;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::{
     ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Sampled, Scratch, logit,
 };
@@ -190,9 +191,9 @@ fn device_follows_the_twin() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 2, 63, 64, 65, 257, 1025] {
         for max_splats in [None, Some(n as u32 + 3)] {
-            let rng = &mut Rng(n as u64);
-            let (rows, born) = random_rows(rng, n);
-            let mut want = Model::new(&rows, 2 * n + 1, born, rng);
+            let random = &mut Random::new(n as u64);
+            let (rows, born) = random_rows(random, n);
+            let mut want = Model::new(&rows, 2 * n + 1, born, random);
             let rules = DensityRules { max_splats, split_absolute: n % 2 == 0, ..rules() };
             let device = OnDevice::new(&gpu, &want);
             device.change(&rules, &[9]);
@@ -221,9 +222,9 @@ fn sampled_growth_follows_the_twin() {
         along_gradient: false,
     };
     for (n, along_gradient) in [(0, true), (1, true), (64, false), (64, true), (1025, false), (1025, true)] {
-        let rng = &mut Rng(n as u64);
-        let (rows, born) = random_rows(rng, n);
-        let mut want = Model::new(&rows, 2 * n + 1, born, rng);
+        let random = &mut Random::new(n as u64);
+        let (rows, born) = random_rows(random, n);
+        let mut want = Model::new(&rows, 2 * n + 1, born, random);
         let sampled = Sampled { along_gradient, ..sampled };
         let rules = DensityRules { sampled: Some(sampled), keep_opacity: 0.9, ..rules() };
         let device = OnDevice::new(&gpu, &want);
@@ -250,13 +251,13 @@ fn children_along_the_axis_are_their_parent_together() {
         let along = [None, Some(DVec3::ZERO), Some(DVec3::X), Some(DVec3::Y), Some(DVec3::Z)];
         along.map(|gradient| (case, gradient))
     }) {
-        let mut rng = Rng(1);
-        let mut row = Row::random(&mut rng, 0);
+        let mut random = Random::new(1);
+        let mut row = Row::random(&mut random, 0);
         row.planes[SCALES] = log_scales.map(|s| s as f32).to_vec();
         row.planes[OPACITIES] = vec![logit as f32];
         row.moments[MEANS] = gradient.unwrap_or(DVec3::X).as_vec3().to_array().to_vec();
         (row.stats, row.scores) = ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0]);
-        let mut model = Model::new(&[row.clone()], 2, 1, &mut rng);
+        let mut model = Model::new(&[row.clone()], 2, 1, &mut random);
         let sampled = Sampled {
             low_threshold: 0.1,
             high_threshold: 0.1,
@@ -307,7 +308,7 @@ fn children_along_the_axis_are_their_parent_together() {
 fn thresholds_are_exact_on_the_device() {
     let Some(gpu) = gpu() else { return };
     let rows: Vec<Row> = borderline().into_iter().map(|(_, row, _)| row).collect();
-    let mut want = Model::new(&rows, 2 * rows.len(), 100, &mut Rng(2));
+    let mut want = Model::new(&rows, 2 * rows.len(), 100, &mut Random::new(2));
     let device = OnDevice::new(&gpu, &want);
     device.change(&rules(), &[1]);
     density_twin::change(&mut want, &rules(), 1);
@@ -317,9 +318,9 @@ fn thresholds_are_exact_on_the_device() {
 #[test]
 fn changes_in_one_submission_follow_each_other() {
     let Some(gpu) = gpu() else { return };
-    let rng = &mut Rng(31);
-    let (rows, born) = random_rows(rng, 500);
-    let mut want = Model::new(&rows, 1000, born, rng);
+    let random = &mut Random::new(31);
+    let (rows, born) = random_rows(random, 500);
+    let mut want = Model::new(&rows, 1000, born, random);
     // Statistics are reset by the first change, so a second one only prunes; with thresholds of 0 everything grows again.
     let rules = DensityRules { clone_threshold: 0.0, max_splats: Some(900), ..rules() };
     let device = OnDevice::new(&gpu, &want);
@@ -337,9 +338,9 @@ fn everything_cloned_split_or_pruned_on_the_device() {
     let Some(gpu) = gpu() else { return };
     for n in [1, 64, 65] {
         for (scale, logit) in [(0.0, 0.0), (0.6, 0.0), (0.6, -9.0)] {
-            let rng = &mut Rng(5);
-            let rows: Vec<Row> = (0..n).map(|i| Row::random(rng, i as u32).with(1.0, 1.0, scale, logit)).collect();
-            let mut want = Model::new(&rows, 2 * n, n as u32, rng);
+            let random = &mut Random::new(5);
+            let rows: Vec<Row> = (0..n).map(|i| Row::random(random, i as u32).with(1.0, 1.0, scale, logit)).collect();
+            let mut want = Model::new(&rows, 2 * n, n as u32, random);
             let device = OnDevice::new(&gpu, &want);
             device.change(&rules(), &[1]);
             density_twin::change(&mut want, &rules(), 1);
@@ -352,9 +353,9 @@ fn everything_cloned_split_or_pruned_on_the_device() {
 #[test]
 fn overflow_writes_nothing_on_the_device() {
     let Some(gpu) = gpu() else { return };
-    let rng = &mut Rng(6);
-    let rows: Vec<Row> = (0..70).map(|i| Row::random(rng, i).with(1.0, 1.0, 0.6, 0.0)).collect();
-    let before = Model::new(&rows, 139, 70, rng);
+    let random = &mut Random::new(6);
+    let rows: Vec<Row> = (0..70).map(|i| Row::random(random, i).with(1.0, 1.0, 0.6, 0.0)).collect();
+    let before = Model::new(&rows, 139, 70, random);
     let device = OnDevice::new(&gpu, &before);
     // The second change would fit: it must not run either, for the first is lost.
     device.change(&rules(), &[1]);
@@ -367,7 +368,7 @@ fn overflow_writes_nothing_on_the_device() {
     assert_eq!(after.counters, expected);
     assert_unchanged(&after, &before);
     // With room, and the bit cleared, the lost change comes out as it would have at first.
-    let mut roomy = Model::new(&rows, 200, 70, rng);
+    let mut roomy = Model::new(&rows, 200, 70, random);
     let grown = OnDevice::new(&gpu, &roomy);
     grown.change(&rules(), &[1]);
     density_twin::change(&mut roomy, &rules(), 1);
@@ -377,9 +378,9 @@ fn overflow_writes_nothing_on_the_device() {
 #[test]
 fn no_barrier_of_a_change_is_idle() {
     let Some(gpu) = gpu() else { return };
-    let rng = &mut Rng(3);
-    let (rows, born) = random_rows(rng, 70);
-    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, rng));
+    let random = &mut Random::new(3);
+    let (rows, born) = random_rows(random, 70);
+    let device = OnDevice::new(&gpu, &Model::new(&rows, 140, born, random));
     let mut rec = gpu.recorder("density").unwrap();
     let rules = DensityRules { max_splats: Some(100), ..rules() };
     device.control.record(&mut rec, &device.view(), &rules, 1).unwrap();
@@ -393,14 +394,15 @@ fn opacity_reset_caps_and_forgets() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 64, 65, 200] {
         for status in [0, SPLATS_BIT] {
-            let rng = &mut Rng(40);
+            let random = &mut Random::new(40);
             let rows: Vec<Row> = (0..n)
                 .map(|i| {
-                    let opacity = [rng.uniform(-8.0, 3.0), logit(0.01), -f32::INFINITY, f32::INFINITY][rng.below(4)];
-                    Row::random(rng, i).with(0.0, 1.0, 0.0, opacity)
+                    let opacity =
+                        [uniform(random, -8.0, 3.0), logit(0.01), -f32::INFINITY, f32::INFINITY][below(random, 4)];
+                    Row::random(random, i).with(0.0, 1.0, 0.0, opacity)
                 })
                 .collect();
-            let mut model = Model::new(&rows, 201, n, rng);
+            let mut model = Model::new(&rows, 201, n, random);
             model.counters[STATUS] = status;
             let device = OnDevice::new(&gpu, &model);
             let mut rec = gpu.recorder("reset").unwrap();
@@ -436,12 +438,12 @@ fn statistics_follow_f64() {
     let Some(gpu) = gpu() else { return };
     let pipeline = gpu.pipeline(&densify_stats::PASS.kernel, &[]).unwrap();
     for n in [1, 63, 64, 65, 500] {
-        let rng = &mut Rng(50 + n as u64);
+        let random = &mut Random::new(50 + n as u64);
         let room = n + 3;
-        let mut tile_counts: Vec<u32> = (0..room).map(|_| rng.below(3) as u32).collect();
+        let mut tile_counts: Vec<u32> = (0..room).map(|_| below(random, 3) as u32).collect();
         tile_counts[0] = 1;
-        let grad2d: Vec<f32> = (0..12 * room).map(|_| rng.uniform(-1e-3, 1e-3)).collect();
-        let stats: Vec<f32> = (0..4 * room).map(|_| rng.uniform(0.0, 2.0)).collect();
+        let grad2d: Vec<f32> = (0..12 * room).map(|_| uniform(random, -1e-3, 1e-3)).collect();
+        let stats: Vec<f32> = (0..4 * room).map(|_| uniform(random, 0.0, 2.0)).collect();
         let mut counts = [0_u32; counters::COUNT];
         counts[counters::SPLATS] = n as u32;
 

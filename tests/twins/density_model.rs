@@ -1,6 +1,9 @@
 //! A model with moments and statistics for density tests, as rows and as the planes of the device.
 
 use psrgs_vk::pass::counters;
+use psrgs_vk::scene::random::Random;
+
+use super::harness::Words;
 
 /// Floats per splat of each model plane: means, quats, scales, opacities, sh0 to sh3.
 pub(crate) const WIDTHS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
@@ -33,35 +36,31 @@ pub(crate) struct Model {
     pub(crate) counters: [u32; counters::COUNT],
 }
 
-/// A small generator for test data (splitmix64).
-pub(crate) struct Rng(pub(crate) u64);
+/// Uniform in [low, high).
+pub(crate) fn uniform(random: &mut Random, low: f32, high: f32) -> f32 {
+    low + (high - low) * (random.word() as f32 / 4_294_967_296.0)
+}
 
-impl Rng {
-    pub(crate) fn next(&mut self) -> u32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 32) as u32
-    }
-    pub(crate) fn uniform(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * (self.next() as f32 / 4_294_967_296.0)
-    }
-    pub(crate) fn below(&mut self, n: usize) -> usize {
-        self.next() as usize % n
-    }
+/// A whole number from 0 to n - 1.
+pub(crate) fn below(random: &mut Random, n: usize) -> usize {
+    random.word() as usize % n
 }
 
 impl Row {
     /// Random values; scales around 1 and opacities around a half, so that rules can be aimed at either side.
-    pub(crate) fn random(rng: &mut Rng, id: u32) -> Self {
-        let mut planes = WIDTHS.map(|w| (0..w).map(|_| rng.uniform(-1.0, 1.0)).collect::<Vec<f32>>());
+    pub(crate) fn random(random: &mut Random, id: u32) -> Self {
+        let mut planes = WIDTHS.map(|w| (0..w).map(|_| uniform(random, -1.0, 1.0)).collect::<Vec<f32>>());
         planes[QUATS][0] += 0.1;
-        let views = rng.below(4) as f32;
+        let views = below(random, 4) as f32;
         Self {
-            moments: std::array::from_fn(|p| (0..WIDTHS[p % 8]).map(|_| rng.uniform(-1.0, 1.0)).collect()),
-            stats: [views * rng.uniform(0.0, 1.0), views * rng.uniform(0.0, 2.0), views, rng.uniform(0.0, 9.0)],
-            scores: [views * rng.uniform(0.0, 2.0), rng.below(1 + views as usize) as f32],
+            moments: std::array::from_fn(|p| (0..WIDTHS[p % 8]).map(|_| uniform(random, -1.0, 1.0)).collect()),
+            stats: [
+                views * uniform(random, 0.0, 1.0),
+                views * uniform(random, 0.0, 2.0),
+                views,
+                uniform(random, 0.0, 9.0),
+            ],
+            scores: [views * uniform(random, 0.0, 2.0), below(random, 1 + views as usize) as f32],
             planes,
             id,
         }
@@ -79,13 +78,13 @@ impl Row {
 /// Puts rows into planes.
 impl Model {
     /// The spare room is filled with words that would show if they were used: NaNs among them.
-    pub(crate) fn new(rows: &[Row], capacity: usize, next_id: u32, rng: &mut Rng) -> Self {
+    pub(crate) fn new(rows: &[Row], capacity: usize, next_id: u32, random: &mut Random) -> Self {
         assert!(rows.len() <= capacity && capacity > 0);
         let mut plane = |width: usize, take: &dyn Fn(&Row) -> Vec<u32>| -> Vec<u32> {
             let mut words: Vec<u32> = rows.iter().flat_map(take).collect();
             assert_eq!(words.len(), width * rows.len());
             while words.len() < width * capacity {
-                words.push(if rng.below(3) == 0 { f32::NAN.to_bits() } else { rng.next() });
+                words.push(if below(random, 3) == 0 { f32::NAN.to_bits() } else { random.word() });
             }
             words
         };

@@ -3,11 +3,12 @@
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::{TileGrid, count};
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::harness::{self, Random, bytes};
+use super::harness::{self, Words, bytes};
 
 const POISON: u32 = u32::MAX;
 
@@ -40,7 +41,7 @@ fn rows(random: &mut Random, n: usize, grid: &TileGrid) -> Vec<[f32; 12]> {
 /// Runs the pass; `adjust` may falsify the counts. Checks bits and poison.
 fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize, u32) -> u32) {
     let what = format!("emit of {n} splats, {grid:?}, {short} short");
-    let mut random = Random(n as u64 + 61);
+    let mut random = Random::new(n as u64 + 61);
     let splat2d = rows(&mut random, n.max(1), grid);
     let tile_counts: Vec<u32> = splat2d
         .iter()

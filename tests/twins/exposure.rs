@@ -3,10 +3,11 @@
 
 use psrgs_vk::pass::adam::Settings;
 use psrgs_vk::pass::exposure::{self, NUMBERS, PIXELS, Push, ROW, StepPush};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::exposure as twin;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 const EPS: f64 = f32::EPSILON as f64;
 
@@ -177,7 +178,7 @@ fn finite_differences(random: &mut Random) {
 }
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(31);
+    let mut random = Random::new(31);
     finite_differences(&mut random);
     for count in [1, 63, 64, 65, 1023, 1024, 1025, 5000] {
         over_pixels(gpu, &mut random, count);

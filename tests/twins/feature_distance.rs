@@ -1,14 +1,15 @@
 //! The distance of features and its gradient against the definition in double precision, also where there are none; and the sums.
 
 use psrgs_vk::pass::feature_distance::{FLAG_GATE, FLAG_GRADIENT, PASS, Push, SUM, SumPush};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::feature_distance::distance;
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 fn case(gpu: &Gpu, pixels: usize, channels: usize, eps: f32, flags: u32) {
-    let mut random = Random((pixels + channels) as u64);
+    let mut random = Random::new((pixels + channels) as u64);
     let mut features: Vec<f32> = (0..2 * pixels * channels).map(|_| random.between(-1.0, 2.0).max(0.0)).collect();
     // Without features in the first image, in the second, in both; and equal ones.
     features[channels..2 * channels].fill(0.0);
@@ -50,7 +51,7 @@ pub fn run(gpu: &Gpu) {
     case(gpu, 33, 8, 0.05, FLAG_GRADIENT);
     case(gpu, 9, 64, 1e-10, 0);
 
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let ends = [130, 131, 131, 200, 0, 0, 0, 0];
     let parts: Vec<f32> = (0..220).map(|_| random.between(0.0, 1.0)).collect();
     let push = SumPush { ends, layers: 4 };

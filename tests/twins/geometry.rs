@@ -2,6 +2,7 @@
 
 use psrgs_vk::pass::geometry::{self as passes, Push, pack_prior};
 use psrgs_vk::pass::part_sum;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::geometry::{Scene, prior_normal};
 use psrgs_vk::twin::loss::{counting, unpack};
 use psrgs_vk::twin::part_sum::part_sum as added;
@@ -9,7 +10,7 @@ use psrgs_vk::twin::place::Mask;
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 /// A view of a wavy surface with holes, its photograph, and a prior of another size with holes of its own.
 struct View {
@@ -34,7 +35,7 @@ fn surface(x: f32, y: f32) -> f32 {
 }
 
 fn view(size: [u32; 2], prior: [u32; 2], mask: Option<[u32; 2]>, edges: u32, bits: u32, seed: u64) -> View {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let [width, height] = size;
     let (mut image, mut aux, mut target) = (Vec::new(), Vec::new(), Vec::new());
     let mut masked = 0;
@@ -313,7 +314,7 @@ fn geometry_twin_gradient_is_its_derivative() {
 
 #[test]
 fn packed_priors_keep_what_they_hold() {
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     for _ in 0..2000 {
         let normal = unit(std::array::from_fn(|_| random.between(-1.0, 1.0)));
         let confidence = random.between(0.0, 1.0);

@@ -3,13 +3,14 @@
 use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Mask, Photograph};
 use psrgs_vk::pass::gradient_map::{self as passes, Push};
 use psrgs_vk::pass::{loss, part_sum};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::gradient_map::Scene;
 use psrgs_vk::twin::loss::{counting, unpack};
 use psrgs_vk::twin::place;
 use psrgs_vk::vk::{Gpu, Memory};
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 /// A picture of waves and noise, a photograph like it, and a mask of another size.
 struct View {
@@ -22,7 +23,7 @@ struct View {
 }
 
 fn view([width, height]: [u32; 2], mask: Option<[u32; 2]>, bits: u32, variation: bool, seed: u64) -> View {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let (mut image, mut target, mut masked) = (Vec::new(), Vec::new(), 0);
     for k in 0..width * height {
         let (x, y) = ((k % width) as f32, (k / width) as f32);

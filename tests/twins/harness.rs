@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use psrgs_vk::pass::Pass;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::{self, TwinCall};
 use psrgs_vk::vk::{Addresses, DeviceKind, Gpu, Groups, Memory};
 
@@ -183,31 +184,29 @@ pub fn run<P: bytemuck::NoUninit>(
     Outcome { device, by_address, twin }
 }
 
-/// A small counter-based generator (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
+/// Random numbers of 32 bits, as the device has them.
+pub trait Words {
     /// The next word.
-    pub fn word(&mut self) -> u32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 32) as u32
-    }
+    fn word(&mut self) -> u32;
 
     /// Uniform in [low, high).
-    pub fn between(&mut self, low: f32, high: f32) -> f32 {
+    fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * (self.word() >> 8) as f32 / (1u32 << 24) as f32
     }
 
     /// Words.
-    pub fn words(&mut self, count: usize) -> Vec<u32> {
+    fn words(&mut self, count: usize) -> Vec<u32> {
         (0..count).map(|_| self.word()).collect()
+    }
+}
+
+impl Words for Random {
+    fn word(&mut self) -> u32 {
+        (self.bits() >> 32) as u32
     }
 }
 
 /// `count` words that mean nothing, for buffers that a pass writes.
 pub fn garbage(count: usize) -> Vec<u8> {
-    bytes(&Random(count as u64 + 77).words(count))
+    bytes(&Random::new(count as u64 + 77).words(count))
 }

@@ -2,11 +2,12 @@
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::loss::{self as passes, Layout, Push, SumPush};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::loss::{Loss, counting, unpack, weighted_loss};
 use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub struct Pictures {
     pub name: &'static str,
@@ -233,7 +234,7 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, heig
 }
 
 pub fn run(gpu: &Gpu) {
-    let mut sum_random = Random(4);
+    let mut sum_random = Random::new(4);
     let parts: Vec<f32> = (0..1000).map(|_| sum_random.between(0.0, 60.0)).collect();
     let push = SumPush { values: 12_345.0, ssim_count: 300, l1_count: 1000, slot: 2, lambda: 0.3 };
     for threads in [passes::SUM_THREADS, 4 * passes::SUM_THREADS] {
@@ -250,7 +251,7 @@ pub fn run(gpu: &Gpu) {
 }
 
 fn run_with(gpu: &Gpu, with: With) {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     for size in [(1, 1), (8, 8), (31, 9), (32, 7), (33, 15), (65, 3)] {
         passes_against_twins(gpu, with, &mut random, size, 8);
     }
@@ -364,7 +365,7 @@ fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: 
 /// The gradient of the definition against central differences.
 #[test]
 fn loss_twin_gradient_is_its_derivative() {
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     let (width, height) = (9, 7);
     let mut draw = || f64::from(random.between(0.0, 1.0));
     let image: Vec<[f64; 4]> = (0..width * height).map(|_| [draw(), draw(), draw(), 0.0]).collect();

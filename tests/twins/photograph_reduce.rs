@@ -1,14 +1,15 @@
 //! `photograph_reduce`: against the mean in f64, around the sizes that do not divide, with masked pixels, 8 and 16 bits.
 
 use psrgs_vk::pass::photograph_reduce::{PASS, Push};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::loss::{codes, counting, unpack};
 use psrgs_vk::twin::photograph_reduce::mean;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(12);
+    let mut random = Random::new(12);
     for (width, height) in [(2, 2), (8, 4), (13, 11), (65, 17)] {
         for (factor, bits) in [(2, 8), (2, 16), (4, 8), (4, 16)] {
             one(gpu, &mut random, [width, height, factor], bits);

@@ -1,11 +1,12 @@
 //! Pooling to the bit, with ties and windows that hang over, and its gradient against the definition.
 
 use psrgs_vk::pass::pool::{BACKWARD, BackwardPush, FLAG_ADD, FLAG_GATE, FORWARD, Push, pooled};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::pool::backward;
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::Guards;
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 fn rows(random: &mut Random, count: u32, steps: f32) -> Vec<[f32; 4]> {
     // Few different values, so that many are equal.
@@ -13,7 +14,7 @@ fn rows(random: &mut Random, count: u32, steps: f32) -> Vec<[f32; 4]> {
 }
 
 fn case(gpu: &Gpu, width: u32, height: u32, quads: u32, flags: u32) {
-    let mut random = Random(u64::from(100 * width + height));
+    let mut random = Random::new(u64::from(100 * width + height));
     let (out_width, out_height) = (pooled(width), pooled(height));
     let push = Push { in_width: width, in_height: height, out_width, out_height, quads, images: 2 };
     let source = rows(&mut random, 2 * width * height * quads, 3.0);

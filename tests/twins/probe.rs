@@ -2,14 +2,15 @@
 //! that come to the same fixed point.
 
 use psrgs_vk::pass::probe::{COPY, COPY_GROUPS, CopyPush, EXP2, MULTIPLY_ADD, RatePush};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::probe::chains;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 fn copy(gpu: &Gpu) {
     for count in [0u32, 1, 63, 64, 65, 255, 256, 257, 5000] {
-        let buffers = [bytes(&Random(7).words(4 * count as usize + 8)), garbage(4 * count as usize + 8)];
+        let buffers = [bytes(&Random::new(7).words(4 * count as usize + 8)), garbage(4 * count as usize + 8)];
         let groups = count.div_ceil(COPY_GROUPS).max(1);
         let outcome = harness::run(gpu, &COPY, &[], &buffers, &CopyPush { count }, groups);
         outcome.assert_same_bits(&format!("copy of {count}"));

@@ -13,7 +13,7 @@ use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::common::guards::{Guards, eased};
-use super::common::splats::{Random, spread, to_scene};
+use super::common::splats::{seeded, spread, to_scene};
 use super::harness::{self, Outcome};
 use super::projection_scene as scene;
 
@@ -186,18 +186,18 @@ fn sizes(gpu: &Gpu) {
 /// Splats of all sizes and shapes about the edges of the image, where a bound on their extent would first leave out one too many.
 fn edges(gpu: &Gpu) {
     let camera = scene::view();
-    let mut random = Random::new(31);
+    let mut random = seeded(31);
     for aspect in [1.0, 30.0, 3000.0, 3e5] {
         let mut splats = Vec::new();
         for _ in 0..4000 {
             let mut splat = spread(&mut random, &camera, 1.0);
-            let z = random.between(0.3, 8.0);
+            let z = random.range(0.3, 8.0);
             // Where an ellipse of this width may just reach a side of the image, on either side of that.
-            let pixels = 10f64.powf(random.between(-1.0, 2.5));
-            let out = pixels * random.between(0.0, 5.0);
-            let along = random.between(-0.5, 1.5);
+            let pixels = 10f64.powf(random.range(-1.0, 2.5));
+            let out = pixels * random.range(0.0, 5.0);
+            let along = random.range(-0.5, 1.5);
             let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-            let at = match random.between(0.0, 4.0) as u32 {
+            let at = match random.range(0.0, 4.0) as u32 {
                 0 => [-out, along * h],
                 1 => [w + out, along * h],
                 2 => [along * w, -out],
@@ -206,8 +206,8 @@ fn edges(gpu: &Gpu) {
             splat.mean =
                 to_scene(&camera, [(at[0] - camera.cx) / camera.fx * z, (at[1] - camera.cy) / camera.fy * z, z]);
             let wide = (pixels * z / camera.fx).ln();
-            splat.log_scale = [wide, wide - f64::ln(aspect) * random.between(0.5, 1.0), wide - f64::ln(aspect)];
-            splat.logit = random.between(-6.0, 12.0);
+            splat.log_scale = [wide, wide - f64::ln(aspect) * random.range(0.5, 1.0), wide - f64::ln(aspect)];
+            splat.logit = random.range(-6.0, 12.0);
             splats.push(splat);
         }
         let model = scene::model(&splats);

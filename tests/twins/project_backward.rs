@@ -3,6 +3,7 @@
 use psrgs_vk::pass::camera::{CameraPush, Projection};
 use psrgs_vk::pass::project_backward::PASS;
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
@@ -10,7 +11,7 @@ use psrgs_vk::twin::splat::{Splat, View};
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::{Guards, eased};
-use super::common::splats::Random;
+use super::common::splats::{seeded, vector};
 use super::harness::{self, bytes, garbage};
 use super::projection_scene as scene;
 
@@ -34,7 +35,7 @@ fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f6
         10 | 11 => f64::NAN,
         _ => random.symmetric(),
     });
-    Grad2d { row, normal: if aux { random.vector() } else { [0.0; 3] } }
+    Grad2d { row, normal: if aux { vector(random) } else { [0.0; 3] } }
 }
 
 /// Runs one dispatch and compares it; returns how many splats had gradients.
@@ -43,7 +44,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     let push = scene::push(&projection);
     let view = View::<f64>::of(&push);
     let grid = TileGrid::new(view.size, [16, 16]);
-    let mut random = Random::new(n as u64);
+    let mut random = seeded(n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
     let (mut grad2d, mut grad_normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);
     let mut want = Gaussians::zeros(n);
@@ -131,7 +132,7 @@ fn adds(
     tiles: &[u32],
     what: &str,
 ) {
-    let mut random = Random::new(5);
+    let mut random = seeded(5);
     let mut buffers = buffers.to_vec();
     for (k, row) in ROWS.into_iter().enumerate() {
         let before: Vec<f32> = (0..row * tiles.len()).map(|_| random.symmetric() as f32).collect();

@@ -7,6 +7,7 @@ use psrgs_vk::pass::project_backward_adam::{
 };
 use psrgs_vk::pass::{Pass, counters, project_backward};
 use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{
@@ -16,7 +17,7 @@ use psrgs_vk::twin::project_backward_adam::{Pace, Stepped, step_after, view};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
 use psrgs_vk::vk::{DeviceKind, Gpu};
 
-use super::common::splats::Random;
+use super::common::splats::seeded;
 use super::harness::{self, bytes, garbage};
 use super::projection_scene as scene;
 
@@ -105,7 +106,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let push = Push::new(&camera, &settings, &RATES, steps);
     let full = View::<f64>::of(&camera);
     let grid = TileGrid::new(full.size, [16, 16]);
-    let mut random = Random::new(7 + n as u64);
+    let mut random = seeded(7 + n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
     let (mut grad2d, mut normals) = (vec![[f32::NAN; 12]; n], vec![[f32::NAN; 4]; n]);
     let (mut before, mut gradients) = (Vec::new(), Vec::new());

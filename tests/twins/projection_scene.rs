@@ -2,11 +2,12 @@
 
 use psrgs_vk::pass::camera::{CameraPush, Projection};
 use psrgs_vk::pass::counters;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::project::geometry;
 use psrgs_vk::twin::splat::{Splat, View};
 
-use super::common::splats::{Random, camera, spread, to_scene};
+use super::common::splats::{camera, seeded, spread, to_scene};
 use super::harness::{bytes, garbage};
 
 /// Words of every buffer beyond what the pass may touch.
@@ -28,7 +29,7 @@ pub fn model(splats: &[Splat<f64>]) -> Gaussians {
 
 /// `n` ordinary splats, some of them off screen.
 pub fn ordinary(n: usize, seed: u64) -> Gaussians {
-    let mut random = Random::new(seed);
+    let mut random = seeded(seed);
     model(&(0..n).map(|_| spread(&mut random, &view(), 1.5)).collect::<Vec<_>>())
 }
 
@@ -36,7 +37,7 @@ pub fn ordinary(n: usize, seed: u64) -> Gaussians {
 /// needles, giants, specks.
 pub fn hard() -> Gaussians {
     let view = view();
-    let mut random = Random::new(99);
+    let mut random = seeded(99);
     let mut splats = Vec::new();
     let mut push = |random: &mut Random, change: &dyn Fn(&mut Splat<f64>)| {
         let mut splat = spread(random, &view, 1.0);

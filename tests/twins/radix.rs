@@ -6,11 +6,12 @@ use psrgs_vk::pass::radix::{
     ROWS_EMULATED, RUNS_LOCAL_SIZE, SCATTER_GROUPS, SCATTER_GROUPS_EMULATED, SCATTER_RUNS,
 };
 use psrgs_vk::pass::{Pass, counters};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::radix;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 struct Shape<'a> {
     count: &'a Pass,
@@ -35,7 +36,7 @@ fn digit(gpu: &Gpu, shape: &Shape<'_>, keys: &[u32], shift: u32, bits: u32, coun
     let push = Push { source, count: n as u32, shift, mask: (1 << bits) - 1, digits: 1 << bits };
     let groups = blocks.div_ceil(shape.per_group as usize) as u32 + 1;
     let mut padded = keys.to_vec();
-    padded.extend(Random(5).words(9));
+    padded.extend(Random::new(5).words(9));
     let (padded, counts) = (bytes(&padded), bytes(&counts));
     let table = garbage((blocks << bits) + 9);
     let count = harness::run(gpu, shape.count, shape.given, &[padded.clone(), counts.clone(), table], &push, groups);
@@ -67,7 +68,7 @@ fn digit(gpu: &Gpu, shape: &Shape<'_>, keys: &[u32], shift: u32, bits: u32, coun
 }
 
 fn shape(gpu: &Gpu, shape: &Shape<'_>) {
-    let mut random = Random(23);
+    let mut random = Random::new(23);
     let block = shape.block as usize;
     let most = MOST_BITS;
     for n in [0, 1, 7, 8, 9, 255, 256, 257, block - 1, block, block + 1, 8 * block + 1, 20 * block + 3] {

@@ -1,13 +1,14 @@
 //! `saliency_plane`: against its twin in f64, smaller and larger than the mask, whole images and bands of their rows.
 
 use psrgs_vk::pass::saliency_plane::{PASS, Push};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::place::Mask;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(23);
+    let mut random = Random::new(23);
     for mask_size in [[1_u32, 1], [4, 3], [13, 7]] {
         for (size, [top, height]) in [
             ([1, 1], [0, 1]),

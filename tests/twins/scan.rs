@@ -6,9 +6,10 @@ use psrgs_vk::pass::scan::{
     SPINE, SPINE_EMULATED,
 };
 use psrgs_vk::pass::{Pass, counters};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 type Constants<'a> = &'a [(&'a str, u32)];
 
@@ -22,7 +23,7 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
         counts[push.source as usize] = n as u32;
     }
     let mut source = words.to_vec();
-    source.extend(Random(3).words(8));
+    source.extend(Random::new(3).words(8));
     let (source, counts) = (bytes(&source), bytes(&counts));
     // One workgroup more than needed: it must touch nothing.
     let groups = blocks as u32 + 1;
@@ -67,7 +68,7 @@ pub fn run(gpu: &Gpu) {
     let wide = [&REDUCE, &SPINE, &ADD_ROWS, &ONCE_WIDE];
     let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
     // As large as the words of a workgroup may be: 1,024 of them fit a word. The sums of the longer lists do not.
-    let mut source = Random(11);
+    let mut source = Random::new(11);
     let mut words_of = |n: usize| source.words(n).into_iter().map(|w| w >> 10).collect::<Vec<_>>();
     let total = counters::SCAN_TOTAL as u32;
     let host = |n: usize| Push { source: NO_COUNTER, count: n as u32, divide: 1, multiply: 1, predicate: 0, total };

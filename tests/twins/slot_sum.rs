@@ -1,12 +1,13 @@
 //! `slot_sum`: the same bits as its twin, around workgroup edges, with splats of no, one and many slots.
 
 use psrgs_vk::pass::{counters, slot_sum};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     // Tiles of the largest splat: 129,600 are all tiles of 8x8 in an image of 3840x2160.
     for (visible, most) in [(0usize, 300), (1, 129_600), (15, 300), (16, 7), (17, 8), (200, 300)] {
         for aux in [0, 1] {

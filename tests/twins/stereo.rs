@@ -6,10 +6,11 @@ use psrgs_vk::pass::stereo::{
     ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP_3, SWEEP_4, SWEEP_5,
     SWEEP_6, SweepPush,
 };
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::stereo::{Sweep, agreement, blocks, candidates, possible, refitted};
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 const FOCAL: f32 = 30.0;
 
@@ -50,7 +51,7 @@ fn random_planes(random: &mut Random, count: u32) -> Vec<[f32; 4]> {
 }
 
 fn blocks_case(gpu: &Gpu, width: u32, height: u32, first: u32) {
-    let luma = picture_rows(&mut Random(3), width, height);
+    let luma = picture_rows(&mut Random::new(3), width, height);
     let push = BlocksPush { width, height, first };
     let room = garbage(4 * (first + width * height) as usize + 8);
     let groups = (width * height).div_ceil(64);
@@ -114,7 +115,7 @@ fn expected(sweep: &Sweep<'_, f64>, planes: &[[f64; 4]], pixel: u32) -> Option<[
 }
 
 fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u32) {
-    let mut random = Random(u64::from(100 * side + 10 * step + flags + best));
+    let mut random = Random::new(u64::from(100 * side + 10 * step + flags + best));
     let made = pictures(&mut random);
     let [width, height] = SIZES[0];
     let planes = random_planes(&mut random, width * height);
@@ -180,7 +181,7 @@ fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u3
 }
 
 fn filter_case(gpu: &Gpu, needed: u32) {
-    let mut random = Random(5 + u64::from(needed));
+    let mut random = Random::new(5 + u64::from(needed));
     let made = pictures(&mut random);
     let [width, height] = SIZES[0];
     // Nearly the same surface in all, so that both outcomes are frequent.
@@ -214,7 +215,7 @@ fn filter_case(gpu: &Gpu, needed: u32) {
 }
 
 fn refit_case(gpu: &Gpu, width: u32, height: u32, reach: u32) {
-    let mut random = Random(u64::from(width + reach));
+    let mut random = Random::new(u64::from(width + reach));
     // A slope with a step in it, noise, and holes.
     let one = |p: u32| {
         let (x, y) = ((p % width) as f32, (p / width) as f32);

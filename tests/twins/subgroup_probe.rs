@@ -1,14 +1,15 @@
 //! Every subgroup operation, by the hardware and emulated at widths that the device may not have.
 
 use psrgs_vk::pass::subgroup_probe::{EMULATED, LOCAL_SIZE, Push, RESULTS, SUBGROUP};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Subgroup};
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
     let groups = 5;
     let threads = (groups * LOCAL_SIZE) as usize;
-    let mut random = Random(31);
+    let mut random = Random::new(31);
     let mut words = random.words(threads);
     // So that subgroups with and without a word that ends in 7 occur.
     words[..threads / 2].iter_mut().filter(|w| **w & 255 == 7).for_each(|w| *w += 1);

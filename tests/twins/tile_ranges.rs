@@ -2,12 +2,13 @@
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::tile_ranges::{PASS, Push};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::Gpu;
 
-use super::harness::{self, Random, bytes, garbage};
+use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
-    let mut random = Random(53);
+    let mut random = Random::new(53);
     for pairs in [0usize, 1, 2, 63, 64, 65, 1000] {
         for tiles in [1u32, 2, 50, 5000] {
             // `tiles` itself stands for filled slots.
