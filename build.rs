@@ -1,6 +1,7 @@
-//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in two forms:
-//! as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`); some in a third, with rows of
-//! buffers read as texels (`build/by_texels.rs`), and of these some in a fourth, with the other buffers reached by address.
+//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in
+//! two forms: as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`);
+//! some in a third, with rows of buffers read as texels (`build/by_texels.rs`), and of these some in a fourth, with the
+//! other buffers reached by address.
 //!
 //! Loops of shaders with `precise` arithmetic are written out before the optimizer can (`build/unroll.rs`).
 //!

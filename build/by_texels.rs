@@ -1,10 +1,10 @@
 //! The third form of a shader: rows of a buffer read as texels.
 //!
-//! A software rasterizer loads from storage buffers word by word and lane by lane, but fetches texels of all lanes at once. So a shader
-//! with a line `//! texels` comes in a form in which every buffer of `vec4` or `uvec4` that it reads is also a uniform texel buffer,
-//! and so is each buffer of floats named in that line, in rows of three. A buffer that is only read has the texel descriptor in place of
-//! its own; of one that is written as well, it stands [`BESIDE`] bindings further on. The shader reads through the macros of
-//! `glsl/include/loads.glsl`.
+//! A software rasterizer loads from storage buffers word by word and lane by lane, but fetches texels of all lanes at
+//! once. So a shader with a line `//! texels` comes in a form in which every buffer of `vec4` or `uvec4` that it reads
+//! is also a uniform texel buffer, and so is each buffer of floats named in that line, in rows of three. A buffer that
+//! is only read has the texel descriptor in place of its own; of one that is written as well, it stands [`BESIDE`]
+//! bindings further on. The shader reads through the macros of `glsl/include/loads.glsl`.
 
 use crate::declaration::{self, Declaration};
 
@@ -21,8 +21,8 @@ pub(crate) struct View {
     pub(crate) format: &'static str,
 }
 
-/// The buffers with rows of three that a shader's line `//! texels NAME ...` names. `None` without such a line, and where it is
-/// `//! texels(SYMBOL) NAME ...` for variants without that symbol.
+/// The buffers with rows of three that a shader's line `//! texels NAME ...` names. `None` without such a line, and
+/// where it is `//! texels(SYMBOL) NAME ...` for variants without that symbol.
 pub(crate) fn asked(text: &str, defines: &[String]) -> Option<Vec<String>> {
     let line = text.lines().find_map(|line| line.strip_prefix("//! texels"))?;
     let names = match line.strip_prefix('(').and_then(|rest| rest.split_once(')')) {
@@ -33,7 +33,8 @@ pub(crate) fn asked(text: &str, defines: &[String]) -> Option<Vec<String>> {
     Some(names.split_whitespace().map(str::to_owned).collect())
 }
 
-/// What a buffer is read as: the sampler's type and the variant of `TexelFormat`. `None` where it is not read, or not in rows.
+/// What a buffer is read as: the sampler's type and the variant of `TexelFormat`. `None` where it is not read,
+/// or not in rows.
 pub(crate) fn texel_of(declaration: &Declaration, threes: &[String]) -> Option<(&'static str, &'static str)> {
     let Declaration { qualifiers, element, member, .. } = declaration;
     if qualifiers.iter().any(|q| q == "writeonly") {
@@ -47,7 +48,8 @@ pub(crate) fn texel_of(declaration: &Declaration, threes: &[String]) -> Option<(
     }
 }
 
-/// Rewrites the text of a shader, or of a file that it includes, and notes the views. `Err` names the file and the line.
+/// Rewrites the text of a shader, or of a file that it includes, and notes the views.
+/// `Err` names the file and the line.
 pub(crate) fn rewrite(file: &str, text: &str, threes: &[String], views: &mut Vec<View>) -> Result<String, String> {
     declaration::rewrite(file, text, "", |out, declaration, line| {
         let Declaration { binding, qualifiers, member, .. } = declaration;

@@ -13,8 +13,8 @@ pub(crate) struct Declaration {
     pub(crate) member: String,
 }
 
-/// Copies the lines of a shader, or of a file that it includes, to `out`, with declarations of buffers given to `replace`.
-/// `after_version` follows the `#version` line. `Err` names the file and the line.
+/// Copies the lines of a shader, or of a file that it includes, to `out`, with declarations of buffers given to
+/// `replace`. `after_version` follows the `#version` line. `Err` names the file and the line.
 pub(crate) fn rewrite(
     file: &str,
     text: &str,
@@ -73,7 +73,8 @@ fn concerns_descriptors(tokens: &[&str]) -> bool {
 }
 
 fn parse(tokens: &[&str]) -> Result<Declaration, &'static str> {
-    let unknown = "not a declaration `layout(set = 0, binding = K) [readonly|writeonly ..] buffer Name { T member[]; };` on one line";
+    let unknown = "not a declaration `layout(set = 0, binding = K) [readonly|writeonly ..] buffer Name \
+        { T member[]; };` on one line";
     let [
         "layout",
         "(",

@@ -1,10 +1,11 @@
 //! Loops marked `[[unroll]]` written out, where a shader has `precise` arithmetic.
 //!
-//! The optimizer would unroll them, but of the copies of a loop's body only the first keeps NoContraction (SPIRV-Tools clones
-//! instructions there without their decorations): whether two kernels decide alike would be left to the device's compiler.
+//! The optimizer would unroll them, but of the copies of a loop's body only the first keeps NoContraction (SPIRV-Tools
+//! clones instructions there without their decorations): whether two kernels decide alike would be left to the device's
+//! compiler.
 
-/// Rewrites a preprocessed shader. Loops are written out whose header is `for (uint NAME = BEGIN; NAME < END; ++NAME)`, with a literal or
-/// a `const uint` at either end, and whose body is never left early.
+/// Rewrites a preprocessed shader. Loops are written out whose header is `for (uint NAME = BEGIN; NAME < END; ++NAME)`,
+/// with a literal or a `const uint` at either end, and whose body is never left early.
 pub(crate) fn rewrite(text: &str) -> String {
     if !words(text).any(|(_, word)| word == "precise") {
         return text.to_owned();

@@ -1,6 +1,6 @@
-//! A host program with its own `VkDevice` that has a Gaussian model rendered on it: the host makes instance, device and queue with
-//! no more features than the engine requires, lends an allocator, submits work of its own from one thread while the engine submits
-//! from another, orders the two by a timeline semaphore, and shows the picture.
+//! A host program with its own `VkDevice` that has a Gaussian model rendered on it: the host makes instance, device and
+//! queue with no more features than the engine requires, lends an allocator, submits work of its own from one thread
+//! while the engine submits from another, orders the two by a timeline semaphore, and shows the picture.
 //!
 //! ```text
 //! cargo run --example embed -- picture.png
@@ -68,8 +68,8 @@ pub struct Outcome {
 /// Draws the frames on the host's device. Two threads submit to one queue, and nobody waits for it to run dry.
 pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn Error>> {
     // ANCHOR: adopt
-    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits inside
-    // the lock of the description only.
+    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits
+    // inside the lock of the description only.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
     let viewer = Viewer::new(&gpu);
     let model = model();
@@ -121,7 +121,8 @@ pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn 
                 begun.send(frame)?;
                 let Some((image, aux)) = to_show.recv()? else { continue };
                 let show = commands.begin()?;
-                // SAFETY: as above; the engine's buffers live as long as their handles, which outlive the point waited for below.
+                // SAFETY: as above; the engine's buffers live as long as their handles,
+                // which outlive the point waited for below.
                 unsafe {
                     let bytes = 4 * floats as u64;
                     let copy = |to| [vk::BufferCopy { src_offset: 0, dst_offset: to, size: bytes }];

@@ -1,5 +1,6 @@
-//! A host program that watches a model while it is trained: the engine trains on the host's device in one thread, and the host
-//! renders frame after frame of the same model into an image of its own in another, from a command buffer of its own.
+//! A host program that watches a model while it is trained: the engine trains on the host's device in one thread, and
+//! the host renders frame after frame of the same model into an image of its own in another,
+//! from a command buffer of its own.
 //!
 //! ```text
 //! cargo run --example view_while_training -- DATA picture.png [STEPS]
@@ -62,8 +63,8 @@ pub fn run(
     pacing: Pacing,
     camera: Camera,
 ) -> Result<Outcome, Box<dyn Error>> {
-    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits inside
-    // the lock of the description only.
+    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits
+    // inside the lock of the description only.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
     let mut trainer = Trainer::new(&gpu, input, settings, pacing, None)?;
     let shared =
@@ -97,8 +98,8 @@ pub fn run(
 }
 
 // ANCHOR: train
-/// The training thread: every step waits for the frames that were submitted before it, and signals when it is done. Gives the
-/// number of steps done and how often the planes grew.
+/// The training thread: every step waits for the frames that were submitted before it, and signals when it is done.
+/// Gives the number of steps done and how often the planes grew.
 fn train(
     trainer: &mut Trainer,
     shared: &Mutex<Shared>,
@@ -176,8 +177,8 @@ impl<'a> View<'a> {
         let Some(target) = self.viewer.target() else { return Err("nothing was recorded".into()) };
         let source = target.image.raw();
         let commands = self.commands.begin()?;
-        // SAFETY: `commands` is a command buffer of the host that is being recorded. The recording is kept until the frame's
-        // point has been reached, and so is all else that the commands refer to.
+        // SAFETY: `commands` is a command buffer of the host that is being recorded. The recording is kept until the
+        // frame's point has been reached, and so is all else that the commands refer to.
         unsafe {
             self.recording = Some(recorder.record_into(commands)?);
             let (before, after) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
@@ -227,7 +228,8 @@ impl<'a> View<'a> {
 
 impl Drop for View<'_> {
     fn drop(&mut self) {
-        // Also when something went wrong, nothing goes that a frame still needs. On a lost device there is nothing to wait for.
+        // Also when something went wrong, nothing goes that a frame still needs.
+        // On a lost device there is nothing to wait for.
         let _ = self.points.wait(self.frames, u64::MAX);
     }
 }

@@ -1,4 +1,5 @@
-//! Numbers of bytes as people write them (`6GiB`, `800M` or plain digits) and read them. K, M, G and T are powers of 1024.
+//! Numbers of bytes as people write them (`6GiB`, `800M` or plain digits) and read them. K, M,
+//! G and T are powers of 1024.
 
 /// The units, and by how many bits each is more than a byte.
 pub(crate) const UNITS: [(&str, u32); 4] = [("T", 40), ("G", 30), ("M", 20), ("K", 10)];

@@ -23,7 +23,8 @@ fn kib(text: &str, key: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What decoding one picture may take. What a machine has changes from one moment to the next: two such limits count as equal.
+/// What decoding one picture may take. What a machine has changes from one moment to the next:
+/// two such limits count as equal.
 #[derive(Clone, Copy, Debug)]
 pub struct DecodeLimit {
     /// Bytes.
@@ -63,7 +64,8 @@ impl DecodeLimit {
         if bytes <= self.most { Ok(()) } else { Err(NoRoom::Beyond) }
     }
 
-    /// Whether so many bytes may be taken and can be had now. A decoder of another project would end the process where they cannot.
+    /// Whether so many bytes may be taken and can be had now. A decoder of another project would end the process where
+    /// they cannot.
     pub(crate) fn has_room_for(self, bytes: u64) -> Result<(), NoRoom> {
         self.allows(bytes)?;
         let bytes = usize::try_from(bytes).map_err(|_| NoRoom::Refused)?;

@@ -1,8 +1,8 @@
 //! Gaussian splatting on raw Vulkan compute: read posed photographs, train a 3D Gaussian model, render and score it.
 //!
-//! [`train`] composes [`raster`], which composes [`pass`], which describes compute shaders that [`vk`] runs. Vulkan handles stay inside
-//! [`vk`]; [`scene`], [`dataset`], [`mod@format`] and [`saliency`] call none of it. [`twin`] computes on the CPU what the passes do.
-//! Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
+//! [`train`] composes [`raster`], which composes [`pass`], which describes compute shaders that [`vk`] runs. Vulkan
+//! handles stay inside [`vk`]; [`scene`], [`dataset`], [`mod@format`] and [`saliency`] call none of it. [`twin`]
+//! computes on the CPU what the passes do. Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
 //!
 //! # A picture of a model
 //!
@@ -34,8 +34,8 @@
 //!
 //! # Training, by pulling messages
 //!
-//! A [`train::Trainer`] works while it is asked for the next [`train::Message`], and only then: a caller can look at the model,
-//! save a checkpoint or stop between any two messages.
+//! A [`train::Trainer`] works while it is asked for the next [`train::Message`], and only then: a caller can look at
+//! the model, save a checkpoint or stop between any two messages.
 //!
 //! ```no_run
 //! use psrgs_vk::dataset::Dataset;

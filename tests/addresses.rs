@@ -1,4 +1,5 @@
-//! Buffers that no descriptor covers: kernels reach them by address, to the same bits, and where they cannot it is said.
+//! Buffers that no descriptor covers: kernels reach them by address, to the same bits,
+//! and where they cannot it is said.
 
 mod common;
 

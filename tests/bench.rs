@@ -72,8 +72,8 @@ fn assert_live(report: &Report) {
         assert_eq!(row.over_floor, floors.larger().map(|floor| row.ms.median / floor), "{name}");
     }
     let blend = |name: &str| report.passes.iter().find(|p| p.pass.starts_with(name)).expect("a blending pass");
-    // Operations for every evaluation beside its exponential, and more where it is blended. Which of the two floors is the larger
-    // depends on the rates, which a busy machine measures as it likes.
+    // Operations for every evaluation beside its exponential, and more where it is blended. Which of the two floors is
+    // the larger depends on the rates, which a busy machine measures as it likes.
     let floor = |evaluated: f64, blended: f64, each: f64, more: f64| {
         1e-6 * w.pixels
             * ((each * evaluated + more * blended) / report.rates.gops_per_s + evaluated / report.rates.gexp2_per_s)
@@ -96,7 +96,8 @@ fn a_live_scene_is_reported() {
     assert_live(&report);
     assert_eq!((report.workload.splats, report.workload.views, report.workload.size), (300, 6, [64, 48]));
     assert_eq!(report.workload.pixels, 64.0 * 48.0);
-    // The step reads and writes each of 59 parameters with its two moments, and reads 17 more floats of a splat on screen.
+    // The step reads and writes each of 59 parameters with its two moments,
+    // and reads 17 more floats of a splat on screen.
     let pass =
         |report: &Report, name| report.passes.iter().find(|p| p.pass == name).map(|p| (p.bytes.unwrap(), p.calls));
     let bytes = 300.0 * (4.0 + 59.0 * 24.0) + 64.0 * report.workload.visible;

@@ -43,7 +43,8 @@ Sums sums_reference = Sums(address_table[12]);
     assert!(found.contains(keys) && found.contains(sums), "{found}");
     assert!(!found.contains("binding = 3") && !found.contains("binding=12"), "{found}");
     assert!(found.starts_with(
-        "#version 460\n#extension GL_EXT_buffer_reference : require\n#extension GL_EXT_buffer_reference_uvec2 : require\n#line 2\n"
+        "#version 460\n#extension GL_EXT_buffer_reference : require\n#extension GL_EXT_buffer_reference_uvec2 : \
+         require\n#line 2\n"
     ));
     let declared = |line: &str| line.trim_start().starts_with("layout") && line.contains("buffer");
     let mut lines = found.lines();

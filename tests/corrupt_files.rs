@@ -129,7 +129,8 @@ fn colmap_text() {
         for length in 0..bytes.len() {
             replace(&file, &bytes[..length]);
             match load(root.path()) {
-                // Without its last line end, or a digit of its last number, a text is whole; so it is without what is not used.
+                // Without its last line end, or a digit of its last number, a text is whole;
+                // so it is without what is not used.
                 Ok(dataset) if length >= last || same(&dataset) => {}
                 // That the last name is cut is told by the photograph that is not there.
                 Ok(dataset) if dataset.views.len() == 3 && dataset.views[2].name != "d e.png" => {}
@@ -341,8 +342,8 @@ fn frames() {
     }
 }
 
-/// A laser scan as the test world writes it, and the same compressed: whole, truncated, damaged, foreign, and with sizes in the header
-/// that the file does not have.
+/// A laser scan as the test world writes it, and the same compressed: whole, truncated, damaged, foreign, and with
+/// sizes in the header that the file does not have.
 #[test]
 fn laser_scans() {
     let root = tempfile::tempdir().expect("temporary folder");
@@ -368,7 +369,8 @@ fn laser_scans() {
         replace(file, &whole);
         damaged_everywhere(file, read);
         foreign(file, || cloud::read(file).map_err(|e| e.to_string()));
-        // LAS 1.4 counts points in 8 bytes (where 4 older ones are 0) and extended records in 4; nothing is made room for.
+        // LAS 1.4 counts points in 8 bytes (where 4 older ones are 0) and extended records in 4;
+        // nothing is made room for.
         let none = (107, [0; 4].as_slice());
         let (all, many, one) = ([0xff; 8], (1_u64 << 40).to_le_bytes(), 1_u32.to_le_bytes());
         for edits in [[none, (247, &all)], [none, (247, &many)], [(235, &all), (243, &one)], [none, (243, &all)]] {

@@ -68,7 +68,8 @@ fn a_small_demo_leaves_everything_it_promises() {
     demo(&out, &small).unwrap();
 }
 
-/// Relative errors of the depths of one held-out view: as rendered, and of the best flat guess (the median depth everywhere).
+/// Relative errors of the depths of one held-out view: as rendered, and of the best flat guess (the median depth
+/// everywhere).
 fn depth_errors(out: &Path, view: &str) -> (Vec<f64>, Vec<f64>) {
     let rendered = read_depth(&out.join("trained/renders").join(format!("{view}.depth.exr"))).unwrap();
     let truth = read_depth(&out.join("depth").join(format!("{view}.exr"))).unwrap();
@@ -89,10 +90,11 @@ fn median(values: &[f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// The focal length is 0.9 * 128 = 115 pixels and neighbouring vertical photographs are about 0.37 of the height apart, so a
-/// pixel of disparity between them is 1 / (115 * 0.37) = 2.3 % of the depth. Half of all depths are held to two such pixels.
-/// Training at this size was measured to leave 1.5 of them: the rendered depth is a mean over splats that are still half
-/// transparent. A wrong unit, axis or frame shows in the oblique views, where the flat guess is off by a fifth.
+/// The focal length is 0.9 * 128 = 115 pixels and neighbouring vertical photographs are about 0.37 of the height apart,
+/// so a pixel of disparity between them is 1 / (115 * 0.37) = 2.3 % of the depth. Half of all depths are held to two
+/// such pixels. Training at this size was measured to leave 1.5 of them: the rendered depth is a mean over splats that
+/// are still half transparent. A wrong unit, axis or frame shows in the oblique views,
+/// where the flat guess is off by a fifth.
 #[test]
 fn trained_depth_is_that_of_the_world() {
     let folder = tempfile::tempdir().unwrap();

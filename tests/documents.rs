@@ -277,7 +277,8 @@ fn sources(folder: &Path, ending: &str, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
-/// Cargo hides what a test prints that passes: only `tests/common/skips.rs` is heard, and can be told that nothing may be skipped.
+/// Cargo hides what a test prints that passes: only `tests/common/skips.rs` is heard,
+/// and can be told that nothing may be skipped.
 #[test]
 fn tests_that_cannot_run_say_so_where_it_is_heard() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

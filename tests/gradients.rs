@@ -164,8 +164,8 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
         let splat = splats::spread(&mut random, &camera, spread);
         let Ok(here) = project(&splat, &view, None) else { continue };
         let ([.., z0], e) = psrgs_vk::twin::project::geometry(&splat, &view);
-        // The reference holds the clamped x and y of the Jacobian fixed, not their ratios to the depth: a ratio that is clamped falls with
-        // the depth. The limits do here, of a splat that has moved.
+        // The reference holds the clamped x and y of the Jacobian fixed, not their ratios to the depth: a ratio that is
+        // clamped falls with the depth. The limits do here, of a splat that has moved.
         let seen = |moved: &Splat<f64>| {
             let mut view = view.clone();
             let ([.., z], _) = psrgs_vk::twin::project::geometry(moved, &view);
@@ -283,8 +283,8 @@ fn projection_twin_beyond_the_clamp_of_the_reference() {
     assert!(clamped > 10, "only {clamped} splats were clamped");
 }
 
-/// Below the bound the colour is that of a brighter splat less a constant: differences of the brighter one are what the gradient has to be
-/// where it leads back inside.
+/// Below the bound the colour is that of a brighter splat less a constant: differences of the brighter one are what the
+/// gradient has to be where it leads back inside.
 #[test]
 fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     let camera = camera(64, 48);
@@ -320,7 +320,8 @@ fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     assert!(clamped > 40, "{clamped} colours at the bound");
 }
 
-/// Exactly at the bound the loss has two slopes: a gradient that leads back inside is the one to the right of the bound.
+/// Exactly at the bound the loss has two slopes: a gradient that leads back inside is the one to the right of the
+/// bound.
 #[test]
 fn brute_force_gradients_at_the_colour_bound_lead_back_inside() {
     let camera = camera(22, 17);
@@ -371,8 +372,8 @@ fn reference_clamp_changes_only_gradients_of_clamped_means() {
     assert!(differed > 10);
 }
 
-/// The brute-force renderer and the twin share no arithmetic: the twin's chain rule on the renderer's 2D gradients must give the
-/// renderer's own gradients.
+/// The brute-force renderer and the twin share no arithmetic: the twin's chain rule on the renderer's 2D gradients must
+/// give the renderer's own gradients.
 #[test]
 fn projection_twin_agrees_with_the_brute_force_renderer() {
     let camera = camera(40, 30);

@@ -1,6 +1,6 @@
-//! The passes' tables against their SPIR-V: bindings with access, push constants, specialization constants, workgroup size.
-//! In both forms of a module; in the one by address, for every entry of the table. And every shader file is used by a
-//! registered pass.
+//! The passes' tables against their SPIR-V: bindings with access, push constants, specialization constants, workgroup
+//! size. In both forms of a module; in the one by address, for every entry of the table. And every shader file is used
+//! by a registered pass.
 
 use std::collections::{BTreeMap, BTreeSet};
 

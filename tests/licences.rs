@@ -1,11 +1,13 @@
-//! Every crate that is built may be shipped under the licences that `deny.toml` allows: what `cargo deny check licenses` looks
-//! at, for machines that do not have it (building it takes longer than building this project).
+//! Every crate that is built may be shipped under the licences that `deny.toml` allows: what
+//! `cargo deny check licenses` looks at, for machines that do not have it (building it takes longer than building this
+//! project).
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-/// Whether a licence expression (SPDX; also `/` for OR, as older crates have it) can be met with `allowed` licences alone.
+/// Whether a licence expression (SPDX; also `/` for OR, as older crates have it) can be met with `allowed` licences
+/// alone.
 fn met(expression: &str, allowed: &BTreeSet<String>) -> Result<bool, String> {
     let text = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<&str> = text.split_whitespace().collect();

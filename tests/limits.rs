@@ -1,5 +1,5 @@
-//! Beyond and at the limits: models whose parameters would not fit one binding, buffers and memory that run out, very large images,
-//! a single splat.
+//! Beyond and at the limits: models whose parameters would not fit one binding, buffers and memory that run out, very
+//! large images, a single splat.
 
 mod common;
 
@@ -60,8 +60,8 @@ fn trained(gpu: &Gpu, input: Input, pacing: Pacing) -> (State, Told) {
     (trainer.snapshot().unwrap().state, told)
 }
 
-/// Most splats lie behind every camera: what is left must train to the very bits of a small model of those alone, through steps
-/// and a density change.
+/// Most splats lie behind every camera: what is left must train to the very bits of a small model of those alone,
+/// through steps and a density change.
 #[test]
 fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
     let Some(gpu) = common::gpu() else { return };
@@ -249,7 +249,8 @@ fn memory_that_runs_out_is_an_error_and_the_device_goes_on() {
         let error = Trainer::new(&gpu, large, &settings(8), small, None).err().unwrap();
         assert!(matches!(error, train::Error::MemoryLimit { wanted: 60_000, .. }), "{error}");
         assert_eq!(finish(start(Pacing { splat_capacity: 100_000, ..small }).unwrap()).unwrap(), 8);
-        // Too large when it has grown: next to nothing is left when the first view needs more pairs than there is room for.
+        // Too large when it has grown: next to nothing is left when the first view needs more pairs than there is room
+        // for.
         let trainer = start(Pacing { pair_capacity: 64, ..small }).unwrap();
         let held = gpu.buffer("held", limit - in_use() - (256 << 10), Memory::Device).unwrap();
         check(finish(trainer).expect_err("no room to grow"));

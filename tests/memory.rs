@@ -161,7 +161,8 @@ fn growth_stops_where_memory_ends_and_training_goes_on() {
 #[test]
 fn what_does_not_fit_at_all_is_refused_with_numbers() {
     let Some(gpu) = limited(1 << 20) else { return };
-    // More than 1 MiB by model and moments alone, 708 bytes each: what is staged counts only where the device works in the host's memory.
+    // More than 1 MiB by model and moments alone, 708 bytes each: what is staged counts only where the device works in
+    // the host's memory.
     let input = plane_scene::input(3, 64, 48, 2000);
     let error = Trainer::new(&gpu, input, &settings(3), Pacing::default(), None).err().expect("no room");
     let text = error.to_string();
@@ -171,7 +172,8 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     }
 }
 
-/// Splats that swell until their pairs no longer fit: the training ends with an error, and what was trained is there to go on with.
+/// Splats that swell until their pairs no longer fit: the training ends with an error,
+/// and what was trained is there to go on with.
 #[test]
 fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let Some(gpu) = common::gpu() else { return };

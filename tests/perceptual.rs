@@ -1,5 +1,5 @@
-//! The perceptual distance as a whole: readers of weights, values against known ones and an independent reference, gradients
-//! against finite differences.
+//! The perceptual distance as a whole: readers of weights, values against known ones and an independent reference,
+//! gradients against finite differences.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]

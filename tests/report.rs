@@ -420,8 +420,8 @@ fn chromium() -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).flat_map(|dir| names.map(|n| dir.join(n))).find(|p| p.is_file())
 }
 
-/// Loads the page in a headless browser with a script appended that puts its findings into the document, and returns what
-/// the browser made of it: the document and its log.
+/// Loads the page in a headless browser with a script appended that puts its findings into the document, and returns
+/// what the browser made of it: the document and its log.
 fn browse(chromium: &Path, page: &Path, width: u32, extra: &[&str]) -> (String, String) {
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new(chromium)

@@ -1,4 +1,5 @@
-//! Saliency maps, masks, and learning the width of the filter: against a slow transform, finite differences and grid search.
+//! Saliency maps, masks, and learning the width of the filter: against a slow transform,
+//! finite differences and grid search.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]

@@ -363,7 +363,8 @@ fn a_limited_set_is_recycled_while_it_grows() {
     assert_eq!(young(0.0), [None, Some(Dropped::Below(0.04))], "what is young stays");
 }
 
-/// At most 100 steps lie between changes: of more photographs some were not looked at, and what only they show is not unseen.
+/// At most 100 steps lie between changes: of more photographs some were not looked at,
+/// and what only they show is not unseen.
 #[test]
 fn nothing_is_unseen_before_all_photographs_were_looked_at() {
     let seen = |views: usize, scaled: bool| {
@@ -399,7 +400,8 @@ fn bands_of_a_photograph_follow_one_another() {
     }
 }
 
-/// What needs a whole photograph has it: depths, gradient maps, the perceptual distance, learned widths, and what is reduced already.
+/// What needs a whole photograph has it: depths, gradient maps, the perceptual distance, learned widths,
+/// and what is reduced already.
 #[test]
 fn steps_that_need_more_than_colours_see_the_whole_photograph() {
     let whole = |change: fn(&mut Settings)| {

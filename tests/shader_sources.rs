@@ -43,8 +43,8 @@ fn loops(code: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Whether the loop at the start of `code` is `do { ... ++k; ... } while (k < BOUND);`: every turn moves a count, and the loop goes on while
-/// the count is not there. `k -= n; ... k > 0u` is as good.
+/// Whether the loop at the start of `code` is `do { ... ++k; ... } while (k < BOUND);`: every turn moves a count, and
+/// the loop goes on while the count is not there. `k -= n; ... k > 0u` is as good.
 fn counts_to_a_bound(code: &str) -> bool {
     let Some(code) = code.strip_prefix("do {") else { return false };
     let mut depth = 1;

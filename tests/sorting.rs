@@ -45,7 +45,8 @@ fn planned(gpu: &Gpu, counts: &Buffer, counter: u32, entries: &[Entry]) -> Buffe
     args
 }
 
-/// Sorts on the device, with the count on the host or in a counter, and compares with a stable sort of 64-bit (key, position).
+/// Sorts on the device, with the count on the host or in a counter, and compares with a stable sort of 64-bit (key,
+/// position).
 fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
     let n = keys.len();
     let what = format!("{shape:?}, {n} keys, {bits} bits, counted {counted}");
@@ -129,8 +130,8 @@ fn radix_sort_of_a_million_and_more() {
     common::assert_no_messages(&gpu);
 }
 
-/// More keys than 2^25, so that no array of them fits one descriptor of 128 MiB; with more workgroups than `plan` puts on one
-/// axis in the groups shape. The keys are tile numbers of a 4K image.
+/// More keys than 2^25, so that no array of them fits one descriptor of 128 MiB; with more workgroups than `plan` puts
+/// on one axis in the groups shape. The keys are tile numbers of a 4K image.
 fn sort_beyond_2_to_the_25(shape: Shape, n: usize, bits: u32, counted: bool) {
     let Some(gpu) = common::gpu() else { return };
     let caps = gpu.caps();

@@ -1,4 +1,5 @@
-//! The ellipse-tile test against brute force over the pixels: no pixel that a splat shows in may lie outside the listed tiles.
+//! The ellipse-tile test against brute force over the pixels: no pixel that a splat shows in may lie outside the listed
+//! tiles.
 
 use std::collections::HashSet;
 

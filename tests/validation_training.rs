@@ -1,5 +1,5 @@
-//! Training with every watcher on: the Khronos layer (core and synchronization), the hazard checker, and the guards behind
-//! buffers. Not one message; and each barrier of each event is one that the checker would miss.
+//! Training with every watcher on: the Khronos layer (core and synchronization), the hazard checker, and the guards
+//! behind buffers. Not one message; and each barrier of each event is one that the checker would miss.
 
 mod common;
 

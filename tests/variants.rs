@@ -1,5 +1,5 @@
-//! One training under every variant of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of every width
-//! learn alike; what is integer is the same bits.
+//! One training under every variant of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of
+//! every width learn alike; what is integer is the same bits.
 
 mod common;
 
@@ -45,7 +45,8 @@ fn losses(gpu: &Gpu, input: &Input, variants: Variants) -> Vec<f32> {
     losses
 }
 
-/// The promise for gradients, 1e-3, holds for the losses of a few steps; the first step's image is the same to rounding.
+/// The promise for gradients, 1e-3, holds for the losses of a few steps;
+/// the first step's image is the same to rounding.
 fn check(what: &str, got: &[f32], want: &[f32]) {
     assert_eq!(got.len(), STEPS as usize, "{what}");
     for (k, (g, w)) in got.iter().zip(want).enumerate() {

@@ -50,8 +50,8 @@ fn is_inside(shape: &Shape, p: DVec3) -> bool {
     }
 }
 
-/// First t at which the ray is inside the solid: candidates where it meets any bounding surface, checked by membership just
-/// behind them.
+/// First t at which the ray is inside the solid: candidates where it meets any bounding surface, checked by membership
+/// just behind them.
 fn first_inside(solid: &Solid, origin: DVec3, direction: DVec3) -> f64 {
     let turn = DMat3::from_rotation_z(-solid.yaw);
     let (o, d) = (turn * (origin - solid.origin), turn * direction);

@@ -1,7 +1,8 @@
 //! What a host program brings along: its own instance, device and queue, a lock around the queue, and an allocator.
 //!
 //! Everything here was made, and will be destroyed, by the host.
-// Each example uses a part of it. A host speaks Vulkan itself, so examples are the one place outside the device layer with `unsafe`.
+// Each example uses a part of it. A host speaks Vulkan itself, so examples are the one place outside the device layer
+// with `unsafe`.
 #![allow(dead_code)]
 
 pub mod memory;
@@ -78,8 +79,8 @@ impl Host {
         Self::with(required_features())
     }
 
-    /// Creates an instance and, on the first device with Vulkan 1.3 and a compute queue, a device with one queue and these
-    /// features, which it must have.
+    /// Creates an instance and, on the first device with Vulkan 1.3 and a compute queue, a device with one queue and
+    /// these features, which it must have.
     pub fn with(features: Features) -> Result<Option<Host>, Box<dyn Error>> {
         // SAFETY: loads the system's Vulkan loader.
         let Ok(entry) = (unsafe { ash::Entry::load() }) else { return Ok(None) };
@@ -109,7 +110,8 @@ impl Host {
             return Ok(None);
         };
         // ANCHOR: features
-        // `features` are `required_features()`, known before there is a device. They go beside what the host wants for itself.
+        // `features` are `required_features()`, known before there is a device.
+        // They go beside what the host wants for itself.
         let mut enabled = FeatureStructures::default();
         features.enable(&mut enabled);
         let priorities = [1.0];
@@ -222,8 +224,8 @@ pub struct Timeline<'a> {
 impl Timeline<'_> {
     /// The point at which it has a value.
     pub fn at(&self, value: u64) -> HostSemaphore {
-        // SAFETY: a timeline semaphore of the device that outlives the submits; values rise from submit to submit, and nothing
-        // waits for a value whose signal has not been submitted.
+        // SAFETY: a timeline semaphore of the device that outlives the submits; values rise from submit to submit, and
+        // nothing waits for a value whose signal has not been submitted.
         unsafe { HostSemaphore::new(self.semaphore, value) }
     }
 

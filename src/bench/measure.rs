@@ -38,11 +38,11 @@ pub struct Options {
 /// Bytes to copy that are more than caches hold.
 pub const COPY_BYTES: u64 = 256 << 20;
 
-/// Times training steps of `settings` without density control, every band of the spherical harmonics in use from the first
-/// step. Up to 8 of the training views, spread over all of them, are looked at in turn.
+/// Times training steps of `settings` without density control, every band of the spherical harmonics in use from the
+/// first step. Up to 8 of the training views, spread over all of them, are looked at in turn.
 ///
-/// Fails with [`Error::NotLive`] when a view has no visible splats or no pairs, when nothing is blended, or when the mean
-/// loss of the last look at each view is not below that of the first.
+/// Fails with [`Error::NotLive`] when a view has no visible splats or no pairs, when nothing is blended, or when the
+/// mean loss of the last look at each view is not below that of the first.
 pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Options) -> Result<Report, Error> {
     if options.steps == 0 {
         return Err(Error::NoSteps);
@@ -169,8 +169,8 @@ impl<'a> Run<'a> {
         Ok(self.engine.submit_recorded(recorder)?)
     }
 
-    /// Warm-up, steps without timestamps, steps with: submitted ahead and looked at later, as in training. In this order,
-    /// because reading timestamps waits for the whole queue on lavapipe.
+    /// Warm-up, steps without timestamps, steps with: submitted ahead and looked at later, as in training. In this
+    /// order, because reading timestamps waits for the whole queue on lavapipe.
     fn follow(&mut self) -> Result<(), Error> {
         let plain = self.options.warm_up..self.options.warm_up + self.options.steps;
         let total = self.options.total();
@@ -289,8 +289,8 @@ impl<'a> Run<'a> {
             return Ok(loss);
         }
         Err(Error::NotLive(format!(
-            "the mean loss over the same {} views went from {} to {} in {} steps. A trained model takes some steps to find back \
-             from the first ones of a fresh optimiser: more steps may help",
+            "the mean loss over the same {} views went from {} to {} in {} steps. A trained model takes some steps to \
+             find back from the first ones of a fresh optimiser: more steps may help",
             self.views,
             loss.first_pass,
             loss.last_pass,
@@ -328,8 +328,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Most device memory in use during a density change, growth of the buffers included where it needs some. The model is
-    /// another one afterwards.
+    /// Most device memory in use during a density change, growth of the buffers included where it needs some. The model
+    /// is another one afterwards.
     fn density_peak(&mut self) -> Result<u64, Error> {
         self.gpu.restart_peak();
         loop {

@@ -63,8 +63,8 @@ impl Work {
         }
     }
 
-    /// Floats of a splat that the fused optimiser step touches, in the mean over steps: those of harmonics above the degree in use
-    /// it leaves out, by rows of four.
+    /// Floats of a splat that the fused optimiser step touches, in the mean over steps: those of harmonics above the
+    /// degree in use it leaves out, by rows of four.
     pub(super) fn stepped(&self) -> f64 {
         let harmonics = match self.sh_degree {
             0 => 4.0,
@@ -109,9 +109,9 @@ impl Work {
     }
 }
 
-/// Bytes that all dispatches of a pass in one step read and write, each element counted once per thread or workgroup that
-/// needs it, caches left aside; `None` for passes of a fixed few bytes. N splats, V visible, P pairs, g groups of spherical
-/// harmonics in use:
+/// Bytes that all dispatches of a pass in one step read and write, each element counted once per thread or workgroup
+/// that needs it, caches left aside; `None` for passes of a fixed few bytes. N splats, V visible, P pairs, g groups of
+/// spherical harmonics in use:
 ///
 /// | pass | bytes |
 /// |---|---|

@@ -10,9 +10,10 @@ const STREAM: u32 = 0x6265_6e63;
 /// `splats` splats that cover about what `from` covers, for timing at any size.
 ///
 /// More than there are: the splats are repeated in turn, the first round in place, every later copy moved by a normal
-/// deviate of its own standard deviations. Fewer: every so manieth is kept. Points lie on surfaces, so standard deviations
-/// are multiplied by sqrt(old number / new number): the area that the splats cover, and with it the blended splats per pixel,
-/// stays about the same until splats become smaller than a pixel. Everything else is copied. A function of its arguments alone.
+/// deviate of its own standard deviations. Fewer: every so manieth is kept. Points lie on surfaces, so standard
+/// deviations are multiplied by sqrt(old number / new number): the area that the splats cover, and with it the blended
+/// splats per pixel, stays about the same until splats become smaller than a pixel. Everything else is copied. A
+/// function of its arguments alone.
 pub fn resized(from: &Gaussians, splats: u32, seed: u64) -> Gaussians {
     let (n, m) = (splats as usize, from.len());
     if m == 0 {

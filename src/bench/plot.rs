@@ -20,8 +20,9 @@ const RIGHT: f64 = 18.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 46.0;
 
-/// Slope of the line of least squares through the logarithms of the points whose size is at least a tenth of the largest: 1 where
-/// values grow in proportion to sizes. Smaller sizes are left aside because what costs the same at every size hides the growth there.
+/// Slope of the line of least squares through the logarithms of the points whose size is at least a tenth of the
+/// largest: 1 where values grow in proportion to sizes. Smaller sizes are left aside because what costs the same at
+/// every size hides the growth there.
 pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
     let largest = points.iter().map(|p| p.0).fold(0.0, f64::max);
     let logs: Vec<(f64, f64)> =
@@ -38,7 +39,8 @@ pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
 pub fn svg(sizes: &str, series: &[Series]) -> String {
     let width = WIDTH * series.len().max(1) as f64;
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\
          \n<rect width=\"{width}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
     );
     for (i, one) in series.iter().enumerate() {
@@ -65,7 +67,8 @@ fn panel(out: &mut String, sizes: &str, series: &Series) {
         let (x, label) = (sx(10f64.powi(power)), label(power));
         let _ = write!(
             out,
-            "<path d=\"M{x:.1} {TOP}V{bottom}\" stroke=\"#ddd\"/><text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{label}</text>",
+            "<path d=\"M{x:.1} {TOP}V{bottom}\" stroke=\"#ddd\"/><text x=\"{x:.1}\" y=\"{}\" \
+             text-anchor=\"middle\">{label}</text>",
             bottom + 16.0
         );
     }
@@ -73,7 +76,8 @@ fn panel(out: &mut String, sizes: &str, series: &Series) {
         let (y, label) = (sy(10f64.powi(power)), label(power));
         let _ = write!(
             out,
-            "<path d=\"M{LEFT} {y:.1}H{right}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+            "<path d=\"M{LEFT} {y:.1}H{right}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{:.1}\" \
+             text-anchor=\"end\">{label}</text>",
             LEFT - 6.0,
             y + 4.0
         );

@@ -33,7 +33,8 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Measures them; takes about a second. `variants` tells what a workgroup is; `bytes` are copied, or as many as the device binds.
+    /// Measures them; takes about a second. `variants` tells what a workgroup is; `bytes` are copied,
+    /// or as many as the device binds.
     pub fn measure(gpu: &Gpu, variants: Variants, bytes: u64) -> Result<Rates, Error> {
         let copied_bytes = bytes.min(gpu.caps().limits.storage_range) / 16 * 16;
         let [copy_kernel_gb_per_s, copy_buffer_gb_per_s] = copies(gpu, copied_bytes)?;

@@ -28,7 +28,8 @@ pub struct Report {
     pub loss: Loss,
     /// A step on the device: sum of its passes.
     pub device_ms: Quartiles,
-    /// From the end of one step to the end of the next as the host sees it, steps in flight as in training, no timestamps.
+    /// From the end of one step to the end of the next as the host sees it, steps in flight as in training,
+    /// no timestamps.
     pub wall_ms: Quartiles,
     /// What the host did per step.
     pub per_step: PerStep,

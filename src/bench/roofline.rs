@@ -1,4 +1,5 @@
-//! What a pass takes at least: the bytes it must move at the device's bandwidth, the arithmetic it must do at the device's rate.
+//! What a pass takes at least: the bytes it must move at the device's bandwidth,
+//! the arithmetic it must do at the device's rate.
 
 use super::per_pixel::PerPixel;
 use serde::Serialize;
@@ -40,10 +41,12 @@ impl Floors {
     }
 }
 
-/// Arithmetic of all dispatches of a pass in one step; `None` where it is next to nothing beside the bytes, or not known.
+/// Arithmetic of all dispatches of a pass in one step; `None` where it is next to nothing beside the bytes,
+/// or not known.
 ///
-/// An evaluation is one splat looked at for one pixel that has not stopped: `splats_per_pixel` counts them, and which were blended.
-/// What is shared by the pixels of a thread (such as dx) and what moves data (shuffles, sums over threads) is left aside.
+/// An evaluation is one splat looked at for one pixel that has not stopped: `splats_per_pixel` counts them, and which
+/// were blended. What is shared by the pixels of a thread (such as dx) and what moves data (shuffles,
+/// sums over threads) is left aside.
 ///
 /// | pass | operations |
 /// |---|---|
@@ -73,7 +76,8 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
         _ if is("loss_strips") => plain(700.0 * work.pixels),
         _ if is("loss_grad") => plain(180.0 * work.pixels),
         _ if is("project_backward_adam") => {
-            // Those that make up for missed steps do so in twelve operations, of which one is a root and one a division.
+            // Those that make up for missed steps do so in twelve operations,
+            // of which one is a root and one a division.
             let of_parameter = if work.listed { 27.0 } else { 15.0 };
             plain(900.0 * work.visible + of_parameter * work.stepped() * work.splats_stepped())
         }

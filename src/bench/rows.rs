@@ -10,7 +10,8 @@ use super::roofline::Floors;
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
 
-/// What a pass is for (the fused step is both the projection's backward and the optimiser); everything not named is bookkeeping (plans, clears, copies, the end of a step).
+/// What a pass is for (the fused step is both the projection's backward and the optimiser); everything not named is
+/// bookkeeping (plans, clears, copies, the end of a step).
 const STAGES: [(&str, &str); 14] = [
     ("project_backward_adam", "optimiser"),
     ("project_backward", "projection backward"),

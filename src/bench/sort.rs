@@ -28,8 +28,9 @@ pub struct SortReport {
     pub peak_device_bytes: u64,
 }
 
-/// Sorts `keys` random keys with their places as values by their lowest `bits` bits, `rounds` times from the same start, and checks
-/// the last result on the host: it ascends, equal keys have ascending values, and every value names its key.
+/// Sorts `keys` random keys with their places as values by their lowest `bits` bits, `rounds` times from the same
+/// start, and checks the last result on the host: it ascends, equal keys have ascending values,
+/// and every value names its key.
 pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
     let bits = bits.clamp(1, 32);
     let n = u64::from(keys);

@@ -86,8 +86,8 @@ fn source(matches: &ArgMatches, key: &str) -> Option<ValueSource> {
     if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
 }
 
-/// A text of the library with settings, which stand in it as `key`, spelled as the command line has them: `--key`, or `--set key` where
-/// there is no such option.
+/// A text of the library with settings, which stand in it as `key`, spelled as the command line has them: `--key`, or
+/// `--set key` where there is no such option.
 pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     if !text.contains('`') {
         return Cow::Borrowed(text);
@@ -116,7 +116,8 @@ pub(crate) fn no_option(name: &str) -> Option<String> {
 const REMOVED: [(&str, &str); 9] = [
     (
         "alpha-cutoff",
-        "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a training",
+        "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a \
+         training",
     ),
     ("backward", "leave it out: threads own pixels in every variant"),
     ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),

@@ -35,9 +35,9 @@ Examples:
   psrgs-vk bench fox --max-side 160 --split val --pareto fronts
   psrgs-vk bench --plot growth.svg bench-10k.json bench-100k.json bench-1m.json
 
-The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in turn. \
-Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look at these views \
-to the last.")]
+The steps are those of `train --no-densify`. Up to 8 views, spread over the training photographs, are looked at in \
+turn. Fails (exit code 7) when the results are not live: no pairs, or a loss that does not fall from the first look \
+at these views to the last.")]
 pub(crate) struct Args {
     /// Dataset
     #[arg(required_unless_present_any = ["sort", "plot", "pareto"])]
@@ -60,7 +60,8 @@ pub(crate) struct Args {
     /// Use the passes of deterministic training
     #[arg(long)]
     pub(crate) deterministic: bool,
-    /// Longer side of the pictures in pixels: photographs that are smaller are enlarged, for times at sizes they do not have
+    /// Longer side of the pictures in pixels: photographs that are smaller are enlarged,
+    /// for times at sizes they do not have
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     pub(crate) side: Option<u32>,
     /// List the commands of a step with their buffers and barriers instead of timing it
@@ -72,11 +73,12 @@ pub(crate) struct Args {
     /// Bits that --sort sorts by
     #[arg(long, value_name = "B", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=32))]
     pub(crate) bits: u32,
-    /// Draw time and memory of results of --json against splats or pixels, whichever differ more, and tell how they grow
+    /// Draw time and memory of results of --json against splats or pixels, whichever differ more,
+    /// and tell how they grow
     #[arg(long, num_args = 2.., value_names = ["FILE.svg", "FILE.json"], conflicts_with_all = ["data", "sort", "list_commands"])]
     pub(crate) plot: Option<Vec<PathBuf>>,
-    /// Compare settings by time and error instead - trainings, pictures, gradients - and write tables, plots and JSON to this folder;
-    /// without a dataset on a small world that is made there
+    /// Compare settings by time and error instead - trainings, pictures, gradients - and write tables, plots and JSON
+    /// to this folder; without a dataset on a small world that is made there
     #[arg(long, value_name = "DIR", conflicts_with_all = ["sort", "plot", "list_commands", "splats", "side", "validate"])]
     pub(crate) pareto: Option<PathBuf>,
     /// Steps of the trainings that --pareto compares (0: none; pictures and gradients are then those of --init)

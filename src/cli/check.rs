@@ -28,11 +28,11 @@ Examples:
   psrgs-vk check fox --preset standard --host-memory 4GiB
   psrgs-vk check fox --max-side 640 --json
 
-Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the share of its \
-points that another one has in view too, the one with the most of them. Memory and time are those of `train` with the same options; \
-for the time a few steps are taken on two of the photographs, and \
-the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are listed, and training \
-would begin all the same; 3: it could not begin; 5: nor for want of memory.")]
+Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the \
+share of its points that another one has in view too, the one with the most of them. Memory and time are those of \
+`train` with the same options; for the time a few steps are taken on two of the photographs, and \
+the splats that stereo would add are taken to lie where points are. Exit code 0: nothing is wrong; 7: problems are \
+listed, and training would begin all the same; 3: it could not begin; 5: nor for want of memory.")]
 pub(crate) struct Args {
     /// Dataset
     pub(crate) data: PathBuf,
@@ -164,8 +164,8 @@ struct Decoded {
 }
 
 impl Decoded {
-    /// Decodes the photographs, of which none is kept, and leaves a few out that cannot be. Gives what keeps a training from beginning with
-    /// them: that more cannot be decoded, or that all are masked.
+    /// Decodes the photographs, of which none is kept, and leaves a few out that cannot be. Gives what keeps a training
+    /// from beginning with them: that more cannot be decoded, or that all are masked.
     fn look_at(&mut self, dataset: &mut Dataset, settings: &Settings) -> Option<anyhow::Error> {
         self.taken_in(dataset, settings).err()
     }

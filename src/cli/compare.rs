@@ -27,8 +27,8 @@ Examples:
   psrgs-vk compare fox --ablate psrgs --split val --out ablation
   psrgs-vk compare fox --percent 25,50,70,100 --out by-splats -- --lr-opacities 0.05
 
-A comparison that was stopped goes on where it was with the same command: finished runs are kept. The names of the datasets' folders \
-name the runs, so that they must differ.";
+A comparison that was stopped goes on where it was with the same command: finished runs are kept. The names of the \
+datasets' folders name the runs, so that they must differ.";
 
 /// Train several methods on several scenes and compare what they come to
 #[derive(clap::Args)]
@@ -136,8 +136,8 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
         }
         if let Some(other) = args.data[..k].iter().find(|other| other.file_name() == data.file_name()) {
             return Err(Failure::Usage(format!(
-                "{} and {}: runs are named after the dataset's folder, so that these would be one; rename one of them, or link to it by \
-                 another name",
+                "{} and {}: runs are named after the dataset's folder, so that these would be one; rename one of \
+                 them, or link to it by another name",
                 other.display(),
                 data.display()
             ))
@@ -218,7 +218,8 @@ fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()
         return Ok(());
     }
     Err(Failure::Usage(format!(
-        "{}: made of other data or with other options ({}; now {now}); choose another --out, or remove that folder to train again",
+        "{}: made of other data or with other options ({}; now {now}); choose another --out, or remove that folder to \
+         train again",
         at.display(),
         before.trim_end()
     ))

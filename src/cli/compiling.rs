@@ -1,4 +1,5 @@
-//! Telling that pipelines are being compiled: at a first start a driver may take minutes, during which nothing else is said.
+//! Telling that pipelines are being compiled: at a first start a driver may take minutes,
+//! during which nothing else is said.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;

@@ -77,8 +77,8 @@ fn line(text: &dyn Display) {
     let _ = writeln!(io::stderr(), "{}", plain::message(&as_options(&text.to_string())));
 }
 
-/// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a reader that reads no
-/// more not at all.
+/// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a
+/// reader that reads no more not at all.
 pub(crate) fn say_within(text: String, longest: Duration) {
     let (said, heard) = mpsc::channel();
     let say = move || {

@@ -28,11 +28,11 @@ Examples:
   psrgs-vk demo --out a --effects exposure --no-train           exposure that changes, and nothing else
   psrgs-vk demo --out b --without wires,water --no-train        all but these
 
-Effects: jpeg, observation-noise, outliers, pose-noise, exposure, sensor-noise, shadows, reflections, vegetation, vehicles, \
-masts, wires, text, repeats, plain, water.
+Effects: jpeg, observation-noise, outliers, pose-noise, exposure, sensor-noise, shadows, reflections, vegetation, \
+vehicles, masts, wires, text, repeats, plain, water.
 
-Written to DIR: images/ and sparse/0/; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ with views \
-from elsewhere; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
+Written to DIR: images/ and sparse/0/; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ \
+with views from elsewhere; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
 pub(crate) struct Args {
     /// Folder for the scene; the trained model goes to DIR/trained
     #[arg(long, value_name = "DIR", default_value = "demo-out")]

@@ -83,8 +83,8 @@ fn access(root: &Path) -> Option<String> {
     let contained = || [".dockerenv", "run/.containerenv"].iter().any(|mark| root.join(mark).exists());
     let none_given = || {
         (nodes(root).is_empty() && contained()).then(|| {
-            "this is a container that was given no GPU: start it with --device /dev/dri (AMD, Intel), or with --gpus all \
-             -e NVIDIA_DRIVER_CAPABILITIES=all (NVIDIA)"
+            "this is a container that was given no GPU: start it with --device /dev/dri (AMD, Intel), or with --gpus \
+             all -e NVIDIA_DRIVER_CAPABILITIES=all (NVIDIA)"
                 .to_owned()
         })
     };
@@ -97,8 +97,8 @@ pub(crate) fn refused(root: &Path) -> Option<String> {
     refused.first().map(|node| {
         let node = Path::new("/").join(node.strip_prefix(root).unwrap_or(node));
         format!(
-            "{} may not be opened by this user: add the user to the groups that own it (`sudo usermod -aG render,video $USER`, then \
-             log in again); for a container: --group-add with the number of that group",
+            "{} may not be opened by this user: add the user to the groups that own it (`sudo usermod -aG \
+             render,video $USER`, then log in again); for a container: --group-add with the number of that group",
             node.display()
         )
     })

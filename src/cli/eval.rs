@@ -120,7 +120,8 @@ fn may_be_written(args: &Args) -> anyhow::Result<()> {
     args.json.as_deref().map(atomic::check).transpose()?;
     match args.out.as_deref().filter(|folder| folder.join(SETTINGS).is_file()) {
         Some(folder) => Err(Failure::Usage(format!(
-            "--out {}: that is the folder of a training, whose report and renders would be replaced; choose another folder",
+            "--out {}: that is the folder of a training, whose report and renders would be replaced; choose another \
+             folder",
             folder.display()
         ))
         .into()),

@@ -53,7 +53,8 @@ pub(crate) enum Failure {
     Ended(u8, String),
 }
 
-/// What to do about a failure, where the command knows more than the failure's code says: the outermost context of an error.
+/// What to do about a failure, where the command knows more than the failure's code says:
+/// the outermost context of an error.
 #[derive(Debug)]
 pub(crate) struct Remedy(pub(crate) String);
 
@@ -63,7 +64,8 @@ impl fmt::Display for Remedy {
     }
 }
 
-/// The exit code for an error: what the command said of it, else that of the first cause which has one, from the outside in.
+/// The exit code for an error: what the command said of it, else that of the first cause which has one,
+/// from the outside in.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     // Asked of the error itself: as a context, a `Failure` is not among the causes.
     match error.downcast_ref::<Failure>() {
@@ -77,8 +79,8 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     }
 }
 
-/// The code of one error of a chain. Errors that only hand on another (`transparent`) hide it from the chain, so they are
-/// opened here.
+/// The code of one error of a chain. Errors that only hand on another (`transparent`) hide it from the chain, so they
+/// are opened here.
 fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     if let Some(training) = cause.downcast_ref::<train::Error>() {
         return Some(of_training(training));

@@ -15,8 +15,8 @@ use super::exit::Failure;
 /// What `eval` takes exposures from.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ExposureArgs {
-    /// Exposures of the photographs that the model was trained on; others are exposed as those before, after and near them are [default: exposures.json beside the
-    /// model, where there is one]
+    /// Exposures of the photographs that the model was trained on; others are exposed as those before, after and near
+    /// them are [default: exposures.json beside the model, where there is one]
     #[arg(long, value_name = "FILE")]
     pub(crate) exposures: Option<PathBuf>,
     /// Score the model's own colours, whatever lies beside it

@@ -1,5 +1,5 @@
-//! Ctrl-C, SIGTERM and the end of the terminal: while there is something to save, the first asks the work to stop where it can be taken up
-//! again, and the second ends the process. At any other time the first does.
+//! Ctrl-C, SIGTERM and the end of the terminal: while there is something to save, the first asks the work to stop where
+//! it can be taken up again, and the second ends the process. At any other time the first does.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -66,7 +66,8 @@ impl Interrupt {
         self.0.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From now on a signal ends the process at once, with these words: there is nothing to save, or all that there was is saved.
+    /// From now on a signal ends the process at once, with these words: there is nothing to save,
+    /// or all that there was is saved.
     pub(crate) fn ends_at_once(&self, words: String) {
         *self.stage() = Stage::Ends(words);
     }
@@ -108,7 +109,8 @@ mod signals {
             .map(|_| ())
     }
 
-    /// Ends the process without what libraries do at a proper end: a driver that another thread is just loading does not survive that.
+    /// Ends the process without what libraries do at a proper end: a driver that another thread is just loading does
+    /// not survive that.
     pub(super) fn end(code: i32) -> ! {
         signal_hook::low_level::exit(code)
     }

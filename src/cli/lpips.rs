@@ -27,7 +27,8 @@ impl Lpips {
                 // Nobody has asked for these: half a download is no reason not to train.
                 Err(problem) => {
                     console.warn(format_args!(
-                        "lpips_squeeze is not measured: {problem}; `psrgs-vk weights --fetch` puts there what is missing or damaged"
+                        "lpips_squeeze is not measured: {problem}; `psrgs-vk weights --fetch` puts there what is \
+                         missing or damaged"
                     ));
                     return Ok(none);
                 }
@@ -49,7 +50,8 @@ impl Lpips {
         self.weights.clone()
     }
 
-    /// The distance of a render (RGB8) from its photograph. What the device cannot do costs this number and a warning, no more.
+    /// The distance of a render (RGB8) from its photograph. What the device cannot do costs this number and a warning,
+    /// no more.
     pub(crate) fn measure(&mut self, gpu: &Gpu, view: &View, rgb: &[u8], console: &Console) -> Option<f64> {
         match self.distance(gpu, view, rgb)? {
             Ok(value) => Some(value),

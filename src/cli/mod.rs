@@ -92,8 +92,8 @@ enum Command {
     Completions(completions::Args),
 }
 
-/// The command with all its options. The library's settings begin as those of the reference; who trains without naming a method gets
-/// the one that is better.
+/// The command with all its options. The library's settings begin as those of the reference; who trains without naming
+/// a method gets the one that is better.
 fn program() -> clap::Command {
     Cli::command().mut_subcommand("train", |c| c.mut_arg("method", |arg| arg.default_value(train::METHOD.name())))
 }

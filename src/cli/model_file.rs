@@ -49,8 +49,8 @@ impl ModelFile {
             (Set::High, Some(first)) => all.min(first as u32)..all,
             (_, None) => {
                 return Err(Failure::Input(format!(
-                    "{}: --part: the file has no line 'comment psrgs-vk constrained N', so its splats are not told apart by stage; \
-                     train by psrgs or psrgs-paper, which have such stages, or leave --part out",
+                    "{}: --part: the file has no line 'comment psrgs-vk constrained N', so its splats are not told \
+                     apart by stage; train by psrgs or psrgs-paper, which have such stages, or leave --part out",
                     file.display()
                 )));
             }
@@ -59,9 +59,9 @@ impl ModelFile {
         Ok(self)
     }
 
-    /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's. Editors drop
-    /// the comments of a file: then the shift of its coordinates is that of `frame.json` beside it. `antialias` is what the user
-    /// asked for; without it the file decides.
+    /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's.
+    /// Editors drop the comments of a file: then the shift of its coordinates is that of `frame.json` beside it.
+    /// `antialias` is what the user asked for; without it the file decides.
     pub(crate) fn read(
         file: &Path,
         antialias: bool,
@@ -158,8 +158,9 @@ impl Drawn {
     pub(crate) fn warn_if_unseen(&self, model: &Path, dataset: &Path, console: &Console) {
         if !self.seen {
             console.warn(format_args!(
-                "no camera of {} sees a splat of {}: the pictures are empty. Model and dataset must share one coordinate system: \
-                 was the model trained on this dataset, neither of them moved since, and does --frame lead the right way?",
+                "no camera of {} sees a splat of {}: the pictures are empty. Model and dataset must share one \
+                 coordinate system: was the model trained on this dataset, neither of them moved since, and does \
+                 --frame lead the right way?",
                 dataset.display(),
                 model.display()
             ));

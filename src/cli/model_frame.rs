@@ -9,9 +9,9 @@ use psrgs_vk::scene::Similarity;
 /// The options that say it.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct FrameArgs {
-    /// The model is in coordinates of its own; this JSON file says how they come from the dataset's: a 4x4 or 3x4 matrix, or an
-    /// object with `transform` and `scale`, as nerfstudio's dataparser_transforms.json [default: the model is in the dataset's
-    /// axes and units]
+    /// The model is in coordinates of its own; this JSON file says how they come from the dataset's: a 4x4 or 3x4
+    /// matrix, or an object with `transform` and `scale`, as nerfstudio's dataparser_transforms.json [default: the
+    /// model is in the dataset's axes and units]
     #[arg(long, value_name = "FILE.json")]
     pub(crate) frame: Option<PathBuf>,
     /// Which way the transform of --frame leads

@@ -8,8 +8,8 @@ use psrgs_vk::dataset::Dataset;
 
 use super::exit::Failure;
 
-/// Refuses a folder for results that is the dataset, or that has photographs or masks of it: results are named after photographs, and would
-/// replace them. To be asked before anything is written.
+/// Refuses a folder for results that is the dataset, or that has photographs or masks of it: results are named after
+/// photographs, and would replace them. To be asked before anything is written.
 pub(crate) fn check(out: &Path, dataset: &Dataset) -> Result<(), Failure> {
     // Nothing is replaced in a folder that is not there.
     let Ok(wanted) = out.canonicalize() else { return Ok(()) };

@@ -210,8 +210,9 @@ fn tell_misfits(photographs: &[TrainingPhotograph], console: &Console) {
         n => format!(" and {} more", n - 1),
     };
     console.warn(format_args!(
-        "'{}'{more} fitted far worse than the others (loss {:.3}, half of all have {usual:.3} at most): a wrong pose, a blurred photograph, \
-         or one of something that moved. The report lists the photographs trained on, worst first",
+        "'{}'{more} fitted far worse than the others (loss {:.3}, half of all have {usual:.3} at most): a wrong pose, \
+         a blurred photograph, or one of something that moved. The report lists the photographs trained on, worst \
+         first",
         worst.name,
         worst.loss.unwrap_or(f64::NAN),
     ));

@@ -1,5 +1,6 @@
-//! Text without characters that a terminal obeys. Names of files and words of JSON come from strangers: escape sequences in them could
-//! set titles, move the cursor or hide what is said, and marks of writing direction could turn a name round.
+//! Text without characters that a terminal obeys. Names of files and words of JSON come from strangers: escape
+//! sequences in them could set titles, move the cursor or hide what is said,
+//! and marks of writing direction could turn a name round.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;

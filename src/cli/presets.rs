@@ -6,8 +6,8 @@ use psrgs_vk::vk::{DeviceKind, device_kind};
 
 use super::device;
 
-/// Applies the preset that is asked for, else the device's; `named` tells which options were given by name. Gives what to say of one
-/// that nobody asked for, where it changes anything.
+/// Applies the preset that is asked for, else the device's; `named` tells which options were given by name. Gives what
+/// to say of one that nobody asked for, where it changes anything.
 pub(crate) fn apply(settings: &mut Settings, named: impl Fn(&str) -> bool) -> anyhow::Result<Option<String>> {
     if let Some(preset) = settings.run.preset {
         preset.apply(settings, false, named);
@@ -24,7 +24,8 @@ pub(crate) fn apply(settings: &mut Settings, named: impl Fn(&str) -> bool) -> an
     Ok(changed.then(|| {
         let schedule = if settings.run.scale_schedule { ", the schedule scaled to them" } else { "" };
         format!(
-            "preset {preset}, because this is a {kind} device: {} px, {} steps{schedule}; --preset standard or full asks for more",
+            "preset {preset}, because this is a {kind} device: {} px, {} steps{schedule}; --preset standard or full \
+             asks for more",
             settings.photographs.max_side, settings.run.iterations
         )
     }))

@@ -41,7 +41,8 @@ pub(crate) struct Args {
     /// Also write depth (along the camera's axis) and normals as EXR
     #[arg(long)]
     pub(crate) depth: bool,
-    /// Which splats: those that were there at the end of the low-frequency stage (low), those that came after (high), or all (full)
+    /// Which splats: those that were there at the end of the low-frequency stage (low),
+    /// those that came after (high), or all (full)
     #[arg(long, value_enum, default_value_t = Set::Full)]
     pub(crate) part: Set,
     /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1

@@ -43,8 +43,8 @@ pub(crate) struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes the folder and takes it. Settings are written where no earlier run is there, so that what is killed before it begins can be
-    /// gone on with too.
+    /// Makes the folder and takes it. Settings are written where no earlier run is there, so that what is killed before
+    /// it begins can be gone on with too.
     pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
         Self::open_on(plan, &System)
     }
@@ -61,15 +61,16 @@ impl RunFolder {
         let lock = take(&path, plan.resume, disk, &mut warnings)?;
         if let Some(refusal) = atomic::unflushed(&path, disk) {
             warnings.push(format!(
-                "{}: the file system does not flush folders to the disk ({refusal}): after a loss of power the newest files may be \
-                 missing or have their former content",
+                "{}: the file system does not flush folders to the disk ({refusal}): after a loss of power the newest \
+                 files may be missing or have their former content",
                 path.display()
             ));
         }
         let old = if plan.resume { Vec::new() } else { results(&path)? };
         if let Some(left) = old.first().filter(|_| !plan.overwrite) {
             return Err(Failure::Usage(format!(
-                "{0}: holds {1} of an earlier run; go on with it by --resume {0}, replace it with --overwrite, or choose another --out",
+                "{0}: holds {1} of an earlier run; go on with it by --resume {0}, replace it with --overwrite, or \
+                 choose another --out",
                 path.display(),
                 left.strip_prefix(&path).unwrap_or(left).display()
             ))
@@ -90,8 +91,9 @@ impl RunFolder {
         &self.warnings
     }
 
-    /// To be called when all that training needs is there: what could fail before has cost an earlier run nothing. Its results go all at
-    /// once, because a mixture of two runs would be taken for one, and its settings first, without which nobody goes on with it.
+    /// To be called when all that training needs is there: what could fail before has cost an earlier run nothing. Its
+    /// results go all at once, because a mixture of two runs would be taken for one, and its settings first, without
+    /// which nobody goes on with it.
     pub(crate) fn begin(&self, settings: &Settings) -> anyhow::Result<()> {
         let before = if self.old.is_empty() { None } else { Some(self.file(SETTINGS)) };
         for file in before.iter().chain(&self.old) {
@@ -159,8 +161,9 @@ fn take(path: &Path, resume: bool, disk: &impl Disk, warnings: &mut Vec<String>)
     Ok(lock)
 }
 
-/// Refuses a folder, before anything is made in it, that has files which a run would replace and this program did not write, and one that
-/// has results without settings where they are not to be replaced: they are not of a run that could be gone on with.
+/// Refuses a folder, before anything is made in it, that has files which a run would replace and this program did not
+/// write, and one that has results without settings where they are not to be replaced:
+/// they are not of a run that could be gone on with.
 fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
     let stray = || ours::first_stray(folder).filter(|_| !plan.resume);
     if let Some(file) = ours::first_foreign(folder).or_else(stray) {
@@ -178,8 +181,8 @@ fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
     let found = results(folder).unwrap_or_default();
     let Some(first) = found.first() else { return Ok(()) };
     Err(Failure::Usage(format!(
-        "{}: holds {}, which would be replaced, and no {SETTINGS} of a run that could be gone on with; choose another --out, or replace \
-         it with --overwrite",
+        "{}: holds {}, which would be replaced, and no {SETTINGS} of a run that could be gone on with; choose another \
+         --out, or replace it with --overwrite",
         folder.display(),
         first.strip_prefix(folder).unwrap_or(first).display()
     )))
@@ -192,7 +195,8 @@ fn not_through_a_link(checkpoints: &Path) -> Result<(), Failure> {
     }
     let to = fs::read_link(checkpoints).unwrap_or_default();
     Err(Failure::Usage(format!(
-        "{}: a link to {}, which holds checkpoints; nothing is removed through a link: remove the link, or choose another --out",
+        "{}: a link to {}, which holds checkpoints; nothing is removed through a link: remove the link, or choose \
+         another --out",
         checkpoints.display(),
         to.display()
     )))

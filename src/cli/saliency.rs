@@ -23,8 +23,8 @@ Examples:
   psrgs-vk saliency fox --out maps --gate gradient
   psrgs-vk saliency fox --out maps --sigma 8 --split
 
-For each photograph: NAME.map.exr (in units of its mean) and NAME.map.png (white at its 99.5 % quantile), NAME.mask.exr and \
-NAME.mask.png (from 0 to 1), all at the size they are worked out at.")]
+For each photograph: NAME.map.exr (in units of its mean) and NAME.map.png (white at its 99.5 % quantile), \
+NAME.mask.exr and NAME.mask.png (from 0 to 1), all at the size they are worked out at.")]
 pub(crate) struct Args {
     /// A photograph, or a dataset (whose photographs are undistorted, and masks left out)
     pub(crate) input: PathBuf,
@@ -122,8 +122,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tells of photographs of a dataset that cannot be decoded, and gives their number. A single photograph must be one that can, and so must
-/// nearly all of a dataset.
+/// Tells of photographs of a dataset that cannot be decoded, and gives their number. A single photograph must be one
+/// that can, and so must nearly all of a dataset.
 fn left_out(
     sources: &[Source],
     problems: Vec<Option<dataset::Error>>,

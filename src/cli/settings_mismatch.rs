@@ -7,8 +7,9 @@ use psrgs_vk::train::settings::Photographs;
 
 use super::run_folder::SETTINGS;
 
-/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each. `longest` is the longest
-/// side of a photograph that is scored, on disk, unless the size is given by another rule than `--max-side`. A model without readable settings beside it is of another program: nothing is known.
+/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each.
+/// `longest` is the longest side of a photograph that is scored, on disk, unless the size is given by another rule than
+/// `--max-side`. A model without readable settings beside it is of another program: nothing is known.
 pub(crate) fn differences(
     model: &Path,
     scored: &Photographs,
@@ -20,7 +21,8 @@ pub(crate) fn differences(
     let mut out = Vec::new();
     if photographs.split != scored.split {
         out.push(format!(
-            "the model was trained with --split {}, and is scored with --split {}: it has seen photographs that are scored here",
+            "the model was trained with --split {}, and is scored with --split {}: it has seen photographs that are \
+             scored here",
             photographs.split, scored.split
         ));
     }

@@ -23,7 +23,8 @@ const CURVES: usize = 8;
 /// A loss that rises by less from its best to its worst sigma is flat.
 const FLAT: f64 = 0.02;
 
-/// Adds to each panel the view's texture mask, and renders of the first `constrained` splats of the model and of the others.
+/// Adds to each panel the view's texture mask, and renders of the first `constrained` splats of the model and of the
+/// others.
 pub(crate) fn add(
     run: &Finished<'_>,
     trainer: &Trainer,

@@ -36,9 +36,9 @@ Examples:
   psrgs-vk stereo fox --out fox-stereo --max-side 640 --iterations 6
   psrgs-vk train fox --out fox-model --init fox-stereo/fused.ply
 
-For each photograph that is trained on: depth/NAME.exr (along the camera's axis, in the dataset's units, 0 where unknown), \
-normal/NAME.exr (camera frame, towards the camera) and confidence/NAME.exr (from 0 to 1); and fused.ply, a point cloud. Compared \
-with the depth of DATA/depth where that is there, else with the reconstructed points.")]
+For each photograph that is trained on: depth/NAME.exr (along the camera's axis, in the dataset's units, 0 where \
+unknown), normal/NAME.exr (camera frame, towards the camera) and confidence/NAME.exr (from 0 to 1); and fused.ply, a \
+point cloud. Compared with the depth of DATA/depth where that is there, else with the reconstructed points.")]
 pub(crate) struct Args {
     /// Dataset
     pub(crate) data: PathBuf,
@@ -172,8 +172,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     ));
     if cloud.is_empty() && views > 0 {
         console.warn(format_args!(
-            "no two photographs agree on any depth: fused.ply is empty. A lower --least-ncc or --agree keeps more; poses that are wrong \
-             keep nothing"
+            "no two photographs agree on any depth: fused.ply is empty. A lower --least-ncc or --agree keeps more; \
+             poses that are wrong keep nothing"
         ));
     }
     compare(&dataset, &scene, &priors, DecodeLimit::new(options.host_memory), console)?;
@@ -217,7 +217,8 @@ fn host_share(
     memory.check(&share)?;
     let short = memory.short_by(&share);
     let told = format!(
-        "host memory: of the {} that may be used {} are in use or set aside for matching; {} for decoding, on {} thread{}",
+        "host memory: of the {} that may be used {} are in use or set aside for matching; {} for decoding, on {} \
+         thread{}",
         mib(memory.budget),
         mib(memory.in_use),
         mib(share.decoding),
@@ -288,8 +289,8 @@ fn compare(
         let found = Accuracy::of(&scene.views, priors, &truths);
         let normals = found.median_degrees().map_or("-".to_owned(), |v| format!("{v:.1}\u{b0}"));
         console.say(format_args!(
-            "against the true depth: median error {}, {} of the depths within 0.5 %, {} of the pixels have one ({} of those that \
-             two sources see); normals on planes: median error {normals}",
+            "against the true depth: median error {}, {} of the depths within 0.5 %, {} of the pixels have one ({} of \
+             those that two sources see); normals on planes: median error {normals}",
             percent(found.median_error()),
             percent(found.within(0.005)),
             percent(found.valid()),
@@ -302,7 +303,8 @@ fn compare(
     let found = Accuracy::of_points(priors, &seen.observed_by(&scene.views, TRUSTED_TRACK));
     if !seen.drawn && !dataset.tracks.is_empty() && !found.is_empty() {
         console.say(format_args!(
-            "against points that 3 or more photographs observe: median error {}, {} of the depths within 0.5 %; {} have a depth",
+            "against points that 3 or more photographs observe: median error {}, {} of the depths within 0.5 %; {} \
+             have a depth",
             percent(found.median_error()),
             percent(found.within(0.005)),
             percent(found.valid()),

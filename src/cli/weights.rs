@@ -87,7 +87,8 @@ fn fetch_all(folder: &Path, from: Option<&str>, console: &Console) -> anyhow::Re
     failed.map_or(Ok(()), Err)
 }
 
-/// Whether the file is in the folder, and is the one that is meant. Where another is `used` in its place, none is missing.
+/// Whether the file is in the folder, and is the one that is meant. Where another is `used` in its place,
+/// none is missing.
 fn state(folder: &Path, file: &PublicFile, used: Option<&Path>) -> anyhow::Result<String> {
     Ok(match sum_of(&folder.join(file.name))? {
         None => match used {

@@ -96,7 +96,8 @@ fn digits(step: f64) -> usize {
     (1.0 - step.log10().floor()).clamp(0.0, 6.0) as usize
 }
 
-/// PSNR against a number, a point for each run, those of a method joined in the order of their splats where they were limited.
+/// PSNR against a number, a point for each run, those of a method joined in the order of their splats where they were
+/// limited.
 fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> String {
     let points: Vec<(&Finished, f64, f64)> =
         finished.iter().filter_map(|f| Some((*f, number(f), f.metrics.psnr?))).collect();

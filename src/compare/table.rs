@@ -151,7 +151,8 @@ fn differences(finished: &[Finished]) -> String {
         );
         let _ = writeln!(
             out,
-            " PSNR | SSIM | LPIPS | GMSD | psnr_hf | splats, ratio | seconds, ratio |\n|---|---|---|---|---|---|---|---|---|"
+            " PSNR | SSIM | LPIPS | GMSD | psnr_hf | splats, ratio | seconds, ratio \
+             |\n|---|---|---|---|---|---|---|---|---|"
         );
         for label in labels.iter().filter(|label| **label != base) {
             let pairs = pairs(&own, label, base);

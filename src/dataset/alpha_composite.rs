@@ -4,8 +4,9 @@ use image::{DynamicImage, ImageBuffer};
 
 use super::pixels::Sample;
 
-/// The picture as it is seen in front of a colour (red, green, blue from 0 to 1), mixed in the encoded values as viewers and other
-/// trainers do: `alpha * colour of the pixel + (1 - alpha) * colour behind`. It keeps its bits per channel, 8 or 16.
+/// The picture as it is seen in front of a colour (red, green, blue from 0 to 1), mixed in the encoded values as
+/// viewers and other trainers do: `alpha * colour of the pixel + (1 - alpha) * colour behind`.
+/// It keeps its bits per channel, 8 or 16.
 pub(super) fn laid_over(image: DynamicImage, behind: [f32; 3]) -> DynamicImage {
     let (width, height) = (image.width(), image.height());
     match image {

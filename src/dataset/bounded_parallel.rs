@@ -6,12 +6,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use super::HostShare;
 
 impl HostShare {
-    /// Does something for each of some costs (in bytes, while it is done), on [`Self::threads`] threads, and as many at a time as
-    /// [`Self::decoding`] has room for; one always is. In the order of the costs.
+    /// Does something for each of some costs (in bytes, while it is done), on [`Self::threads`] threads, and as many at
+    /// a time as [`Self::decoding`] has room for; one always is. In the order of the costs.
     pub fn in_turns<T: Send>(&self, costs: &[u64], work: impl Fn(usize) -> T + Sync) -> Vec<T> {
         let (gate, next) = (Gate::new(self.decoding), AtomicUsize::new(0));
         let done: Vec<Mutex<Option<T>>> = costs.iter().map(|_| Mutex::new(None)).collect();
-        // Threads of its own rather than a pool's: one that waits for memory would wait for a task that it has to run itself.
+        // Threads of its own rather than a pool's: one that waits for memory would wait for a task that it has to run
+        // itself.
         std::thread::scope(|scope| {
             for _ in 0..self.threads.clamp(1, costs.len().max(1)) {
                 scope.spawn(|| {

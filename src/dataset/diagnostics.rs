@@ -52,7 +52,8 @@ impl Dataset {
         seen.par_iter().enumerate().map(sight).collect()
     }
 
-    /// What is wrong with the dataset, `sights` being those of its views: its warnings, and views that see no points or hardly any.
+    /// What is wrong with the dataset, `sights` being those of its views: its warnings,
+    /// and views that see no points or hardly any.
     pub fn problems(&self, sights: &[Sight]) -> Vec<String> {
         let mut problems: Vec<String> = self.warnings.iter().map(ToString::to_string).collect();
         // What photographs see of points that are of no use says nothing of their poses.
@@ -81,7 +82,8 @@ impl Dataset {
         problems
     }
 
-    /// How many photographs have more than 8 bits per channel, and what is done with them: a line for each kind of file.
+    /// How many photographs have more than 8 bits per channel, and what is done with them:
+    /// a line for each kind of file.
     pub fn deep_photographs(&self) -> Vec<String> {
         let of = |samples: Samples| {
             let mut views = self.views.iter().filter(|view| view.samples == samples);

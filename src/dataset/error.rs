@@ -78,8 +78,8 @@ pub enum Error {
     },
     /// Names and poses that do not belong together.
     #[error(
-        "{}: {} of {} fit better from the poses of others than from their own, as the colours of the points show: names and poses are \
-         not in the same order. Export them again from the reconstruction",
+        "{}: {} of {} fit better from the poses of others than from their own, as the colours of the points show: \
+         names and poses are not in the same order. Export them again from the reconstruction",
         file.display(), grouped(*changed), counted(*of, "photograph")
     )]
     PosesOfOthers {
@@ -166,7 +166,8 @@ pub enum Error {
     },
     /// Decoding a picture would take more memory than it may.
     #[error(
-        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, of which {} may be used; store a smaller picture, or {}",
+        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, of which {} may be used; store a \
+         smaller picture, or {}",
         file.display(), size.0, size.1, readable(*needed), readable(limit.most),
         if limit.asked { "allow more host memory" } else { "use a machine with more memory" }
     )]
@@ -182,8 +183,8 @@ pub enum Error {
     },
     /// The system gives no memory for decoding a picture.
     #[error(
-        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, which the system does not give; store a smaller picture, \
-         or free memory", file.display(), size.0, size.1, readable(*needed)
+        "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, which the system does not give; store a \
+         smaller picture, or free memory", file.display(), size.0, size.1, readable(*needed)
     )]
     NoMemoryForPicture {
         /// The picture.

@@ -9,13 +9,15 @@ const DEGENERATE: f64 = 1e-4;
 
 /// A camera so many times as far from the middle of all as half of them are has a pose that nobody flew to.
 const FAR: f64 = 30.0;
-/// A camera so many times as far as nine in ten of them stands apart: its pose is taken for wrong unless points bear it out.
+/// A camera so many times as far as nine in ten of them stands apart:
+/// its pose is taken for wrong unless points bear it out.
 const APART: f64 = 4.0;
 /// Of fewer cameras none stands apart.
 const LEAST_CAMERAS: usize = 6;
 
-/// The cameras that are far from all others, with how many times as far as half of them, by the distances from their middle (the median
-/// along each axis); none where half of them are at one place. `fits` says of a camera whether points bear its pose out.
+/// The cameras that are far from all others, with how many times as far as half of them, by the distances from their
+/// middle (the median along each axis); none where half of them are at one place.
+/// `fits` says of a camera whether points bear its pose out.
 pub(super) fn far_cameras(centers: &[[f64; 3]], fits: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
     let sorted = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -42,9 +44,9 @@ pub(super) fn far_cameras(centers: &[[f64; 3]], fits: impl Fn(usize) -> bool) ->
     distances.into_iter().enumerate().filter(is_far).map(|(at, d)| (at, d / typical)).collect()
 }
 
-/// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset units.
-/// Without a spread of the cameras the extent is the median distance of the points from the cameras, which is what the
-/// reach of the cameras is about when they go around an object; without points it is one dataset unit.
+/// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset
+/// units. Without a spread of the cameras the extent is the median distance of the points from the cameras, which is
+/// what the reach of the cameras is about when they go around an object; without points it is one dataset unit.
 pub(super) fn scene_frame(centers: &[[f64; 3]], points: &[Point]) -> (Frame, f64, Option<Warning>) {
     let n = centers.len().max(1) as f64;
     // Summed about the first centre: geo-referenced coordinates keep their last digits.

@@ -75,7 +75,8 @@ pub(super) fn has_usual(dataset: &Path) -> bool {
     entries.filter(|entry| entry.path().is_dir()).any(|entry| entry.file_name().to_str().and_then(reduction).is_some())
 }
 
-/// The folder of a dataset that has the most of some photographs, and how many; to be named where it is not the usual one.
+/// The folder of a dataset that has the most of some photographs, and how many;
+/// to be named where it is not the usual one.
 fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
     let entries = fs::read_dir(dataset).into_iter().flatten().flatten();
     let mut folders: Vec<PathBuf> =
@@ -90,8 +91,8 @@ fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
     Some((name.map_or_else(|| ".".to_owned(), |inside| inside.display().to_string()), count))
 }
 
-/// What the photographs of a dataset are chosen from, by their paths in the folder: all pictures, but of the dataset's own folder only
-/// those that are not in a folder of something else, unless a name says so.
+/// What the photographs of a dataset are chosen from, by their paths in the folder: all pictures, but of the dataset's
+/// own folder only those that are not in a folder of something else, unless a name says so.
 pub(super) fn may_hold<'a>(own: bool, named: impl IntoIterator<Item = &'a str>) -> impl Fn(&Path) -> bool {
     let named: Vec<String> = named.into_iter().map(|name| name.replace('\\', "/")).collect();
     let first_of =

@@ -68,12 +68,14 @@ const KINDS: &[Kind] = &[
     Kind {
         what: "a model of Bundler (.out)",
         is: |name, bytes| name.ends_with(".out") && first_line(bytes).starts_with("# bundle file"),
-        remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with COLMAP",
+        remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with \
+            COLMAP",
     },
     Kind {
         what: "a model of VisualSFM (.nvm)",
         is: |name, bytes| name.ends_with(".nvm") || first_line(bytes).starts_with("nvm_v3"),
-        remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with COLMAP",
+        remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with \
+            COLMAP",
     },
     Kind {
         what: "cameras of Pix4D",
@@ -143,7 +145,8 @@ pub(super) fn incomplete_model(folder: &Path) -> Option<String> {
         let also = inside.join(format!("{lacking}.{other}"));
         return Some(match also.is_file() {
             true => format!(
-                "{} and {} are of one model, and both have to be .bin or both .txt: colmap model_converter writes either",
+                "{} and {} are of one model, and both have to be .bin or both .txt: colmap model_converter writes \
+                 either",
                 place(file),
                 place(&also)
             ),

@@ -15,7 +15,8 @@ const LOOKED_AT: usize = 1000;
 /// How deep below a folder a dataset is looked for.
 const LEVELS_BELOW: usize = 3;
 
-/// The error of the first folder that may not be looked into, of those that files of a dataset would be in: what is there is not known.
+/// The error of the first folder that may not be looked into, of those that files of a dataset would be in:
+/// what is there is not known.
 pub(super) fn unreadable(folder: &Path) -> Option<format::Error> {
     let sparse = folder.join("sparse");
     let models = fs::read_dir(&sparse).into_iter().flatten().take(LOOKED_AT).flatten().map(|entry| entry.path());
@@ -64,8 +65,8 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
         return said;
     }
     if holds_pictures(folder) || ["images", "input"].iter().any(|inside| holds_pictures(&folder.join(inside))) {
-        return "there are photographs, but nothing says where they were taken from: COLMAP or OpenDroneMap finds that out \
-                (docs/GUIDE.md, section 2)"
+        return "there are photographs, but nothing says where they were taken from: COLMAP or OpenDroneMap finds that \
+                out (docs/GUIDE.md, section 2)"
             .to_owned();
     }
     "docs/GUIDE.md, section 2, says how to make one from photographs".to_owned()

@@ -1,5 +1,5 @@
-//! Very large JPEG photographs decoded at a fraction of their size, where no more is needed: a third of the memory and less than
-//! half of the time.
+//! Very large JPEG photographs decoded at a fraction of their size, where no more is needed: a third of the memory and
+//! less than half of the time.
 
 use image::{DynamicImage, GrayImage, RgbImage};
 use jpeg_decoder::{Decoder, PixelFormat};
@@ -9,8 +9,8 @@ use crate::format::contain::contained;
 
 /// Photographs with a shorter longest side are decoded whole: it costs little.
 const LARGE: u32 = 3000;
-/// What is decoded has at least so many times the pixels along a side that are wanted of it: the resampling that follows decides
-/// how the picture looks, not the decoder's averages.
+/// What is decoded has at least so many times the pixels along a side that are wanted of it: the resampling that
+/// follows decides how the picture looks, not the decoder's averages.
 const MARGIN: f64 = 1.5;
 
 /// The divisor of both sides at which a view's photograph can be decoded; 1 for its full size.
@@ -31,8 +31,8 @@ pub(super) fn divisor(view: &View) -> u32 {
     [4, 2].into_iter().find(fits).unwrap_or(1)
 }
 
-/// The picture at a fraction of its size. `None` where the decoder for whole pictures has to do it: another format, another kind
-/// of pixels, or a file that something is wrong with, which that decoder then tells.
+/// The picture at a fraction of its size. `None` where the decoder for whole pictures has to do it: another format,
+/// another kind of pixels, or a file that something is wrong with, which that decoder then tells.
 pub(super) fn decode(bytes: &[u8], size: (u32, u32), divisor: u32) -> Option<DynamicImage> {
     if divisor <= 1 {
         return None;

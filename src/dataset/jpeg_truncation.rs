@@ -16,8 +16,8 @@ pub(super) enum End {
 /// The mark of the end.
 const MARK: [u8; 2] = [0xff, 0xd9];
 
-/// Walks the markers of a JPEG file (ITU-T T.81, annex B) to the end of the image. What follows it, as some cameras append
-/// data of their own, does not matter.
+/// Walks the markers of a JPEG file (ITU-T T.81, annex B) to the end of the image. What follows it, as some cameras
+/// append data of their own, does not matter.
 pub(super) fn end(bytes: &[u8]) -> End {
     if bytes.starts_with(&[0xff, 0xd8]) { walk(bytes, |_, _| ()) } else { End::Whole }
 }
@@ -54,8 +54,8 @@ fn walk(bytes: &[u8], mut tell: impl FnMut(u8, &[u8])) -> End {
 /// Bytes that are put behind the pixels: where some are missing, each gives other ones.
 const TAILS: [u8; 4] = [0x00, 0x55, 0xaa, 0x33];
 
-/// A file without the mark of its end, with that mark, if all of its pixels are there: then what stands behind them changes none of them.
-/// `decode` gives the picture in a file.
+/// A file without the mark of its end, with that mark, if all of its pixels are there: then what stands behind them
+/// changes none of them. `decode` gives the picture in a file.
 pub(super) fn mended(bytes: &[u8], decode: impl Fn(&[u8]) -> Option<DynamicImage>) -> Option<Vec<u8>> {
     let mut scans = Scans::default();
     if walk(bytes, |marker, parameters| scans.take(marker, parameters)) != End::Missing || !scans.are_complete() {
@@ -149,7 +149,8 @@ mod tests {
         image::load_from_memory_with_format(bytes, ImageFormat::Jpeg).ok()
     }
 
-    /// A picture that is cut off at every byte of its last part: whole where only the mark of the end is gone, and nowhere else.
+    /// A picture that is cut off at every byte of its last part: whole where only the mark of the end is gone,
+    /// and nowhere else.
     fn cut_everywhere(bytes: &[u8]) {
         let picture = decode(bytes).expect("a picture");
         let pixels = bytes.len() - 2;

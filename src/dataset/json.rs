@@ -102,8 +102,8 @@ impl<'de: 'a, 'a> Deserialize<'de> for Entries<'a> {
     }
 }
 
-/// JSON has no NaN and no infinity, and programs write them all the same. In quotation marks they are wrong where they stand, and the
-/// rest can be read.
+/// JSON has no NaN and no infinity, and programs write them all the same. In quotation marks they are wrong where they
+/// stand, and the rest can be read.
 fn quote_no_numbers(text: String) -> String {
     let may = |letter: u8| matches!(letter, b'N' | b'n' | b'I' | b'i');
     let (bytes, mut out) = (text.as_bytes(), String::new());

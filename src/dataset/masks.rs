@@ -40,8 +40,9 @@ pub struct Masks {
     pub of: usize,
 }
 
-/// The masks of the photographs of a model: those that its file names, else those in the folder of masks. The latter are named as the
-/// photograph with `.png` behind (COLMAP, OpenSfM), or with `.png` in place of its extension, or just as the photograph.
+/// The masks of the photographs of a model: those that its file names, else those in the folder of masks. The latter
+/// are named as the photograph with `.png` behind (COLMAP, OpenSfM), or with `.png` in place of its extension,
+/// or just as the photograph.
 pub(super) fn find(dataset: &Path, folder: Option<&Path>, model: &mut Model) -> Result<Vec<Option<PathBuf>>, Error> {
     let mut warnings = Vec::new();
     let masks = find_all(dataset, folder, model, &mut warnings);
@@ -127,8 +128,8 @@ fn named(dataset: &Path, model: &Model, warnings: &mut Vec<Warning>) -> Result<V
     Ok(masks)
 }
 
-/// Refuses a mask whose shape is not that of its photograph, or that takes too much memory; one of another size but of the same shape is
-/// resized.
+/// Refuses a mask whose shape is not that of its photograph, or that takes too much memory; one of another size but of
+/// the same shape is resized.
 pub(super) fn check_size(file: &Path, photograph: (u32, u32), limit: DecodeLimit) -> Result<(), Error> {
     fits(file, header_within(file, limit)?.size, photograph)
 }
@@ -168,8 +169,8 @@ impl Mask {
         Ok(Self::of(&picture(file, &whole(file, &bytes, limit)?, limit)?, ignores))
     }
 
-    /// What is brighter than half of the mask's brightest value is white: masks of 0 and 1 are as common as those of 0 and 255. Where the
-    /// colour says nothing, the opacity takes the place of the brightness.
+    /// What is brighter than half of the mask's brightest value is white: masks of 0 and 1 are as common as those of 0
+    /// and 255. Where the colour says nothing, the opacity takes the place of the brightness.
     fn of(image: &DynamicImage, ignores: MaskIgnores) -> Self {
         let luma = luma(image);
         let alpha = alpha(image).filter(|alpha| says_more(alpha, &luma));
@@ -237,11 +238,12 @@ fn alpha(image: &DynamicImage) -> Option<Vec<u16>> {
     })
 }
 
-/// Share of the opaque pixels that are neither dark nor bright from which on a mask with transparent parts is a photograph that was cut out.
+/// Share of the opaque pixels that are neither dark nor bright from which on a mask with transparent parts is a
+/// photograph that was cut out.
 const CUT_OUT: f64 = 0.25;
 
-/// Whether the opacity says more than the brightness: there is some of it, and the brightness is the same all over, or that of a
-/// photograph that was cut out.
+/// Whether the opacity says more than the brightness: there is some of it, and the brightness is the same all over, or
+/// that of a photograph that was cut out.
 fn says_more(alpha: &[u16], luma: &[u16]) -> bool {
     let range = |values: &[u16]| (values.iter().min().copied().unwrap_or(0), values.iter().max().copied().unwrap_or(0));
     let ((clear, opaque), (dark, bright)) = (range(alpha), range(luma));

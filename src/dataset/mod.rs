@@ -1,7 +1,8 @@
-//! Posed photographs: models of several formats, lenses, masks, the split into training and held-out views, the scene's frame.
+//! Posed photographs: models of several formats, lenses, masks, the split into training and held-out views,
+//! the scene's frame.
 //!
-//! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or by
-//! [`Role`], so that held-out photographs stay unread during training.
+//! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or
+//! by [`Role`], so that held-out photographs stay unread during training.
 
 mod alpha_composite;
 mod bounded_parallel;
@@ -101,15 +102,16 @@ pub struct LoadOptions {
     pub format: Option<Format>,
     /// Which colour of masks leaves pixels out.
     pub mask_ignores: MaskIgnores,
-    /// The colour that photographs with transparent pixels are laid over (red, green, blue from 0 to 1, as encoded in them);
-    /// `None` leaves pixels out that are less than half opaque.
+    /// The colour that photographs with transparent pixels are laid over (red, green, blue from 0 to 1, as encoded in
+    /// them); `None` leaves pixels out that are less than half opaque.
     pub behind: Option<[f32; 3]>,
     /// What the numbers of photographs with more than 8 bits per channel mean.
     pub tone: Tone,
-    /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is refused. Without a limit
-    /// half of what is free is the most.
+    /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is
+    /// refused. Without a limit half of what is free is the most.
     pub host_memory: Option<u64>,
-    /// Whether a record that cannot be used is an error. Otherwise a few (one of ten) are left out, with a [`Warning::LeftOut`].
+    /// Whether a record that cannot be used is an error. Otherwise a few (one of ten) are left out,
+    /// with a [`Warning::LeftOut`].
     pub strict: bool,
     /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
@@ -207,7 +209,8 @@ pub struct Dataset {
     pub tracks: Tracks,
     /// The similarity to the scene's coordinates.
     pub frame: Frame,
-    /// 1.1 x the largest distance of a training camera from their mean, in dataset units; [`Frame::EXTENT`] in the scene.
+    /// 1.1 x the largest distance of a training camera from their mean, in dataset units;
+    /// [`Frame::EXTENT`] in the scene.
     pub extent: f64,
     /// Whether a photograph whose pixels cannot be decoded is an error: see [`LoadOptions::strict`].
     pub strict: bool,
@@ -342,8 +345,9 @@ impl Dataset {
         self.points.is_empty() || self.useless.is_some()
     }
 
-    /// Random points in the common view of the training cameras, with grey for a colour, in dataset coordinates: what there is to
-    /// begin with where there are no points. None with fewer than two cameras, or when all are at one place.
+    /// Random points in the common view of the training cameras, with grey for a colour, in dataset coordinates: what
+    /// there is to begin with where there are no points. None with fewer than two cameras,
+    /// or when all are at one place.
     pub fn random_points(&self, seed: u64) -> Vec<([f64; 3], [u8; 3])> {
         let cameras: Vec<Camera> = self.views_of(Role::Train).map(|(_, view)| view.camera).collect();
         random_points::in_common_view(&cameras, seed).into_iter().map(|position| (position, [128; 3])).collect()

@@ -13,9 +13,9 @@ use crate::scene::Coordinates;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// `sparse/0/` (of `sparse/1/` and so on too the one with the most images) or `sparse/` with COLMAP's cameras, images and points3D,
-    /// binary or text. Where no format is in its place, other folders of `sparse/`, the folder itself, `colmap/sparse/` and
-    /// `distorted/sparse/`.
+    /// `sparse/0/` (of `sparse/1/` and so on too the one with the most images) or `sparse/` with COLMAP's cameras,
+    /// images and points3D, binary or text. Where no format is in its place, other folders of `sparse/`, the folder
+    /// itself, `colmap/sparse/` and `distorted/sparse/`.
     Colmap,
     /// `transforms.json`, or `transforms_train.json` and those beside it.
     Nerfstudio,
@@ -30,8 +30,8 @@ impl Format {
     pub(super) fn looked_for(self) -> &'static str {
         match self {
             Self::Colmap => {
-                "cameras and images (.bin or .txt) in sparse/0, sparse/1 ... and in sparse, in other folders of sparse, in the folder \
-                 itself, in colmap/sparse and in distorted/sparse (COLMAP)"
+                "cameras and images (.bin or .txt) in sparse/0, sparse/1 ... and in sparse, in other folders of \
+                 sparse, in the folder itself, in colmap/sparse and in distorted/sparse (COLMAP)"
             }
             Self::Nerfstudio => "transforms.json (nerfstudio), transforms_train.json (NeRF)",
             Self::Opensfm => "reconstruction.json and opensfm/reconstruction.json (OpenSfM, OpenDroneMap)",

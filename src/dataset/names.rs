@@ -1,5 +1,6 @@
-//! Files that are there under a name which differs a little from the one asked for: by letter case, separators, folders before
-//! the name, extension or Unicode form. One mechanism serves photographs, masks, maps of truth and clouds of every format.
+//! Files that are there under a name which differs a little from the one asked for: by letter case, separators, folders
+//! before the name, extension or Unicode form. One mechanism serves photographs, masks,
+//! maps of truth and clouds of every format.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
@@ -103,8 +104,8 @@ impl fmt::Display for Differences {
     }
 }
 
-/// How alike two names are, the most alike first: whether one of both has other folders or more of them, how few parts are shared,
-/// whether extensions differ, and letter case.
+/// How alike two names are, the most alike first: whether one of both has other folders or more of them, how few parts
+/// are shared, whether extensions differ, and letter case.
 type Rank = (u8, std::cmp::Reverse<usize>, bool, bool);
 
 impl Names {
@@ -146,8 +147,8 @@ impl Names {
         Self { files, by_stem }
     }
 
-    /// Looks up several names in a folder, each in the forms that the file may have, the likeliest first. A file that one of them
-    /// names exactly is no other's. Files are listed only where a name is not there as it is.
+    /// Looks up several names in a folder, each in the forms that the file may have, the likeliest first. A file that
+    /// one of them names exactly is no other's. Files are listed only where a name is not there as it is.
     pub(crate) fn look_up(root: &Path, names: &[Vec<String>], wanted: impl Fn(&Path) -> bool) -> Vec<Found> {
         let exact = |forms: &Vec<String>| forms.iter().find(|form| is_there(root, form)).cloned();
         let exact: Vec<Option<String>> = names.iter().map(exact).collect();

@@ -1,9 +1,10 @@
 //! nerfstudio's `transforms.json`, as its documentation ("Data conventions") describes it; instant-ngp's is read too.
 //!
-//! Scenes of NeRF's own layout (Mildenhall et al. 2020) have a file for each part: `transforms_train.json`, `transforms_val.json` and
-//! `transforms_test.json`.
+//! Scenes of NeRF's own layout (Mildenhall et al. 2020) have a file for each part: `transforms_train.json`,
+//! `transforms_val.json` and `transforms_test.json`.
 //!
-//! Poses are camera to world with the camera's x right, y up and z backwards; intrinsics stand at the top or in the frames.
+//! Poses are camera to world with the camera's x right, y up and z backwards;
+//! intrinsics stand at the top or in the frames.
 
 use std::path::{Path, PathBuf};
 

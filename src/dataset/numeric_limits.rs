@@ -21,7 +21,8 @@ pub(super) fn check_camera(file: &Path, view: &View) -> Result<(), Error> {
     Ok(())
 }
 
-/// Farther from the middle of a scene, which is a few units large, no point can be: sums of squares of such numbers have to be finite in f32.
+/// Farther from the middle of a scene, which is a few units large, no point can be:
+/// sums of squares of such numbers have to be finite in f32.
 const FARTHEST: f64 = 1e15;
 
 /// Refuses a camera that is not finite in the scene, where it is of f32.

@@ -1,8 +1,8 @@
 //! What an OpenDroneMap project says of its coordinates.
 //!
-//! A run with GPS or ground control moves the reconstruction, which OpenSfM leaves east, north and up of a place, into the grid of a map,
-//! less an offset; what it was before stays beside it as `reconstruction.topocentric.json`. System and offset stand in
-//! `odm_georeferencing/coords.txt`: a line with the name, a line with easting and northing.
+//! A run with GPS or ground control moves the reconstruction, which OpenSfM leaves east, north and up of a place, into
+//! the grid of a map, less an offset; what it was before stays beside it as `reconstruction.topocentric.json`. System
+//! and offset stand in `odm_georeferencing/coords.txt`: a line with the name, a line with easting and northing.
 
 use std::path::Path;
 

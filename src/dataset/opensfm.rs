@@ -1,8 +1,8 @@
 //! OpenSfM's `reconstruction.json`, which OpenDroneMap has in its folder `opensfm`; as its documentation describes it
 //! ("Reconstruction file format", "Geometric models").
 //!
-//! Pixels are normalised by the longer side, about the middle of the photograph; rotations are vectors (axis times angle) from
-//! the world to the camera, whose axes are x right, y down, z forwards.
+//! Pixels are normalised by the longer side, about the middle of the photograph; rotations are vectors (axis times
+//! angle) from the world to the camera, whose axes are x right, y down, z forwards.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -21,8 +21,8 @@ pub struct Photograph {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Red, green, blue (as encoded in the file, sRGB as a rule; with more than 8 bits as [`super::Tone`] says), alpha (the
-    /// file's, opaque where it has none; 0 where a mask leaves the pixel out and where the lens has no picture).
+    /// Red, green, blue (as encoded in the file, sRGB as a rule; with more than 8 bits as [`super::Tone`] says), alpha
+    /// (the file's, opaque where it has none; 0 where a mask leaves the pixel out and where the lens has no picture).
     pub pixels: Pixels,
     /// Pixels of the file that are brighter than the white level.
     pub clipped: u64,
@@ -55,13 +55,13 @@ impl Photograph {
     }
 }
 
-/// Decodes a view's photograph and makes it into the picture of the view's camera: by resampling through the lens where that
-/// bends rays or pixels are left out, else by reducing it to the camera's size. Orientation tags of EXIF are not looked at,
-/// because COLMAP does not either: its cameras are those of the pixels as they are stored.
+/// Decodes a view's photograph and makes it into the picture of the view's camera: by resampling through the lens where
+/// that bends rays or pixels are left out, else by reducing it to the camera's size. Orientation tags of EXIF are not
+/// looked at, because COLMAP does not either: its cameras are those of the pixels as they are stored.
 ///
-/// Downscaling uses Catmull-Rom bicubic interpolation with its support widened by the reduction, on the encoded values: the
-/// same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is decoded at a
-/// half or a quarter of its size first, where at least 1.5 times the pixels that are wanted are left.
+/// Downscaling uses Catmull-Rom bicubic interpolation with its support widened by the reduction, on the encoded values:
+/// the same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is
+/// decoded at a half or a quarter of its size first, where at least 1.5 times the pixels that are wanted are left.
 pub(super) fn decode(view: &View) -> Result<Photograph, Error> {
     decode_bytes(view, &read(&view.path)?)
 }

@@ -106,8 +106,8 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// The file with the mark of its end, where only that is missing of a JPEG file. One of which pixels are missing is refused: decoders fill
-/// these with grey and say nothing.
+/// The file with the mark of its end, where only that is missing of a JPEG file. One of which pixels are missing is
+/// refused: decoders fill these with grey and say nothing.
 pub(super) fn whole<'a>(file: &Path, bytes: &'a [u8], limit: DecodeLimit) -> Result<Cow<'a, [u8]>, Error> {
     let mended = match jpeg_truncation::end(bytes) {
         End::Whole => return Ok(Cow::Borrowed(bytes)),

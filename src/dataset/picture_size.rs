@@ -1,5 +1,5 @@
-//! The memory that a picture takes, as its header tells, before any is taken: whether the file can hold the picture, and whether decoding
-//! stays within a limit.
+//! The memory that a picture takes, as its header tells, before any is taken: whether the file can hold the picture,
+//! and whether decoding stays within a limit.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -12,16 +12,16 @@ use super::tone::Samples;
 use crate::format::contain::contained;
 use crate::host_memory::{DecodeLimit, NoRoom};
 
-/// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG, a bit for a
-/// block of 64 pixels at the least, at 512.
+/// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG,
+/// a bit for a block of 64 pixels at the least, at 512.
 const MOST: u64 = 1100;
 /// What PNG files begin with, up to the sides in their header.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
 /// Rows that OpenEXR compresses together at most.
 const EXR_ROWS: u64 = 256;
 
-/// Bits that a pixel has before it is compressed, as far as the beginning of a file tells: of a PNG file what its header says (a mask
-/// may have 1), of others those that the least have.
+/// Bits that a pixel has before it is compressed, as far as the beginning of a file tells: of a PNG file what its
+/// header says (a mask may have 1), of others those that the least have.
 pub(super) fn stored_bits(begin: &[u8]) -> u64 {
     match (begin.strip_prefix(PNG), begin) {
         // Sides, bits of a channel, kind of colour.
@@ -66,13 +66,14 @@ pub(super) fn decoding_bytes_per_pixel(samples: Samples) -> u64 {
     }
 }
 
-/// Bytes that decoding a picture takes at its full size, about: the file (taken to have a byte for a pixel), and its pixels in two forms.
+/// Bytes that decoding a picture takes at its full size, about: the file (taken to have a byte for a pixel),
+/// and its pixels in two forms.
 pub(super) fn decoding_bytes((width, height): (u32, u32), samples: Samples) -> u64 {
     (u64::from(width) * u64::from(height)).saturating_mul(1 + decoding_bytes_per_pixel(samples))
 }
 
-/// Bytes that a decoder of OpenEXR takes for what the picture does not show: pixels outside of the display window, further channels, and
-/// tiles, of which one alone may be as large as all.
+/// Bytes that a decoder of OpenEXR takes for what the picture does not show: pixels outside of the display window,
+/// further channels, and tiles, of which one alone may be as large as all.
 pub(super) fn hidden_bytes(bytes: &[u8]) -> u64 {
     let read = contained(|| MetaData::read_from_buffered(Cursor::new(bytes), false).ok());
     let Ok(Some(meta)) = read else { return 0 };

@@ -1,5 +1,5 @@
-//! Photographs that are asked for again and again, kept within a share of the host's memory: decoded where all fit, else
-//! compressed as far as they fit, else read again.
+//! Photographs that are asked for again and again, kept within a share of the host's memory: decoded where all fit,
+//! else compressed as far as they fit, else read again.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -16,8 +16,8 @@ use super::pixels::{Depth, Pixels};
 use super::poses::Coarse;
 use super::{Dataset, Role, Samples, View, jpeg_reduced, picture_file, picture_size};
 
-/// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted size
-/// rather than as their file: decoding them again would cost as much again.
+/// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted
+/// size rather than as their file: decoding them again would cost as much again.
 const COSTLY: f64 = 1.5;
 /// A photograph packed without loss takes about this share of its pixels' bytes or more: below, packing is not tried.
 const PACKED_SHARE: f64 = 0.25;
@@ -45,7 +45,8 @@ pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Where the pixels of a photograph come from when they are asked for. Cloning gives another handle. Alpha is 0 (masked) or full.
+/// Where the pixels of a photograph come from when they are asked for. Cloning gives another handle.
+/// Alpha is 0 (masked) or full.
 #[derive(Clone, Debug)]
 pub struct Supply {
     inner: Arc<Inner>,
@@ -191,8 +192,8 @@ impl View {
         u64::from(self.camera.width) * u64::from(self.camera.height) * self.samples.depth().bytes_per_pixel()
     }
 
-    /// Bytes that decoding it takes at its peak, the result included, about: the file, its pixels in two forms, and the rows that
-    /// are reduced along columns already.
+    /// Bytes that decoding it takes at its peak, the result included, about: the file, its pixels in two forms, and the
+    /// rows that are reduced along columns already.
     pub fn decoding_bytes(&self) -> u64 {
         let divisor = jpeg_reduced::divisor(self);
         let (width, height) = (u64::from(self.size_on_disk.0 / divisor), u64::from(self.size_on_disk.1 / divisor));
@@ -215,8 +216,9 @@ impl View {
 }
 
 impl Dataset {
-    /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows; what is kept is taken off it.
-    /// In the order of [`Dataset::views_of`]; `None` where every pixel is masked. No photograph of another role is read.
+    /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows; what is kept is
+    /// taken off it. In the order of [`Dataset::views_of`]; `None` where every pixel is masked.
+    /// No photograph of another role is read.
     pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
         // In the order of the names, so that of several problems always the same one is told.
         self.decoded(role, share).into_iter().collect()

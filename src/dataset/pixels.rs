@@ -60,7 +60,8 @@ impl Pixels {
         self.len() == 0
     }
 
-    /// The memory as it goes to the device: for 16 bits, red and green in the first word of a pixel, the lower half first.
+    /// The memory as it goes to the device: for 16 bits, red and green in the first word of a pixel,
+    /// the lower half first.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Self::Rgba8(values) => values,

@@ -11,11 +11,11 @@ const TRIES: usize = 40;
 const SHARED_BY: usize = 3;
 /// Depths go from the typical one divided by this to the typical one times this.
 const DEPTHS: f64 = 2.0;
-/// How far axes must differ in direction for the point nearest to all of them to mean anything: the determinant of the mean of
-/// I - d d^T, which is 0 for parallel axes d.
+/// How far axes must differ in direction for the point nearest to all of them to mean anything: the determinant of the
+/// mean of I - d d^T, which is 0 for parallel axes d.
 const CONVERGING: f64 = 0.01;
-/// Depth in units of the distance between neighbours, times the focal length over the picture's longer side, for cameras that
-/// look in one direction: what an overlap of three quarters gives.
+/// Depth in units of the distance between neighbours, times the focal length over the picture's longer side, for
+/// cameras that look in one direction: what an overlap of three quarters gives.
 const OVERLAPPING: f64 = 4.0;
 
 /// Points that several cameras have in view, spread evenly over pictures and over the logarithm of the depth.

@@ -23,8 +23,8 @@ impl Format {
 }
 
 impl Model {
-    /// Reads a dataset in the format asked for, else in the first whose files are there. Records that cannot be used are left out, or
-    /// where it is `strict` an error.
+    /// Reads a dataset in the format asked for, else in the first whose files are there. Records that cannot be used
+    /// are left out, or where it is `strict` an error.
     pub(super) fn read(dataset: &Path, asked: Option<Format>, strict: bool) -> Result<Self, Error> {
         let found: Vec<Format> = Format::ALL.into_iter().filter(|format| format.is_in(dataset)).collect();
         let format = match asked {

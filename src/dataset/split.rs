@@ -5,8 +5,8 @@ use std::collections::HashMap;
 
 use super::model::Shot;
 
-/// How to hold photographs out. Positions count the views sorted bytewise by name (one whose photograph is missing too), the convention of
-/// Mip-NeRF 360 and of the 3DGS reference.
+/// How to hold photographs out. Positions count the views sorted bytewise by name (one whose photograph is missing
+/// too), the convention of Mip-NeRF 360 and of the 3DGS reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Split {
     /// Every 8th photograph (index % 8 == 0) is a test photograph.
@@ -51,8 +51,9 @@ impl Split {
         }
     }
 
-    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out what it keeps for that,
-    /// also of those to train on; where it keeps nothing for it, and with the other splits, positions count those to train on.
+    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out
+    /// what it keeps for that, also of those to train on; where it keeps nothing for it, and with the other splits,
+    /// positions count those to train on.
     pub(super) fn roles(self, parts: &[Option<Parts>]) -> Vec<Role> {
         let is_kept = |part: &Parts| match self {
             Self::Test => part.test,

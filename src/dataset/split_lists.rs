@@ -1,4 +1,5 @@
-//! `train_filenames`, `val_filenames` and `test_filenames` of a `transforms.json`: nerfstudio's way to say what frames are for.
+//! `train_filenames`, `val_filenames` and `test_filenames` of a `transforms.json`:
+//! nerfstudio's way to say what frames are for.
 
 use std::collections::HashMap;
 

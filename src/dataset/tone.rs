@@ -5,11 +5,12 @@ use std::fmt;
 use image::{DynamicImage, ImageBuffer, Rgba};
 use rayon::prelude::*;
 
-/// What the numbers of a photograph with more than 8 bits per channel mean. Photographs with 8 bits are taken as they are.
+/// What the numbers of a photograph with more than 8 bits per channel mean.
+/// Photographs with 8 bits are taken as they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tone {
-    /// The number that is white, in the file's units; larger ones are white too. `None`: 65535 in files of whole numbers, 1 in
-    /// those of floating-point numbers.
+    /// The number that is white, in the file's units; larger ones are white too. `None`: 65535 in files of whole
+    /// numbers, 1 in those of floating-point numbers.
     pub white_level: Option<f64>,
     /// The curve between light and numbers.
     pub transfer: Transfer,

@@ -28,7 +28,8 @@ impl Tracks {
         self.ends.get(point).and_then(|end| self.views.get(start..*end)).unwrap_or(&[])
     }
 
-    /// Those of the points for which `points` is true, where `places` has the new positions of the views, or nothing where a view is gone.
+    /// Those of the points for which `points` is true, where `places` has the new positions of the views,
+    /// or nothing where a view is gone.
     pub(super) fn kept(&self, points: &[bool], places: &[Option<u32>]) -> Self {
         let kept = points.iter().enumerate().filter(|(_, kept)| **kept).map(|(point, _)| self.of(point));
         let placed = |view: &u32| places.get(*view as usize).copied().flatten();

@@ -27,8 +27,8 @@ pub struct Undecoded {
     pub warning: Option<Warning>,
 }
 
-/// Takes decoded photographs of a dataset, and leaves out those that cannot be decoded: one of ten at the most, or none where the
-/// dataset was loaded strictly.
+/// Takes decoded photographs of a dataset, and leaves out those that cannot be decoded: one of ten at the most, or none
+/// where the dataset was loaded strictly.
 pub struct Decoding {
     tally: Tally<Error>,
     folder: PathBuf,
@@ -43,7 +43,8 @@ impl Decoding {
         Self { tally: Tally::new(dataset.strict), folder, of: dataset.views.len(), found: Vec::new() }
     }
 
-    /// What was decoded of a view; `None` where its photograph is left out. Errors that are not of one photograph stay errors.
+    /// What was decoded of a view; `None` where its photograph is left out.
+    /// Errors that are not of one photograph stay errors.
     pub fn take<T>(&mut self, view: &View, decoded: Result<T, Error>) -> Result<Option<T>, Error> {
         if let Err(error) = &decoded {
             if !usable::is_of_one_photograph(error) {

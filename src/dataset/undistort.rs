@@ -11,10 +11,10 @@ const REACH: f64 = 2.0;
 
 /// Resamples a photograph (RGBA, rows from the top, of the lens's size) for a pinhole camera whose axis is the lens's.
 ///
-/// Each pixel is the photograph around the place where the ray of its centre lands, weighted by Catmull-Rom's bicubic kernel, which
-/// is widened along rows and columns where neighbouring rays land more than a pixel apart: undistorting and reducing are one
-/// interpolation. Colours are weighted with their alpha, so that masked ones do not bleed. Alpha is 0 where the ray has no place
-/// in the photograph.
+/// Each pixel is the photograph around the place where the ray of its centre lands, weighted by Catmull-Rom's bicubic
+/// kernel, which is widened along rows and columns where neighbouring rays land more than a pixel apart: undistorting
+/// and reducing are one interpolation. Colours are weighted with their alpha, so that masked ones do not bleed. Alpha
+/// is 0 where the ray has no place in the photograph.
 pub(super) fn resample<T: Sample>(photograph: &[T], lens: &Lens, camera: &Camera) -> Vec<T> {
     let width = camera.width as usize;
     let mut out = vec![T::default(); 4 * width * camera.height as usize];
@@ -44,7 +44,8 @@ struct Taps {
 }
 
 impl Taps {
-    /// The pixels of a picture of `size` around `at`, the kernel being widened by `by`. At the picture's edge it is cut.
+    /// The pixels of a picture of `size` around `at`, the kernel being widened by `by`.
+    /// At the picture's edge it is cut.
     fn around(&mut self, at: f64, by: f64, size: u32) {
         let (from, to) = (at - REACH * by - 0.5, at + REACH * by - 0.5);
         self.first = from.ceil().max(0.0) as usize;

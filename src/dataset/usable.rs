@@ -77,7 +77,8 @@ pub(super) fn is_of_one_photograph(error: &Error) -> bool {
     }
 }
 
-/// Leaves out views and points that have no place in the scene. What was told of the poses of such views is not told twice.
+/// Leaves out views and points that have no place in the scene. What was told of the poses of such views is not told
+/// twice.
 pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, strict: bool) -> Result<(), Error> {
     let (mut tally, mut kept) = (Tally::new(strict), vec![true; views.len()]);
     for (view, kept) in views.iter().zip(&mut kept) {

@@ -1,4 +1,5 @@
-//! Points that a training cannot begin with, though there are some: too few, out of view, or all in one spot of the pictures.
+//! Points that a training cannot begin with, though there are some: too few, out of view,
+//! or all in one spot of the pictures.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -20,7 +21,8 @@ const CELLS: f64 = 8.0;
 const SERVED: usize = 4;
 /// Points are judged by about this many of them.
 const LOOKED_AT: usize = 20_000;
-/// What is nearer to a camera than this share of the cameras' reach is no point of the scene, but the camera's own place.
+/// What is nearer to a camera than this share of the cameras' reach is no point of the scene,
+/// but the camera's own place.
 const AT_A_CAMERA: f64 = 1e-3;
 
 /// Points that a training does without: it begins as if there were none, but for those that serve some photographs.
@@ -61,21 +63,23 @@ impl fmt::Display for UselessPoints {
         }
         write!(
             f,
-            "Training starts as without points: from random ones in the cameras' common view, or from the surfaces that stereo finds"
+            "Training starts as without points: from random ones in the cameras' common view, or from the surfaces \
+             that stereo finds"
         )
     }
 }
 
 /// What the photographs see of the points that are looked at.
 struct Seen {
-    /// For each point the photographs and the cells of their pictures; none where fewer than two have the point in view.
+    /// For each point the photographs and the cells of their pictures;
+    /// none where fewer than two have the point in view.
     by_point: Vec<Vec<(u32, u32)>>,
     /// Each stands for so many.
     step: usize,
 }
 
-/// Whether points are of no use for these cameras to train with, `file` being where they are from; `None` as well where there is nothing to
-/// begin with in their stead.
+/// Whether points are of no use for these cameras to train with, `file` being where they are from; `None` as well where
+/// there is nothing to begin with in their stead.
 pub(super) fn judge(file: PathBuf, cameras: &[Camera], points: &[Point]) -> Option<UselessPoints> {
     if points.is_empty() || cameras.len() < 2 {
         return None;
@@ -110,7 +114,8 @@ impl OwnPlaces {
         Self { centers, near: AT_A_CAMERA * AT_A_CAMERA * reach }
     }
 
-    /// The cameras that have a point in view, with the cells of their pictures; none where it is one alone, or the point is a camera's place.
+    /// The cameras that have a point in view, with the cells of their pictures; none where it is one alone,
+    /// or the point is a camera's place.
     fn views_of(&self, cameras: &[Camera], point: [f64; 3]) -> Vec<(u32, u32)> {
         let seen: Vec<(u32, u32)> =
             (0..).zip(cameras).filter_map(|(view, camera)| Some((view, cell(camera, point)?))).collect();

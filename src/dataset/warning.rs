@@ -114,7 +114,8 @@ pub enum Warning {
         /// Photographs in them.
         shots: usize,
     },
-    /// There are several models of COLMAP, parts of a reconstruction without a common frame, of which the one with the most images is used.
+    /// There are several models of COLMAP, parts of a reconstruction without a common frame,
+    /// of which the one with the most images is used.
     OtherModels {
         /// The folder of the one that is used, inside the dataset.
         used: String,
@@ -239,34 +240,37 @@ impl fmt::Display for Warning {
         match self {
             Self::CamerasAtOnePlace { cameras, extent } => write!(
                 f,
-                "the training cameras ({}) are all at one place beside the distance of the points: the scene's extent is \
-                 taken from these ({extent} units)",
+                "the training cameras ({}) are all at one place beside the distance of the points: the scene's extent \
+                 is taken from these ({extent} units)",
                 grouped(*cameras)
             ),
             Self::CameraFarAway { name, times } => write!(
                 f,
-                "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its pose is probably \
-                 wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from the others"
+                "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its \
+                 pose is probably wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from \
+                 the others"
             ),
             Self::PoseWrong { name, fault, left_out: true } => write!(
                 f,
-                "'{name}' is left out of training, as its pose is wrong: {fault}. Mend the pose, or take the photograph out of the model"
+                "'{name}' is left out of training, as its pose is wrong: {fault}. Mend the pose, or take the \
+                 photograph out of the model"
             ),
             Self::PoseWrong { name, fault, left_out: false } => write!(
                 f,
-                "the pose of '{name}' is wrong, and so will be the score of this held-out photograph: {fault}. Mend the pose, or take the \
-                 photograph out of the model"
+                "the pose of '{name}' is wrong, and so will be the score of this held-out photograph: {fault}. Mend \
+                 the pose, or take the photograph out of the model"
             ),
             Self::PoseDoubtful { name, fault } => {
                 write!(
                     f,
-                    "the pose of '{name}' is in doubt: {fault}. If its pictures turn out blurred, leave the photograph out"
+                    "the pose of '{name}' is in doubt: {fault}. If its pictures turn out blurred, leave the \
+                     photograph out"
                 )
             }
             Self::PosesAgainstPoints { file, wrong, of } => write!(
                 f,
-                "{}: {} of {} {} not agree with the points that their photographs observe: poses and points are of different \
-                 reconstructions, or in different coordinates. Export both from the same one",
+                "{}: {} of {} {} not agree with the points that their photographs observe: poses and points are of \
+                 different reconstructions, or in different coordinates. Export both from the same one",
                 file.display(),
                 grouped(*wrong),
                 counted(*of, "pose"),
@@ -293,7 +297,8 @@ impl fmt::Display for Warning {
             }
             Self::MasksByTransparency { masks, of, first } => write!(
                 f,
-                "{}, {}that of '{first}', {} transparency what is left out, as {} colour says nothing: transparent counts as black",
+                "{}, {}that of '{first}', {} transparency what is left out, as {} colour says nothing: transparent \
+                 counts as black",
                 masks_of(*masks, *of),
                 the_first(*masks),
                 of_count(*masks, "says by its", "say by their"),
@@ -301,7 +306,8 @@ impl fmt::Display for Warning {
             ),
             Self::BrighterThanWhite { photographs, pixels } => write!(
                 f,
-                "{} {} pixels brighter than white ({} in all), which are made white; the setting `white-level` says which value is white",
+                "{} {} pixels brighter than white ({} in all), which are made white; the setting `white-level` says \
+                 which value is white",
                 counted(*photographs, "photograph"),
                 of_count(*photographs, "has", "have"),
                 grouped(*pixels)
@@ -332,8 +338,8 @@ impl fmt::Display for Warning {
             }
             Self::CoordinatesUnknown { file, problem } => write!(
                 f,
-                "the coordinates are those of a map less an offset, and {} does not say of which: {problem}. Training and pictures need \
-                 neither; for coordinates on a map put the file of the run there",
+                "the coordinates are those of a map less an offset, and {} does not say of which: {problem}. Training \
+                 and pictures need neither; for coordinates on a map put the file of the run there",
                 file.display()
             ),
             Self::OtherParts { used, parts, shots } => write!(
@@ -353,8 +359,8 @@ impl fmt::Display for Warning {
                 let more = if others.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
-                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({}), is used; {}{more} \
-                     {} not. Parts that share photographs can be joined by colmap model_merger",
+                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({}), is \
+                     used; {}{more} {} not. Parts that share photographs can be joined by colmap model_merger",
                     others.len() + 1,
                     counted(*images, "image"),
                     named.join(", "),
@@ -366,8 +372,8 @@ impl fmt::Display for Warning {
                 let more = if others.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
-                    "the model in {used} is read; there {}, in {named}{more}, which {} not. To read another one, leave that one \
-                     alone in the dataset, in sparse/0",
+                    "the model in {used} is read; there {}, in {named}{more}, which {} not. To read another one, \
+                     leave that one alone in the dataset, in sparse/0",
                     of_count(others.len(), "is another", "are others"),
                     of_count(others.len(), "is", "are")
                 )
@@ -421,7 +427,8 @@ impl fmt::Display for Warning {
             }
             Self::UnreadMasks { folder } => write!(
                 f,
-                "the pictures in {folder} are not read: masks are looked for in masks; rename the folder if that is what these are"
+                "the pictures in {folder} are not read: masks are looked for in masks; rename the folder if that is \
+                 what these are"
             ),
             Self::NoPoints { file } => {
                 match file {
@@ -430,8 +437,9 @@ impl fmt::Display for Warning {
                 }
                 write!(
                     f,
-                    "Without `init`, training starts from random points in the cameras' common view, or from the surfaces that \
-                     stereo finds: expect a lower quality, more splats and more of them in mid-air than from triangulated points"
+                    "Without `init`, training starts from random points in the cameras' common view, or from the \
+                     surfaces that stereo finds: expect a lower quality, more splats and more of them in mid-air than \
+                     from triangulated points"
                 )
             }
             Self::PointsWithoutColours(colourless) => colourless.fmt(f),
@@ -440,8 +448,8 @@ impl fmt::Display for Warning {
                 let cut = if found < announced { "; it may have been cut off" } else { "" };
                 write!(
                     f,
-                    "{}: the comment at the top announces another number of {what} ({}) than the file holds ({}), which are \
-                     used{cut}",
+                    "{}: the comment at the top announces another number of {what} ({}) than the file holds ({}), \
+                     which are used{cut}",
                     file.display(),
                     grouped(*announced),
                     grouped(*found)
@@ -449,14 +457,14 @@ impl fmt::Display for Warning {
             }
             Self::SharedNumber { number, images } => write!(
                 f,
-                "images with a number that another image has: {}, the first of them with {number}; which of them points were seen \
-                 from is not known",
+                "images with a number that another image has: {}, the first of them with {number}; which of them \
+                 points were seen from is not known",
                 grouped(*images)
             ),
             Self::UnknownObservers { file, points, point, image } => write!(
                 f,
-                "{}: points that were seen from images that are not in the model: {}, the first of them point {point} from image \
-                 {image}; these observations are not used",
+                "{}: points that were seen from images that are not in the model: {}, the first of them point {point} \
+                 from image {image}; these observations are not used",
                 file.display(),
                 grouped(*points)
             ),

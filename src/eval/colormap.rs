@@ -1,7 +1,7 @@
 //! Colour maps whose lightness rises evenly, so that equal steps look equal and order survives grey print.
 //!
-//! Both are paths in OKLab (Björn Ottosson, "A perceptual color space for image processing", 2020), brought into sRGB by
-//! lowering the chroma where needed.
+//! Both are paths in OKLab (Björn Ottosson, "A perceptual color space for image processing", 2020), brought into sRGB
+//! by lowering the chroma where needed.
 
 /// A map from [0, 1] to sRGB.
 #[derive(Clone, Debug, PartialEq, Eq)]

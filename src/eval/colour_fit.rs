@@ -1,8 +1,10 @@
-//! PSNR after an affine colour fit: what is left of an error when exposure and white balance of the photograph are not counted.
+//! PSNR after an affine colour fit: what is left of an error when exposure and white balance of the photograph are not
+//! counted.
 
-/// PSNR in dB of 8-bit RGB pictures after the render's colours have been mapped to the photograph's by the affine map that fits
-/// them best in least squares (one 3x4 matrix for the picture; without rounding or clamping). Never below [`super::psnr`], because
-/// the identity is such a map; infinite for equal pictures. `None` where the sizes do not agree or nothing counts.
+/// PSNR in dB of 8-bit RGB pictures after the render's colours have been mapped to the photograph's by the affine map
+/// that fits them best in least squares (one 3x4 matrix for the picture; without rounding or clamping). Never below
+/// [`super::psnr`], because the identity is such a map; infinite for equal pictures.
+/// `None` where the sizes do not agree or nothing counts.
 pub fn psnr_cc(render: &[u8], photograph: &[u8]) -> Option<f64> {
     fitted(render, photograph, |_| true)
 }
@@ -116,8 +118,8 @@ mod tests {
 
     #[test]
     fn the_fit_is_that_of_the_normal_equations() {
-        // One channel carries everything: y = x + e with e = (1, -2, 1) at x = (0, 1, 2), to which no line fits any better, beside
-        // two channels that are equal. Squares: 6 over 9 values.
+        // One channel carries everything: y = x + e with e = (1, -2, 1) at x = (0, 1, 2), to which no line fits any
+        // better, beside two channels that are equal. Squares: 6 over 9 values.
         let (render, photograph) = ([10, 5, 5, 11, 5, 5, 12, 5, 5], [11, 5, 5, 9, 5, 5, 13, 5, 5]);
         let want = -10.0 * (6.0_f64 / 9.0 / 65025.0).log10();
         assert!((psnr_cc(&render, &photograph).unwrap() - want).abs() < 1e-6);

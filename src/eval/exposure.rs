@@ -32,13 +32,14 @@ struct Learned {
     centre: DVec3,
 }
 
-/// The exposures of a training, by which those of other photographs are expected: as those before and after them, and as those taken
-/// nearby. No pixel of the other photographs is looked at.
+/// The exposures of a training, by which those of other photographs are expected: as those before and after them, and
+/// as those taken nearby. No pixel of the other photographs is looked at.
 ///
-/// A photograph differs from the model, which is the mean of all, by a deviation from the identity. What is expected of it is a sum of
-/// the mean deviation of its two neighbours by name and of that of its three neighbours in space; [`Follows`] says how much of each, which
-/// are the numbers that are best, in least squares of the colours, for the photographs of the training, each left out in its turn. Where
-/// exposures are drawn anew for every photograph both are near zero, and so the model's own colours are expected.
+/// A photograph differs from the model, which is the mean of all, by a deviation from the identity. What is expected of
+/// it is a sum of the mean deviation of its two neighbours by name and of that of its three neighbours in space;
+/// [`Follows`] says how much of each, which are the numbers that are best, in least squares of the colours, for the
+/// photographs of the training, each left out in its turn. Where exposures are drawn anew for every photograph both are
+/// near zero, and so the model's own colours are expected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exposures {
     learned: BTreeMap<String, Learned>,
@@ -61,7 +62,8 @@ impl Exposures {
         self.follows
     }
 
-    /// The exposure of a photograph with a name and a camera centre: its own where it was learned, else what is expected.
+    /// The exposure of a photograph with a name and a camera centre: its own where it was learned,
+    /// else what is expected.
     pub fn of(&self, name: &str, centre: [f64; 3]) -> ExposureMatrix {
         if let Some(own) = self.learned.get(name) {
             return own.matrix;

@@ -3,9 +3,9 @@
 /// Keeps quotients finite in flat places, for luma from 0 to 255.
 const C: f64 = 170.0;
 
-/// Of two RGB pictures (interleaved bytes): the standard deviation over pixels of the similarity of their gradient magnitudes (Prewitt)
-/// on luma averaged over 2x2 pixels. 0 for equal pictures. Where `counts` is false for one of the four pixels there is nothing.
-/// `None` where sizes do not agree or no pixel has a neighbour on every side.
+/// Of two RGB pictures (interleaved bytes): the standard deviation over pixels of the similarity of their gradient
+/// magnitudes (Prewitt) on luma averaged over 2x2 pixels. 0 for equal pictures. Where `counts` is false for one of the
+/// four pixels there is nothing. `None` where sizes do not agree or no pixel has a neighbour on every side.
 pub fn gmsd(a: &[u8], b: &[u8], counts: Option<&[bool]>, width: usize, height: usize) -> Option<f64> {
     if a.len() != 3 * width * height || b.len() != a.len() || counts.is_some_and(|c| c.len() != width * height) {
         return None;
@@ -64,8 +64,8 @@ mod tests {
         assert!(gmsd(&stripes, &half, None, 16, 12).unwrap() > 0.05);
     }
 
-    /// A step edge against a flat picture: two of the six columns inside have gradient 100 (Prewitt), where the similarity is
-    /// C / (100^2 + C); the others have 1.
+    /// A step edge against a flat picture: two of the six columns inside have gradient 100 (Prewitt), where the
+    /// similarity is C / (100^2 + C); the others have 1.
     #[test]
     fn a_step_is_as_by_hand() {
         let step = picture(|x, _| if x < 8 { 0 } else { 100 });

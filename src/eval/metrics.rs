@@ -98,7 +98,8 @@ pub struct Metrics {
     /// How photographs came to their steps; absent where all lay on the device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub streaming: Option<Streaming>,
-    /// How exposures had a part in the scores; absent where none were learned, and the model is scored in its own colours.
+    /// How exposures had a part in the scores; absent where none were learned,
+    /// and the model is scored in its own colours.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureScores>,
     /// How well the geometry agrees with a known one.
@@ -111,15 +112,16 @@ pub struct Metrics {
     pub training_photographs: Vec<TrainingPhotograph>,
 }
 
-/// Scores of renders that are exposed as is expected of their photographs ([`super::Exposures`]), and of those that are not.
+/// Scores of renders that are exposed as is expected of their photographs ([`super::Exposures`]),
+/// and of those that are not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExposureScores {
     /// How far a photograph's exposure follows those before and after it, from 0 to 1 ([`super::Follows`]) ...
     pub follows_order: f64,
     /// ... and those of photographs taken nearby.
     pub follows_place: f64,
-    /// Mean of the views' PSNR in the model's own colours, which are those of the mean photograph; what a viewer that knows of no
-    /// exposures shows.
+    /// Mean of the views' PSNR in the model's own colours, which are those of the mean photograph; what a viewer that
+    /// knows of no exposures shows.
     pub psnr_own_colours: Option<f64>,
 }
 

@@ -23,7 +23,8 @@ pub fn psnr_where(a: &[u8], b: &[u8], counts: &[bool]) -> Option<f64> {
     psnr(&kept(a), &kept(b))
 }
 
-/// [`ssim`] over the windows around the pixels for which `counts` is true, `a` being taken as equal to `b` in the others.
+/// [`ssim`] over the windows around the pixels for which `counts` is true,
+/// `a` being taken as equal to `b` in the others.
 pub fn ssim_where(a: &[u8], b: &[u8], counts: &[bool], width: usize, height: usize) -> Option<f64> {
     if a.len() != 3 * counts.len() || b.len() != a.len() {
         return None;
@@ -33,8 +34,8 @@ pub fn ssim_where(a: &[u8], b: &[u8], counts: &[bool], width: usize, height: usi
 }
 
 /// Mean SSIM of two RGB pictures (interleaved bytes): per channel, 11x11 Gaussian window with sigma 1.5, zero padding,
-/// C1 = 1e-4, C2 = 9e-4, over all pixels, the border included; the definition that the 3DGS reference trains and reports with.
-/// `None` where the sizes do not agree.
+/// C1 = 1e-4, C2 = 9e-4, over all pixels, the border included; the definition that the 3DGS reference trains and
+/// reports with. `None` where the sizes do not agree.
 pub fn ssim(a: &[u8], b: &[u8], width: usize, height: usize) -> Option<f64> {
     mean_ssim(a, b, None, width, height)
 }
@@ -143,8 +144,8 @@ mod tests {
 
     #[test]
     fn ssim_of_flat_pictures_is_the_luminance_term() {
-        // Summed over a square of side w this is I (w - 10)^2 + E (w - 10) + C with I the value where the window is full, E and C
-        // those of edges and corners, where the padding has structure: the second difference in w is 2 I.
+        // Summed over a square of side w this is I (w - 10)^2 + E (w - 10) + C with I the value where the window is
+        // full, E and C those of edges and corners, where the padding has structure: the second difference in w is 2 I.
         let total = |w: usize| {
             let pixels = 3 * w * w;
             ssim(&vec![51; pixels], &vec![204; pixels], w, w).unwrap() * (w * w) as f64

@@ -7,9 +7,9 @@ use crate::saliency::{Gate, Plane, Settings};
 /// Share of the pixels that counts.
 const SHARE: f64 = 0.3;
 
-/// PSNR of an RGB picture (interleaved bytes) against `truth` in the `SHARE` of the photograph's pixels whose blurred squared gradient
-/// is largest: a region that the photograph alone decides, so that it is the same for whatever is compared with it. Pixels that
-/// are masked have no part. `None` where sizes do not agree, or no pixel has a gradient.
+/// PSNR of an RGB picture (interleaved bytes) against `truth` in the `SHARE` of the photograph's pixels whose blurred
+/// squared gradient is largest: a region that the photograph alone decides, so that it is the same for whatever is
+/// compared with it. Pixels that are masked have no part. `None` where sizes do not agree, or no pixel has a gradient.
 pub fn psnr_high_frequency(rgb: &[u8], photograph: &Pixels, width: u32, height: u32) -> Option<f64> {
     let region = region(photograph, width, height)?;
     psnr_where(rgb, &photograph.rgb8(), &region)

@@ -7,16 +7,17 @@ use std::path::Path;
 use super::Error;
 use super::disk::{Disk, System, refuses_flush};
 
-/// What the name of a temporary file begins with. Its length does not depend on that of the file's name, which may be the longest there is.
+/// What the name of a temporary file begins with. Its length does not depend on that of the file's name,
+/// which may be the longest there is.
 const PREFIX: &str = ".psrgs-vk-";
 /// Letters and digits drawn for the name.
 const DRAWN: usize = 12;
 const SUFFIX: &str = ".tmp";
 
-/// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new one: into a temporary
-/// file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file is removed and
-/// what stood there before stays. A link in the file's place is replaced, not followed. Where the file system does not flush
-/// folders, the file is written all the same ([`unflushed`] tells).
+/// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new one: into a
+/// temporary file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file
+/// is removed and what stood there before stays. A link in the file's place is replaced, not followed. Where the file
+/// system does not flush folders, the file is written all the same ([`unflushed`] tells).
 pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
     write_on(&System, file, content)
 }
@@ -38,13 +39,14 @@ fn write_on(
     }
 }
 
-/// Why the file system of a folder does not flush the names in it, where that is so: after a loss of power the files written last may have
-/// their former content. For a warning before long work.
+/// Why the file system of a folder does not flush the names in it, where that is so: after a loss of power the files
+/// written last may have their former content. For a warning before long work.
 pub fn unflushed(folder: &Path, disk: &impl Disk) -> Option<io::Error> {
     disk.flush_folder(folder).err().filter(refuses_flush)
 }
 
-/// Whether [`write()`] finds a place for its temporary file, for who would learn at the end of long work that it does not.
+/// Whether [`write()`] finds a place for its temporary file, for who would learn at the end of long work that it does
+/// not.
 pub fn check(file: &Path) -> Result<(), Error> {
     if file.is_dir() {
         return Err(Error::io(file, "write")(io::ErrorKind::IsADirectory.into()));
@@ -62,8 +64,8 @@ fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
     Ok((folder, temporary))
 }
 
-/// Removes what a process that was killed while it wrote a file has left in a folder: it takes room. A file that only looks like one of
-/// those, and one that a process is still writing, stays. Where it does not work, nothing is lost.
+/// Removes what a process that was killed while it wrote a file has left in a folder: it takes room. A file that only
+/// looks like one of those, and one that a process is still writing, stays. Where it does not work, nothing is lost.
 pub fn remove_unfinished(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if is_temporary(&entry) && is_abandoned(&entry.path()) {

@@ -1,8 +1,8 @@
 //! The state of a training as one file.
 //!
-//! All numbers little endian: the eight bytes `PSRGS-VK`, u32 version, u32 number of sections; then per section, in the order
-//! of their names, u32 length of the name, the name, u64 length of the content, u32 CRC-32 of the content, the content; at the
-//! end u32 CRC-32 of everything before it. What the sections mean is the trainer's affair.
+//! All numbers little endian: the eight bytes `PSRGS-VK`, u32 version, u32 number of sections; then per section, in the
+//! order of their names, u32 length of the name, the name, u64 length of the content, u32 CRC-32 of the content, the
+//! content; at the end u32 CRC-32 of everything before it. What the sections mean is the trainer's affair.
 
 mod store;
 

@@ -1,4 +1,5 @@
-//! What is asked of the file system beyond reading and writing: flushes and locks. File systems over a network refuse some of that.
+//! What is asked of the file system beyond reading and writing: flushes and locks.
+//! File systems over a network refuse some of that.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -39,7 +40,8 @@ impl Disk for System {
     }
 }
 
-/// Whether a file system says by this error that flushes of folders are not among its services. An error of the disk is another matter.
+/// Whether a file system says by this error that flushes of folders are not among its services.
+/// An error of the disk is another matter.
 pub(crate) fn refuses_flush(error: &io::Error) -> bool {
     let kinds = [io::ErrorKind::Unsupported, io::ErrorKind::InvalidInput, io::ErrorKind::PermissionDenied];
     kinds.contains(&error.kind()) || is_one_of(error, unsupported::FLUSH)

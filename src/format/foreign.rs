@@ -1,4 +1,5 @@
-//! Files that are something else than they are taken for, told by how they begin: what each is, and what to do about it.
+//! Files that are something else than they are taken for, told by how they begin: what each is,
+//! and what to do about it.
 
 use std::path::Path;
 

@@ -30,7 +30,8 @@ const EXTENDED_HEAD: u64 = 60;
 const COMPRESSED: u8 = 0xc0;
 /// Bytes of a chunk that there are at least, its first point and the sizes of its parts among them.
 const LEAST_CHUNK: u64 = 24;
-/// Compressed points that a byte can hold at most: scans have less than one, but a decoder finds thousands in bytes that say "as before".
+/// Compressed points that a byte can hold at most: scans have less than one,
+/// but a decoder finds thousands in bytes that say "as before".
 const MOST_PER_BYTE: u64 = 16;
 /// Points that are decoded at a time.
 const BATCH: u64 = 1 << 16;
@@ -44,8 +45,8 @@ struct Header {
     compressed: bool,
 }
 
-/// The positions in a LAS or LAZ file, with its scale and offset applied in double precision. Points marked as withheld or as noise are
-/// left out. Sizes that the header names are compared with the file's before anything is made of them.
+/// The positions in a LAS or LAZ file, with its scale and offset applied in double precision. Points marked as withheld
+/// or as noise are left out. Sizes that the header names are compared with the file's before anything is made of them.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, Error> {
     let header = header(file)?;
     if header.compressed {

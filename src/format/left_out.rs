@@ -82,7 +82,8 @@ impl<E: OfRecord> Tally<E> {
         self.count
     }
 
-    /// What was left out beside the records that are `kept`. Where that is more than one of ten, the first is the error.
+    /// What was left out beside the records that are `kept`. Where that is more than one of ten,
+    /// the first is the error.
     pub(crate) fn end(self, file: &Path, what: &'static str, kept: usize) -> Result<Option<LeftOut>, E> {
         let (count, of) = (self.count, self.count + kept);
         match self.first {

@@ -23,7 +23,8 @@ pub enum Lock {
 }
 
 impl Lock {
-    /// Asks for the lock of a file, which is made where there is none. The file keeps what is in it, and no link is followed.
+    /// Asks for the lock of a file, which is made where there is none. The file keeps what is in it,
+    /// and no link is followed.
     pub fn ask(file: &Path, disk: &impl Disk) -> Result<Self, Error> {
         let opened = open(file)?;
         match disk.try_lock(&opened) {

@@ -1,5 +1,5 @@
-//! Names of the files that are written for photographs: bounded, and unique also where the file system does not tell upper from lower case or
-//! one Unicode form from another. A name that is fine as it is stays as it is.
+//! Names of the files that are written for photographs: bounded, and unique also where the file system does not tell
+//! upper from lower case or one Unicode form from another. A name that is fine as it is stays as it is.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -13,8 +13,8 @@ const LONGEST: usize = 255;
 /// Bytes of a relative path from which on it is written without its folders: the system takes 4096 for a whole path.
 const LONGEST_PATH: usize = 1024;
 
-/// A name for each photograph, without its extension and with `_` for folders; a number is added where two would be one. With an ending
-/// of so many bytes behind it, each is short enough for a file.
+/// A name for each photograph, without its extension and with `_` for folders; a number is added where two would be
+/// one. With an ending of so many bytes behind it, each is short enough for a file.
 pub fn flat(photographs: &[&str], ending: usize) -> Vec<String> {
     let plain = photographs.iter().map(|name| flattened(name));
     unique(plain.collect(), |name, number| format!("{}{number}", bounded(name, LONGEST - ending - number.len())))

@@ -1,8 +1,9 @@
 //! Models as PLY files in the layout of INRIA's 3DGS, which viewers and editors read.
 //!
-//! Per vertex `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian; `f_rest` has all
-//! coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations (w, x, y, z), of unit
-//! length in trained models. Normals are zero. What the layout has no place for stands in comments:
+//! Per vertex `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian; `f_rest`
+//! has all coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations
+//! (w, x, y, z), of unit length in trained models. Normals are zero. What the layout has no place for stands in
+//! comments:
 //!
 //! ```text
 //! comment psrgs-vk version 0.1.0
@@ -11,10 +12,11 @@
 //! comment psrgs-vk constrained 12345
 //! ```
 //!
-//! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; viewers and converters of others read this line. In its
-//! place `antialiased 0` or `1` is read too, and `psrgs-vk antialias 0` or `1`; the last such line counts.
-//! The first so many splats as `constrained` says are those that were there at the end of the low-frequency stage.
-//! `offset` is what must be added to the positions to have the dataset's coordinates; without it there is nothing to add.
+//! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; viewers and converters of others read
+//! this line. In its place `antialiased 0` or `1` is read too, and `psrgs-vk antialias 0` or `1`; the last such line
+//! counts. The first so many splats as `constrained` says are those that were there at the end of the low-frequency
+//! stage. `offset` is what must be added to the positions to have the dataset's coordinates;
+//! without it there is nothing to add.
 
 mod cloud;
 mod colours;
@@ -49,7 +51,8 @@ pub struct Model {
     pub shift: [f64; 3],
     /// Whether the model was trained with the anti-aliasing factor on the opacity, where the file says it.
     pub antialias: Option<bool>,
-    /// How many of the splats, the first ones, were there at the end of the low-frequency stage, where the file says it.
+    /// How many of the splats, the first ones, were there at the end of the low-frequency stage,
+    /// where the file says it.
     pub constrained: Option<usize>,
     /// The version of this program that wrote the file, where one did.
     pub version: Option<String>,
@@ -57,7 +60,8 @@ pub struct Model {
     pub left_out: Option<LeftOut>,
 }
 
-/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`], with quaternions of unit length.
+/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`],
+/// with quaternions of unit length.
 pub fn save(file: &Path, gaussians: &Gaussians, frame: &Frame, antialias: bool) -> Result<(), Error> {
     save_staged(file, gaussians, frame, antialias, None)
 }

@@ -9,8 +9,8 @@ use std::str::FromStr;
 use super::error::{At, Error};
 use super::text::{self, MARK};
 
-/// Opens a file and gives its length. What is not a regular file is refused before it is opened: a pipe would never answer, and has no
-/// length that sizes could be compared with.
+/// Opens a file and gives its length. What is not a regular file is refused before it is opened: a pipe would never
+/// answer, and has no length that sizes could be compared with.
 pub(crate) fn open(file: &Path) -> Result<(File, u64), Error> {
     let known = std::fs::metadata(file).map_err(Error::io(file, "open"))?;
     if !known.is_file() {

@@ -1,4 +1,5 @@
-//! Text as editors and shells of all systems leave it: a byte order mark may stand before it, and say that it is in units of 16 bits.
+//! Text as editors and shells of all systems leave it: a byte order mark may stand before it,
+//! and say that it is in units of 16 bits.
 
 use std::io;
 use std::path::Path;

@@ -26,8 +26,9 @@ fn one() -> f64 {
     1.0
 }
 
-/// Reads a similarity: JSON, either a matrix of 4x4 or 3x4 numbers row by row (such as gsplat's normalisation), or an object with
-/// `transform` (that matrix) and `scale` (applied after it), which is nerfstudio's `dataparser_transforms.json`.
+/// Reads a similarity: JSON, either a matrix of 4x4 or 3x4 numbers row by row (such as gsplat's normalisation), or an
+/// object with `transform` (that matrix) and `scale` (applied after it), which is nerfstudio's
+/// `dataparser_transforms.json`.
 pub fn read_transform(file: &Path) -> Result<Similarity, Error> {
     let text = read_text(file).map_err(Error::io(file, "read"))?;
     let fail =

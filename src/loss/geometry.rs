@@ -39,8 +39,8 @@ pub struct PackedPrior {
 }
 
 impl PackedPrior {
-    /// From rows of depths in scene units (0: none), unit normals in the camera frame (zeros: none) and confidences from 0 to 1.
-    /// `None` where no depth counts, or where there are not as many of each as pixels.
+    /// From rows of depths in scene units (0: none), unit normals in the camera frame (zeros: none) and confidences
+    /// from 0 to 1. `None` where no depth counts, or where there are not as many of each as pixels.
     pub fn new(size: (u32, u32), depth: &[f32], normals: &[[f32; 3]], confidence: &[f32]) -> Option<Self> {
         let pixels = size.0 as usize * size.1 as usize;
         if [depth.len(), normals.len(), confidence.len()] != [pixels; 3] {
@@ -117,8 +117,8 @@ impl GeometryLoss {
         })
     }
 
-    /// Records the loss of a render. Adds to dL/dT in `grad_image` and writes [`Self::grad_aux`]. Where the photograph's mask is 1 nothing
-    /// counts.
+    /// Records the loss of a render. Adds to dL/dT in `grad_image` and writes [`Self::grad_aux`]. Where the
+    /// photograph's mask is 1 nothing counts.
     pub fn record(
         &self,
         recorder: &mut Recorder,

@@ -40,9 +40,9 @@ impl GradientMapLoss {
         })
     }
 
-    /// Records the loss of `image`, a vec4 per pixel of the photograph, and adds its gradient to `grad_image`. Windows count by their sum of
-    /// the photograph's mask, pixel by pixel without one. With exposures, `image` is what the photograph's exposure made of the render, and `grad_image`
-    /// the gradient of that.
+    /// Records the loss of `image`, a vec4 per pixel of the photograph, and adds its gradient to `grad_image`. Windows
+    /// count by their sum of the photograph's mask, pixel by pixel without one. With exposures, `image` is what the
+    /// photograph's exposure made of the render, and `grad_image` the gradient of that.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -82,8 +82,8 @@ impl GradientMapLoss {
         record_sum(recorder, &self.sum, [&self.parts, &self.result], gradient_map::parts(width, height))
     }
 
-    /// Four floats of the last recorded view: the correlation term and the variation, weighted, the mean correlation, and the sum of both
-    /// terms.
+    /// Four floats of the last recorded view: the correlation term and the variation, weighted, the mean correlation,
+    /// and the sum of both terms.
     pub fn result(&self) -> &Buffer {
         &self.result
     }

@@ -1,8 +1,8 @@
-//! Losses composed of passes: colours, gradient maps, and depth and normals against a prior. None knows of training: what a step makes of
-//! them is said in `train::terms`.
+//! Losses composed of passes: colours, gradient maps, and depth and normals against a prior. None knows of training:
+//! what a step makes of them is said in `train::terms`.
 //!
-//! Each owns the buffers between its passes and leaves its value on the device. [`PhotometricLoss`] writes the gradient of the image anew; the
-//! others add to a gradient that is there already.
+//! Each owns the buffers between its passes and leaves its value on the device. [`PhotometricLoss`] writes the gradient
+//! of the image anew; the others add to a gradient that is there already.
 
 mod geometry;
 mod gradient_maps;
@@ -24,8 +24,8 @@ pub struct Photograph<'a> {
     pub bits: u32,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`]. Means are taken over these; of a part of a photograph,
-    /// they are those of the whole.
+    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`]. Means are taken over these; of a
+    /// part of a photograph, they are those of the whole.
     pub values: f32,
     /// The part's share in them.
     pub part_values: f32,
@@ -33,7 +33,8 @@ pub struct Photograph<'a> {
     pub mask: Option<Mask<'a>>,
 }
 
-/// A mask of bytes on the device, row after row without padding, 255 standing for 1. It covers a photograph, at a size of its own.
+/// A mask of bytes on the device, row after row without padding, 255 standing for 1. It covers a photograph,
+/// at a size of its own.
 #[derive(Clone, Copy)]
 pub struct Mask<'a> {
     /// A whole number of words.
@@ -43,7 +44,8 @@ pub struct Mask<'a> {
 }
 
 impl<'a> Photograph<'a> {
-    /// The mask's buffer to bind and its size to tell. The photograph stands for a mask that is not there, and is not read as one.
+    /// The mask's buffer to bind and its size to tell. The photograph stands for a mask that is not there,
+    /// and is not read as one.
     fn mask_to_bind(&self) -> (&'a Buffer, (u32, u32)) {
         self.mask.map_or((self.buffer, (0, 0)), |mask| (mask.buffer, mask.size))
     }

@@ -38,8 +38,8 @@ struct Passes {
 }
 
 impl PhotometricLoss {
-    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may have weights; `lambda` is
-    /// the weight of 1 - SSIM, L1 has the rest.
+    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may
+    /// have weights; `lambda` is the weight of 1 - SSIM, L1 has the rest.
     pub fn new(gpu: &Gpu, sizes: &[(u32, u32)], deep: bool, weighted: bool, lambda: f64) -> Result<Self, vk::Error> {
         let (constant, lanes) = match gpu.caps().subgroup {
             Subgroup::Hardware(width) if width >= loss::LEAST_LANES => ("LOCAL_SIZE", width),
@@ -89,8 +89,8 @@ impl PhotometricLoss {
         })
     }
 
-    /// Records the loss of `image` against `photograph`. Of a part of a photograph the gradient is the part's share in that of all of it, and
-    /// the loss that of the part.
+    /// Records the loss of `image` against `photograph`. Of a part of a photograph the gradient is the part's share in
+    /// that of all of it, and the loss that of the part.
     pub fn record(
         &self,
         recorder: &mut Recorder,

@@ -49,8 +49,8 @@ impl Default for Settings {
 }
 
 impl Push {
-    /// The push constants of step `step` (the first is 1) for a plane with rows of `row` floats, of which the first `head` learn
-    /// at `lr_head` and the others at `lr_rest`. Bias corrections are computed in double precision.
+    /// The push constants of step `step` (the first is 1) for a plane with rows of `row` floats, of which the first
+    /// `head` learn at `lr_head` and the others at `lr_rest`. Bias corrections are computed in double precision.
     pub fn new(settings: &Settings, step: u32, row: u32, head: u32, lr_head: f64, lr_rest: f64) -> Self {
         let t = f64::from(step.max(1));
         Self {
@@ -79,8 +79,8 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one float of an attribute plane with its two moments; a workgroup owns 64 consecutive floats. An \
-          element whose gradient is not finite stays as it is.",
+    doc: "One thread owns one float of an attribute plane with its two moments; a workgroup owns 64 consecutive \
+          floats. An element whose gradient is not finite stays as it is.",
     dispatch: "one thread per float: splats of the model x floats per splat",
     push: Push::FIELDS,
 };

@@ -1,4 +1,5 @@
-//! The alpha below which a splat is skipped at a pixel: a specialization constant of the passes that project, list tiles and blend.
+//! The alpha below which a splat is skipped at a pixel: a specialization constant of the passes that project,
+//! list tiles and blend.
 
 use crate::scene::tile;
 use crate::vk::Constant;

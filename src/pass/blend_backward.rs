@@ -18,8 +18,8 @@ const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_M
 const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN];
 const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN];
 
-/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else. What is read of it has
-/// no part in the result: reading brings the row near.
+/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
+/// What is read of it has no part in the result: reading brings the row near.
 const SLOT_BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),

@@ -25,7 +25,8 @@ pub const COLUMN_SIDE: u32 = 8;
 /// Side of a tile of the PIXEL shape, in pixels.
 pub const PIXEL_SIDE: u32 = 16;
 
-/// Entries of `pair_counts` (4 x u32, never cleared by the passes): pixel-splats evaluated and blended, forward and backward.
+/// Entries of `pair_counts` (4 x u32, never cleared by the passes): pixel-splats evaluated and blended,
+/// forward and backward.
 pub const PAIR_COUNTS: usize = 4;
 
 /// Blend depth and normal too (0 or 1).
@@ -33,15 +34,16 @@ pub(super) const AUX: Constant = Constant { id: 0, name: "AUX", default: 0 };
 /// Count pixel-splats into `pair_counts` (0 or 1).
 pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 };
 
-/// Pixels of the blocks of a tile that splats are tested against: a power of two from 8 to 256, best the width of a subgroup;
-/// 0: no test. PIXEL shape only, and backward where subgroups add up for themselves; results are the same bits either way.
+/// Pixels of the blocks of a tile that splats are tested against: a power of two from 8 to 256, best the width of a
+/// subgroup; 0: no test. PIXEL shape only, and backward where subgroups add up for themselves;
+/// results are the same bits either way.
 pub(super) const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
 
 /// Keep the largest weight of every splat in any pixel, in `weights` (0 or 1).
 const WEIGHTS: Constant = Constant { id: 5, name: "WEIGHTS", default: 0 };
 
-/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT, `weights` (floats as bits, not below what they
-/// were) not unless WEIGHTS; they are bound all the same.
+/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT, `weights` (floats as bits, not below
+/// what they were) not unless WEIGHTS; they are bound all the same.
 const BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),

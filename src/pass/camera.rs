@@ -4,8 +4,8 @@ use crate::scene::Camera;
 
 /// [`CameraPush::flags`]: multiply opacities by sqrt(det before / det after dilation), as in Mip-Splatting.
 pub const ANTIALIAS: u32 = 1;
-/// [`CameraPush::flags`]: where the field-of-view clamp of the EWA Jacobian is active, keep the 3DGS reference's derivative by
-/// depth (twice the true one) instead of the true one.
+/// [`CameraPush::flags`]: where the field-of-view clamp of the EWA Jacobian is active, keep the 3DGS reference's
+/// derivative by depth (twice the true one) instead of the true one.
 pub const REFERENCE_CLAMP: u32 = 2;
 /// [`CameraPush::flags`]: a colour at its lower bound has a gradient where a descent step would raise it. Bit 2 is
 /// [`super::project_backward_adam::STEPS_OPACITIES`].
@@ -51,8 +51,8 @@ pub struct Projection {
     pub antialias: bool,
     /// Whether gradients keep the 3DGS reference's derivative of the field-of-view clamp.
     pub reference_clamp: bool,
-    /// Whether gradients lead colours at their lower bound back inside: max(0, .) passes a gradient there where a descent step would
-    /// raise the colour, and none otherwise. Without, it passes none, as in the 3DGS reference.
+    /// Whether gradients lead colours at their lower bound back inside: max(0, .) passes a gradient there where a
+    /// descent step would raise the colour, and none otherwise. Without, it passes none, as in the 3DGS reference.
     pub black_learns: bool,
     /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
     pub limits: Option<[f64; 4]>,
@@ -87,7 +87,8 @@ pub fn clamp_limits(camera: &Camera) -> [f64; 4] {
 }
 
 impl CameraPush {
-    /// Rounds a camera to what the device gets; the camera centre and the limits are computed in double precision first.
+    /// Rounds a camera to what the device gets; the camera centre and the limits are computed in double precision
+    /// first.
     pub fn new(camera: &Camera, projection: &Projection) -> Self {
         let row = |k: usize| {
             let r = camera.rotation[k];

@@ -13,7 +13,8 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity from the bound on touch no tile.",
+    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity from the bound \
+        on touch no tile.",
     dispatch: "one thread per splat",
     push: &[],
 };
@@ -28,7 +29,8 @@ pub const KEEP: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats. Zero where a splat is not on the image.",
+    doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats. Zero where a \
+        splat is not on the image.",
     dispatch: "one thread per splat",
     push: &[],
 };

@@ -48,7 +48,8 @@ crate::push_constants! {
         pub stride: u32,
         /// Pixels of zeros around the source.
         pub pad: u32,
-        /// First row of the filters. Their order: group, tap row by row, four input channels, one of these, two rows of outputs.
+        /// First row of the filters. Their order: group, tap row by row, four input channels, one of these,
+        /// two rows of outputs.
         pub filter_row: u32,
         /// First row of the biases.
         pub bias_row: u32,

@@ -26,7 +26,8 @@ pub const PRUNED: usize = 10;
 pub const NEXT_ID: usize = 11;
 /// Total of the last prefix sum.
 pub const SCAN_TOTAL: usize = 12;
-/// Splats with an identity below this are the constrained set: those that were there at the end of the low-frequency stage.
+/// Splats with an identity below this are the constrained set: those that were there at the end of the low-frequency
+/// stage.
 pub const CONSTRAINED: usize = 13;
 /// Splats in the last rows, whose harmonics end at degree 1: the planes of the others end before them.
 pub const PLAIN: usize = 14;

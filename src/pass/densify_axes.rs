@@ -21,9 +21,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one new row and its entry of `map`; a workgroup owns 64 consecutive rows. Children get the axis of their \
-          parent along which the loss changes most over a standard deviation, by the optimiser's first moments of the centres, in \
-          the two bits below the kind. All planes are still the old ones.",
+    doc: "One thread owns one new row and its entry of `map`; a workgroup owns 64 consecutive rows. Children get the \
+          axis of their parent along which the loss changes most over a standard deviation, by the optimiser's first \
+          moments of the centres, in the two bits below the kind. All planes are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
 };

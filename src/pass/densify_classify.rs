@@ -48,9 +48,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat of the capacity and its flags in the segments kept, clone, first child, second child; \
-          a workgroup owns 64 consecutive splats. Flags beyond the model are 0. `tally[0]` counts splats with a value that \
-          is not finite, which are always pruned.",
+    doc: "One thread owns one splat of the capacity and its flags in the segments kept, clone, first child, second \
+          child; a workgroup owns 64 consecutive splats. Flags beyond the model are 0. `tally[0]` counts splats with \
+          a value that is not finite, which are always pruned.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
 };

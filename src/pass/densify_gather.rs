@@ -11,7 +11,8 @@ pub const MODE_SHRINK: u32 = 1;
 pub const MODE_MOMENT: u32 = 2;
 /// Statistics: zero for all rows.
 pub const MODE_ZERO: u32 = 3;
-/// Logarithmic scales: children are shorter along the axis that they stand along, so that both have their parent's covariance together.
+/// Logarithmic scales: children are shorter along the axis that they stand along,
+/// so that both have their parent's covariance together.
 pub const MODE_SHRINK_AXIS: u32 = 4;
 /// Opacity logits: two children along an axis show at their parent's centre what it showed, and every opacity is
 /// multiplied by `keep`.
@@ -37,8 +38,8 @@ pub const PASS: Pass = Pass {
         constants: &[Constant { id: 0, name: "WIDTH", default: 1 }],
         local_size: Some(64),
     },
-    doc: "One thread owns one new row of WIDTH words; a workgroup owns 64 consecutive rows. `source` is a copy of the plane \
-          before the change.",
+    doc: "One thread owns one new row of WIDTH words; a workgroup owns 64 consecutive rows. `source` is a copy of the \
+          plane before the change.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
 };

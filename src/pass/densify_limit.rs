@@ -28,7 +28,8 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat and its four flags; a workgroup owns 64 consecutive splats. Withdraws clones and \
-          splits, spread evenly over the order of birth, until the limit is kept; the scan of the flags is then repeated.",
+          splits, spread evenly over the order of birth, until the limit is kept; the scan of the flags is then \
+          repeated.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
 };

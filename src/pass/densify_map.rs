@@ -21,9 +21,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one old splat and writes the rows that it becomes; a workgroup owns 64 consecutive old splats. \
-          An entry of `map` is the source's index, with the kind of row (kept, clone, first child, second child) in the \
-          upper two bits; `densify_axes` uses the two below.",
+    doc: "One thread owns one old splat and writes the rows that it becomes; a workgroup owns 64 consecutive old \
+          splats. An entry of `map` is the source's index, with the kind of row (kept, clone, first child, second \
+          child) in the upper two bits; `densify_axes` uses the two below.",
     dispatch: "one thread per old splat, through `args`",
     push: Push::FIELDS,
 };

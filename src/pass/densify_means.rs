@@ -10,7 +10,8 @@ crate::push_constants! {
         pub seed: u32,
         /// Number of the event.
         pub event: u32,
-        /// 1: children stand along their parent's longest axis, or along that which the map notes; 0: they are drawn from its Gaussian.
+        /// 1: children stand along their parent's longest axis, or along that which the map notes; 0:
+        /// they are drawn from its Gaussian.
         pub along_axis: u32,
     }
 }
@@ -34,8 +35,8 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one new row; a workgroup owns 64 consecutive rows. Children of a split are drawn from their \
-          parent's Gaussian or stand along one of its axes, other rows keep their source's centre. `source` is a copy of the old centres; rotations and \
-          scales are still the old ones.",
+          parent's Gaussian or stand along one of its axes, other rows keep their source's centre. `source` is a copy \
+          of the old centres; rotations and scales are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
 };

@@ -1,8 +1,8 @@
 //! The rows of a density change in the order of a space-filling curve.
 //!
-//! Decisions, identities and random draws go by the order of birth, so that the order in memory decides nothing: `BIRTHS` gives the
-//! keys that bring the old rows into the order of birth, `FLAGS` brings their flags there, `CODES` gives the keys of the new rows
-//! along the curve, and `ORDER` brings map and identities into the order of these.
+//! Decisions, identities and random draws go by the order of birth, so that the order in memory decides nothing:
+//! `BIRTHS` gives the keys that bring the old rows into the order of birth, `FLAGS` brings their flags there, `CODES`
+//! gives the keys of the new rows along the curve, and `ORDER` brings map and identities into the order of these.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Kernel, read, read_write, write};
@@ -33,7 +33,8 @@ const fn kernel(name: &'static str, bindings: &'static [Binding], push_bytes: u3
 /// Identities as sort keys, with their rows.
 pub const BIRTHS: Pass = Pass {
     kernel: kernel("densify_births", &[read("counters"), read("ids"), write("keys"), write("vals")], Push::BYTES),
-    doc: "One thread owns one row of the capacity; a workgroup owns 64 consecutive rows. Rows beyond the model get the largest key.",
+    doc: "One thread owns one row of the capacity; a workgroup owns 64 consecutive rows. Rows beyond the model get \
+        the largest key.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
 };
@@ -53,8 +54,8 @@ pub const CODES: Pass = Pass {
         &[read("counters"), read("row_of"), read("means"), read_write("map"), write("codes"), write("births")],
         CodesPush::BYTES,
     ),
-    doc: "One thread owns one new row, counted in the order of birth; a workgroup owns 64 consecutive rows. Entries of `map` name the \
-          source by its rank in the order of birth before, and by its row after.",
+    doc: "One thread owns one new row, counted in the order of birth; a workgroup owns 64 consecutive rows. Entries \
+          of `map` name the source by its rank in the order of birth before, and by its row after.",
     dispatch: "one thread per new row, through `args`",
     push: CodesPush::FIELDS,
 };

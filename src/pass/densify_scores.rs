@@ -36,9 +36,9 @@ pub const PASS: Pass = Pass {
         constants: &[Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 }],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat and its row of `scores`; a workgroup owns 64 consecutive splats. Adds, for splats on screen, the \
-          mask value at the centre times the norm of the absolute gradient of the 2D mean (in normalised device coordinates), and 1 \
-          if the render is wrong there.",
+    doc: "One thread owns one splat and its row of `scores`; a workgroup owns 64 consecutive splats. Adds, for splats \
+          on screen, the mask value at the centre times the norm of the absolute gradient of the 2D mean (in \
+          normalised device coordinates), and 1 if the render is wrong there.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
 };

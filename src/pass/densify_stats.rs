@@ -23,9 +23,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds, for splats on \
-          screen, the norms of the signed and the absolute gradient of the 2D mean (in normalised device coordinates) and \
-          1 view. What stands fourth in the row is the optimiser's.",
+    doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds, for splats \
+          on screen, the norms of the signed and the absolute gradient of the 2D mean (in normalised device \
+          coordinates) and 1 view. What stands fourth in the row is the optimiser's.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
 };

@@ -21,9 +21,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds 1 view where no pixel \
-          centre lies within the ellipse of the splat, but the square that 3DGS draws about the splat (half side: three standard \
-          deviations of the longer axis, rounded up) touches a tile of 16 x 16 pixels.",
+    doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds 1 view where \
+          no pixel centre lies within the ellipse of the splat, but the square that 3DGS draws about the splat (half \
+          side: three standard deviations of the longer axis, rounded up) touches a tile of 16 x 16 pixels.",
     dispatch: "one thread per splat of the model, through `args`",
     push: CameraPush::FIELDS,
 };

@@ -1,18 +1,19 @@
 //! Affine colour transforms of photographs between the blend and the loss, with an optimiser of their own.
 //!
 //! A camera exposes each photograph differently, and the model is not to learn that. So photograph v is compared with
-//! `E_v (r, g, b, 1)` of the render, E_v a 3x4 matrix (idea: the exposure compensation of the 3DGS reference). Kept are deviations:
-//! `E_v = I + D_v - mean of all D`. So the mean over photographs is the identity at every step, and what all photographs have in
-//! common is left to the model. A step, too, goes by what a photograph's gradient differs in from the mean of all photographs' last
-//! ones, which is the gradient of the sum of their losses in these coordinates: while the model as a whole is too dark or too bright,
-//! that is no photograph's fault.
+//! `E_v (r, g, b, 1)` of the render, E_v a 3x4 matrix (idea: the exposure compensation of the 3DGS reference). Kept are
+//! deviations: `E_v = I + D_v - mean of all D`. So the mean over photographs is the identity at every step, and what
+//! all photographs have in common is left to the model. A step, too, goes by what a photograph's gradient differs in
+//! from the mean of all photographs' last ones, which is the gradient of the sum of their losses in these coordinates:
+//! while the model as a whole is too dark or too bright, that is no photograph's fault.
 
 use super::{Pass, adam, module};
 use crate::vk::{Kernel, read, read_write, write};
 
 /// Numbers of a matrix, row-major.
 pub const NUMBERS: usize = 12;
-/// Floats of a row of `exposures`: deviation, two moments and the last gradient. Photograph v has row v; the row behind them begins with the mean.
+/// Floats of a row of `exposures`: deviation, two moments and the last gradient. Photograph v has row v;
+/// the row behind them begins with the mean.
 pub const ROW: usize = 4 * NUMBERS;
 /// Pixels that a workgroup of the passes over pixels owns.
 pub const PIXELS: u32 = 1024;
@@ -60,8 +61,8 @@ crate::push_constants! {
 }
 
 impl StepPush {
-    /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been looked at, and this one
-    /// `seen` times, both with this time.
+    /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been looked at, and
+    /// this one `seen` times, both with this time.
     pub fn new(
         settings: &adam::Settings,
         pixels: u32,
@@ -122,7 +123,8 @@ pub const BACKWARD: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns 16 pixels, every 64th of the 1024 consecutive ones of its workgroup, which owns a row of 12 partial sums.",
+    doc: "One thread owns 16 pixels, every 64th of the 1024 consecutive ones of its workgroup, which owns a row of 12 \
+        partial sums.",
     dispatch: "one workgroup per 1024 pixels",
     push: Push::FIELDS,
 };
@@ -137,7 +139,8 @@ pub const STEP: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "Threads below 60 own a fifth of the parts and photographs of one of 12 numbers; threads below 12 own its step and mean.",
+    doc: "Threads below 60 own a fifth of the parts and photographs of one of 12 numbers; threads below 12 own its \
+        step and mean.",
     dispatch: "one workgroup",
     push: StepPush::FIELDS,
 };

@@ -1,12 +1,13 @@
 //! Depth and normals of a render against those of a prior: loss and gradient, in two passes.
 //!
-//! [`crate::loss::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass, [`DEPTH`], counts
-//! what the means are taken over; its parts, added up by [`super::part_sum`], are the totals of the second, [`GRAD`], whose own parts
-//! add up to the loss: depth, smoothness, normals, and their sum. The formulas stand in `glsl/include/geometry.glsl`. GRAD adds to the
-//! fourth component of `grad_image` and leaves the others, so it follows every pass that writes that buffer anew.
+//! [`crate::loss::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass,
+//! [`DEPTH`], counts what the means are taken over; its parts, added up by [`super::part_sum`], are the totals of the
+//! second, [`GRAD`], whose own parts add up to the loss: depth, smoothness, normals, and their sum. The formulas stand
+//! in `glsl/include/geometry.glsl`. GRAD adds to the fourth component of `grad_image` and leaves the others, so it
+//! follows every pass that writes that buffer anew.
 //!
-//! Sources: the Huber loss on relative residuals and the second differences of unit-free depth are PSRGS'; the edge-aware weights
-//! are those of monocular depth estimation (Godard et al. 2017).
+//! Sources: the Huber loss on relative residuals and the second differences of unit-free depth are PSRGS'; the
+//! edge-aware weights are those of monocular depth estimation (Godard et al. 2017).
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};
@@ -18,7 +19,8 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// Width of the prior in pixels of its own, at least 1. The prior and the mask cover the same view as the image.
+        /// Width of the prior in pixels of its own, at least 1. The prior and the mask cover the same view as the
+        /// image.
         pub prior_width: u32,
         /// Height of the prior.
         pub prior_height: u32,
@@ -63,8 +65,8 @@ pub const fn parts(width: u32, height: u32) -> u32 {
 /// Largest coordinate of a packed normal.
 const FOLDED: f64 = 4094.0;
 
-/// A pixel of a prior: depth along the camera's axis in scene units (0, or what is not finite: none), unit normal in the camera
-/// frame, confidence from 0 to 1 (0: neither counts). The normal is exact to a fifteenth of a degree.
+/// A pixel of a prior: depth along the camera's axis in scene units (0, or what is not finite: none), unit normal in
+/// the camera frame, confidence from 0 to 1 (0: neither counts). The normal is exact to a fifteenth of a degree.
 pub fn pack_prior(depth: f32, normal: Option<[f32; 3]>, confidence: f32) -> [u32; 2] {
     // The octahedron's coordinates (Meyer et al. 2010); both 0 mean that there is none.
     let code = normal.map_or(0, |normal| {
@@ -139,8 +141,8 @@ pub const GRAD: Pass = Pass {
         constants: &[EDGES],
         local_size: Some(64),
     },
-    doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to dL/dT, writes the \
-          gradient of the auxiliary image.",
+    doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to dL/dT, \
+          writes the gradient of the auxiliary image.",
     dispatch: "one workgroup per 4096 pixels",
     push: Push::FIELDS,
 };

@@ -1,13 +1,13 @@
 //! Gradient maps of a render and a photograph: their correlation in windows, and the total variation of the residual.
 //!
-//! [`crate::loss::GradientMapLoss`] composes the passes. [`SOBEL`] makes the maps, [`WINDOWS`] correlates them, [`super::part_sum`]
-//! adds the windows up to the totals of [`GRAD`], which adds to `grad_image` and whose parts, added up, are the loss: (correlation
-//! term, variation, mean correlation, sum of both terms). The formulas stand in `glsl/include/gradient_map.glsl`. GRAD follows the
-//! pass that writes `grad_image` anew; where a photograph has an exposure, the image is the exposed one, and the exposure's backward
-//! comes after.
+//! [`crate::loss::GradientMapLoss`] composes the passes. [`SOBEL`] makes the maps, [`WINDOWS`] correlates them,
+//! [`super::part_sum`] adds the windows up to the totals of [`GRAD`], which adds to `grad_image` and whose parts, added
+//! up, are the loss: (correlation term, variation, mean correlation, sum of both terms). The formulas stand in
+//! `glsl/include/gradient_map.glsl`. GRAD follows the pass that writes `grad_image` anew; where a photograph has an
+//! exposure, the image is the exposed one, and the exposure's backward comes after.
 //!
-//! Sources: correlation of gradient maps and total variation, PSRGS; the residual's variation instead of the render's, which would
-//! blur texture, is a reading of it.
+//! Sources: correlation of gradient maps and total variation, PSRGS; the residual's variation instead of the render's,
+//! which would blur texture, is a reading of it.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};
@@ -105,7 +105,8 @@ pub const GRAD: Pass = Pass {
         constants: &[VARIATION, PHOTOGRAPH_BITS],
         local_size: Some(64),
     },
-    doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to the gradient of the image.",
+    doc: "One thread owns 64 pixels and a row of four sums; a workgroup owns 4096 consecutive pixels. Adds to the \
+        gradient of the image.",
     dispatch: "one workgroup per 4096 pixels",
     push: Push::FIELDS,
 };

@@ -81,8 +81,9 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// For a device's subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups at work, which walk one
-    /// row after the other: in small images each takes one channel of a short strip, though short ones read their 20 rows more often.
+    /// For a device's subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups
+    /// at work, which walk one row after the other: in small images each takes one channel of a short strip, though
+    /// short ones read their 20 rows more often.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
         if lanes <= LEAST_LANES {
             return Self { width, height, lanes, segment: 1024, apart: 1 };
@@ -163,7 +164,8 @@ const GRAD: &[Binding] = &[
 const fn strips(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
     Pass {
         kernel: Kernel { name, spirv: module(name), bindings: STRIPS, push_bytes: Push::BYTES, constants, local_size },
-        doc: "One subgroup owns a strip, as many columns as it has lanes and SEGMENT rows; one thread owns a column of it.",
+        doc: "One subgroup owns a strip, as many columns as it has lanes and SEGMENT rows; one thread owns a column \
+            of it.",
         dispatch: "one subgroup per strip",
         push: Push::FIELDS,
     }
@@ -181,7 +183,8 @@ const fn grad(name: &'static str, constants: &'static [Constant], local_size: Op
 /// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
 pub const STRIPS_SUBGROUP: Pass =
     strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same, three rows a turn: for processors, which merge all that a loop changes under the mask of active lanes at every turn.
+/// The same, three rows a turn: for processors, which merge all that a loop changes under the mask of active lanes at
+/// every turn.
 pub const STRIPS_SUBGROUP_THREE: Pass =
     strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
 /// The same as [`STRIPS_SUBGROUP`], one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].

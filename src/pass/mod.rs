@@ -1,4 +1,5 @@
-//! The GPU passes as data: shader, bindings with access, push constants, dispatch rule. [`crate::twin`] has their CPU twins.
+//! The GPU passes as data: shader, bindings with access, push constants, dispatch rule.
+//! [`crate::twin`] has their CPU twins.
 //!
 //! One file per pass; [`ALL`] is the registry that `psrgs-vk passes` prints and that the twin tests enumerate.
 
@@ -57,7 +58,8 @@ pub use shaders::module;
 
 use crate::vk::Kernel;
 
-/// A push-constant field: what the shader's block must contain at the same offset (checked against the SPIR-V by a test).
+/// A push-constant field: what the shader's block must contain at the same offset (checked against the SPIR-V by a
+/// test).
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     /// Member name in Rust and in GLSL.

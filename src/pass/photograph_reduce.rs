@@ -25,8 +25,9 @@ pub const PASS: Pass = Pass {
         constants: &[Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 }],
         local_size: Some(64),
     },
-    doc: "One thread owns a pixel of the result, the mean of `factor` x `factor` pixels; a workgroup owns 64 consecutive ones. \
-          Masked pixels have no part in the mean, and a pixel is masked where more than half of its pixels are.",
+    doc: "One thread owns a pixel of the result, the mean of `factor` x `factor` pixels; a workgroup owns 64 \
+          consecutive ones. Masked pixels have no part in the mean, and a pixel is masked where more than half of its \
+          pixels are.",
     dispatch: "one thread per pixel of the result",
     push: Push::FIELDS,
 };

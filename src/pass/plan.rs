@@ -67,7 +67,8 @@ impl Entry {
 }
 
 impl Push {
-    /// Plans `entries` (at most [`MOST_ENTRIES`]; the rest is left out) from entry `first` on, for a count without a limit.
+    /// Plans `entries` (at most [`MOST_ENTRIES`]; the rest is left out) from entry `first` on,
+    /// for a count without a limit.
     pub fn unlimited(source: u32, first: u32, entries: &[Entry]) -> Push {
         let mut push = Push {
             source,
@@ -98,8 +99,8 @@ impl Push {
     }
 }
 
-/// Turns a count into workgroup numbers, or into zeros when it does not fit or `status` was set before; then also what was
-/// planned before can be zeroed, see [`Push::voiding`].
+/// Turns a count into workgroup numbers, or into zeros when it does not fit or `status` was set before; then also what
+/// was planned before can be zeroed, see [`Push::voiding`].
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "plan",

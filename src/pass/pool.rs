@@ -71,7 +71,8 @@ pub const BACKWARD: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns four channels of an input pixel and looks at the windows over it; a workgroup owns 64 consecutive threads.",
+    doc: "One thread owns four channels of an input pixel and looks at the windows over it; a workgroup owns 64 \
+        consecutive threads.",
     dispatch: "one thread per pixel and four channels of the source",
     push: BackwardPush::FIELDS,
 };

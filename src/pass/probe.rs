@@ -1,4 +1,5 @@
-//! What measures the device itself: a copy, and arithmetic on registers alone. The floors of a benchmark come from them.
+//! What measures the device itself: a copy, and arithmetic on registers alone.
+//! The floors of a benchmark come from them.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};

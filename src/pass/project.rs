@@ -47,26 +47,28 @@ const PER_SPLAT: &str = "one thread per splat of the model";
 pub const PASS: Pass = pass(
     "project",
     64,
-    "One thread owns one splat; a workgroup owns 64 consecutive splats. EWA projection, SH colour, tile count (0 = culled, \
-     nothing else is written then), normals when AUX = 1; splats with non-finite parameters are counted and culled.",
+    "One thread owns one splat; a workgroup owns 64 consecutive splats. EWA projection, SH colour, tile count (0 = \
+     culled, nothing else is written then), normals when AUX = 1; splats with non-finite parameters are counted and \
+     culled.",
     PER_SPLAT,
 );
 
-/// The same with the coefficients of spherical harmonics in half floats: coefficient `c` of a group of 12 is the lower half of word
-/// `c / 2` of the row for even `c`, the upper for odd.
+/// The same with the coefficients of spherical harmonics in half floats: coefficient `c` of a group of 12 is the lower
+/// half of word `c / 2` of the row for even `c`, the upper for odd.
 pub const HALF: Pass = pass(
     "project_half",
     64,
-    "One thread owns one splat; a workgroup owns 64 consecutive splats. As project, with spherical harmonics in half floats: for \
-     pictures only.",
+    "One thread owns one splat; a workgroup owns 64 consecutive splats. As project, with spherical harmonics in half \
+     floats: for pictures only.",
     PER_SPLAT,
 );
 
-/// For devices whose subgroups are exactly 8 wide and that run through a branch that no thread takes: lavapipe. The same results.
+/// For devices whose subgroups are exactly 8 wide and that run through a branch that no thread takes: lavapipe.
+/// The same results.
 pub const SPARSE: Pass = pass(
     "project_sparse",
     8,
-    "A workgroup of 8 threads owns 64 consecutive splats: one thread a splat in turn looks whether it may be seen, then one thread of these in \
-     turn projects it. Otherwise as project.",
+    "A workgroup of 8 threads owns 64 consecutive splats: one thread a splat in turn looks whether it may be seen, \
+     then one thread of these in turn projects it. Otherwise as project.",
     "one workgroup per 64 splats of the model",
 );

@@ -50,8 +50,8 @@ crate::push_constants! {
         pub row2: [f32; 4],
         /// Camera centre in the scene.
         pub center: [f32; 3],
-        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], the degree of the spherical harmonics from [`DEGREE_SHIFT`] on and the
-        /// step from [`STEP_SHIFT`] on.
+        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], the degree of the spherical harmonics from [`DEGREE_SHIFT`] on
+        /// and the step from [`STEP_SHIFT`] on.
         pub flags: u32,
         /// As in [`CameraPush`].
         pub limits: [f32; 4],
@@ -113,18 +113,21 @@ impl Push {
 /// Specialization constants, by name.
 pub type Constants = [(&'static str, u32); 11];
 
-/// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image, in scene units.
+/// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image,
+/// in scene units.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "FLATTEN" { weight.to_bits() } else { value }))
 }
 
-/// The same constants with a loss of `weight` times half the squares of the view-dependent coefficients in use of every splat on the image.
+/// The same constants with a loss of `weight` times half the squares of the view-dependent coefficients in use of every
+/// splat on the image.
 pub fn shrinking(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "SHRINK" { weight.to_bits() } else { value }))
 }
 
-/// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the order of their index, and
-/// `counters.visible` says how many they are. Each makes up for the steps that it has missed, as its row of `stats` says.
+/// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the
+/// order of their index, and `counters.visible` says how many they are.
+/// Each makes up for the steps that it has missed, as its row of `stats` says.
 pub fn listed(constants: Constants) -> Constants {
     constants.map(|(name, value)| (name, if name == "LISTED" { 1 } else { value }))
 }
@@ -134,8 +137,8 @@ pub fn catching_up(constants: Constants) -> Constants {
     constants.map(|(name, value)| (name, if name == "CATCHES_UP" { 1 } else { value }))
 }
 
-/// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that their moments
-/// are zero and a step would change nothing of them.
+/// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that
+/// their moments are zero and a step would change nothing of them.
 pub fn constants(settings: &Settings, degree: u32, aux: bool) -> Constants {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
@@ -208,12 +211,12 @@ pub const PASS: Pass = Pass {
         constants: CONSTANTS,
         local_size: Some(64),
     },
-    doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. Gradients as \
-          project_backward has them, then a step of adam with them on every parameter; culled splats step with a gradient of \
-          zero. Spherical harmonics above DEGREE are not touched. \
-          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and these alone step, after \
-          what the steps since the one that their row of `stats` names would have made of them without a gradient. CATCHES_UP does that \
-          for every splat, and no step.",
+    doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. \
+          Gradients as project_backward has them, then a step of adam with them on every parameter; culled splats \
+          step with a gradient of zero. Spherical harmonics above DEGREE are not touched. \
+          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and \
+          these alone step, after what the steps since the one that their row of `stats` names would have made of \
+          them without a gradient. CATCHES_UP does that for every splat, and no step.",
     dispatch: "one thread per splat of the model, or of the image (LISTED)",
     push: Push::FIELDS,
 };

@@ -26,8 +26,8 @@ pub const PASS: Pass = Pass {
         constants: CONSTANTS,
         local_size: full::PASS.kernel.local_size,
     },
-    doc: "One thread owns one splat, its parameters and a word for both moments of each; a workgroup owns 64 consecutive splats. As \
-          project_backward_adam, on moments of 16 bits each, the second rounded at random.",
+    doc: "One thread owns one splat, its parameters and a word for both moments of each; a workgroup owns 64 \
+          consecutive splats. As project_backward_adam, on moments of 16 bits each, the second rounded at random.",
     dispatch: full::PASS.dispatch,
     push: Push::FIELDS,
 };

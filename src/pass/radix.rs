@@ -1,7 +1,8 @@
 //! One digit of a stable radix sort of (key, value) words: table of digit counts, and the move.
 //!
-//! Between the two stand the prefix sum of the table (runs), or those of its rows ([`ROWS`], groups). Two shapes: `RUNS` for CPU devices (a thread owns a block and private
-//! counters) and `GROUPS` for GPUs (a workgroup owns a block). Digits have up to 8 bits.
+//! Between the two stand the prefix sum of the table (runs), or those of its rows ([`ROWS`], groups). Two shapes:
+//! `RUNS` for CPU devices (a thread owns a block and private counters) and `GROUPS` for GPUs (a workgroup owns a
+//! block). Digits have up to 8 bits.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};

@@ -1,5 +1,5 @@
-//! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks. Few words are
-//! summed by one workgroup in one pass.
+//! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks.
+//! Few words are summed by one workgroup in one pass.
 //!
 //! No workgroup waits for another. Each pass exists with hardware subgroup operations and with emulated ones.
 

@@ -1,9 +1,9 @@
-//! Multi-view stereo by PatchMatch: pictures made ready for sampling, sweeps over hypotheses of planes, and the check of views against
-//! each other.
+//! Multi-view stereo by PatchMatch: pictures made ready for sampling, sweeps over hypotheses of planes, and the check
+//! of views against each other.
 //!
-//! A hypothesis at a pixel is (d, gx, gy): inverse depth along the camera's axis, and its change per pixel to the right and down. On a
-//! plane both slopes are constant, so hypotheses are carried to other pixels by adding. A row of `planes` is a hypothesis and its score:
-//! 1 + NCC, 0 where there is none.
+//! A hypothesis at a pixel is (d, gx, gy): inverse depth along the camera's axis, and its change per pixel to the right
+//! and down. On a plane both slopes are constant, so hypotheses are carried to other pixels by adding. A row of
+//! `planes` is a hypothesis and its score: 1 + NCC, 0 where there is none.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};

@@ -11,8 +11,8 @@ crate::push_constants! {
     }
 }
 
-/// The pass. `tile_ranges` must be zero beforehand. With CARRIED the pairs' values are splats and not slots, and `sorted_splats`
-/// is left as it is.
+/// The pass. `tile_ranges` must be zero beforehand. With CARRIED the pairs' values are splats and not slots, and
+/// `sorted_splats` is left as it is.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "tile_ranges",

@@ -1,7 +1,7 @@
 //! How many tiles of a splat the loops of `emit` and `slot_sum` take a turn: a specialization constant.
 //!
-//! lavapipe ends the loops of a thread after 65,535 turns in all, and a splat may cover more tiles. More a turn than that needs is work
-//! for nothing: a processor stores and loads lane by lane, also for lanes that have no tile left.
+//! lavapipe ends the loops of a thread after 65,535 turns in all, and a splat may cover more tiles. More a turn than
+//! that needs is work for nothing: a processor stores and loads lane by lane, also for lanes that have no tile left.
 
 use crate::vk::Constant;
 

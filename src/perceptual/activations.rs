@@ -8,8 +8,8 @@ use super::trunk::Trunk;
 use crate::pass::{crop, pool};
 use crate::vk::{self, Buffer, BufferSlice, Memory, Pipeline};
 
-/// Buffers of one window size. Images lie one after the other, pixels with their channels together, and behind the last image there is
-/// a pixel of zeros, for convolutions that reach outside.
+/// Buffers of one window size. Images lie one after the other, pixels with their channels together, and behind the last
+/// image there is a pixel of zeros, for convolutions that reach outside.
 pub(super) struct Activations {
     /// Width and height of each tensor.
     pub(super) sizes: Vec<(u32, u32)>,

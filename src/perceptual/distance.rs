@@ -25,7 +25,8 @@ impl Distance {
         Self::new(gpu, weights.network()?)
     }
 
-    /// Oriented band-pass filters of two scales in place of a learned network: for where there are no weights. At most 1.
+    /// Oriented band-pass filters of two scales in place of a learned network: for where there are no weights.
+    /// At most 1.
     pub fn filter_bank(gpu: &Gpu) -> Result<Self, Error> {
         Self::new(gpu, filter_bank::network())
     }

@@ -1,8 +1,8 @@
 //! A distance without learned weights: oriented band-pass filters of two scales in place of a trunk.
 //!
-//! Each scale has four orientations with an even and an odd filter (Gabor functions on luma without a constant part). The eight
-//! answers of a pixel are compared as LPIPS compares features, with a length added before they are normalised that keeps noise in flat
-//! places from counting.
+//! Each scale has four orientations with an even and an odd filter (Gabor functions on luma without a constant part).
+//! The eight answers of a pixel are compared as LPIPS compares features, with a length added before they are normalised
+//! that keeps noise in flat places from counting.
 
 use std::f64::consts::PI;
 

@@ -54,8 +54,8 @@ pub const PUBLIC_FILES: [PublicFile; 2] = [
 ];
 
 impl LpipsWeights {
-    /// Reads the weights of a folder, by the usual names of their files; or the trunk of a file, with the linear layers in the same file or
-    /// beside it.
+    /// Reads the weights of a folder, by the usual names of their files; or the trunk of a file, with the linear layers
+    /// in the same file or beside it.
     pub fn find(path: &Path) -> Result<Self, Error> {
         if !path.is_file() {
             let trunk = named(path, &TRUNK, "SqueezeNet 1.1")?;

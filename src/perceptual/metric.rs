@@ -18,7 +18,8 @@ impl Metric {
         Self { gpu: gpu.clone(), distance, room: None }
     }
 
-    /// Distance of a picture (RGB8) from a reference of its size (RGBA8, masked where alpha is 0). Waits for the device.
+    /// Distance of a picture (RGB8) from a reference of its size (RGBA8, masked where alpha is 0).
+    /// Waits for the device.
     pub fn distance(&mut self, rgb: &[u8], reference: &[u8], width: u32, height: u32) -> Result<f32, Error> {
         let pixels = width as usize * height as usize;
         for (found, expected) in [(rgb.len(), 3 * pixels), (reference.len(), 4 * pixels)] {

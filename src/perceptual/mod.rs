@@ -1,5 +1,5 @@
-//! How different two pictures look: LPIPS on SqueezeNet 1.1, and a bank of filters where there are no weights, as Vulkan passes with
-//! their gradients.
+//! How different two pictures look: LPIPS on SqueezeNet 1.1, and a bank of filters where there are no weights, as
+//! Vulkan passes with their gradients.
 //!
 //! ```no_run
 //! use psrgs_vk::perceptual::{Distance, GradientOf, LpipsWeights, Metric, Pair};

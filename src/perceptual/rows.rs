@@ -80,8 +80,9 @@ impl Rows {
         }
     }
 
-    /// The gradient with respect to an image that is read with stride 2 and no padding, in blocks of 2x2 pixels: four channels for each
-    /// pixel of a block. What lies `2 d` pixels before a pixel of the block at an even offset has tap `d` of every second one.
+    /// The gradient with respect to an image that is read with stride 2 and no padding, in blocks of 2x2 pixels: four
+    /// channels for each pixel of a block. What lies `2 d` pixels before a pixel of the block at an even offset has tap
+    /// `d` of every second one.
     pub(super) fn image_gradient(&mut self, convolution: &Convolution) -> Placed {
         let f = &convolution.filters;
         let size = f.size.div_ceil(2);

@@ -1,5 +1,5 @@
-//! SqueezeNet 1.1 (Iandola et al. 2016) as torchvision has it, up to its last fire module, and the layers of LPIPS v0.1 on it (Zhang
-//! et al. 2018).
+//! SqueezeNet 1.1 (Iandola et al. 2016) as torchvision has it, up to its last fire module, and the layers of LPIPS v0.1
+//! on it (Zhang et al. 2018).
 
 use std::path::Path;
 
@@ -50,8 +50,8 @@ pub struct LpipsWeights {
 }
 
 impl LpipsWeights {
-    /// From the arrays of the trunk and of the linear layers, by torchvision's and LPIPS' names; all are checked. One file may hold
-    /// both.
+    /// From the arrays of the trunk and of the linear layers, by torchvision's and LPIPS' names; all are checked. One
+    /// file may hold both.
     pub fn new(trunk: Tensors, linear: Tensors) -> Result<Self, Error> {
         let weights = Self { trunk, linear };
         weights.network()?;

@@ -4,11 +4,11 @@ use super::planes::Planes;
 use crate::pass::counters;
 use crate::vk::Buffer;
 
-/// The planes of a model in training, with the buffer in which the device counts its splats. A handle: cloning it copies nothing,
-/// and it keeps the planes alive.
+/// The planes of a model in training, with the buffer in which the device counts its splats. A handle: cloning it
+/// copies nothing, and it keeps the planes alive.
 ///
-/// Between any two submits to the engine's queue it is a whole model. When training makes room for more splats it goes on in new
-/// planes, and a handle taken before stays with the last model of the old ones, whose memory it holds.
+/// Between any two submits to the engine's queue it is a whole model. When training makes room for more splats it goes
+/// on in new planes, and a handle taken before stays with the last model of the old ones, whose memory it holds.
 #[derive(Clone)]
 pub struct LiveModel {
     planes: Planes,

@@ -32,7 +32,8 @@ fn block(gpu: &Gpu) -> (&'static str, u32) {
     ("BLOCK", gpu.caps().subgroup.width().clamp(8, 256))
 }
 
-/// The emission of pairs: by subgroups where these are wide enough that a splat of many tiles would keep many threads waiting.
+/// The emission of pairs: by subgroups where these are wide enough that a splat of many tiles would keep many threads
+/// waiting.
 pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
     let caps = gpu.caps();
     let wide = matches!(caps.subgroup, Subgroup::Hardware(WIDE..));

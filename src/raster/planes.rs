@@ -47,8 +47,9 @@ pub const UPPER: usize = 5;
 
 /// Eight buffers with the rows of [`PLANES`]. Cloning gives another handle to the same memory.
 ///
-/// The planes of the harmonics above degree 1 may have fewer rows than the others ([`Self::limited`]): splats from some row on have
-/// none, which passes know by [`crate::pass::counters::PLAIN`]. Where such planes have rows beyond those splats, they hold zeros.
+/// The planes of the harmonics above degree 1 may have fewer rows than the others ([`Self::limited`]): splats from some
+/// row on have none, which passes know by [`crate::pass::counters::PLAIN`].
+/// Where such planes have rows beyond those splats, they hold zeros.
 #[derive(Clone)]
 pub struct Planes {
     capacity: u32,
@@ -75,8 +76,8 @@ impl Planes {
         Self::allocated(gpu, prefix, capacity, sh, 1.0)
     }
 
-    /// The same with harmonics above degree 1 for this share of the splats, rounded up. They are to be set to zero before anything
-    /// reads them: [`Self::clear_upper`].
+    /// The same with harmonics above degree 1 for this share of the splats, rounded up. They are to be set to zero
+    /// before anything reads them: [`Self::clear_upper`].
     pub fn limited(gpu: &Gpu, prefix: &str, capacity: u32, share: f64) -> Result<Self, vk::Error> {
         Self::allocated(gpu, prefix, capacity, ShStorage::Full, share)
     }
@@ -96,7 +97,8 @@ impl Planes {
         self.capacity
     }
 
-    /// Splats that fit with harmonics above degree 1: as many as fit at all, unless these planes are [limited](Self::limited).
+    /// Splats that fit with harmonics above degree 1: as many as fit at all,
+    /// unless these planes are [limited](Self::limited).
     pub fn full_rows(&self) -> u32 {
         rows_at(UPPER, self.capacity, self.share)
     }
@@ -121,8 +123,9 @@ impl Planes {
         &self.buffers
     }
 
-    /// Every plane with its layout. Units and orders are those of `docs/CONVENTIONS.md`: positions in scene coordinates, rotations
-    /// (w, x, y, z) of any length, logarithms of scales, logits of opacities, coefficients with colour fastest.
+    /// Every plane with its layout. Units and orders are those of `docs/CONVENTIONS.md`: positions in scene
+    /// coordinates, rotations (w, x, y, z) of any length, logarithms of scales, logits of opacities,
+    /// coefficients with colour fastest.
     pub fn layout(&self) -> [Plane<'_>; 8] {
         std::array::from_fn(|k| {
             let bits = if k < SH0 { 32 } else { self.sh.bits() };
@@ -130,8 +133,8 @@ impl Planes {
         })
     }
 
-    /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held twice. Waits.
-    /// After an error every plane holds what it held, some with more room.
+    /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held
+    /// twice. Waits. After an error every plane holds what it held, some with more room.
     pub fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
         let capacity = capacity.max(self.capacity);
         for (k, buffer) in self.buffers.iter_mut().enumerate() {

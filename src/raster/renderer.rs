@@ -23,8 +23,8 @@ use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
 
-/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because their
-/// first ones are planned with them.
+/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because
+/// their first ones are planned with them.
 mod entry {
     /// One thread per splat, 64 in a workgroup.
     pub(super) const SPLATS: u32 = 0;
@@ -242,8 +242,8 @@ impl Renderer {
         self.record_forward_of(recorder, model, shot, target, aux, None)
     }
 
-    /// Renders `model` into `target`, and raises `weights` (a float for each splat) to the largest weight, alpha times transmittance, that
-    /// a splat has in any pixel.
+    /// Renders `model` into `target`, and raises `weights` (a float for each splat) to the largest weight, alpha times
+    /// transmittance, that a splat has in any pixel.
     pub fn record_weights(
         &self,
         recorder: &mut Recorder,
@@ -261,8 +261,8 @@ impl Renderer {
             .and_then(|lists| self.record_blend(recorder, &blend, &lists, shot, target, weights))
     }
 
-    /// The same of the constrained set alone, where the model's identities are given: of those below the bound that stands in
-    /// [`counters::CONSTRAINED`].
+    /// The same of the constrained set alone, where the model's identities are given: of those below the bound that
+    /// stands in [`counters::CONSTRAINED`].
     pub fn record_forward_of(
         &self,
         recorder: &mut Recorder,
@@ -354,8 +354,8 @@ impl Renderer {
         u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side))
     }
 
-    /// Two buffers of at least 48 bytes per splat and [`LEAST_2D`] bytes: the projected splats and their gradients. Between two
-    /// steps nobody reads them.
+    /// Two buffers of at least 48 bytes per splat and [`LEAST_2D`] bytes: the projected splats and their gradients.
+    /// Between two steps nobody reads them.
     pub fn idle(&self) -> [&Buffer; 2] {
         [&self.splat2d, &self.early]
     }

@@ -62,8 +62,8 @@ pub enum Summand {
     NonZero,
 }
 
-/// Most words that one workgroup sums by itself: about as many as are faster so than by three dispatches, each of which a processor
-/// pays with the time of some ten thousand words.
+/// Most words that one workgroup sums by itself: about as many as are faster so than by three dispatches, each of which
+/// a processor pays with the time of some ten thousand words.
 pub(crate) fn most_at_once(caps: &Caps) -> u64 {
     match caps.kind {
         DeviceKind::Cpu if in_runs(caps) => 1 << 18,

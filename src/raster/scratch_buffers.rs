@@ -15,8 +15,8 @@ use crate::vk::{Buffer, Gpu, Memory, Part, Result};
 /// | two tables of the depth sort | the depth sort | its end |
 /// | two tables of the tile sort, over all the above | after `emit` | the end of the tile sort |
 ///
-/// In training the buffer is that of the projected splats' gradients: nothing is written there before the lists are complete, and
-/// these are not looked at after.
+/// In training the buffer is that of the projected splats' gradients: nothing is written there before the lists are
+/// complete, and these are not looked at after.
 pub(super) struct Layout {
     pub(super) keys: [Range<u64>; 2],
     pub(super) vals: [Range<u64>; 2],

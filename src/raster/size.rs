@@ -8,14 +8,15 @@ pub fn most_splats(gpu: &Gpu) -> u32 {
     most(gpu, LARGEST_ROW)
 }
 
-/// Most pairs that fit the buffers of the device: slots are rows of 12 floats per pair, all else is no more than a word.
+/// Most pairs that fit the buffers of the device: slots are rows of 12 floats per pair,
+/// all else is no more than a word.
 pub fn most_pairs(gpu: &Gpu, variants: Variants) -> u32 {
     let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
     most(gpu, row)
 }
 
-/// Rows of `bytes` bytes in the largest buffer that a kernel can use. Words are indexed with 32 bits, of which SPIR-V lets a
-/// driver take the highest as a sign.
+/// Rows of `bytes` bytes in the largest buffer that a kernel can use. Words are indexed with 32 bits, of which SPIR-V
+/// lets a driver take the highest as a sign.
 fn most(gpu: &Gpu, bytes: u64) -> u32 {
     let words = (gpu.caps().largest_buffer() / 4).min(i32::MAX as u64);
     (words / (bytes / 4)) as u32
@@ -37,12 +38,13 @@ pub struct Size {
     pub pairs: u32,
     /// Tiles of the largest image.
     pub tiles: u32,
-    /// Whether depth and normals can be rendered and, with a backward, have gradients. That takes 16 bytes more per splat, with the
-    /// backward 32, and with sums in slots 16 per pair.
+    /// Whether depth and normals can be rendered and, with a backward, have gradients. That takes 16 bytes more per
+    /// splat, with the backward 32, and with sums in slots 16 per pair.
     pub aux: bool,
     /// Whether there is a backward.
     pub train: bool,
-    /// Whether the splats on the image are listed in the order of their index, for optimiser steps of them alone: a word more per splat.
+    /// Whether the splats on the image are listed in the order of their index, for optimiser steps of them alone:
+    /// a word more per splat.
     pub listed: bool,
     /// Whether evaluated and blended pixel-splats are counted (slower; for benchmarks).
     pub count: bool,

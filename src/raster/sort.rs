@@ -13,7 +13,8 @@ use crate::vk::{
 /// How the passes split their work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear, and where there is little of it.
+    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear,
+    /// and where there is little of it.
     Runs,
     /// A workgroup owns a block of keys: for GPUs.
     Groups,
@@ -73,8 +74,8 @@ impl Shape {
         }
     }
 
-    /// The digits of a sort by the lowest `bits` bits: as few as the shape allows, all of the same width but for the bits that
-    /// the last one leaves out.
+    /// The digits of a sort by the lowest `bits` bits: as few as the shape allows, all of the same width but for the
+    /// bits that the last one leaves out.
     pub fn digits(self, bits: u32) -> Digits {
         let bits = bits.min(32);
         let passes = bits.div_ceil(pass::MOST_BITS);
@@ -89,7 +90,8 @@ impl Shape {
         most.div_ceil(u64::from(self.block())).max(1) * u64::from(rows) + u64::from(sums)
     }
 
-    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes, the prefix sums of the table.
+    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes,
+    /// the prefix sums of the table.
     pub fn entries(self, bits: u32) -> [Entry; 2] {
         let rows = self.digits(bits).rows();
         let table = match self {
@@ -199,8 +201,8 @@ impl SortPasses {
         }
     }
 
-    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result. Values that are given
-    /// apart take the place of `vals[0]` and stay as they are.
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
+    /// Values that are given apart take the place of `vals[0]` and stay as they are.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder,

@@ -19,7 +19,8 @@ const LOCAL_SIZE: u32 = 64;
 /// Entries of `args` that [`TileLists`] uses, from the first one given on.
 pub const ENTRIES: u32 = 13;
 
-/// The first of these entries: they depend on the number of splats and are planned by the caller, whose own entries may too.
+/// The first of these entries: they depend on the number of splats and are planned by the caller,
+/// whose own entries may too.
 pub const SPLAT_ENTRIES: [Entry; 3] = [scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1)];
 
 // Offsets into those entries.
@@ -64,7 +65,8 @@ pub struct TileLists {
     tile_sort: RadixSort,
     keys: [Part; 2],
     vals: [Part; 2],
-    /// The visible splats in the order of their index, where somebody asks for them after: the optimiser, or the sums of slots.
+    /// The visible splats in the order of their index, where somebody asks for them after: the optimiser,
+    /// or the sums of slots.
     listed: Option<Part>,
     /// Whether the optimiser does.
     optimised: bool,
@@ -113,7 +115,8 @@ pub struct Lists<'a> {
     pub slot_sums: Groups<'a>,
 }
 
-/// The slots of pairs: a splat's are consecutive, in the order of the splats. With splats in Morton order those of a tile lie near one another.
+/// The slots of pairs: a splat's are consecutive, in the order of the splats.
+/// With splats in Morton order those of a tile lie near one another.
 #[derive(Clone, Copy)]
 pub struct Slots<'a> {
     /// Visible splats in the order of their index (the first `counters.visible`).
@@ -140,8 +143,8 @@ impl TileLists {
         TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, false)
     }
 
-    /// The same in memory that is the lists' until they are complete, see [`Layout`]. `listed`: the visible splats are kept in the order of
-    /// their index.
+    /// The same in memory that is the lists' until they are complete, see [`Layout`]. `listed`: the visible splats are
+    /// kept in the order of their index.
     pub(super) fn within(
         gpu: &Gpu,
         capacities: Capacities,
@@ -199,14 +202,15 @@ impl TileLists {
         }
     }
 
-    /// Sorts by so many of the highest bits of a depth, at most all 31, which is what happens without: splats whose depths
-    /// agree in these are drawn in the order of their index.
+    /// Sorts by so many of the highest bits of a depth, at most all 31, which is what happens without: splats whose
+    /// depths agree in these are drawn in the order of their index.
     pub fn sort_depths_by(&mut self, bits: u32) {
         self.depth_bits = bits.clamp(1, DEPTH_BITS);
     }
 
-    /// The visible splats of the frame that was recorded last in the order of their index (the first `counters.visible`), where they are
-    /// kept for the optimiser, and workgroups of 64 threads for one each; none when the pairs do not fit.
+    /// The visible splats of the frame that was recorded last in the order of their index (the first
+    /// `counters.visible`), where they are kept for the optimiser, and workgroups of 64 threads for one each;
+    /// none when the pairs do not fit.
     pub(super) fn listed<'a>(&'a self, args: &'a Buffer, first_entry: u32) -> Option<(BufferSlice<'a>, Groups<'a>)> {
         let groups = Groups::Indirect(args, Entry::offset(first_entry + VISIBLE_ITEMS));
         self.listed.as_ref().filter(|_| self.optimised).map(|part| (part.slice(), groups))
@@ -218,8 +222,8 @@ impl TileLists {
     }
 
     /// Records the passes for an image of `grid`, with at most as many tiles as were allocated for.
-    /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit, `status`
-    /// gets its bit and nothing is emitted.
+    /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit,
+    /// `status` gets its bit and nothing is emitted.
     pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
         let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries, alpha_cutoff } = inputs;
         let [splat2d, tile_counts, count_words]: [BufferSlice<'_>; 3] = [splat2d, tile_counts, counts].map(Into::into);

@@ -82,8 +82,9 @@ impl Variants {
         found
     }
 
-    /// Whether the device can run this variant: slots always, other sums of column tiles with subgroups of 8 only, float atomics
-    /// where there are some and subgroup operations too; and what takes no more shared memory than there is.
+    /// Whether the device can run this variant: slots always, other sums of column tiles with subgroups of 8 only,
+    /// float atomics where there are some and subgroup operations too;
+    /// and what takes no more shared memory than there is.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
         let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
@@ -98,7 +99,8 @@ impl Variants {
         there && self.fits(gpu)
     }
 
-    /// Whether a workgroup has as much shared memory as this form takes; also where the form is not there for other reasons.
+    /// Whether a workgroup has as much shared memory as this form takes;
+    /// also where the form is not there for other reasons.
     pub(crate) fn fits(self, gpu: &Gpu) -> bool {
         let limits = &gpu.caps().limits;
         pass_select::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits, &[]))

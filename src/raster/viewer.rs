@@ -118,10 +118,10 @@ impl Viewer {
         self.ready(width * height).map(|_| ())
     }
 
-    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more, between
-    /// semaphores of its own, or in a command buffer of its own ([`Recorder::record_into`]). Once it has been submitted to the
-    /// device's queue, [`Self::collect`] gives the picture; [`Self::fits`] tells without waiting whether it is whole in
-    /// [`Self::target`].
+    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more,
+    /// between semaphores of its own, or in a command buffer of its own ([`Recorder::record_into`]). Once it has been
+    /// submitted to the device's queue, [`Self::collect`] gives the picture; [`Self::fits`] tells without waiting
+    /// whether it is whole in [`Self::target`].
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -144,7 +144,8 @@ impl Viewer {
         self.record_drawn(recorder, Drawn::Live(model), shot, aux)
     }
 
-    /// Records a picture as [`Self::record`] does and submits it between points of a host's timelines. Waits for nothing.
+    /// Records a picture as [`Self::record`] does and submits it between points of a host's timelines.
+    /// Waits for nothing.
     pub fn submit(
         &mut self,
         model: &Planes,
@@ -171,8 +172,8 @@ impl Viewer {
         recorder.submit_with(order)
     }
 
-    /// Raises `weights` (a float for each splat, as many as `splats`) to the largest weight, alpha times transmittance, that a splat has in
-    /// any pixel of a picture. Waits.
+    /// Raises `weights` (a float for each splat, as many as `splats`) to the largest weight, alpha times transmittance,
+    /// that a splat has in any pixel of a picture. Waits.
     pub fn weigh(&mut self, model: &Planes, splats: u32, shot: &Shot, weights: &Buffer) -> Result<(), vk::Error> {
         let (width, height) = (shot.camera.width, shot.camera.height);
         loop {
@@ -223,8 +224,9 @@ impl Viewer {
         Ok(())
     }
 
-    /// Whether the picture that was recorded last is whole in [`Self::target`], once `by` has finished: its ticket, or what a host
-    /// says of its own command buffer. `None` before. After `false` there is room, and it has to be recorded again. Never waits.
+    /// Whether the picture that was recorded last is whole in [`Self::target`], once `by` has finished: its ticket, or
+    /// what a host says of its own command buffer. `None` before. After `false` there is room,
+    /// and it has to be recorded again. Never waits.
     pub fn fits(&mut self, by: impl Into<Done>) -> Result<Option<bool>, vk::Error> {
         let Some(landing) = &self.landing else { return Ok(None) };
         let words: Option<Vec<u32>> = self.gpu.read_ready(landing, 0, counters::COUNT, by)?;
@@ -243,8 +245,8 @@ impl Viewer {
         full
     }
 
-    /// The picture that was recorded last and has been submitted since; waits for it. `None` when there was no room for its
-    /// (splat, tile) pairs (or nothing was recorded): there is room now, and it has to be recorded again.
+    /// The picture that was recorded last and has been submitted since; waits for it. `None` when there was no room for
+    /// its (splat, tile) pairs (or nothing was recorded): there is room now, and it has to be recorded again.
     pub fn collect(&mut self) -> Result<Option<Picture>, vk::Error> {
         let (Some((width, height, aux)), Some((renderer, _))) = (self.recorded.take(), &self.renderer) else {
             return Ok(None);

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::{Error, Gate, Plane, Saliency, Settings};
 
-/// Keeps the last map and mask of each image. In memory only: they follow from image, gate, sigma and seed, so a resumed run makes
-/// them again, to the same bits, in the time of a few steps.
+/// Keeps the last map and mask of each image. In memory only: they follow from image, gate, sigma and seed, so a
+/// resumed run makes them again, to the same bits, in the time of a few steps.
 pub struct Cache {
     gate: Gate,
     seed: u64,
@@ -39,7 +39,8 @@ impl Cache {
         self.entries.iter().map(|entry| &entry.image)
     }
 
-    /// Map and mask of an image, and their version: a number that grows when they change, so that copies elsewhere know their age.
+    /// Map and mask of an image, and their version: a number that grows when they change,
+    /// so that copies elsewhere know their age.
     pub fn get(&self, index: usize, sigma: f64) -> Result<(Arc<Saliency>, u64), Error> {
         let images = self.entries.len();
         let entry = self.entries.get(index).ok_or(Error::NoImage { index, images })?;

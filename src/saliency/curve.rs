@@ -43,7 +43,8 @@ impl Curve {
         self.points.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// The loss at a sigma: between two points by a straight line over the logarithm of sigma, outside that of the nearest point.
+    /// The loss at a sigma: between two points by a straight line over the logarithm of sigma,
+    /// outside that of the nearest point.
     pub fn loss(&self, sigma: f64) -> Option<f64> {
         let after = self.points.partition_point(|p| p.0 < sigma);
         let (Some(a), Some(b)) = (after.checked_sub(1).map(|i| self.points[i]), self.points.get(after)) else {
@@ -86,8 +87,8 @@ pub enum Agreement {
     },
 }
 
-/// Judges trained sigma (above 0) of one image by its loss over sigma: `within` is how far they may be apart, `flat` the
-/// [`Curve::rise`] up to which a loss is flat. None without values or without a curve.
+/// Judges trained sigma (above 0) of one image by its loss over sigma: `within` is how far they may be apart, `flat`
+/// the [`Curve::rise`] up to which a loss is flat. None without values or without a curve.
 pub fn agreement(curve: &Curve, trained: &[f64], within: f64, flat: f64) -> Option<Agreement> {
     let lowest = trained.iter().copied().min_by(f64::total_cmp)?;
     let highest = trained.iter().copied().max_by(f64::total_cmp)?;

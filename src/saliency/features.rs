@@ -9,9 +9,9 @@ const MOST: f64 = 4.0;
 /// Below this deviation over the images, a value tells them apart by rounding only.
 const SAME: f64 = 1e-9;
 
-/// Means of the logarithm of an image's amplitudes over rings of frequencies, relative to the mean amplitude. Rings are of equal
-/// width in the logarithm of the frequency, from one cycle per shorter side to half a cycle per pixel. A ring without a
-/// frequency has its neighbour's value; an image of one colour has zeros.
+/// Means of the logarithm of an image's amplitudes over rings of frequencies, relative to the mean amplitude. Rings are
+/// of equal width in the logarithm of the frequency, from one cycle per shorter side to half a cycle per pixel. A ring
+/// without a frequency has its neighbour's value; an image of one colour has zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Features(pub [f64; RINGS]);
 

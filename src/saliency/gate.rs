@@ -36,8 +36,8 @@ impl Gate {
     /// All gates.
     pub const ALL: [Self; 5] = [Self::Spectral, Self::Phase, Self::Gradient, Self::Random, Self::Off];
 
-    /// Map and mask of an image (luma), at its size. `sigma` is that of [`Spectrum::map`] and matters to `Spectral` alone, `seed` to
-    /// `Random`.
+    /// Map and mask of an image (luma), at its size. `sigma` is that of [`Spectrum::map`] and matters to `Spectral`
+    /// alone, `seed` to `Random`.
     pub fn mask(self, image: &Plane, sigma: f64, seed: u64, settings: &Settings) -> Result<Saliency, Error> {
         settings.check()?;
         Settings::check_sigma(sigma)?;

@@ -34,10 +34,11 @@ pub struct LearnSettings {
     pub error_blur: f64,
     /// Price of a mask over all of an image, in units of colour.
     pub price: f64,
-    /// Widths at which an update from errors looks at the loss beside its own, so that a hill between it and a better one does not hold it up; 0 for
-    /// none: then it goes downhill from where it is.
+    /// Widths at which an update from errors looks at the loss beside its own, so that a hill between it and a better
+    /// one does not hold it up; 0 for none: then it goes downhill from where it is.
     pub outlook: usize,
-    /// Steps after an update from errors that recall what the outlooks of all images have found, each image's last one; 0 for none.
+    /// Steps after an update from errors that recall what the outlooks of all images have found,
+    /// each image's last one; 0 for none.
     pub recall: usize,
     /// Seed of the network.
     pub seed: u64,
@@ -104,7 +105,8 @@ pub struct Update {
     pub sigma: f64,
     /// Level before it.
     pub level: f64,
-    /// Derivative of the loss with respect to sigma; where that leads away from a better one, the slope of the straight line to it.
+    /// Derivative of the loss with respect to sigma; where that leads away from a better one,
+    /// the slope of the straight line to it.
     pub by_sigma: f64,
 }
 
@@ -119,7 +121,8 @@ pub struct Renders<'a> {
     pub photograph: &'a [f32],
 }
 
-/// The network with its optimiser. Its state goes into checkpoints through serde; equal updates give equal bits, restored or not.
+/// The network with its optimiser. Its state goes into checkpoints through serde;
+/// equal updates give equal bits, restored or not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "State", into = "State")]
 pub struct SigmaLearner {
@@ -158,8 +161,8 @@ impl SigmaLearner {
         &self.settings
     }
 
-    /// One update of one image: its mask is to tell where the model has its largest errors. None, and nothing is learned, where
-    /// there is nothing to tell: an image of one colour, or errors that are the same everywhere.
+    /// One update of one image: its mask is to tell where the model has its largest errors. None, and nothing is
+    /// learned, where there is nothing to tell: an image of one colour, or errors that are the same everywhere.
     pub fn learn_from_errors(&mut self, spectrum: &Spectrum, errors: &Plane) -> Result<Option<Update>, Error> {
         let size = spectrum.size();
         let blur = self.settings.error_blur * f64::from(size.0.min(size.1)) / 256.0;
@@ -188,8 +191,8 @@ impl SigmaLearner {
         Ok(Some(update))
     }
 
-    /// One update of one image: the mask is to be where the splats that only the full render has are worth their price. None for an
-    /// image of one colour.
+    /// One update of one image: the mask is to be where the splats that only the full render has are worth their price.
+    /// None for an image of one colour.
     pub fn learn_from_composite(
         &mut self,
         spectrum: &Spectrum,
@@ -222,8 +225,8 @@ impl SigmaLearner {
         self.settings.prior * (sigma / self.settings.typical).ln().powi(2)
     }
 
-    /// The output that gives the best width of an outlook, by a parabola through it and its neighbours in the logarithm; and by how much the
-    /// loss changes over the outlook. `None` for an outlook of fewer than three widths.
+    /// The output that gives the best width of an outlook, by a parabola through it and its neighbours in the
+    /// logarithm; and by how much the loss changes over the outlook. `None` for an outlook of fewer than three widths.
     fn goal(&self, outlook: &[(f64, f64)]) -> Option<(f64, f64)> {
         let losses: Vec<f64> = outlook.iter().map(|(sigma, loss)| loss + self.prior(*sigma)).collect();
         if losses.len() < 3 || !losses.iter().all(|loss| loss.is_finite()) {
@@ -247,8 +250,8 @@ impl SigmaLearner {
         Some(((share / (1.0 - share)).ln(), most - least))
     }
 
-    /// The loss with the prior, and where sigma is to go by it: downhill; but straight to the best width elsewhere, over the hill, where
-    /// downhill leads away from it.
+    /// The loss with the prior, and where sigma is to go by it: downhill; but straight to the best width elsewhere,
+    /// over the hill, where downhill leads away from it.
     fn slope(&self, sigma: f64, [loss, by_sigma]: [f64; 2], elsewhere: &[(f64, f64)]) -> [f64; 2] {
         let s = &self.settings;
         let with_prior = |sigma: f64, loss: f64| loss + self.prior(sigma);

@@ -15,8 +15,9 @@ pub struct Target {
 }
 
 impl Target {
-    /// Of an error map of any size (absolute differences of a render from its photograph): 1 for the `share` of the pixels with the
-    /// largest errors after a blur of `blur` pixels, 0 elsewhere. None where no pixel has a larger error than the others.
+    /// Of an error map of any size (absolute differences of a render from its photograph): 1 for the `share` of the
+    /// pixels with the largest errors after a blur of `blur` pixels, 0 elsewhere.
+    /// None where no pixel has a larger error than the others.
     pub fn of_errors(errors: &Plane, size: (u32, u32), blur: f64, share: f64) -> Option<Self> {
         let errors = errors.resized(size.0, size.1);
         let size = (errors.width(), errors.height());
@@ -53,9 +54,10 @@ pub fn cross_entropy(logits: &[f64], target: &[f64]) -> Result<(f64, Vec<f64>), 
     Ok((loss, logits.iter().zip(target).map(|(x, t)| (logistic(*x) - t) / n).collect()))
 }
 
-/// Mean absolute difference of a photograph and the composite `(1 - M) low + M full` of two renders (red, green, blue per pixel,
-/// at the size of the mask), plus `price` times the mean of the mask; and the derivatives by logit. Where the splats that only
-/// `full` has are not worth the price, the mask goes down. Differences are rounded off: sqrt(d^2 + r^2) - r with r = 0.001.
+/// Mean absolute difference of a photograph and the composite `(1 - M) low + M full` of two renders (red, green, blue
+/// per pixel, at the size of the mask), plus `price` times the mean of the mask; and the derivatives by logit. Where
+/// the splats that only `full` has are not worth the price, the mask goes down. Differences are rounded off:
+/// sqrt(d^2 + r^2) - r with r = 0.001.
 pub fn composite(
     logits: &[f64],
     low: &[f32],

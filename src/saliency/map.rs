@@ -40,8 +40,8 @@ impl Map {
         self.size
     }
 
-    /// The soft mask, its level moved by `level` (in units of the map's natural logarithm, from the one that gives the mask the
-    /// share of the settings).
+    /// The soft mask, its level moved by `level` (in units of the map's natural logarithm, from the one that gives the
+    /// mask the share of the settings).
     pub fn mask(&self, level: f64) -> SoftMask {
         mask::of(self.size, &self.values, &self.slopes, level, &self.settings)
     }

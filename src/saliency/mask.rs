@@ -9,11 +9,12 @@ const LOWEST: f64 = 0.1;
 /// Steps of the search of a level: bisection alone would reach rounding with that many.
 const STEPS: usize = 80;
 
-/// How much of each pixel counts as texture: the logistic function of how far the logarithm of its map is above a level, over
-/// the softness.
+/// How much of each pixel counts as texture: the logistic function of how far the logarithm of its map is above a
+/// level, over the softness.
 ///
-/// The level is the soft quantile of the map: the one that gives the mask the share of the settings for its mean. So it follows
-/// the map as sigma changes, its own derivative is known, and no mask can win a loss by covering all or nothing.
+/// The level is the soft quantile of the map: the one that gives the mask the share of the settings for its mean. So it
+/// follows the map as sigma changes, its own derivative is known, and no mask can win a loss by covering all or
+/// nothing.
 #[derive(Clone, Debug)]
 pub struct SoftMask {
     size: (u32, u32),

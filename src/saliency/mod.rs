@@ -1,5 +1,5 @@
-//! Which parts of a photograph are texture: spectral residual saliency (Hou and Zhang, CVPR 2007), a soft mask from it, and a
-//! small network that learns the width of its filter. On the host alone, in double precision, reproducible.
+//! Which parts of a photograph are texture: spectral residual saliency (Hou and Zhang, CVPR 2007), a soft mask from it,
+//! and a small network that learns the width of its filter. On the host alone, in double precision, reproducible.
 //!
 //! ```
 //! use psrgs_vk::dataset::Pixels;
@@ -15,8 +15,9 @@
 //! # }
 //! ```
 //!
-//! A [`Spectrum`] is what an image's maps have in common; [`Spectrum::map`] costs two transforms and gives the map together with
-//! its derivative with respect to sigma, [`Map::mask`] the soft mask with its own. [`SigmaLearner`] chooses sigma by image.
+//! A [`Spectrum`] is what an image's maps have in common; [`Spectrum::map`] costs two transforms and gives the map
+//! together with its derivative with respect to sigma, [`Map::mask`] the soft mask with its own.
+//! [`SigmaLearner`] chooses sigma by image.
 
 mod adam;
 mod blur;

@@ -22,7 +22,8 @@ pub struct Network {
 }
 
 impl Network {
-    /// Random hidden weights (Glorot and Bengio 2010); outputs are these two for whatever comes in, until something is learned.
+    /// Random hidden weights (Glorot and Bengio 2010); outputs are these two for whatever comes in,
+    /// until something is learned.
     pub fn new(outputs: [f64; OUTPUTS], seed: u64) -> Self {
         let mut random = Random::new(seed);
         let bound = (6.0 / (RINGS + HIDDEN) as f64).sqrt();

@@ -29,8 +29,8 @@ impl Plane {
         Self { width, height, values: values.map(|v| v as f32).collect() }
     }
 
-    /// Luma from 0 to 1 by the weights of BT.709, of the values as they are encoded. Pixels that are left out (alpha 0) get the
-    /// mean of the others, so that what is missing is no detail.
+    /// Luma from 0 to 1 by the weights of BT.709, of the values as they are encoded. Pixels that are left out (alpha 0)
+    /// get the mean of the others, so that what is missing is no detail.
     pub fn luma(width: u32, height: u32, pixels: &Pixels) -> Result<Self, Error> {
         Error::check("the photograph", pixels.len(), width as usize * height as usize)?;
         let luma = |[r, g, b, a]: [f64; 4]| (a > 0.0).then_some((0.2126 * r + 0.7152 * g + 0.0722 * b) as f32);
@@ -55,7 +55,8 @@ impl Plane {
         &self.values
     }
 
-    /// At another size: means where it becomes smaller, linear interpolation where it becomes larger. No side of 0: it becomes 1.
+    /// At another size: means where it becomes smaller, linear interpolation where it becomes larger. No side of 0:
+    /// it becomes 1.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         if (width, height) == (self.width, self.height) {

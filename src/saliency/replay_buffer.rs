@@ -1,5 +1,6 @@
-//! What the outlooks of earlier updates have found, of each image once. An image comes by every so many hundred steps, and the others move the
-//! network in between: steps that recall all of them hold it to what it was taught, so that few updates of many images are enough.
+//! What the outlooks of earlier updates have found, of each image once. An image comes by every so many hundred steps,
+//! and the others move the network in between: steps that recall all of them hold it to what it was taught, so that few
+//! updates of many images are enough.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +42,8 @@ impl Recall {
         }
     }
 
-    /// Steps towards the goals of all images, by the mean of the squared distances, in which an image counts as much as its loss changes.
+    /// Steps towards the goals of all images, by the mean of the squared distances,
+    /// in which an image counts as much as its loss changes.
     pub(super) fn teach(&mut self, network: &mut Network, steps: usize, rate: f64) {
         let total: f64 = self.found.iter().map(|f| f.weight).sum();
         if total <= 0.0 {

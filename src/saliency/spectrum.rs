@@ -14,11 +14,12 @@ const FLAT: f64 = 1e-6;
 
 /// What all maps of an image have in common.
 ///
-/// The spectral residual is the logarithm of the amplitudes minus its average over neighbouring frequencies (Hou and Zhang 2007).
-/// The average is by a Gaussian of standard deviation sigma here, over a spectrum that repeats, as that of a sampled image does.
-/// In the transform of the spectrum (its cepstrum) that is a product with exp(-2 pi^2 s^2 d^2), d being the distance in pixels and
-/// s = sigma/256 cycles per pixel: exact for every sigma, 0 included, and smooth in it. So sigma counts bins of an image of 256
-/// pixels, whatever the size of the image, and the same number of cycles per pixel along both axes.
+/// The spectral residual is the logarithm of the amplitudes minus its average over neighbouring frequencies (Hou and
+/// Zhang 2007). The average is by a Gaussian of standard deviation sigma here, over a spectrum that repeats, as that of
+/// a sampled image does. In the transform of the spectrum (its cepstrum) that is a product with exp(-2 pi^2 s^2 d^2), d
+/// being the distance in pixels and s = sigma/256 cycles per pixel: exact for every sigma, 0 included, and smooth in
+/// it. So sigma counts bins of an image of 256 pixels, whatever the size of the image,
+/// and the same number of cycles per pixel along both axes.
 pub struct Spectrum {
     image: (usize, usize),
     padded: (usize, usize),
@@ -111,8 +112,8 @@ impl Spectrum {
         &self.settings
     }
 
-    /// The saliency map for a filter of `sigma` bins of 256, with its derivative. With 0 nothing is left of the amplitudes: the map
-    /// is that of the phase alone. An image of one colour has a map of zeros.
+    /// The saliency map for a filter of `sigma` bins of 256, with its derivative. With 0 nothing is left of the
+    /// amplitudes: the map is that of the phase alone. An image of one colour has a map of zeros.
     pub fn map(&self, sigma: f64) -> Result<Map, Error> {
         Settings::check_sigma(sigma)?;
         let pixels = self.image.0 * self.image.1;

@@ -1,7 +1,7 @@
 //! A pinhole camera.
 
-/// A pinhole camera in the COLMAP frame: x right, y down, z forward. Pixel (i, j) covers [i, i+1) x [j, j+1), its centre is
-/// at (i + 0.5, j + 0.5); a point (x, y, z) of the camera frame projects to (fx x / z + cx, fy y / z + cy).
+/// A pinhole camera in the COLMAP frame: x right, y down, z forward. Pixel (i, j) covers [i, i+1) x [j, j+1), its
+/// centre is at (i + 0.5, j + 0.5); a point (x, y, z) of the camera frame projects to (fx x / z + cx, fy y / z + cy).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Rotation from the scene to the camera frame, row-major.

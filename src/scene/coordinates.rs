@@ -24,7 +24,8 @@ pub enum Coordinates {
         /// Where all three are zero.
         origin: Geodetic,
     },
-    /// Easting, northing and height in a map's grid, less an offset. North is the grid's, not the true one, and lengths are the grid's.
+    /// Easting, northing and height in a map's grid, less an offset. North is the grid's, not the true one,
+    /// and lengths are the grid's.
     Grid {
         /// The reference system as the dataset names it, such as `WGS84 UTM 17N`.
         crs: String,

@@ -2,8 +2,8 @@
 
 use super::{Camera, Gaussians};
 
-/// Scene coordinates are `(dataset - offset) * scale`. Offset and scale are kept in f64 because geo-referenced coordinates
-/// (UTM: 5e5, 4.6e6) do not fit f32; the scene itself is small and centred.
+/// Scene coordinates are `(dataset - offset) * scale`. Offset and scale are kept in f64 because geo-referenced
+/// coordinates (UTM: 5e5, 4.6e6) do not fit f32; the scene itself is small and centred.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Frame {
     /// Dataset coordinates of the scene's origin.
@@ -19,8 +19,8 @@ impl Frame {
     /// Scene and dataset coordinates are the same.
     pub const IDENTITY: Self = Self { offset: [0.0; 3], scale: 1.0 };
 
-    /// What to subtract from coordinates in files of f32: nothing, or the offset where the largest coordinate of the scene
-    /// exceeds 100 extents, as geo-referenced ones do (at 4.6e6 f32 has steps of half a metre).
+    /// What to subtract from coordinates in files of f32: nothing, or the offset where the largest coordinate of the
+    /// scene exceeds 100 extents, as geo-referenced ones do (at 4.6e6 f32 has steps of half a metre).
     pub fn shift(&self) -> [f64; 3] {
         let extent = Self::EXTENT / self.scale;
         let largest = self.offset.iter().fold(0.0, |m: f64, v| m.max(v.abs())) + extent;

@@ -11,9 +11,9 @@ use super::{Frame, Gaussians, SH_GROUP_FLOATS};
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Opacity of every first Gaussian.
 pub const FIRST_OPACITY: f64 = 0.1;
-/// Smallest mean squared distance to neighbours, in squared scene units: the value of the 3DGS reference, which knows no
-/// scene units and applies it to the dataset's. Ours are the same as its own for the scenes it was made for (their extents
-/// are about 5), and independent of the dataset's units. It only matters for points that coincide.
+/// Smallest mean squared distance to neighbours, in squared scene units: the value of the 3DGS reference, which knows
+/// no scene units and applies it to the dataset's. Ours are the same as its own for the scenes it was made for (their
+/// extents are about 5), and independent of the dataset's units. It only matters for points that coincide.
 pub const MIN_SQUARED_DISTANCE: f64 = 1e-7;
 /// Standard deviation of a point without neighbours, in scene units: a hundredth of the extent.
 pub const LONELY_SCALE: f64 = Frame::EXTENT / 100.0;
@@ -34,9 +34,9 @@ pub enum InitError {
     TooManyPoints(usize),
 }
 
-/// One isotropic Gaussian per point, `points` being (position in dataset coordinates, 8-bit colour): the constant spherical
-/// harmonic shows the colour, the opacity is 0.1, and the standard deviation is the root of the mean of the squared distances
-/// to the three nearest other points (3DGS reference), or to as many as there are.
+/// One isotropic Gaussian per point, `points` being (position in dataset coordinates, 8-bit colour): the constant
+/// spherical harmonic shows the colour, the opacity is 0.1, and the standard deviation is the root of the mean of the
+/// squared distances to the three nearest other points (3DGS reference), or to as many as there are.
 pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaussians, InitError> {
     if points.is_empty() {
         return Err(InitError::NoPoints);
@@ -67,8 +67,8 @@ pub fn paint(gaussians: &mut Gaussians, colours: &[[u8; 3]]) {
     }
 }
 
-/// Lays the Gaussians from `first` on flat on surfaces with these unit normals, in scene axes and of either sign, one for each: their
-/// third axis is along the normal, where their standard deviation is `thickness` times what it was.
+/// Lays the Gaussians from `first` on flat on surfaces with these unit normals, in scene axes and of either sign, one
+/// for each: their third axis is along the normal, where their standard deviation is `thickness` times what it was.
 pub fn lay_flat(gaussians: &mut Gaussians, first: usize, normals: &[[f32; 3]], thickness: f64) {
     let quats = gaussians.quats.chunks_exact_mut(4).skip(first);
     let scales = gaussians.scales.chunks_exact_mut(3).skip(first);
@@ -97,8 +97,8 @@ fn log_scales(positions: &[[f64; 3]]) -> Vec<f64> {
     let tree = ImmutableKdTree::<f64, 3>::new_from_slice(positions);
     let wanted = NonZero::new(NEIGHBOURS + 1).unwrap_or(NonZero::<usize>::MIN);
     let one = |(i, position): (usize, &[f64; 3])| {
-        // The point itself is among the nearest unless more than three others coincide with it, and then the first three
-        // found are as good as any.
+        // The point itself is among the nearest unless more than three others coincide with it, and then the first
+        // three found are as good as any.
         let squared: Vec<f64> = tree
             .nearest_n::<SquaredEuclidean>(position, wanted)
             .iter()

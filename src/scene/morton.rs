@@ -6,8 +6,8 @@ use super::{Gaussians, SH_GROUP_FLOATS};
 const BITS: u32 = 21;
 
 impl Gaussians {
-    /// The splats by the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties and means that are not
-    /// finite (which come last) keep their order.
+    /// The splats by the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties and
+    /// means that are not finite (which come last) keep their order.
     pub fn morton_order(&self) -> Vec<u32> {
         let mut order: Vec<(u64, u32)> = codes(&self.means).into_iter().zip(0..).collect();
         order.sort_unstable();

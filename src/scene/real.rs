@@ -8,7 +8,8 @@ pub trait Real:
     fn of(x: f64) -> Self;
     /// Widened.
     fn f64(self) -> f64;
-    /// Of a number of a buffer. As f32 it keeps its bits, which need not be those of a number: on the way through an f64 some would change.
+    /// Of a number of a buffer. As f32 it keeps its bits, which need not be those of a number:
+    /// on the way through an f64 some would change.
     fn of_single(x: f32) -> Self;
     /// As a number of a buffer, likewise.
     fn single(self) -> f32;

@@ -19,9 +19,9 @@ pub(super) struct ShRotation {
 }
 
 impl ShRotation {
-    /// The basis functions are orthonormal, so entry (k, j) is the integral over the sphere of Y_k(d) Y_j(R^T d). The integrand
-    /// is a polynomial of degree 6 at most, which a product of the two rules above integrates exactly: no recursion, and no
-    /// signs or orders other than those of the one definition of the basis.
+    /// The basis functions are orthonormal, so entry (k, j) is the integral over the sphere of Y_k(d) Y_j(R^T d). The
+    /// integrand is a polynomial of degree 6 at most, which a product of the two rules above integrates exactly: no
+    /// recursion, and no signs or orders other than those of the one definition of the basis.
     pub(super) fn new(rotation: &[[f64; 3]; 3]) -> Self {
         let mut matrix = [[0.0; 16]; 16];
         for (z, weight) in LEGENDRE {

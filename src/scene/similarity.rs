@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::sh_rotation::ShRotation;
 use super::{Frame, Gaussians, SH_GROUP_FLOATS};
 
-/// Relative deviation from a scaled rotation up to which a matrix is taken for one: files hold f32, and products of several.
+/// Relative deviation from a scaled rotation up to which a matrix is taken for one: files hold f32,
+/// and products of several.
 const TOLERANCE: f64 = 1e-4;
 
 /// A rotation, a positive scale and a translation, applied in this order: `y = scale (rotation x) + translation`.
@@ -38,7 +39,8 @@ impl Similarity {
     pub const IDENTITY: Self =
         Self { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], scale: 1.0, translation: [0.0; 3] };
 
-    /// From the rows of a 3x4 matrix whose linear part is a rotation times a scale. The rotation is made orthonormal to f64.
+    /// From the rows of a 3x4 matrix whose linear part is a rotation times a scale.
+    /// The rotation is made orthonormal to f64.
     pub fn from_rows(rows: &[[f64; 4]; 3]) -> Result<Self, NoSimilarity> {
         if !rows.iter().flatten().all(|v| v.is_finite()) {
             return Err(NoSimilarity::Degenerate);
@@ -103,8 +105,8 @@ impl Similarity {
         2.0 * (x * x + y * y + z * z).sqrt().atan2(w.abs()).to_degrees()
     }
 
-    /// Splats given in the source, in the target: centres are mapped, standard deviations scaled, rotations and spherical
-    /// harmonics turned. Colours seen from a camera that is mapped too are those seen before.
+    /// Splats given in the source, in the target: centres are mapped, standard deviations scaled, rotations and
+    /// spherical harmonics turned. Colours seen from a camera that is mapped too are those seen before.
     pub fn gaussians(&self, gaussians: &Gaussians) -> Gaussians {
         let mut out = gaussians.clone();
         out.means.par_chunks_exact_mut(3).for_each(|p| {

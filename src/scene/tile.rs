@@ -1,7 +1,7 @@
 //! Twin of `glsl/include/tile.glsl`: which tiles hold a pixel centre where a splat is not skipped.
 //!
-//! The same operations in the same order, so that with `f32` the lists are those of a device with IEEE division and root.
-//! The margins and their reasons are described in the shader.
+//! The same operations in the same order, so that with `f32` the lists are those of a device with IEEE division and
+//! root. The margins and their reasons are described in the shader.
 
 use super::Real;
 use std::ops::Range;
@@ -168,7 +168,8 @@ pub fn count<T: Real>(mean: [T; 2], conic: [T; 3], opacity: T, grid: &TileGrid) 
     e.rows.clone().map(|y| row(&e, y, grid).len() as u32).sum()
 }
 
-/// The tiles a splat touches, as numbers `row * columns + column` in row-major order: the order in which `emit` writes them.
+/// The tiles a splat touches, as numbers `row * columns + column` in row-major order:
+/// the order in which `emit` writes them.
 pub fn list<T: Real>(mean: [T; 2], conic: [T; 3], opacity: T, grid: &TileGrid) -> Vec<u32> {
     let e = ellipse(mean, conic, opacity, grid);
     let columns = grid.counts()[0];

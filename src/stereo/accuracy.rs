@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::homography::Homography;
 use super::{Prior, View};
 
-/// Relative difference of depths between pixels of one surface, and of a point's depth from that of the surface which a view sees there.
+/// Relative difference of depths between pixels of one surface, and of a point's depth from that of the surface which a
+/// view sees there.
 const SAME_SURFACE: f64 = 0.02;
 /// Angle in degrees that true normals around a pixel may have to it where it is counted as lying on a plane.
 const ON_A_PLANE: f64 = 1.0;
@@ -36,8 +37,8 @@ pub struct Accuracy {
 }
 
 impl Known {
-    /// Depth at a pixel of a picture of another size: between the nearest pixels of the truth where these are of one surface, else that
-    /// of the nearest.
+    /// Depth at a pixel of a picture of another size: between the nearest pixels of the truth where these are of one
+    /// surface, else that of the nearest.
     fn at(&self, x: u32, y: u32, width: u32, height: u32) -> f64 {
         let place = |v: u32, to: u32, from: u32| (f64::from(v) + 0.5) * f64::from(from) / f64::from(to);
         let (u, v) = (place(x, width, self.width), place(y, height, self.height));

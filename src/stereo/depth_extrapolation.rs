@@ -21,9 +21,9 @@ struct Block {
     known: f64,
 }
 
-/// Inverse depths all over the image plane of a view, from those of its pixels that are known. They are linear in the picture where a
-/// surface is a plane in space; so they are those of a plane through all known pixels, and of what these differ from it a mean that goes by
-/// nearness.
+/// Inverse depths all over the image plane of a view, from those of its pixels that are known. They are linear in the
+/// picture where a surface is a plane in space; so they are those of a plane through all known pixels, and of what
+/// these differ from it a mean that goes by nearness.
 pub(super) struct Continued<'a> {
     view: &'a View,
     /// Inverse depth at (u, v) is its product with (u, v, 1).
@@ -80,8 +80,8 @@ impl<'a> Continued<'a> {
         Some(Self { view, plane, blocks, range: [least / BEYOND, most * BEYOND] })
     }
 
-    /// Inverse depth at a place in the picture or beside it, and by how much, as a share of it, what it is continued from varies about the
-    /// plane.
+    /// Inverse depth at a place in the picture or beside it, and by how much, as a share of it, what it is continued
+    /// from varies about the plane.
     pub(super) fn inverse_depth(&self, u: f64, v: f64) -> (f64, f64) {
         let squared = |b: &Block| (b.place[0] - u).powi(2) + (b.place[1] - v).powi(2);
         let nearest = self.blocks.iter().map(squared).fold(f64::INFINITY, f64::min);

@@ -66,7 +66,8 @@ impl<'a> DeviceState<'a> {
         Ok(work)
     }
 
-    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept, which spreads to the rest.
+    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept,
+    /// which spreads to the rest.
     pub(super) fn matched(&self, number: usize, round: u32) -> Result<Ticket, Error> {
         let (view, planes, settings) = (&self.views[number], &self.planes[number], &self.matcher.settings);
         let sources = checks_of(view);

@@ -9,8 +9,8 @@ use super::homography::Homography;
 use super::{FusedPoint, Prior, View};
 use crate::scene::Camera;
 
-/// Surfaces are continued where what they are continued from varies by at most this share of the depth: a depth that is wrong by a
-/// hundredth moves a place by some pixels in the views that look there from elsewhere.
+/// Surfaces are continued where what they are continued from varies by at most this share of the depth: a depth that is
+/// wrong by a hundredth moves a place by some pixels in the views that look there from elsewhere.
 pub(super) const ROUGHEST: f64 = 0.01;
 
 /// A pixel that few views look at.
@@ -21,9 +21,10 @@ struct Alone {
     shared: Vec<(usize, usize)>,
 }
 
-/// Points for the pixels of which stereo knows nothing and that at most `most` views look at, their own included: there nothing can be
-/// compared, or hardly. They lie on the view's own surfaces, continued by a plane through all of them and by what the nearest differ from
-/// it, where these vary little: a plain can be continued, a town cannot. Places that views share are used once.
+/// Points for the pixels of which stereo knows nothing and that at most `most` views look at, their own included: there
+/// nothing can be compared, or hardly. They lie on the view's own surfaces, continued by a plane through all of them
+/// and by what the nearest differ from it, where these vary little: a plain can be continued, a town cannot. Places
+/// that views share are used once.
 pub fn extend(views: &[View], priors: &[Prior], most: usize) -> Vec<FusedPoint> {
     let found: Vec<Vec<Alone>> = (0..views.len()).into_par_iter().map(|i| alone(views, priors, i, most)).collect();
     let mut used: Vec<Vec<bool>> = views.iter().map(|view| vec![false; view.pixels()]).collect();
@@ -63,7 +64,8 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()
 }
 
-/// How the pixels of a view lead to those of all others, of those first that stand nearest: they are the likeliest to look at the same.
+/// How the pixels of a view lead to those of all others, of those first that stand nearest:
+/// they are the likeliest to look at the same.
 pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Homography)> {
     let centre = |view: &View| DVec3::from_array(view.camera.center());
     let own = centre(&views[i]);

@@ -29,8 +29,8 @@ struct Lifted {
     color: [f64; 3],
 }
 
-/// Makes one point of pixels of different views that show the same place: by the rules that views agree by, and by their normals. Each
-/// pixel is used once.
+/// Makes one point of pixels of different views that show the same place: by the rules that views agree by, and by
+/// their normals. Each pixel is used once.
 pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedPoint> {
     let mut used: Vec<Vec<bool>> = priors.iter().map(|prior| vec![false; prior.depth.len()]).collect();
     let mut points = Vec::new();

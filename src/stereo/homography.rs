@@ -5,8 +5,8 @@ use glam::{DMat3, DVec3};
 use crate::pass::stereo::LINK_ROWS;
 use crate::scene::Camera;
 
-/// From a pixel (u, v) at inverse depth d of one camera to homogeneous pixels of another: A (u, v, 1) + b d. The third of them, divided
-/// by d, is the depth in the other.
+/// From a pixel (u, v) at inverse depth d of one camera to homogeneous pixels of another: A (u, v, 1) + b d. The third
+/// of them, divided by d, is the depth in the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Homography {
     pub(super) a: DMat3,

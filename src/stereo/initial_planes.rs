@@ -24,7 +24,8 @@ pub enum InitialPlanes {
     /// Random planes in the range of depths.
     #[default]
     Random,
-    /// For each pixel inverse depth and its change per pixel to the right and down; random where the inverse depth is not positive.
+    /// For each pixel inverse depth and its change per pixel to the right and down;
+    /// random where the inverse depth is not positive.
     Hypotheses(Vec<[f32; 3]>),
 }
 
@@ -59,8 +60,8 @@ impl InitialPlanes {
         Self::Hypotheses(rows)
     }
 
-    /// A depth along the camera's axis and a normal in the camera frame (towards the camera) for each pixel, as a renderer has them.
-    /// Pixels without a positive depth begin at random.
+    /// A depth along the camera's axis and a normal in the camera frame (towards the camera) for each pixel, as a
+    /// renderer has them. Pixels without a positive depth begin at random.
     pub fn from_maps(camera: &Camera, depth: &[f32], normals: &[[f32; 3]]) -> Self {
         let one = |(pixel, (z, n)): (usize, (&f32, &[f32; 3]))| {
             let pixel = pixel as u32;
@@ -81,8 +82,8 @@ impl InitialPlanes {
     }
 }
 
-/// The plane through points (place and depth, squared distance) that fits their inverse depths best, at a place: weighted by nearness,
-/// with a preference for planes that are parallel to the picture's.
+/// The plane through points (place and depth, squared distance) that fits their inverse depths best, at a place:
+/// weighted by nearness, with a preference for planes that are parallel to the picture's.
 fn plane(at: [f64; 2], points: &[([f64; 3], f64)]) -> [f64; 3] {
     let spread = points.iter().map(|(_, squared)| squared).sum::<f64>() / points.len().max(1) as f64 + 1.0;
     let weighted = points.iter().map(|([u, v, z], squared)| {

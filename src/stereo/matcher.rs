@@ -39,8 +39,8 @@ impl Matcher {
         })
     }
 
-    /// Depth, normals and confidence of every view, at the sizes of the views' cameras; nothing is known of views without sources.
-    /// `done` hears how much is done, from 0 to 1. Equal inputs give equal bits on one device.
+    /// Depth, normals and confidence of every view, at the sizes of the views' cameras; nothing is known of views
+    /// without sources. `done` hears how much is done, from 0 to 1. Equal inputs give equal bits on one device.
     pub fn run(&self, views: &[View], mut done: impl FnMut(f64)) -> Result<Vec<Prior>, Error> {
         for (number, view) in views.iter().enumerate() {
             view.check(number, views.len())?;

@@ -70,8 +70,8 @@ pub(super) fn normal(camera: &Camera, [u, v]: [f64; 2], hypothesis: [f32; 3]) ->
     (-p).normalize_or_zero().as_vec3().to_array()
 }
 
-/// The hypothesis of a surface at a depth with a normal in the camera frame, at a place in the picture; `None` where the surface is seen
-/// from behind or edge-on.
+/// The hypothesis of a surface at a depth with a normal in the camera frame, at a place in the picture; `None` where
+/// the surface is seen from behind or edge-on.
 pub(super) fn hypothesis(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f64; 3]) -> Option<[f32; 3]> {
     let ray = DVec3::new((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
     let n = DVec3::from_array(normal);

@@ -11,9 +11,11 @@ use crate::scene::Camera;
 
 /// Points drawn where nothing was reconstructed, of which the dataset's rule makes more.
 const DRAWN: usize = 4000;
-/// A view with fewer observed points than this begins at random; where it shares no more with others, its observations count as missing.
+/// A view with fewer observed points than this begins at random; where it shares no more with others,
+/// its observations count as missing.
 const FEW_POINTS: usize = 8;
-/// Bytes that reducing a photograph takes per pixel of it: its pixels, a channel of them, and the rows of it that are reduced.
+/// Bytes that reducing a photograph takes per pixel of it: its pixels, a channel of them,
+/// and the rows of it that are reduced.
 const REDUCING: u64 = 16;
 
 /// A view of which no depth is known.
@@ -80,7 +82,8 @@ pub struct Pending<'a> {
 }
 
 impl Scene {
-    /// The training photographs of a dataset, decoded by `photograph` in turns, as `share` has room for them. No other is read.
+    /// The training photographs of a dataset, decoded by `photograph` in turns, as `share` has room for them.
+    /// No other is read.
     pub fn of(
         dataset: &Dataset,
         settings: &Settings,
@@ -103,9 +106,9 @@ impl Scene {
         Ok(Self::new(&pending, &seen, settings, share, pixels)?)
     }
 
-    /// Photographs, of which `pixels` decodes one by its number, and what they see. They are decoded in turns, as `share` has room for
-    /// them, and only what is matched of each stays. Pixels without alpha are not matched. Sources, depths and first hypotheses come
-    /// from the points.
+    /// Photographs, of which `pixels` decodes one by its number, and what they see. They are decoded in turns, as
+    /// `share` has room for them, and only what is matched of each stays. Pixels without alpha are not matched.
+    /// Sources, depths and first hypotheses come from the points.
     pub fn new(
         pending: &[Pending<'_>],
         seen: &Observations,
@@ -143,9 +146,11 @@ impl Scene {
 }
 
 impl Observations {
-    /// The points of a dataset in scene coordinates, with the positions in `chosen` of the views (positions in the dataset) that see
-    /// them. Where the dataset does not say which do, all are taken for it that have the point in their picture, and likewise single views
-    /// of which it says next to nothing ([`Observations::assumed`]); where it has no points of use, random ones stand in for them, which are good for choosing sources and depths but not to begin with.
+    /// The points of a dataset in scene coordinates, with the positions in `chosen` of the views (positions in the
+    /// dataset) that see them. Where the dataset does not say which do, all are taken for it that have the point in
+    /// their picture, and likewise single views of which it says next to nothing ([`Observations::assumed`]); where it
+    /// has no points of use, random ones stand in for them, which are good for choosing sources and depths but not to
+    /// begin with.
     pub fn of(dataset: &Dataset, chosen: &[usize], seed: u64) -> Self {
         let mut place = vec![None; dataset.views.len()];
         for (k, &view) in chosen.iter().enumerate() {
@@ -191,8 +196,8 @@ impl Observations {
         Self { points, views, drawn: !real, assumed }
     }
 
-    /// For each view the places in its picture and the depths of the points that it sees, of those that at least `least` views see.
-    /// What is assumed counts only where nothing else is known.
+    /// For each view the places in its picture and the depths of the points that it sees, of those that at least
+    /// `least` views see. What is assumed counts only where nothing else is known.
     pub fn observed_by(&self, views: &[View], least: usize) -> Vec<Vec<[f64; 3]>> {
         let nothing_else = self.assumed.len() == views.len();
         let counts = |k: &u32| nothing_else || self.assumed.binary_search(k).is_err();
@@ -272,7 +277,8 @@ fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
     inside.then_some([u, v, z])
 }
 
-/// Red, green, blue and alpha from 0 to 1, at another size; what is not as many as the pixels counts as black and missing.
+/// Red, green, blue and alpha from 0 to 1, at another size; what is not as many as the pixels counts as black and
+/// missing.
 fn channels(pixels: &Pixels, from: (u32, u32), to: (u32, u32)) -> Vec<[f32; 4]> {
     // A channel at a time: all four of a large photograph would take more than the photograph.
     let plane = |k: usize| -> Vec<f32> {

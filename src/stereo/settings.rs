@@ -3,7 +3,8 @@
 use super::Error;
 use crate::pass::stereo::{ARMS, MOST_CHECKS, MOST_SOURCES};
 
-/// How stereo works. The defaults are for photographs of any kind, at a size where a pass over a scene takes a small part of a training.
+/// How stereo works. The defaults are for photographs of any kind, at a size where a pass over a scene takes a small
+/// part of a training.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
@@ -11,7 +12,8 @@ pub struct Settings {
     pub max_side: u32,
     /// Views that a view is compared with, at most 4.
     pub sources: u32,
-    /// How many of them count at a hypothesis: those that agree best, so that what hides a place from some does no harm.
+    /// How many of them count at a hypothesis: those that agree best,
+    /// so that what hides a place from some does no harm.
     pub best: u32,
     /// Sweeps over all pixels.
     pub iterations: u32,
@@ -35,8 +37,8 @@ pub struct Settings {
     pub sigma_luma: f32,
     /// Largest angle between a surface's normal and the ray, degrees.
     pub most_slanted: f32,
-    /// Least NCC of what is kept. Windows on bare ground correlate little under the noise of a sensor, and it is the views' agreement that
-    /// says whether a depth is right.
+    /// Least NCC of what is kept. Windows on bare ground correlate little under the noise of a sensor, and it is the
+    /// views' agreement that says whether a depth is right.
     pub least_ncc: f32,
     /// Distance in pixels that a point may have after the way to a source and back.
     pub agree_pixels: f32,
@@ -172,8 +174,8 @@ impl Settings {
 /// What stereo may cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Samples of sources over all views, see [`Budget::samples`]. On lavapipe one takes 3 to 4 ns of one processor core, the more the fewer taps
-    /// a window has.
+    /// Samples of sources over all views, see [`Budget::samples`]. On lavapipe one takes 3 to 4 ns of one processor
+    /// core, the more the fewer taps a window has.
     pub samples: f64,
 }
 
@@ -184,8 +186,8 @@ impl Budget {
         views as f64 * f64::from(width) * f64::from(height) * settings.samples_per_pixel(settings.sources) as f64
     }
 
-    /// The settings made cheaper until they fit, or as cheap as they get: first the picture down to `least_side`, then sweeps down to
-    /// 1, then sources down to 2, then no further rounds, then the picture again.
+    /// The settings made cheaper until they fit, or as cheap as they get: first the picture down to `least_side`, then
+    /// sweeps down to 1, then sources down to 2, then no further rounds, then the picture again.
     pub fn fitting(self, settings: &Settings, least_side: u32, views: usize, width: u32, height: u32) -> Settings {
         let mut out = settings.clone();
         let over = |s: &Settings| Self::samples(s, views, width, height) > self.samples;

@@ -8,7 +8,8 @@ use super::extrapolate::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 
-/// Pixels of the views, as stereo has them, between points beside a picture, where a photograph from elsewhere is likely to look.
+/// Pixels of the views, as stereo has them, between points beside a picture,
+/// where a photograph from elsewhere is likely to look.
 const NEAR_STEP: f64 = 8.0;
 /// How far beside it that is, in pixels.
 const NEAR: f64 = 24.0;
@@ -16,8 +17,9 @@ const NEAR: f64 = 24.0;
 const FAR_STEP: f64 = 16.0;
 /// Surfaces that vary by more than this share of their distance say nothing of what is beside them.
 const ROUGHEST: f64 = 0.1;
-/// Where depths of less than this share of the pixels are known, those that are say little of what is beside the pictures: on bare floors and
-/// before far walls, surfaces continued from a few things in the middle come to stand in the air.
+/// Where depths of less than this share of the pixels are known, those that are say little of what is beside the
+/// pictures: on bare floors and before far walls, surfaces continued from a few things in the middle come to stand in
+/// the air.
 const LEAST_KNOWN: f64 = 0.5;
 /// Points that are nearer to each other than this share of the distance between neighbours are one.
 const SAME_PLACE: f64 = 0.7;
@@ -31,9 +33,10 @@ pub struct SkirtPoint {
     pub spacing: f64,
 }
 
-/// Points on the views' surfaces, continued past the edges of the pictures by up to `share` of their longer sides, where no view looks and these
-/// surfaces vary little: far apart, in the colours of the nearest edge. No photograph says what is there; but something is, and without them nothing is shown.
-/// None where depths of less than half of the pixels that are to be matched are known.
+/// Points on the views' surfaces, continued past the edges of the pictures by up to `share` of their longer sides,
+/// where no view looks and these surfaces vary little: far apart, in the colours of the nearest edge. No photograph
+/// says what is there; but something is, and without them nothing is shown. None where depths of less than half of the
+/// pixels that are to be matched are known.
 pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     if known_share(views, priors) < LEAST_KNOWN {
         return Vec::new();
@@ -105,7 +108,8 @@ fn nodes(side: f64, step: f64, beyond: f64) -> impl Iterator<Item = f64> + Clone
     (0..(2.0 * out + inside) as usize).map(move |k| (k as f64 - out + 0.5) * step)
 }
 
-/// The mean colour about the pixel that is nearest to a place beside the picture, over a square that is the wider the farther that is.
+/// The mean colour about the pixel that is nearest to a place beside the picture,
+/// over a square that is the wider the farther that is.
 fn edge_colour(view: &View, u: f64, v: f64) -> [u8; 3] {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let nearest = |at: f64, side: usize| at.clamp(0.0, side.saturating_sub(1) as f64) as usize;

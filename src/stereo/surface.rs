@@ -15,9 +15,10 @@ const MOST_POINTS: usize = 4096;
 /// Depths that differ by more than this share are of different surfaces.
 const SAME_SURFACE: f64 = 0.1;
 
-/// The area of the surfaces of which depths are known, in units of a photograph, of which pixels that are not to be matched are no part: a place
-/// that n views have in their pictures counts 1 / n in each of these. A view has it there unless it knows another depth of that pixel; views of
-/// which nothing is known are left out, as are those whose prior is not of their size.
+/// The area of the surfaces of which depths are known, in units of a photograph, of which pixels that are not to be
+/// matched are no part: a place that n views have in their pictures counts 1 / n in each of these. A view has it there
+/// unless it knows another depth of that pixel; views of which nothing is known are left out,
+/// as are those whose prior is not of their size.
 pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
     let known: Vec<bool> = views.iter().zip(priors).map(|(view, prior)| is_known(view, prior)).collect();
     let of = |i: usize| if known[i] { share(views, priors, &known, i) } else { 0.0 };
@@ -59,8 +60,8 @@ fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     seen / f64::from(all.max(1))
 }
 
-/// About what [`surface`] will say, from points on the surfaces, before any depth is known: a point that n pictures have in them counts 1 / n in
-/// each, as a share of the points that are in it. What hides points is not known yet.
+/// About what [`surface`] will say, from points on the surfaces, before any depth is known: a point that n pictures
+/// have in them counts 1 / n in each, as a share of the points that are in it. What hides points is not known yet.
 pub fn surface_of_points(cameras: &[Camera], points: &[[f64; 3]]) -> f64 {
     let taken: Vec<[f64; 3]> = points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1)).copied().collect();
     let inside: Vec<Vec<bool>> = cameras.par_iter().map(|c| taken.iter().map(|p| has(c, *p)).collect()).collect();

@@ -12,8 +12,8 @@ pub struct View {
     pub luma: Vec<f32>,
     /// Colours of the pixels, for the fused cloud; may be empty.
     pub colours: Vec<[u8; 3]>,
-    /// Positions of the views that it is checked against, the best first, at most eight; windows are compared with the first of them
-    /// ([`super::Settings::sources`]). None: it is left out.
+    /// Positions of the views that it is checked against, the best first, at most eight; windows are compared with the
+    /// first of them ([`super::Settings::sources`]). None: it is left out.
     pub sources: Vec<usize>,
     /// Nearest and farthest depth that is possible.
     pub depths: [f64; 2],

@@ -6,7 +6,8 @@ use crate::scene::Camera;
 
 /// Angles at a point between two views, in degrees: from the first to the second a pair is worth most.
 const BEST_ANGLES: [f64; 2] = [5.0, 30.0];
-/// A pair of views is of no use where three quarters of its angles are below this many degrees (COLMAP's and ACMM's rule).
+/// A pair of views is of no use where three quarters of its angles are below this many degrees (COLMAP's and ACMM's
+/// rule).
 const LEAST_ANGLE: f64 = 1.0;
 /// Pairs of views are compared by about this many observations.
 const COMPARED: usize = 1_000_000;
@@ -26,7 +27,8 @@ pub struct Observations {
     pub views: Vec<Vec<u32>>,
     /// The points were drawn at random: no surface is where they are.
     pub drawn: bool,
-    /// Views whose observations are not known, ascending: they are taken to see what lies in their picture, hidden by something or not.
+    /// Views whose observations are not known, ascending: they are taken to see what lies in their picture,
+    /// hidden by something or not.
     pub assumed: Vec<u32>,
 }
 
@@ -38,8 +40,8 @@ struct Pair {
     shared: Vec<(u32, f64)>,
 }
 
-/// For each camera at most `most` others, the best first: those that see most of its points at good angles, points that two others see
-/// already counting little. None where there is no overlap, or where all see everything from one place.
+/// For each camera at most `most` others, the best first: those that see most of its points at good angles, points that
+/// two others see already counting little. None where there is no overlap, or where all see everything from one place.
 pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> Vec<Vec<usize>> {
     let centers: Vec<[f64; 3]> = cameras.iter().map(Camera::center).collect();
     let pairs_of = |views: &Vec<u32>| views.len() * views.len();

@@ -7,7 +7,8 @@ use crate::pass::counters;
 /// A larger gradient (its square would not fit f32) leaves its element as it is, like one that is not finite.
 pub const LARGEST_GRADIENT: f64 = 4e18;
 
-/// One step on one element: gradient, then parameter, first and second moment in place. `lr` is the element's learning rate.
+/// One step on one element: gradient, then parameter, first and second moment in place.
+/// `lr` is the element's learning rate.
 pub fn adam<R: Real>(push: &Push, lr: R, g: R, (param, first, second): (&mut R, &mut R, &mut R)) {
     let r = |x: f32| R::of(f64::from(x));
     if g.is_nan() || g.abs() > R::of(LARGEST_GRADIENT) {

@@ -53,7 +53,8 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
             let mut transmittance = up.image[pixel][3];
             // Colour and auxiliary values behind the current splat, the background included.
             let (mut color, mut aux) = (blend.background, [R::zero(); 4]);
-            // The gradient of the final transmittance acts like one more channel in which only the background has colour.
+            // The gradient of the final transmittance acts like one more channel in which only the background has
+            // colour.
             let mut see_through = R::one();
             for place in (0..up.last[pixel] as usize).rev() {
                 let splat = blend.sorted[begin + place] as usize;

@@ -26,7 +26,8 @@ pub struct Blend<R> {
     pub sorted: Vec<u32>,
     /// List of each tile in `sorted`.
     pub ranges: Vec<[u32; 2]>,
-    /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`: no blocks.
+    /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`:
+    /// no blocks.
     pub block: Option<[u32; 2]>,
     /// A splat is skipped where its alpha is below this.
     pub alpha_min: f32,
@@ -177,7 +178,8 @@ pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
     Some([width, pixels / width])
 }
 
-/// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK, past the last where there is none.
+/// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK,
+/// past the last where there is none.
 pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, alpha_min: f32) -> Blend<f32> {
     let push: Push = call.push();
     Blend {

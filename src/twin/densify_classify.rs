@@ -33,7 +33,8 @@ pub(super) fn planes(call: &TwinCall<'_>) -> Vec<(Vec<f32>, usize)> {
     [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect()
 }
 
-/// Whether every parameter of a splat is a finite number; rows from `full` on have no more than the first group of harmonics.
+/// Whether every parameter of a splat is a finite number; rows from `full` on have no more than the first group of
+/// harmonics.
 pub(super) fn all_finite(planes: &[(Vec<f32>, usize)], i: usize, full: usize) -> bool {
     let planes = if i < full { planes } else { &planes[..=SH0] };
     planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite()))

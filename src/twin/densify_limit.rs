@@ -7,8 +7,8 @@ use crate::pass::densify_limit::Push;
 /// Keeps this draw apart from those that are keyed by a splat.
 const DRAW_PLACE: u32 = 3;
 
-/// Withdraws growth past `push.max_splats` from `flags` (four segments of `push.stride` words), evenly over the order of birth.
-/// `total` is the sum of the flags.
+/// Withdraws growth past `push.max_splats` from `flags` (four segments of `push.stride` words), evenly over the order
+/// of birth. `total` is the sum of the flags.
 pub fn limit(flags: &mut [u32], splats: usize, total: u32, push: &Push) {
     let stride = push.stride as usize;
     let sum = |kind: usize| flags[kind * stride..(kind + 1) * stride].iter().sum::<u32>();

@@ -1,4 +1,5 @@
-//! Twins of `glsl/densify_births.comp`, `glsl/densify_flags.comp`, `glsl/densify_codes.comp` and `glsl/densify_order.comp`.
+//! Twins of `glsl/densify_births.comp`, `glsl/densify_flags.comp`, `glsl/densify_codes.comp` and
+//! `glsl/densify_order.comp`.
 
 use super::TwinCall;
 use super::densify_classify::KINDS;
@@ -6,8 +7,8 @@ use super::densify_map::{entry, unpack};
 use crate::pass::counters::{SCAN_TOTAL, SPLATS};
 use crate::pass::densify_order::{CodesPush, Push};
 
-/// The cell of a coordinate, 0 to 1023: 128 cells of size 1 / (128 scale) from the origin to 1 / scale on either side, then as many
-/// each of twice, four times and eight times that size.
+/// The cell of a coordinate, 0 to 1023: 128 cells of size 1 / (128 scale) from the origin to 1 / scale on either side,
+/// then as many each of twice, four times and eight times that size.
 pub fn cell(x: f32, scale: f32) -> u32 {
     let size = (x.abs() * scale).min(15.0) + 1.0;
     let q = ((size.to_bits() - 1_f32.to_bits()) >> 16).min(511);

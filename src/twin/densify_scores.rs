@@ -5,8 +5,8 @@ use super::{Real, TwinCall};
 use crate::pass::counters::SPLATS;
 use crate::pass::densify_scores::Push;
 
-/// A splat's scores after one more view, from the values at its centre: its mask value, the absolute gradient of its 2D mean in
-/// pixels, half the image's size, and whether the render is wrong.
+/// A splat's scores after one more view, from the values at its centre: its mask value, the absolute gradient of its 2D
+/// mean in pixels, half the image's size, and whether the render is wrong.
 pub fn add_view<R: Real>(scores: [R; 2], mask: R, gradient: [R; 2], half_size: [R; 2], wrong: bool) -> [R; 2] {
     let (x, y) = (gradient[0] * half_size[0], gradient[1] * half_size[1]);
     [scores[0] + mask * (x * x + y * y).sqrt(), if wrong { scores[1] + R::one() } else { scores[1] }]

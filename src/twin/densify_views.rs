@@ -13,8 +13,9 @@ const LEAST_SPREAD: f64 = 0.1;
 /// Variance in square pixels that the projection adds.
 const DILATION: f64 = 0.3;
 
-/// Whether the 3DGS reference counts a view of a splat: its radius is above zero. The radius is that of a square about the mean, which is
-/// drawn where it touches a tile. `mean`, `quat` (w first) and `log_scale` are those of a splat in the scene.
+/// Whether the 3DGS reference counts a view of a splat: its radius is above zero. The radius is that of a square about
+/// the mean, which is drawn where it touches a tile. `mean`, `quat` (w first) and `log_scale` are those of a splat in
+/// the scene.
 pub fn is_counted<R: Real>(view: &View<R>, mean: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> bool {
     let p = to_camera(view, mean);
     let known = mean.iter().chain(&quat).chain(&log_scale).all(|v| v.is_finite());

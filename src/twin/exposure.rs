@@ -26,7 +26,8 @@ pub fn backward<R: Real>(e: &[R; NUMBERS], c: [R; 3], g: [R; 3], sum: &mut [R; N
     std::array::from_fn(|j| g[j] + (e[j] * g[0] + e[4 + j] * g[1] + e[8 + j] * g[2]))
 }
 
-/// A step of photograph `view` with what its gradient differs in from the mean of the last ones, and the mean deviation anew.
+/// A step of photograph `view` with what its gradient differs in from the mean of the last ones,
+/// and the mean deviation anew.
 pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) {
     let settings = AdamPush {
         beta1: push.beta1,

@@ -3,7 +3,8 @@
 use super::{Real, TwinCall};
 use crate::pass::feature_distance::{FLAG_GATE, FLAG_GRADIENT, Push, SumPush};
 
-/// The distance of two features, and its gradient with respect to the first: sum of w (f / (|f| + eps) - g / (|g| + eps))^2.
+/// The distance of two features, and its gradient with respect to the first:
+/// sum of w (f / (|f| + eps) - g / (|g| + eps))^2.
 pub fn distance<R: Real>(f: &[R], g: &[R], weights: &[R], eps: R) -> (R, Vec<R>) {
     let length = |v: &[R]| v.iter().fold(R::zero(), |sum, &x| sum + x * x).sqrt();
     let (norm, other) = (length(f), length(g));

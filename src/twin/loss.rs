@@ -30,9 +30,9 @@ pub struct ChannelLoss<R> {
     pub grad_ssim: Vec<R>,
 }
 
-/// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding. Where
-/// `counts` is false x is taken to be y, nothing is summed and the gradient is 0. `weights` are those of pixels: they enter
-/// the gradient and the weighted sums.
+/// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding.
+/// Where `counts` is false x is taken to be y, nothing is summed and the gradient is 0. `weights` are those of pixels:
+/// they enter the gradient and the weighted sums.
 pub fn channel<R: Real>(
     x: &[R],
     y: &[R],
@@ -150,7 +150,8 @@ pub fn weighted_loss<R: Real>(
     out
 }
 
-/// Red, green, blue and alpha of a photograph's pixels, packed with 8 bits per channel (red lowest) or 16 (two words per pixel).
+/// Red, green, blue and alpha of a photograph's pixels, packed with 8 bits per channel (red lowest) or 16 (two words
+/// per pixel).
 pub fn codes(target: &[u32], bits: u32) -> Vec<[u32; 4]> {
     match bits {
         16 => target.chunks_exact(2).map(|t| [t[0] & 0xffff, t[0] >> 16, t[1] & 0xffff, t[1] >> 16]).collect(),
@@ -201,8 +202,8 @@ fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
 }
 
-/// `loss_strips`, one channel, x being y where `counts` is false: SSIM's derivatives weighted along columns, and SSIM of each
-/// pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
+/// `loss_strips`, one channel, x being y where `counts` is false: SSIM's derivatives weighted along columns, and SSIM
+/// of each pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
 pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], weights: &[R], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
     let moments = rows(x, y, width);
     let height = x.len() / width;
@@ -260,7 +261,8 @@ pub fn grad<R: Real>(
 /// A channel of the render, and of the photograph.
 type Channel = (Vec<f32>, Vec<f32>);
 
-/// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked; which count.
+/// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked;
+/// which count.
 fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<bool>) {
     let pixels = (push.width * push.height) as usize;
     let (image, target) = (call.get::<[f32; 4]>(0), call.get::<u32>(1));

@@ -1,7 +1,7 @@
 //! CPU twins of the GPU passes: the same file names, the same buffers in the same order, plain loops.
 //!
-//! A twin is a typed function generic over [`Real`] (f64 is the reference, f32 mirrors the shader's arithmetic) and a thin
-//! adapter `run` over raw buffers, so that any pass can be replaced by its twin.
+//! A twin is a typed function generic over [`Real`] (f64 is the reference, f32 mirrors the shader's arithmetic) and a
+//! thin adapter `run` over raw buffers, so that any pass can be replaced by its twin.
 
 pub mod adam;
 pub mod blend_backward;

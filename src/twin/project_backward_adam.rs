@@ -62,7 +62,8 @@ fn within(degree: u32) -> usize {
     11 + 3 * (degree as usize + 1).pow(2)
 }
 
-/// Parameters that a step with these constants touches, but for the opacity, of a splat with all harmonics or with those up to degree 1.
+/// Parameters that a step with these constants touches, but for the opacity,
+/// of a splat with all harmonics or with those up to degree 1.
 pub(super) fn touched(constants: &[u32], full: bool) -> usize {
     within(if full { constants[1] } else { constants[1].min(1) })
 }
@@ -138,7 +139,8 @@ pub const PARTS: u32 = 255;
 const LATEST: f32 = 0.25;
 
 impl Pace {
-    /// Of a splat whose row ends with `row`, where all were caught up with in step `caught_up`; `None` where nothing is to be done.
+    /// Of a splat whose row ends with `row`, where all were caught up with in step `caught_up`;
+    /// `None` where nothing is to be done.
     pub fn new(push: &Push, constants: &[u32], row: f32, caught_up: u32) -> Option<Self> {
         let (now, row, catches_up) = (push.flags >> STEP_SHIFT, row as u32, constants[CATCHES_UP] != 0);
         let [since_last, since_all] = [row, caught_up].map(|step| now.wrapping_sub(step) & 0xffff);

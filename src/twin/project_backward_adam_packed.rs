@@ -13,8 +13,8 @@ pub const V_SHIFT: u32 = 15;
 /// Key of the random bits, beside splat, step and parameter.
 const STREAM: u32 = 0x5eed;
 
-/// Both moments of a parameter in a word: the second's upper bits, rounded up with the probability that `bits` (below 2^15) give,
-/// and the first over its root as a half float.
+/// Both moments of a parameter in a word: the second's upper bits, rounded up with the probability that `bits` (below
+/// 2^15) give, and the first over its root as a half float.
 pub fn pack(first: f32, second: f32, bits: u32) -> u32 {
     let kept = (second.to_bits() + bits) >> V_SHIFT;
     let root = f32::from_bits(kept << V_SHIFT).sqrt();

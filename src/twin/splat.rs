@@ -164,7 +164,8 @@ impl<R: Real> View<R> {
     }
 }
 
-/// The model's planes in buffers `first`.. of a call: means, quats, scales, opacities, sh0 to sh3; the first `n` splats.
+/// The model's planes in buffers `first`.. of a call: means, quats, scales, opacities, sh0 to sh3;
+/// the first `n` splats.
 pub(super) fn model_of(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
     model_with(call, first, n, |plane| call.get(plane))
 }
@@ -200,7 +201,8 @@ fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) ->
 mod tests {
     use super::*;
 
-    /// Where planes hold words, some are no numbers as floats: the bits of a signalling NaN are 0x7f80_0001 to 0x7fbf_ffff.
+    /// Where planes hold words, some are no numbers as floats: the bits of a signalling NaN are 0x7f80_0001 to
+    /// 0x7fbf_ffff.
     #[test]
     fn words_in_the_places_of_floats_keep_their_bits() {
         let word = |at: usize| f32::from_bits([0x7f80_0001, 0x7fbf_ffff, 0xff9a_3c00, 0x7fff_7fff][at % 4]);

@@ -1,8 +1,9 @@
 //! Running on a host's device.
 //!
-//! Nothing is created behind the host's back but objects of its device (buffers, memory where the host gives no allocator,
-//! pipelines, command and descriptor pools, one timeline semaphore), nothing is destroyed that was not created here, and neither
-//! the device nor the queue is ever waited idle. All work goes to the one queue that the host names, inside its lock.
+//! Nothing is created behind the host's back but objects of its device (buffers, memory where the host gives no
+//! allocator, pipelines, command and descriptor pools, one timeline semaphore), nothing is destroyed that was not
+//! created here, and neither the device nor the queue is ever waited idle.
+//! All work goes to the one queue that the host names, inside its lock.
 
 use super::queue_lock::QueueLock;
 use std::ffi::CStr;
@@ -34,11 +35,11 @@ pub struct HostDevice<'a> {
     pub device: vk::Device,
     /// The Vulkan version that the instance and the device were created for; at least 1.3.
     pub api_version: u32,
-    /// Extensions that the host enabled, of the instance and of the device. With `VK_EXT_debug_utils` among them the engine
-    /// names its objects; see [`super::USEFUL_EXTENSIONS`] for those of the device that it can use.
+    /// Extensions that the host enabled, of the instance and of the device. With `VK_EXT_debug_utils` among them the
+    /// engine names its objects; see [`super::USEFUL_EXTENSIONS`] for those of the device that it can use.
     pub extensions: &'a [&'a CStr],
-    /// Features that the host enabled on the device; at least [`super::required_features`]. What is not stated here, or comes
-    /// with an extension that is not stated, is not used.
+    /// Features that the host enabled on the device; at least [`super::required_features`]. What is not stated here, or
+    /// comes with an extension that is not stated, is not used.
     pub features: Features,
     /// The queue to submit to; its family has compute.
     pub queue: vk::Queue,
@@ -78,8 +79,9 @@ unsafe fn loaded(
 }
 
 impl Gpu {
-    /// What the engine would use of a physical device beyond [`super::required_features`], for a host that is about to make its
-    /// device; [`Features::enable`] writes it into the structures for that. A device that lacks what is required is told by name.
+    /// What the engine would use of a physical device beyond [`super::required_features`], for a host that is about to
+    /// make its device; [`Features::enable`] writes it into the structures for that.
+    /// A device that lacks what is required is told by name.
     ///
     /// # Safety
     /// Loader, instance and physical device are valid, and the instance was created for Vulkan 1.1 or later.
@@ -97,12 +99,13 @@ impl Gpu {
         Ok(Usable { features: reported.features.with_extensions(&extensions), extensions })
     }
 
-    /// Runs on a device that a host has created. Of `options`, those about choosing a device and about validation do not apply.
+    /// Runs on a device that a host has created. Of `options`, those about choosing a device and about validation do
+    /// not apply.
     ///
     /// # Safety
-    /// The handles are valid and belong together, the stated extensions and features are enabled, and all of them outlive this
-    /// [`Gpu`], its clones, and every buffer, pipeline, recorder and recording made from them. The host uses the queue only inside
-    /// the lock.
+    /// The handles are valid and belong together, the stated extensions and features are enabled, and all of them
+    /// outlive this [`Gpu`], its clones, and every buffer, pipeline, recorder and recording made from them. The host
+    /// uses the queue only inside the lock.
     pub unsafe fn adopt(host: HostDevice<'_>, options: &OpenOptions) -> Result<Gpu> {
         // SAFETY: the caller's promise: loader, instance and device are valid.
         let (entry, instance) = unsafe { loaded(host.get_instance_proc_addr, host.instance) };

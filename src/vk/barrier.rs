@@ -1,7 +1,7 @@
 //! Barrier inference: from the declared uses of buffers, command by command, to the barriers between them.
 //!
-//! State is kept per byte range of each buffer and outlives a submit: everything runs on one queue, whose submission order
-//! extends the scope of a barrier over all earlier command buffers.
+//! State is kept per byte range of each buffer and outlives a submit: everything runs on one queue, whose submission
+//! order extends the scope of a barrier over all earlier command buffers.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -92,11 +92,13 @@ pub(super) struct Barrier {
     pub(super) dst_stage: S,
     /// Accesses that see the writes.
     pub(super) dst_access: A,
-    /// Number of the last command that it waits for, counted over the life of the tracker: it may stand anywhere behind that one.
+    /// Number of the last command that it waits for, counted over the life of the tracker:
+    /// it may stand anywhere behind that one.
     pub(super) after: u64,
 }
 
-/// What happened last to a range. An access flag belongs to one stage only here, so flags stand for (stage, access) pairs.
+/// What happened last to a range. An access flag belongs to one stage only here, so flags stand for (stage,
+/// access) pairs.
 #[derive(Clone, Debug, PartialEq)]
 struct Segment {
     start: u64,
@@ -259,9 +261,9 @@ impl Barrier {
     }
 }
 
-/// Brings barriers together: where every barrier in front of a command may as well stand in front of an earlier command that has
-/// barriers already, it does, and the command needs none of its own; one that it covers there goes. `first` is the number of the first command, and barriers stand
-/// in front of the command of their index.
+/// Brings barriers together: where every barrier in front of a command may as well stand in front of an earlier command
+/// that has barriers already, it does, and the command needs none of its own; one that it covers there goes. `first` is
+/// the number of the first command, and barriers stand in front of the command of their index.
 pub(super) fn gather(barriers: &mut [Vec<Barrier>], first: u64) {
     for i in 1..barriers.len() {
         let home = |barrier: &Barrier| {

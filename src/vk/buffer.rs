@@ -15,7 +15,8 @@ use super::lock::lock;
 use super::memory::Block;
 use super::placement::Memory;
 
-/// Bytes at whose multiples buffers and bound ranges start, at least: what shaders claim of whatever they reach by address.
+/// Bytes at whose multiples buffers and bound ranges start, at least:
+/// what shaders claim of whatever they reach by address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
 /// What new buffers are filled with where they are: no number as a float or as a half, and far too many as a count.
 pub(super) const GARBAGE: u32 = 0x7fff_7fff;
@@ -62,7 +63,8 @@ pub(super) struct BufferInner {
     pub(super) lent: AtomicU32,
     mapped: Option<Mapped>,
     allocation: Mutex<Option<Block>>,
-    /// Views of its ranges as texels, made when they are first bound. They are few: of the whole, and of parts that stay.
+    /// Views of its ranges as texels, made when they are first bound. They are few: of the whole,
+    /// and of parts that stay.
     views: Mutex<Vec<(u64, u64, TexelFormat, vk::BufferView)>>,
 }
 
@@ -164,7 +166,8 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// A stand-in without memory and without bytes, so that no command can touch it. Its size is checked as that of a real one.
+    /// A stand-in without memory and without bytes, so that no command can touch it.
+    /// Its size is checked as that of a real one.
     pub(super) fn unallocated(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
         let limit = device.caps.limits.allocation;
         if size > limit {
@@ -252,8 +255,8 @@ impl Buffer {
             .format(texel_format(format))
             .offset(offset)
             .range(bytes / format.bytes() * format.bytes());
-        // SAFETY: the range is inside the buffer, which was made for this use; alignment and number of texels were checked when the
-        // command was recorded.
+        // SAFETY: the range is inside the buffer, which was made for this use; alignment and number of texels were
+        // checked when the command was recorded.
         let view = unsafe { self.inner.device.raw.create_buffer_view(&info, None) }.named("vkCreateBufferView")?;
         views.push((offset, bytes, format, view));
         Ok(view)
@@ -265,9 +268,10 @@ impl Buffer {
         let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, 0, "it is not host-visible"))?;
         // One writer at a time.
         let _held = lock(&self.inner.allocation);
-        // SAFETY: the range is inside the mapping, which lives as long as the buffer. No other thread writes while the lock is
-        // held, and nothing reads through the mapping. The device does not read: staging memory is handed to one recorder at a
-        // time, and what is written straight is written under the lock of the queue while nothing in flight uses the buffer.
+        // SAFETY: the range is inside the mapping, which lives as long as the buffer. No other thread writes while the
+        // lock is held, and nothing reads through the mapping. The device does not read: staging memory is handed to
+        // one recorder at a time, and what is written straight is written under the lock of the queue while nothing in
+        // flight uses the buffer.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.0.add(offset as usize), bytes.len()) };
         Ok(())
     }
@@ -282,9 +286,9 @@ impl Buffer {
         self.inside(offset, bytes)?;
         let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, bytes, "it is not host-visible"))?;
         let mut values = vec![<T as bytemuck::Zeroable>::zeroed(); count];
-        // SAFETY: the range is inside the mapping; `values` has the same number of bytes, and any bytes are a valid `T`.
-        // The device does not write: the buffer is the caller's own and its only submit has finished, or the caller holds the lock of
-        // the queue and nothing in flight writes the range.
+        // SAFETY: the range is inside the mapping; `values` has the same number of bytes, and any bytes are a valid
+        // `T`. The device does not write: the buffer is the caller's own and its only submit has finished, or the
+        // caller holds the lock of the queue and nothing in flight writes the range.
         unsafe {
             let target = values.as_mut_ptr().cast::<u8>();
             std::ptr::copy_nonoverlapping(mapped.0.add(offset as usize), target, bytes as usize);

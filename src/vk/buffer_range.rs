@@ -6,8 +6,8 @@ use super::buffer::{Buffer, BufferSlice};
 use super::error::Result;
 use super::gpu::Gpu;
 
-/// A range of a buffer with a handle of its own. Barriers are inferred per byte, so parts that overlap are ordered like any
-/// other use of the same bytes.
+/// A range of a buffer with a handle of its own. Barriers are inferred per byte, so parts that overlap are ordered like
+/// any other use of the same bytes.
 #[derive(Clone, Debug)]
 pub struct Part {
     buffer: Buffer,

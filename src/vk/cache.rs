@@ -1,7 +1,8 @@
 //! The pipeline cache on disk: what the driver gave, in a frame of our own that shows whether it is whole.
 //!
-//! A driver may crash on damaged cache data, so nothing reaches it whose length or checksum is wrong; whether the content fits
-//! the driver is for the driver to decide by its own header. The file is named after the driver's identifier.
+//! A driver may crash on damaged cache data, so nothing reaches it whose length or checksum is wrong; whether the
+//! content fits the driver is for the driver to decide by its own header.
+//! The file is named after the driver's identifier.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

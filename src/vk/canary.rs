@@ -1,5 +1,5 @@
-//! Guards of known bytes behind buffers. They lie inside the bound range, so that a shader that writes past the end writes
-//! into the guard rather than having the write dropped by the driver's bounds check.
+//! Guards of known bytes behind buffers. They lie inside the bound range, so that a shader that writes past the end
+//! writes into the guard rather than having the write dropped by the driver's bounds check.
 
 use std::sync::atomic::Ordering;
 
@@ -50,7 +50,8 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
 }
 
 impl Gpu {
-    /// Waits, and reports the first write past the end of a buffer. Does nothing where [`super::OpenOptions::canaries`] is off.
+    /// Waits, and reports the first write past the end of a buffer. Does nothing where [`super::OpenOptions::canaries`]
+    /// is off.
     pub fn check_canaries(&self) -> Result<()> {
         let guarded: Vec<Buffer> = self
             .live_buffers()

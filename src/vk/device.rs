@@ -299,8 +299,8 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     Ok((entry, instance, messages, messenger))
 }
 
-/// What loader and drivers say before there is a device. Whatever it is, none can be had: loaders and drivers differ in the result by
-/// which they tell of files that they cannot read, or of hardware that is not there or may not be used.
+/// What loader and drivers say before there is a device. Whatever it is, none can be had: loaders and drivers differ in
+/// the result by which they tell of files that they cannot read, or of hardware that is not there or may not be used.
 trait OrNone<T> {
     fn or_none(self, call: &'static str) -> Result<T>;
 }
@@ -386,7 +386,8 @@ fn create_device(
     if wanted.contains(&ash::ext::shader_atomic_float::NAME) {
         info = info.push_next(&mut enabled.atomic_float);
     }
-    // SAFETY: only features and extensions that the device reports are enabled; all pointers live until the call returns.
+    // SAFETY: only features and extensions that the device reports are enabled;
+    // all pointers live until the call returns.
     let raw = unsafe { instance.create_device(physical, &info, None) }
         .map_err(|result| Error::Unopened { device: reported.device.clone(), result })?;
     Ok((raw, family))

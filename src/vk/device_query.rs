@@ -11,7 +11,8 @@ use super::features::{Features, REQUIRED, USEFUL_EXTENSIONS};
 use super::kernel::TexelFormat;
 use super::options::{FloatAtomics, OpenOptions};
 
-/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many threads.
+/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many
+/// threads.
 const WIDEST: u32 = 64;
 /// The width of subgroups in shared memory.
 const EMULATED: u32 = 32;
@@ -80,7 +81,8 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
         if has(ash::ext::memory_budget::NAME) {
             memory = memory.push_next(&mut budget);
         }
-        // SAFETY: the device is 1.3, so the chained structures are known to it; the extension ones only where it has them.
+        // SAFETY: the device is 1.3, so the chained structures are known to it;
+        // the extension ones only where it has them.
         unsafe {
             instance.get_physical_device_properties2(physical, &mut chain);
             instance.get_physical_device_features2(physical, &mut features);
@@ -340,8 +342,8 @@ impl Reported {
     }
 }
 
-/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from the width that
-/// it names, those that its pipelines may have, and whether they can ask for one.
+/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from
+/// the width that it names, those that its pipelines may have, and whether they can ask for one.
 fn subgroup_of(named: u32, (narrowest, widest): (u32, u32), can_pin: bool) -> (Subgroup, bool, String) {
     let one_width = narrowest == widest;
     let emulated = |why: String| (Subgroup::Emulated(EMULATED), false, why);

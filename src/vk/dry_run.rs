@@ -13,21 +13,22 @@ use super::placement::Memory;
 const ROUNDING: u64 = 256;
 
 impl Gpu {
-    /// A handle of the same device on which buffers are counted and not allocated. Nothing can be recorded with them: they have
-    /// no bytes. Pipelines are real.
+    /// A handle of the same device on which buffers are counted and not allocated. Nothing can be recorded with them:
+    /// they have no bytes. Pipelines are real.
     pub fn planning(&self) -> Gpu {
         let mut counting = self.clone();
         counting.planned = Some(Arc::new(AtomicU64::new(0)));
         counting
     }
 
-    /// Bytes of all buffers asked for through this handle that count towards [`super::MemoryUse::limit`]; 0 for a handle that
-    /// is not of [`Self::planning`]. Buffers that were dropped count too.
+    /// Bytes of all buffers asked for through this handle that count towards [`super::MemoryUse::limit`]; 0 for a
+    /// handle that is not of [`Self::planning`]. Buffers that were dropped count too.
     pub fn planned_bytes(&self) -> u64 {
         self.planned.as_ref().map_or(0, |total| total.load(Ordering::Relaxed))
     }
 
-    /// Bytes of a buffer that count towards [`super::MemoryUse::limit`]: in memory of the host only where the device works in it.
+    /// Bytes of a buffer that count towards [`super::MemoryUse::limit`]:
+    /// in memory of the host only where the device works in it.
     pub(crate) fn counted_bytes(&self, buffer: &Buffer) -> u64 {
         if self.counts(buffer.memory()) { buffer.size() } else { 0 }
     }

@@ -88,8 +88,8 @@ struct Marks<'a> {
 }
 
 /// # Safety
-/// `commands` is being recorded. Every object recorded here is kept alive by the recording's commands and by the slot, which the
-/// caller keeps until it has run.
+/// `commands` is being recorded. Every object recorded here is kept alive by the recording's commands and by the slot,
+/// which the caller keeps until it has run.
 unsafe fn body(
     device: &Device,
     slot: &mut Slot,

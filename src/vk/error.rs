@@ -43,7 +43,8 @@ pub enum Error {
     },
     /// An allocation was refused by the limit or by the driver.
     #[error(
-        "out of device memory: {name} needs {requested} bytes; {in_use} bytes are in use and the limit is {limit}, which leaves {}",
+        "out of device memory: {name} needs {requested} bytes; {in_use} bytes are in use and the limit is {limit}, \
+         which leaves {}",
         limit.saturating_sub(*in_use)
     )]
     OutOfDeviceMemory {

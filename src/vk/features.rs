@@ -49,14 +49,14 @@ pub const REQUIRED: &[(&str, &str)] = &[
 /// Device extensions whose features are used where the device and the host have them; none is needed.
 pub const USEFUL_EXTENSIONS: &[&CStr] = &[ash::ext::shader_atomic_float::NAME, ash::ext::memory_budget::NAME];
 
-/// What a host enables on its device at least, whatever the device: no extension, and these features. Everything else that the
-/// engine can use ([`super::Gpu::usable_features`]) only makes it faster or larger.
+/// What a host enables on its device at least, whatever the device: no extension, and these features. Everything else
+/// that the engine can use ([`super::Gpu::usable_features`]) only makes it faster or larger.
 pub fn required_features() -> Features {
     Features { synchronization2: true, timeline_semaphore: true, ..Features::default() }
 }
 
-/// The structures in which Vulkan takes the features that the engine knows, to be chained into `VkDeviceCreateInfo`: what a host
-/// sets in them itself stays set.
+/// The structures in which Vulkan takes the features that the engine knows, to be chained into `VkDeviceCreateInfo`:
+/// what a host sets in them itself stays set.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FeatureStructures {
     /// `VkPhysicalDeviceFeatures`, for `pEnabledFeatures` or `VkPhysicalDeviceFeatures2`.

@@ -89,7 +89,8 @@ impl Gpu {
         };
         let data = inner.cache_file.as_deref().map(cache::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the data are whole and came from a driver of this identifier; on failure `inner` destroys what is there.
+        // SAFETY: the data are whole and came from a driver of this identifier;
+        // on failure `inner` destroys what is there.
         inner.cache = unsafe { inner.device.raw.create_pipeline_cache(&info, None) }.named("vkCreatePipelineCache")?;
         if options.breadcrumbs {
             let crumbs = Buffer::new(&inner.device, "breadcrumbs", 4, Memory::Readback)?;
@@ -204,7 +205,8 @@ impl Gpu {
         }
     }
 
-    /// Times of a profiled recording, once, when its ticket has passed; `None` before, and for one that was not profiled.
+    /// Times of a profiled recording, once, when its ticket has passed; `None` before,
+    /// and for one that was not profiled.
     pub fn timings(&self, ticket: Ticket) -> Result<Option<Vec<PassTime>>> {
         self.owns(ticket)?;
         self.retire()?;
@@ -223,8 +225,8 @@ impl Gpu {
         self.inner.device.messages.clone()
     }
 
-    /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of them
-    /// could be left out without the checker's objecting (none, if both are right).
+    /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of
+    /// them could be left out without the checker's objecting (none, if both are right).
     pub fn missed_barriers(&self, recorder: &Recorder) -> Result<(usize, Vec<String>)> {
         recorder.of(self.device())?;
         Ok(lock(&self.inner.state).missed_barriers(recorder))
@@ -280,14 +282,14 @@ impl Gpu {
         buffers
     }
 
-    /// Writes the pipeline cache to its file, if it has one and has grown. Also done, as far as it goes, when the last handle
-    /// of the device is dropped.
+    /// Writes the pipeline cache to its file, if it has one and has grown. Also done, as far as it goes, when the last
+    /// handle of the device is dropped.
     pub fn save_pipeline_cache(&self) -> Result<()> {
         self.inner.save_cache()
     }
 
-    /// From now on every submit, wait and question about a ticket is answered as by a driver that has lost its device: for tests of
-    /// what comes of that. What was submitted still runs.
+    /// From now on every submit, wait and question about a ticket is answered as by a driver that has lost its device:
+    /// for tests of what comes of that. What was submitted still runs.
     #[doc(hidden)]
     pub fn simulate_device_loss(&self) {
         self.inner.lost.store(true, Ordering::Release);
@@ -349,7 +351,8 @@ impl GpuInner {
     /// Waits for all of the queue, where that is done after every submit.
     fn wait_for_queue(&self, ticket: u64) -> Result<()> {
         if let Some(waited) = &self.waited {
-            // SAFETY: the caller holds the lock on the state, and with it the queue; no host shares a device that we opened.
+            // SAFETY: the caller holds the lock on the state, and with it the queue;
+            // no host shares a device that we opened.
             unsafe { self.device.raw.queue_wait_idle(self.device.queue) }.named("vkQueueWaitIdle")?;
             waited.store(ticket, Ordering::Release);
         }

@@ -1,8 +1,10 @@
-//! The hazard checker: given commands, their declared uses and the barriers between them, finds conflicting accesses without
-//! a barrier in between. It shares no logic with the inference in `barrier.rs`: it keeps every past access and asks of each pair.
+//! The hazard checker: given commands, their declared uses and the barriers between them, finds conflicting accesses
+//! without a barrier in between. It shares no logic with the inference in `barrier.rs`:
+//! it keeps every past access and asks of each pair.
 //!
-//! Two accesses conflict when their bytes overlap and one writes. The second must be ordered after the first by a barrier, or
-//! a chain of barriers, on those bytes; after a write the barrier must also make the write available and visible to it.
+//! Two accesses conflict when their bytes overlap and one writes. The second must be ordered after the first by a
+//! barrier, or a chain of barriers, on those bytes; after a write the barrier must also make the write available and
+//! visible to it.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -33,7 +35,8 @@ struct Past {
     available: bool,
     /// Accesses that see the write.
     visible: A,
-    /// `ordered` and `available` before the barriers in front of the command that is looked at: barriers of one call make no chain.
+    /// `ordered` and `available` before the barriers in front of the command that is looked at:
+    /// barriers of one call make no chain.
     before: (S, bool),
 }
 
@@ -63,7 +66,8 @@ impl HazardChecker {
                 });
             }
         }
-        // Whatever a write covers is ordered before it and need not be kept; of equal reads the youngest stands for all.
+        // Whatever a write covers is ordered before it and need not be kept;
+        // of equal reads the youngest stands for all.
         for used in uses {
             if let Some(pasts) = self.buffers.get_mut(&used.buffer) {
                 pasts.retain(|past| {

@@ -35,12 +35,12 @@ pub struct MemoryBlock {
     pub token: u64,
 }
 
-/// A host's allocator. It is called from whichever thread makes or drops a buffer, one call at a time for each [`super::Gpu`], and
-/// must not call the engine back.
+/// A host's allocator. It is called from whichever thread makes or drops a buffer, one call at a time for each
+/// [`super::Gpu`], and must not call the engine back.
 ///
 /// # Safety
-/// A block lies in memory of the adopted device, belongs to nobody else until it is freed, and stays where it is. The pointer
-/// that [`Self::map`] gives is that of the block's first byte and valid until the block is freed.
+/// A block lies in memory of the adopted device, belongs to nobody else until it is freed, and stays where it is. The
+/// pointer that [`Self::map`] gives is that of the block's first byte and valid until the block is freed.
 pub unsafe trait HostAllocator: Send + Sync {
     /// Memory for one buffer. `VK_ERROR_OUT_OF_DEVICE_MEMORY` and `VK_ERROR_OUT_OF_HOST_MEMORY` become
     /// [`Error::OutOfDeviceMemory`].

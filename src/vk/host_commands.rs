@@ -1,7 +1,7 @@
 //! Recording into a command buffer of the host rather than into one of our own.
 //!
-//! When and how often the host submits it is not known here, so nothing is inferred across its ends: it begins and ends with a
-//! barrier over everything. What lies between was inferred, and is checked, on its own.
+//! When and how often the host submits it is not known here, so nothing is inferred across its ends: it begins and ends
+//! with a barrier over everything. What lies between was inferred, and is checked, on its own.
 
 use std::sync::atomic::Ordering;
 
@@ -70,14 +70,15 @@ impl From<Executed> for Done {
 }
 
 impl Recorder {
-    /// Writes the commands into a command buffer of the host, between two barriers over all commands and all memory: whatever the
-    /// host records before and after is ordered with them. It may be submitted more than once, one run after the other.
+    /// Writes the commands into a command buffer of the host, between two barriers over all commands and all memory:
+    /// whatever the host records before and after is ordered with them. It may be submitted more than once,
+    /// one run after the other.
     ///
     /// # Safety
-    /// `commands` is a primary or secondary command buffer of the adopted device, in the recording state and outside of a render
-    /// pass, of the family of the engine's queue, and nobody else uses it during the call. What is returned is kept until the
-    /// device has executed the command buffer for the last time. Submitted to another queue than the engine's, it is ordered
-    /// with the engine's submits by semaphores.
+    /// `commands` is a primary or secondary command buffer of the adopted device, in the recording state and outside of
+    /// a render pass, of the family of the engine's queue, and nobody else uses it during the call. What is returned is
+    /// kept until the device has executed the command buffer for the last time. Submitted to another queue than the
+    /// engine's, it is ordered with the engine's submits by semaphores.
     pub unsafe fn record_into(self, commands: vk::CommandBuffer) -> Result<HostRecording> {
         let gpu = self.gpu.clone();
         let device = gpu.device().clone();
@@ -106,7 +107,8 @@ impl Recorder {
 }
 
 impl HostRecording {
-    /// Gives back what the command buffer referred to, which by the promise of [`Recorder::record_into`] has run for the last time.
+    /// Gives back what the command buffer referred to, which by the promise of [`Recorder::record_into`] has run for
+    /// the last time.
     pub fn finished(self) -> Executed {
         Executed { device: self.gpu.device().id }
     }

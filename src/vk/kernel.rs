@@ -39,12 +39,13 @@ pub struct Constant {
 pub struct Spirv {
     /// A descriptor per storage buffer.
     pub descriptors: &'static [u8],
-    /// Storage buffers reached by address: the only descriptor is binding 0, a table with the address of each in binding order
-    /// (64 bits, low word first).
+    /// Storage buffers reached by address: the only descriptor is binding 0, a table with the address of each in
+    /// binding order (64 bits, low word first).
     pub addresses: Option<&'static [u8]>,
     /// Rows of buffers read as texels, which is what a software rasterizer reads fastest.
     pub texels: Option<Texels>,
-    /// The same, with all other buffers reached by address: for buffers beyond a descriptor's range, of which texels cover more.
+    /// The same, with all other buffers reached by address: for buffers beyond a descriptor's range,
+    /// of which texels cover more.
     pub texels_by_address: Option<Texels>,
 }
 
@@ -110,8 +111,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Bytes of shared memory that a workgroup takes, with the constants' defaults where none is given by name; `None` where that cannot
-    /// be told from the module.
+    /// Bytes of shared memory that a workgroup takes, with the constants' defaults where none is given by name; `None`
+    /// where that cannot be told from the module.
     pub fn shared_bytes(&self, given: &[(&str, u32)]) -> Option<u32> {
         let special = |id| {
             let constant = self.constants.iter().find(|c| c.id == id)?;

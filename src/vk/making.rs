@@ -27,8 +27,8 @@ pub enum PipelineEvent {
 pub(super) type Watcher = Arc<dyn Fn(PipelineEvent) + Send + Sync>;
 
 impl Gpu {
-    /// From now on tells of every pipeline that is made, in place of whoever was told before. The call comes from the thread that makes the
-    /// pipeline and waits for it; it must not call the engine.
+    /// From now on tells of every pipeline that is made, in place of whoever was told before. The call comes from the
+    /// thread that makes the pipeline and waits for it; it must not call the engine.
     pub fn watch_pipelines(&self, told: impl Fn(PipelineEvent) + Send + Sync + 'static) {
         *lock(self.watcher()) = Some(Arc::new(told));
     }

@@ -1,7 +1,7 @@
 //! Memory that the host sees, read and written while no commands use it.
 //!
-//! The queue's lock is held during the look at what is in flight and the copy: whoever submits meanwhile waits, so that the device
-//! cannot begin to use the bytes half-way.
+//! The queue's lock is held during the look at what is in flight and the copy: whoever submits meanwhile waits, so that
+//! the device cannot begin to use the bytes half-way.
 
 use std::sync::atomic::Ordering;
 
@@ -18,8 +18,8 @@ impl Gpu {
         self.read_at(buffer, 0, count as usize)
     }
 
-    /// `count` values from byte `offset` on, after all that was submitted. Waits. Memory for read-back that commands of the host may
-    /// write is refused, because their end is not known here: see [`super::HostRecording::finished`].
+    /// `count` values from byte `offset` on, after all that was submitted. Waits. Memory for read-back that commands of
+    /// the host may write is refused, because their end is not known here: see [`super::HostRecording::finished`].
     pub fn read_at<T: bytemuck::Pod>(&self, buffer: &Buffer, offset: u64, count: usize) -> Result<Vec<T>> {
         buffer.of(self.device())?;
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
@@ -40,8 +40,8 @@ impl Gpu {
         landing.load(0, count)
     }
 
-    /// `count` values of a read-back buffer from byte `offset` on if what writes them has finished, which is `by` and whatever else was
-    /// submitted or recorded for a host; never waits.
+    /// `count` values of a read-back buffer from byte `offset` on if what writes them has finished, which is `by` and
+    /// whatever else was submitted or recorded for a host; never waits.
     pub fn read_ready<T: bytemuck::Pod>(
         &self,
         buffer: &Buffer,
@@ -72,8 +72,9 @@ impl Gpu {
         buffer.load(offset, count).map(Some)
     }
 
-    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]: what is submitted from then on sees them. Waits for
-    /// the last submit that uses the buffer where that has not finished yet. Refused for a buffer that commands of the host use.
+    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]: what is submitted from then on sees them.
+    /// Waits for the last submit that uses the buffer where that has not finished yet.
+    /// Refused for a buffer that commands of the host use.
     pub fn store(&self, buffer: &Buffer, bytes: &[u8]) -> Result<()> {
         buffer.of(self.device())?;
         if buffer.memory() != Memory::Upload {

@@ -127,8 +127,8 @@ impl MemoryPool {
             Source::Own(allocator) => {
                 let location = match memory {
                     Memory::Device => MemoryLocation::GpuOnly,
-                    // Both are copied from or to once. What a device shows the host of its own memory (CpuToGpu) would be taken from what
-                    // is there for the model.
+                    // Both are copied from or to once. What a device shows the host of its own memory (CpuToGpu) would
+                    // be taken from what is there for the model.
                     Memory::Upload | Memory::Readback => MemoryLocation::GpuToCpu,
                 };
                 let allocation_scheme = AllocationScheme::GpuAllocatorManaged;

@@ -13,9 +13,9 @@ pub enum Validation {
     Off,
     /// Core and synchronization validation; [`crate::vk::Error::MissingLayer`] where the layer is not installed.
     CoreAndSync,
-    /// GPU-assisted validation: every address that a shader of the variant by address uses is checked on the device against the buffers
-    /// that there are. The host waits for every submit: the layer (up to 1.3.250) does not follow timelines in this mode and
-    /// would let each look at one wait for ten seconds.
+    /// GPU-assisted validation: every address that a shader of the variant by address uses is checked on the device
+    /// against the buffers that there are. The host waits for every submit: the layer (up to 1.3.250) does not follow
+    /// timelines in this mode and would let each look at one wait for ten seconds.
     GpuAssisted,
 }
 
@@ -31,14 +31,15 @@ pub enum FloatAtomics {
 /// Choices for [`crate::vk::Gpu::open`]. `default()` reads no environment; [`OpenOptions::from_env`] does.
 #[derive(Clone, Debug)]
 pub struct OpenOptions {
-    /// Index in the list of devices, or part of a name in any case; `None` takes a discrete GPU before an integrated one
-    /// before a CPU.
+    /// Index in the list of devices, or part of a name in any case; `None` takes a discrete GPU before an integrated
+    /// one before a CPU.
     pub device: Option<String>,
     /// The validation layer.
     pub validation: Validation,
     /// Put a guard of known bytes behind every buffer, inside the bound range, for [`crate::vk::Gpu::check_canaries`].
     pub canaries: bool,
-    /// Fill new buffers with a word that is not a number of any kind, so that a pass which reads what nothing has written shows.
+    /// Fill new buffers with a word that is not a number of any kind,
+    /// so that a pass which reads what nothing has written shows.
     pub garbage: bool,
     /// Check every submit with the hazard checker before it goes to the device.
     pub check_hazards: bool,
@@ -52,11 +53,11 @@ pub struct OpenOptions {
     pub max_device_memory: Option<u64>,
     /// Treat a storage-buffer descriptor as if it covered no more than this many bytes.
     pub storage_range: Option<u64>,
-    /// BindingMode buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a descriptor's range.
-    /// Never, too, on a device without the feature.
+    /// BindingMode buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a
+    /// descriptor's range. Never, too, on a device without the feature.
     pub addresses: Option<bool>,
-    /// Read rows of buffers as texels always (`true`) or never (`false`); `None` does so on CPU devices. Never, too, on a device
-    /// without the formats.
+    /// Read rows of buffers as texels always (`true`) or never (`false`); `None` does so on CPU devices. Never, too, on
+    /// a device without the formats.
     pub texels: Option<bool>,
     /// Bind no more storage buffers to one pass than this, where the device takes more.
     pub max_storage_buffers: Option<u32>,
@@ -90,11 +91,11 @@ impl Default for OpenOptions {
 
 impl OpenOptions {
     /// The defaults, changed by these environment variables: `PSRGS_DEVICE` (as [`OpenOptions::device`]),
-    /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_GARBAGE=0|1`, `PSRGS_BREADCRUMBS=1`, `PSRGS_FLOAT_ATOMICS=native|cas`,
-    /// `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`, `PSRGS_STORAGE_RANGE=BYTES`,
-    /// `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`, `PSRGS_STORAGE_BUFFERS=N`,
-    /// `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; bytes may be written as `6GiB` or `800M`. One that cannot be read is
-    /// [`Error::Variable`]. The pipeline cache is on, in the user's cache folder.
+    /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_GARBAGE=0|1`, `PSRGS_BREADCRUMBS=1`,
+    /// `PSRGS_FLOAT_ATOMICS=native|cas`, `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`,
+    /// `PSRGS_STORAGE_RANGE=BYTES`, `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`,
+    /// `PSRGS_STORAGE_BUFFERS=N`, `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; bytes may be written as `6GiB` or
+    /// `800M`. One that cannot be read is [`Error::Variable`]. The pipeline cache is on, in the user's cache folder.
     pub fn from_env() -> Result<Self> {
         Self::from_variables(|name| std::env::var(name).ok())
     }

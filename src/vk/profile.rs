@@ -21,7 +21,8 @@ pub struct Stats {
     pub pacing_waits: u64,
 }
 
-/// Time from the end of the command before to the end of this one, so that the times of a recording add up to its whole.
+/// Time from the end of the command before to the end of this one, so that the times of a recording add up to its
+/// whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTime {
     /// Name of the kernel, or `clear`, `copy`, `upload`.

@@ -1,5 +1,5 @@
-//! The recorder: commands as data. Barriers, descriptors and the command buffer are made when it is submitted, in submission
-//! order, so that recorders may be filled side by side.
+//! The recorder: commands as data. Barriers, descriptors and the command buffer are made when it is submitted, in
+//! submission order, so that recorders may be filled side by side.
 
 use std::sync::Arc;
 
@@ -194,8 +194,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies host bytes into staging memory, at a multiple of `alignment`. It stays theirs until the ticket has passed; what
-    /// the host writes before a submit the device sees without a barrier.
+    /// Copies host bytes into staging memory, at a multiple of `alignment`. It stays theirs until the ticket has
+    /// passed; what the host writes before a submit the device sees without a barrier.
     fn stage(&mut self, bytes: &[u8], alignment: u64) -> Result<(Buffer, u64)> {
         let len = bytes.len() as u64;
         let free = self.staging.last().and_then(|(chunk, used)| {
@@ -278,8 +278,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where that was
-    /// asked for; rows as texels where the kernel does.
+    /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where
+    /// that was asked for; rows as texels where the kernel does.
     fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<BindingMode> {
         let caps = self.gpu.caps();
         let limit = caps.limits.storage_range;
@@ -302,7 +302,8 @@ impl Recorder {
         }
     }
 
-    /// Whether rows can be read as texels in this variant: where the kernel has it, and every buffer concerned can be seen so.
+    /// Whether rows can be read as texels in this variant: where the kernel has it,
+    /// and every buffer concerned can be seen so.
     fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: BindingMode) -> bool {
         let caps = self.gpu.caps();
         let Some(views) = pipeline.inner.texels(caps, reach) else { return false };
@@ -328,7 +329,8 @@ impl Recorder {
         self.addresses = addresses;
     }
 
-    /// Reads rows as texels in the dispatches to come, or not, where the device was opened for it: for tests that compare the two.
+    /// Reads rows as texels in the dispatches to come, or not, where the device was opened for it:
+    /// for tests that compare the two.
     #[doc(hidden)]
     pub fn force_texels(&mut self, texels: Option<bool>) {
         self.texels = texels.filter(|_| self.gpu.caps().texels);

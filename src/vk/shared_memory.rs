@@ -38,8 +38,8 @@ impl Extent {
     }
 }
 
-/// Bytes of the shared variables of a module (SPIR-V words), where `special` gives the values of specialization constants by their id.
-/// `None` for a module that this does not understand.
+/// Bytes of the shared variables of a module (SPIR-V words), where `special` gives the values of specialization
+/// constants by their id. `None` for a module that this does not understand.
 pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Option<u64> {
     // Operations by the SPIR-V specification, section 3.42; operands are what follows the first word.
     let mut types: HashMap<u32, Extent> = HashMap::new();
@@ -132,8 +132,8 @@ mod tests {
         assert_eq!(named("part_sum"), Some(64 * 16));
         // float sums[64], float fresh[12]
         assert_eq!(named("exposure_step"), Some((64 + 12) * 4));
-        // float parts[16 * 256], float part_sums[256]; staged: three vec4 [128], vec2 [128], float [128], uint [128]; uint most; in all a
-        // multiple of 16
+        // float parts[16 * 256], float part_sums[256]; staged: three vec4 [128], vec2 [128], float [128], uint [128];
+        // uint most; in all a multiple of 16
         let staged: u32 = 128 * (3 * 16 + 8 + 4 + 4);
         assert_eq!(named("blend_backward_pixel_slots"), Some((17 * 256 * 4 + staged + 4).next_multiple_of(16)));
     }

@@ -1,4 +1,5 @@
-//! What a submit borrows and gives back after its ticket has passed: command buffer, descriptor pools, timestamp queries.
+//! What a submit borrows and gives back after its ticket has passed: command buffer, descriptor pools,
+//! timestamp queries.
 
 use ash::vk;
 

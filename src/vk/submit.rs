@@ -98,8 +98,9 @@ impl State {
         Ok(done)
     }
 
-    /// Submits a recording; the ticket is `self.last` afterwards. A panic of the host's callbacks comes back as it is, to be resumed when
-    /// the lock on the state is released: in locking nothing was submitted, in unlocking the device has the commands.
+    /// Submits a recording; the ticket is `self.last` afterwards. A panic of the host's callbacks comes back as it is,
+    /// to be resumed when the lock on the state is released: in locking nothing was submitted,
+    /// in unlocking the device has the commands.
     pub(super) fn submit(
         &mut self,
         device: &Device,
@@ -111,7 +112,8 @@ impl State {
             self.tracker.forget(id);
             self.checker.iter_mut().for_each(|c| c.forget(id));
         }
-        // Until the device has the commands: what is inferred from here on holds for nothing if an error or a panic comes before.
+        // Until the device has the commands: what is inferred from here on holds for nothing if an error or a panic
+        // comes before.
         let unsure = std::mem::replace(&mut self.unsure, true);
         if unsure {
             self.tracker.clear();
@@ -196,7 +198,8 @@ impl State {
         self.slots.push(slot);
     }
 
-    /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not missed.
+    /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not
+    /// missed.
     pub(super) fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
         let mut tracker = self.tracker();
         let steps = steps(recorder);

@@ -13,9 +13,10 @@ impl HostSemaphore {
     /// The point at which `semaphore` has `value`.
     ///
     /// # Safety
-    /// `semaphore` is a timeline semaphore of the adopted device and lives until every submit that names it has finished. Where
-    /// the point is signalled, the value is larger than every one that the semaphore has, or will have been given, by then. Where
-    /// it is waited for, somebody signals it without having to wait for this submit; on one queue, in a submit that comes before.
+    /// `semaphore` is a timeline semaphore of the adopted device and lives until every submit that names it has
+    /// finished. Where the point is signalled, the value is larger than every one that the semaphore has, or will have
+    /// been given, by then. Where it is waited for, somebody signals it without having to wait for this submit; on one
+    /// queue, in a submit that comes before.
     pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Self {
         Self { semaphore, value }
     }
@@ -46,7 +47,8 @@ impl<'a> SubmitSync<'a> {
         Self { wait, signal }
     }
 
-    /// The part of this order that submit `index` of `count` carries, when the work is that many submits one after the other.
+    /// The part of this order that submit `index` of `count` carries,
+    /// when the work is that many submits one after the other.
     pub fn of_part(self, index: usize, count: usize) -> Self {
         let wait = if index == 0 { self.wait } else { &[] };
         let signal = if index + 1 == count { self.signal } else { &[] };

@@ -13,7 +13,8 @@ pub(super) fn next_device() -> u64 {
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// A finished submit's place on the timeline of its device. The default is that of no submit: it has passed on every device.
+/// A finished submit's place on the timeline of its device. The default is that of no submit:
+/// it has passed on every device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket {
     value: u64,

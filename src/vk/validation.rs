@@ -31,8 +31,8 @@ pub(super) fn switch<'a>(name: &'a CStr, value: &'a vk::Bool32) -> vk::LayerSett
     }
 }
 
-/// How the identifiers of messages begin in which the layer tells of itself: which of its settings it has adjusted to the device, and
-/// that its own checks make a shader slow.
+/// How the identifiers of messages begin in which the layer tells of itself: which of its settings it has adjusted to
+/// the device, and that its own checks make a shader slow.
 const OF_ITSELF: [&str; 2] = ["WARNING-Setting", "GPUAV-Compile-time"];
 
 #[derive(Default)]
@@ -41,8 +41,8 @@ struct Seen {
     closed: AtomicBool,
 }
 
-/// Warnings and errors of the validation layer. Cheap to clone; outlives the device, whose end is when the layer tells what was not
-/// given back.
+/// Warnings and errors of the validation layer. Cheap to clone; outlives the device, whose end is when the layer tells
+/// what was not given back.
 #[derive(Clone, Default)]
 pub struct Messages(Arc<Seen>);
 

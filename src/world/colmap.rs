@@ -28,7 +28,8 @@ pub(super) fn write_camera(out: &mut dyn Write, camera: &Camera, lens: Option<(&
     }
 }
 
-/// `images.bin`: view k is image k + 1, with its reconstructed pose; its observations are listed in the order of the points.
+/// `images.bin`: view k is image k + 1, with its reconstructed pose; its observations are listed in the order of the
+/// points.
 pub(super) fn write_images(out: &mut dyn Write, views: &[View], points: &[TiePoint]) -> io::Result<()> {
     let mut seen = vec![Vec::new(); views.len()];
     for (number, point) in points.iter().enumerate() {

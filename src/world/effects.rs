@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::WorldError;
 
-/// Effects on photographs and sparse points, and things of the scene that are hard to reconstruct. A value of zero or `false`
-/// turns one off. Turning one off moves nothing else: what stays is the same, pixel for pixel where it is not in its place.
+/// Effects on photographs and sparse points, and things of the scene that are hard to reconstruct. A value of zero or
+/// `false` turns one off. Turning one off moves nothing else: what stays is the same,
+/// pixel for pixel where it is not in its place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Effects {
@@ -15,10 +16,11 @@ pub struct Effects {
     pub observation_noise: f64,
     /// Share of the sparse points that are wrong matches: at a wrong depth, with observations that agree with it.
     pub outliers: f64,
-    /// Standard deviation, per axis and in pixels, of where a pose of the sparse model shows what is in the middle of the
-    /// picture; half of the variance is from the rotation, half from the position.
+    /// Standard deviation, per axis and in pixels, of where a pose of the sparse model shows what is in the middle of
+    /// the picture; half of the variance is from the rotation, half from the position.
     pub pose_noise: f64,
-    /// Largest relative change of a photograph's exposure. Over all photographs it is kept to 1 in the (geometric) mean.
+    /// Largest relative change of a photograph's exposure. Over all photographs it is kept to 1 in the (geometric)
+    /// mean.
     pub exposure: f64,
     /// Standard deviation of the sensor's noise in 8-bit steps.
     pub sensor_noise: f64,

@@ -25,7 +25,8 @@ pub enum WorldError {
     },
     /// The distortion folds the picture over within its frame.
     #[error(
-        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted picture twice, or not at all"
+        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted picture twice, \
+         or not at all"
     )]
     Lens,
     /// The place has a file that no world has left there and this one would replace.

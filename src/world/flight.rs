@@ -50,8 +50,8 @@ pub(super) fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3
     }
 }
 
-/// A serpentine of nadir views over the site, then oblique views from around it that look in. Positions, headings and tilts
-/// vary a little, as in a real flight. `ground` gives the height to keep above.
+/// A serpentine of nadir views over the site, then oblique views from around it that look in. Positions, headings and
+/// tilts vary a little, as in a real flight. `ground` gives the height to keep above.
 pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Vec<View> {
     let mut random = Random::stream(params.seed, 9);
     let nadir = (f64::from(params.images) * params.nadir_share).round() as u32;
@@ -92,9 +92,9 @@ pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Ve
     cameras.into_iter().enumerate().map(|(k, camera)| View::new(format!("view_{k:04}.{extension}"), camera)).collect()
 }
 
-/// Views from where no photograph is: by turns from half the height of the flight straight down, and from there at 45 degrees
-/// over the middle of the site. `nearest` is the smallest depth that a camera sees; cameras close in front of something are
-/// moved, because nobody would look from there.
+/// Views from where no photograph is: by turns from half the height of the flight straight down, and from there at 45
+/// degrees over the middle of the site. `nearest` is the smallest depth that a camera sees; cameras close in front of
+/// something are moved, because nobody would look from there.
 pub(super) fn plan_offpath(
     params: &WorldParams,
     ground: impl Fn(f64, f64) -> f64,
@@ -124,8 +124,8 @@ pub(super) fn plan_offpath(
     (0..params.offpath).filter_map(view).collect()
 }
 
-/// The camera as structure from motion has it: turned and moved a little, so that what is `distance` away in the middle of the
-/// picture shows `pose_noise` pixels off along each axis (standard deviation), half of the variance from either.
+/// The camera as structure from motion has it: turned and moved a little, so that what is `distance` away in the middle
+/// of the picture shows `pose_noise` pixels off along each axis (standard deviation), half of the variance from either.
 pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, distance: f64) -> Camera {
     let noise = params.effects.pose_noise;
     if noise == 0.0 {

@@ -60,9 +60,9 @@ impl World {
         }
     }
 
-    /// First echoes of a scanner that flies along x, once on either side of the middle, and sweeps across: a pulse goes to each
-    /// point of a jittered grid on the ground, and whatever stands in its way sends it back. So roofs are as dense as the
-    /// ground, walls have points only where pulses come in at a slant, and behind them lie shadows.
+    /// First echoes of a scanner that flies along x, once on either side of the middle, and sweeps across: a pulse goes
+    /// to each point of a jittered grid on the ground, and whatever stands in its way sends it back. So roofs are as
+    /// dense as the ground, walls have points only where pulses come in at a slant, and behind them lie shadows.
     pub fn lidar(&self) -> Vec<LidarPoint> {
         let (params, lidar) = (&self.params, &self.params.lidar);
         let half = 0.5 * lidar.coverage * params.extent;

@@ -51,8 +51,8 @@ impl Light {
     }
 }
 
-/// Radiance as 8-bit sRGB values, not yet rounded: a soft shoulder (extended Reinhard curve, Reinhard et al. 2002), then the
-/// sRGB transfer curve.
+/// Radiance as 8-bit sRGB values, not yet rounded: a soft shoulder (extended Reinhard curve, Reinhard et al. 2002),
+/// then the sRGB transfer curve.
 pub(crate) fn develop(radiance: Vec3) -> Vec3 {
     const WHITE: f32 = 2.6;
     let x = radiance.max(Vec3::ZERO) * 1.32;

@@ -7,8 +7,8 @@ use super::geometry::{Face, Shape, Solid, Terrain};
 use crate::format::ply::Mesh;
 
 impl World {
-    /// The ground and all solids. Faces of polyhedra and of the ground are exact; curved shapes are of flat pieces that leave
-    /// the true surface by less than 5 % of the shape's radius.
+    /// The ground and all solids. Faces of polyhedra and of the ground are exact; curved shapes are of flat pieces that
+    /// leave the true surface by less than 5 % of the shape's radius.
     pub fn mesh(&self) -> Mesh {
         let mut parts = Parts::default();
         parts.add_terrain(&self.terrain);
@@ -75,8 +75,8 @@ impl Parts {
     }
 }
 
-/// The unit sphere as an icosahedron with every triangle divided into four, its corners as much outside as the middles of
-/// its triangles are inside.
+/// The unit sphere as an icosahedron with every triangle divided into four, its corners as much outside as the middles
+/// of its triangles are inside.
 fn unit_sphere() -> Mesh {
     let golden = 0.5 * (1.0 + 5.0f64.sqrt());
     let mut corners: Vec<DVec3> = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
@@ -130,7 +130,8 @@ fn unit_sphere() -> Mesh {
     mesh
 }
 
-/// Corners of a face of a convex polyhedron, counter-clockwise seen from outside; fewer than three when nothing is left of it.
+/// Corners of a face of a convex polyhedron, counter-clockwise seen from outside;
+/// fewer than three when nothing is left of it.
 fn outline(faces: &[Face], number: usize) -> Vec<DVec3> {
     let face = &faces[number];
     // A square on the plane, cut by all other half-spaces (Sutherland and Hodgman 1974).

@@ -1,8 +1,10 @@
-//! A synthetic aerial world of known geometry: hills, roads, buildings, plants, thin wires, water and bare fields; seen from a
-//! nadir flight, from oblique views around it and by a laser scanner; written as a COLMAP dataset with its ground truth.
+//! A synthetic aerial world of known geometry: hills, roads, buildings, plants, thin wires, water and bare fields; seen
+//! from a nadir flight, from oblique views around it and by a laser scanner;
+//! written as a COLMAP dataset with its ground truth.
 //!
-//! The cameras of [`View`]s are those of undistorted pictures. Photographs may be taken through a lens with distortion, whose
-//! undistorted picture is exactly that of the view's camera; all ground truth is for the pixels of undistorted pictures.
+//! The cameras of [`View`]s are those of undistorted pictures. Photographs may be taken through a lens with distortion,
+//! whose undistorted picture is exactly that of the view's camera; all ground truth is for the pixels of undistorted
+//! pictures.
 //!
 //! World coordinates are metres, x east, y north, z up. Everything follows from [`WorldParams`], seed included.
 

@@ -38,8 +38,8 @@ pub(crate) fn noise3(p: DVec3, seed: u32) -> f64 {
     layer(z) * (1.0 - w) + layer(z + 1.0) * w
 }
 
-/// Fractal sum of value noise in [0, 1): each octave has twice the frequency and half the amplitude, and is turned so that
-/// the lattices do not line up.
+/// Fractal sum of value noise in [0, 1): each octave has twice the frequency and half the amplitude, and is turned so
+/// that the lattices do not line up.
 pub(crate) fn fbm2(p: DVec2, octaves: u32, seed: u32) -> f64 {
     let (mut sum, mut amplitude, mut total, mut q) = (0.0, 1.0, 0.0, p);
     for k in 0..octaves {

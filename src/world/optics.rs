@@ -28,8 +28,8 @@ impl Optics {
         Ok(Some(Self { lens, centres }))
     }
 
-    /// The ray through a point of pixel (column, row), in the frame of `camera`, whose lens this is; its parameter is the
-    /// depth. `None` where the lens has no picture.
+    /// The ray through a point of pixel (column, row), in the frame of `camera`, whose lens this is; its parameter is
+    /// the depth. `None` where the lens has no picture.
     pub(super) fn ray(&self, camera: &Camera, (column, row): (u32, u32), x: f64, y: f64) -> Option<Ray> {
         let centre = self.centres.get((row * self.lens.size[0] + column) as usize).copied().flatten()?;
         let mut ray = DVec2::from_array(centre);
@@ -55,8 +55,8 @@ impl Optics {
     }
 }
 
-/// A lens whose photographs have the pinhole camera's width and end, in the middle of each side, where its picture ends: what
-/// [`Lens::pinhole`] makes of it is then that camera again. Its height is what square pixels need, rounded.
+/// A lens whose photographs have the pinhole camera's width and end, in the middle of each side, where its picture
+/// ends: what [`Lens::pinhole`] makes of it is then that camera again. Its height is what square pixels need, rounded.
 fn lens_over(camera: &Camera, [k1, k2, p1, p2]: [f64; 4]) -> Option<Lens> {
     let distortion = Distortion::brown([k1, k2, 0.0], [p1, p2]);
     let unit = Lens::new([1.0; 2], [0.0; 2], [1; 2], distortion);

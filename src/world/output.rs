@@ -61,17 +61,20 @@ pub struct Summary {
 /// Makes a world and writes it into `dir`:
 ///
 /// - `images/NAME.jpg` (or PNG), as the camera takes them, and `sparse/0/`, as COLMAP finds cameras and points;
-/// - for the pixels of the undistorted pictures `depth/NAME.exr` (channel Z, depth along the optical axis in metres at pixel
-///   centres, 0 for sky), `normal/NAME.exr` (N.X, N.Y, N.Z in the camera frame, towards the camera) and `clean/NAME.png`,
-///   without noise and with the nominal exposure;
-/// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other places, without noise;
+/// - for the pixels of the undistorted pictures `depth/NAME.exr` (channel Z, depth along the optical axis in metres at
+///   pixel centres, 0 for sky), `normal/NAME.exr` (N.X, N.Y, N.Z in the camera frame, towards the camera) and
+///   `clean/NAME.png`, without noise and with the nominal exposure;
+/// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other places,
+///   without noise;
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
 ///
-/// Where there is a `world.toml` already, what its world left in these folders is removed first; files of other names stay.
+/// Where there is a `world.toml` already, what its world left in these folders is removed first;
+/// files of other names stay.
 pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Summary, WorldError> {
     let world = World::new(params)?;
-    // What an earlier world left in a folder would be taken for a part of this one; photographs of others are left alone.
+    // What an earlier world left in a folder would be taken for a part of this one;
+    // photographs of others are left alone.
     let file = dir.join(PARAMETERS);
     let again = has_world(dir)?;
     let tree = Tree::create(dir, true, again)?;

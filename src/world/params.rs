@@ -59,8 +59,8 @@ pub enum CameraKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarParams {
-    /// Pulses per square metre of flat ground, of both strips together. Roofs have about as many points; walls have only what
-    /// a pulse meets on its slanted way down.
+    /// Pulses per square metre of flat ground, of both strips together. Roofs have about as many points; walls have
+    /// only what a pulse meets on its slanted way down.
     pub density: f64,
     /// Standard deviation of the measured range in metres.
     pub range_noise: f64,

@@ -81,7 +81,8 @@ impl World {
         Truth { depth, normals }
     }
 
-    /// Depth (z in the camera frame, metres) along the ray through each pixel's centre, row-major; 0 where there is only sky.
+    /// Depth (z in the camera frame, metres) along the ray through each pixel's centre, row-major;
+    /// 0 where there is only sky.
     pub fn depth(&self, camera: &Camera) -> Vec<f32> {
         self.truth(camera).depth
     }
@@ -157,8 +158,8 @@ impl World {
         RgbImage::from_raw(width, height, pixels).unwrap_or_default()
     }
 
-    /// Mean radiance over a pixel, and the depth and the world normal at its centre. Five samples in a cross of the sampling
-    /// grid come first; the others follow where these differ.
+    /// Mean radiance over a pixel, and the depth and the world normal at its centre. Five samples in a cross of the
+    /// sampling grid come first; the others follow where these differ.
     fn pixel(&self, taking: Taking<'_>, x: u32, y: u32) -> (Vec3, f32, DVec3) {
         let n = self.params().supersample as i32;
         let middle = n / 2;

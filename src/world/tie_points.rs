@@ -93,7 +93,8 @@ impl World {
         self.lens().map_or([view.camera.width, view.camera.height], |lens| lens.size)
     }
 
-    /// Where a camera of the photographs shows a world point: the pixel of the photograph, if it is on it, and the depth.
+    /// Where a camera of the photographs shows a world point: the pixel of the photograph, if it is on it,
+    /// and the depth.
     fn seen_at(&self, camera: &Camera, point: DVec3) -> Option<(DVec2, f64)> {
         let (straight, depth) = project(camera, point)?;
         let (at, [width, height]) = match &self.optics {
@@ -153,8 +154,9 @@ impl World {
         points
     }
 
-    /// For the share of wrong matches: another point on the first camera's ray, and where the cameras of the track would see
-    /// it. Repeated patterns do that: the observations agree with each other, so that no check finds them out.
+    /// For the share of wrong matches: another point on the first camera's ray, and where the cameras of the track
+    /// would see it. Repeated patterns do that: the observations agree with each other,
+    /// so that no check finds them out.
     fn mismatched(
         &self,
         views: &[View],
@@ -174,8 +176,8 @@ impl World {
         Some((point, seen.collect()))
     }
 
-    /// The surface point under a spot, and the photographs that see it with its exact position in each. None of what has no
-    /// texture of its own: noise is all there is to match.
+    /// The surface point under a spot, and the photographs that see it with its exact position in each. None of what
+    /// has no texture of its own: noise is all there is to match.
     fn sightings(&self, views: &[View], number: usize, view: &View, spot: &Spot) -> (DVec3, Vec<(usize, DVec2)>) {
         let nothing = (DVec3::ZERO, Vec::new());
         let Some(ray) = self.photograph_ray(view, spot.pixel.x, spot.pixel.y) else { return nothing };
@@ -201,8 +203,8 @@ impl World {
         (point, seen.collect())
     }
 
-    /// Least squares of the reprojection error by Gauss and Newton's steps from a close start, with the cameras as they are
-    /// reconstructed: the point, and the mean error in pixels of the photographs.
+    /// Least squares of the reprojection error by Gauss and Newton's steps from a close start, with the cameras as they
+    /// are reconstructed: the point, and the mean error in pixels of the photographs.
     fn triangulate(&self, views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> Option<(DVec3, f64)> {
         let straight = |&(v, p): &(usize, DVec2)| match &self.optics {
             None => Some((v, p)),

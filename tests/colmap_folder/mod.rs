@@ -117,7 +117,8 @@ impl Folder {
 
     pub(crate) fn text(&self) -> [(&'static str, Vec<u8>); 3] {
         let mut cameras = format!(
-            "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n# Number of cameras: {}\n",
+            "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n# Number \
+             of cameras: {}\n",
             self.cameras.len()
         );
         for c in &self.cameras {
@@ -126,7 +127,8 @@ impl Folder {
             cameras.push('\n');
         }
         let mut images = format!(
-            "# Image list with two lines of data per image:\n# Number of images: {}, mean observations per image: 1.5\n",
+            "# Image list with two lines of data per image:\n# Number of images: {}, mean observations per image: \
+             1.5\n",
             self.images.len()
         );
         for i in &self.images {

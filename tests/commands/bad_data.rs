@@ -1,4 +1,5 @@
-//! Data that cannot be used: each has its exit code and a message that says what is wrong and where, and nothing panics.
+//! Data that cannot be used: each has its exit code and a message that says what is wrong and where,
+//! and nothing panics.
 
 use std::fs;
 use std::path::Path;
@@ -40,7 +41,8 @@ fn damaged_datasets_are_told_apart() {
         (
             "a camera of a model that is not known",
             |data| {
-                // Number of cameras (8 bytes), the camera's id (4), its model (4): 7 is FOV, which has a parameter more.
+                // Number of cameras (8 bytes), the camera's id (4), its model (4): 7 is FOV,
+                // which has a parameter more.
                 let file = data.join("sparse/0/cameras.bin");
                 let mut bytes = fs::read(&file).expect("cameras");
                 bytes[12] = 7;
@@ -240,7 +242,8 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let file = data.path().join("sparse/0/images.bin");
     let whole = fs::read(&file).expect("images");
     let mut bytes = whole.clone();
-    // Number of images (8 bytes), the first image's number (4), then its quaternion: half a turn about the camera's x axis.
+    // Number of images (8 bytes), the first image's number (4), then its quaternion:
+    // half a turn about the camera's x axis.
     let q: Vec<f64> =
         (0..4).map(|k| f64::from_le_bytes(bytes[12 + 8 * k..20 + 8 * k].try_into().expect("8"))).collect();
     for (k, v) in [-q[1], q[0], -q[3], q[2]].iter().enumerate() {

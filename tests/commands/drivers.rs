@@ -1,4 +1,5 @@
-//! Machines on which no Vulkan device can be used: every command that needs one says so with its own code, and what to do.
+//! Machines on which no Vulkan device can be used: every command that needs one says so with its own code,
+//! and what to do.
 
 use std::fs;
 use std::path::Path;
@@ -47,7 +48,8 @@ fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
         fs::write(&file, content).expect("written");
         drivers.push(file);
     }
-    // Drivers of GPUs that are not in this machine, where they are installed: the loader reads them, and they find no device.
+    // Drivers of GPUs that are not in this machine, where they are installed: the loader reads them,
+    // and they find no device.
     let installed = ["radeon_icd.x86_64.json", "intel_icd.x86_64.json", "nouveau_icd.x86_64.json"];
     let gpus = Path::new("/dev/dri").exists();
     let installed = installed.map(|name| Path::new("/usr/share/vulkan/icd.d").join(name));

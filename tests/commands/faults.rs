@@ -1,4 +1,5 @@
-//! What befalls a training from outside, disks apart: photographs that go away, a device that is lost or too small, a second run.
+//! What befalls a training from outside, disks apart: photographs that go away, a device that is lost or too small,
+//! a second run.
 #![cfg(unix)]
 
 use std::fs;
@@ -183,7 +184,8 @@ fn running_out_of_device_memory_ends_training_with_a_checkpoint() {
         let ends = ["train", text(&data), "--out", text(&out), "--overwrite", "-q", "--max-device-memory", &limit];
         psrgs(&[&ends[..], &swelling].concat())
     };
-    // What it takes to begin is in the complaint; how much more the pairs take before the splats swell is found by trying.
+    // What it takes to begin is in the complaint; how much more the pairs take before the splats swell is found by
+    // trying.
     let said = stderr(&run(1 << 16));
     let needs = said.split("the training needs ").nth(1).and_then(|rest| rest.split(',').next()).unwrap_or_default();
     let (number, unit) = needs.split_once(' ').unwrap_or_else(|| panic!("no size: {said}"));

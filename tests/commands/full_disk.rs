@@ -1,5 +1,5 @@
-//! Disks that are full or read-only, and folders that go away: exit code 8, the file and the reason are told, what was saved stays,
-//! and with room the training goes on to the same bits.
+//! Disks that are full or read-only, and folders that go away: exit code 8, the file and the reason are told, what was
+//! saved stays, and with room the training goes on to the same bits.
 #![cfg(unix)]
 
 use std::fs;

@@ -1,5 +1,5 @@
-//! Runs that are killed at random moments, also while a checkpoint is being written, and resumed until they end: the files are those
-//! of a run that nobody disturbed.
+//! Runs that are killed at random moments, also while a checkpoint is being written, and resumed until they end: the
+//! files are those of a run that nobody disturbed.
 #![cfg(unix)]
 
 use std::collections::BTreeSet;
@@ -16,12 +16,12 @@ use crate::common;
 use crate::common::splats::seeded;
 use crate::run::{command, stderr, text};
 
-/// All parts of the method that have a state: stereo, growth, learned widths of the filter, the constrained set, perceptual
-/// distance, exposures; and a checkpoint every few steps.
-pub(crate) const OPTIONS: &str = "--method psrgs-paper --deterministic --iterations 40 --densify-from 5 --densify-interval 6 --densify-until 32 \
-                       --set low-grad-threshold=2e-3 --grad-threshold 1e-3 --prune-opacity 0.02 --exposure affine \
-                       --set stereo-side=32 --stereo-splats 200 --set sigma-every=3 --set perceptual-every=4 --eval-every 0 \
-                       --checkpoint-every 3 --seed 5";
+/// All parts of the method that have a state: stereo, growth, learned widths of the filter, the constrained set,
+/// perceptual distance, exposures; and a checkpoint every few steps.
+pub(crate) const OPTIONS: &str = "--method psrgs-paper --deterministic --iterations 40 --densify-from 5 \
+                       --densify-interval 6 --densify-until 32 --set low-grad-threshold=2e-3 --grad-threshold 1e-3 \
+                       --prune-opacity 0.02 --exposure affine --set stereo-side=32 --stereo-splats 200 --set \
+                       sigma-every=3 --set perceptual-every=4 --eval-every 0 --checkpoint-every 3 --seed 5";
 
 /// When a run is killed.
 #[derive(Debug)]

@@ -205,7 +205,8 @@ fn a_run_does_not_resume_without_one_of_its_photographs() {
     }
 }
 
-/// Stages of a training are shares of its steps: one that is over does not begin again because there are to be more steps.
+/// Stages of a training are shares of its steps: one that is over does not begin again because there are to be more
+/// steps.
 #[test]
 fn a_stage_that_is_over_does_not_begin_again() {
     let Some(shared) = shared() else { return };

@@ -171,8 +171,8 @@ fn sizes_splits_and_backgrounds_of_other_trainers_are_met() {
     fails(&eval(&["--background", "grey"]), 2, &["#rrggbb"]);
 }
 
-/// The comparison script with this program as the stand-in for a peer: the same training scores the same, and one that sees only
-/// the photographs to train on is scored on the held-out ones all the same.
+/// The comparison script with this program as the stand-in for a peer: the same training scores the same, and one that
+/// sees only the photographs to train on is scored on the held-out ones all the same.
 #[cfg(unix)]
 #[test]
 fn the_comparison_script_alternates_scores_and_writes_a_table() {

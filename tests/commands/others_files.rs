@@ -8,7 +8,8 @@ use crate::run::{content, copy_of, fails, shared, strs, text, works};
 fn a_training_never_replaces_files_of_its_dataset() {
     let Some(shared) = shared() else { return };
     let data = copy_of(&shared.data());
-    let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n";
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float \
+        z\nend_header\n0 0 0\n";
     fs::write(data.path().join("point_cloud.ply"), cloud).expect("written");
     fs::create_dir(data.path().join("model")).expect("a folder");
     fs::write(data.path().join("model/point_cloud.ply"), cloud).expect("written");

@@ -148,7 +148,8 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A scene of nine photographs, 64 x 48, of which the first and the last are held out, and a training on it for who asks for it.
+/// A scene of nine photographs, 64 x 48, of which the first and the last are held out,
+/// and a training on it for who asks for it.
 pub struct Shared {
     folder: tempfile::TempDir,
     trained: OnceLock<()>,

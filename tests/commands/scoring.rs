@@ -37,8 +37,9 @@ fn psnr_of_files(out: &Path, view: &str) -> f64 {
     10.0 * (255.0 * 255.0 * render.len() as f64 / squares.sum::<f64>()).log10()
 }
 
-/// A score may be exposed as other photographs let expect, and by nothing else: a photograph of noise changes neither model nor exposures
-/// nor render, and its score is that of noise. The last evaluation of the training is the score in the metrics.
+/// A score may be exposed as other photographs let expect, and by nothing else: a photograph of noise changes neither
+/// model nor exposures nor render, and its score is that of noise. The last evaluation of the training is the score in
+/// the metrics.
 #[test]
 fn held_out_noise_changes_only_its_score_with_affine_exposures() {
     noise_changes_a_score_alone("affine");

@@ -8,9 +8,10 @@ use std::path::Path;
 use crate::run::Running;
 use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, works};
 
-const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
-                    seconds_per_iteration peak_device_bytes peak_host_bytes images training_photographs \
-                    psnr_offpath depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
+const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim \
+                    gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
+                    seconds_per_iteration peak_device_bytes peak_host_bytes images training_photographs psnr_offpath \
+                    depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
                     depth_median_error_offpath normal_median_degrees floaters";
 
 #[test]

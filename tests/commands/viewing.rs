@@ -17,9 +17,9 @@ pub fn json(file: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON")
 }
 
-/// Training renders from scene coordinates; a file holds dataset coordinates, and both are rounded to f32. Where a colour lies at
-/// the boundary between two 8-bit steps, that can move it by one step; more than a handful of such pixels would be an error.
-/// Gives how many are moved.
+/// Training renders from scene coordinates; a file holds dataset coordinates, and both are rounded to f32. Where a
+/// colour lies at the boundary between two 8-bit steps, that can move it by one step; more than a handful of such
+/// pixels would be an error. Gives how many are moved.
 #[track_caller]
 pub fn moved(a: &[u8], b: &[u8]) -> usize {
     assert_eq!(a.len(), b.len());
@@ -30,8 +30,8 @@ pub fn moved(a: &[u8], b: &[u8]) -> usize {
     moved
 }
 
-/// How far `moved` of `n` colours by one step can move a PSNR: each changes the sum of squared errors by 2 * 255 + 1 at most, and
-/// d(PSNR) = 10 / ln 10 * d(MSE) / MSE.
+/// How far `moved` of `n` colours by one step can move a PSNR: each changes the sum of squared errors by 2 * 255 + 1 at
+/// most, and d(PSNR) = 10 / ln 10 * d(MSE) / MSE.
 pub fn psnr_bound(psnr: f64, moved: usize, n: usize) -> f64 {
     let mse = 255.0 * 255.0 * 10f64.powf(-psnr / 10.0);
     1e-9 + 10.0 / std::f64::consts::LN_10 * (511 * moved) as f64 / (n as f64 * mse) * 1.01

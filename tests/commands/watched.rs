@@ -1,5 +1,5 @@
-//! The whole life of a run under the validation layers: stereo, growth beyond what was allocated, perceptual distance, checkpoints, a
-//! resumption, evaluation, drawing, and the end, at which everything must have been given back.
+//! The whole life of a run under the validation layers: stereo, growth beyond what was allocated, perceptual distance,
+//! checkpoints, a resumption, evaluation, drawing, and the end, at which everything must have been given back.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,8 @@ use crate::common;
 use crate::kills::OPTIONS;
 use crate::run::{command, stderr, text};
 
-/// Goes through it all with `PSRGS_VALIDATION` of this value, and with more variables. The command fails on any message.
+/// Goes through it all with `PSRGS_VALIDATION` of this value, and with more variables.
+/// The command fails on any message.
 fn life(mode: &str, variables: &[(&str, &str)]) {
     if common::gpu().is_none() {
         return;
@@ -74,7 +75,8 @@ fn whole_life_of_a_run_leaves_no_message() {
     life("1", &[]);
 }
 
-/// LLVM 21's optimizer, under Mesa 26.1 and for vectors of 8, gives the stores of `convolution` by address a mask of all lanes.
+/// LLVM 21's optimizer, under Mesa 26.1 and for vectors of 8, gives the stores of `convolution` by address a mask of
+/// all lanes.
 const NOT_OPTIMIZED: (&str, &str) = ("GALLIVM_PERF", "nopt");
 
 #[test]

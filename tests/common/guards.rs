@@ -1,8 +1,8 @@
-//! Four guards for comparing a computed vector with a reference: each element, the whole vector's relative norm, its direction,
-//! and a signed bias; and rows that should not be zero are not.
+//! Four guards for comparing a computed vector with a reference: each element, the whole vector's relative norm, its
+//! direction, and a signed bias; and rows that should not be zero are not.
 //!
-//! One guard alone lets errors through: an element bound passes a bias of every element, a norm passes a wrong small row, a
-//! cosine passes a wrong factor.
+//! One guard alone lets errors through: an element bound passes a bias of every element, a norm passes a wrong small
+//! row, a cosine passes a wrong factor.
 #![allow(dead_code, unreachable_pub)]
 
 /// Bounds of the guards.
@@ -21,8 +21,8 @@ pub struct Guards {
 }
 
 impl Guards {
-    /// All bounds from one: errors of rounding scatter, so the norm holds to a quarter of the element bound and the bias to an
-    /// eighth; the cosine's deviation is quadratic in the norm's.
+    /// All bounds from one: errors of rounding scatter, so the norm holds to a quarter of the element bound and the
+    /// bias to an eighth; the cosine's deviation is quadratic in the norm's.
     pub const fn of(element: f64) -> Self {
         Self { element, floor: 1.0, norm: element / 4.0, cosine: element * element / 32.0 + 1e-14, bias: element / 8.0 }
     }
@@ -77,8 +77,8 @@ impl Guards {
     }
 }
 
-/// `got` with the error of each element divided by its condition: how much larger than rounding it may be, from the problem and
-/// not from the program. For comparing ill-conditioned values with the same guards.
+/// `got` with the error of each element divided by its condition: how much larger than rounding it may be, from the
+/// problem and not from the program. For comparing ill-conditioned values with the same guards.
 pub fn eased(got: &[f32], want: &[f64], condition: &[f64]) -> Vec<f32> {
     let ease = |((g, w), c): ((&f32, &f64), &f64)| (w + (f64::from(*g) - w) / c.max(1.0)) as f32;
     got.iter().zip(want).zip(condition).map(ease).collect()

@@ -13,8 +13,8 @@ use psrgs_vk::vk::{Error, Gpu, OpenOptions};
 
 pub use skips::{left_out, skipped};
 
-/// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a printed
-/// reason, only where there is no Vulkan driver at all.
+/// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a
+/// printed reason, only where there is no Vulkan driver at all.
 pub fn gpu() -> Option<Gpu> {
     gpu_with(|_| ())
 }
@@ -39,7 +39,8 @@ pub fn assert_no_messages(gpu: &Gpu) {
     assert!(messages.is_empty(), "{} validation messages, first: {}", messages.len(), messages[0]);
 }
 
-/// The first version of the validation layer that is known to follow all shaders of the engine in its GPU-assisted mode.
+/// The first version of the validation layer that is known to follow all shaders of the engine in its GPU-assisted
+/// mode.
 const ABLE_TO_ASSIST: [u32; 3] = [1, 4, 363];
 
 /// Whether the layer here follows all shaders in its GPU-assisted mode; prints why not.
@@ -54,8 +55,8 @@ pub fn layer_assists() -> bool {
     able
 }
 
-/// A folder or file of the shared test data: under `$PSRGS_DATA`, else `../shared/data`. `None`, with a printed reason, where
-/// it is not there.
+/// A folder or file of the shared test data: under `$PSRGS_DATA`, else `../shared/data`. `None`, with a printed reason,
+/// where it is not there.
 pub fn data(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("PSRGS_DATA")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
@@ -67,8 +68,8 @@ pub fn data(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// A file of the shared weights: under `$PSRGS_WEIGHTS`, else `../shared/weights`. `None`, with a printed reason, where it is not
-/// there.
+/// A file of the shared weights: under `$PSRGS_WEIGHTS`, else `../shared/weights`. `None`, with a printed reason, where
+/// it is not there.
 pub fn weights(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("PSRGS_WEIGHTS")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/weights"), PathBuf::from);

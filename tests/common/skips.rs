@@ -1,5 +1,5 @@
-//! Tests that cannot run where they are: said among the results, kept for the closing lines of `tools/test`, and refused where all of
-//! them have to run.
+//! Tests that cannot run where they are: said among the results, kept for the closing lines of `tools/test`, and
+//! refused where all of them have to run.
 #![allow(dead_code, unreachable_pub)]
 
 use std::fmt::Display;
@@ -15,13 +15,14 @@ pub fn skipped(why: impl Display) {
     tell("skipped", &why);
 }
 
-/// Says that a test, or the rest of it, has nothing to look at on this device or machine, as it is of another kind. It never fails.
+/// Says that a test, or the rest of it, has nothing to look at on this device or machine, as it is of another kind.
+/// It never fails.
 pub fn left_out(why: impl Display) {
     tell("left out", &why);
 }
 
-/// Past the harness, which hides what a test prints that passes, and in a list (`$PSRGS_SKIPPED`, else `skipped.txt` of cargo's folder
-/// for tests).
+/// Past the harness, which hides what a test prints that passes, and in a list (`$PSRGS_SKIPPED`, else `skipped.txt` of
+/// cargo's folder for tests).
 fn tell(what: &str, why: &dyn Display) {
     let name = std::thread::current().name().unwrap_or("a test").to_owned();
     let line = format!("{what}: {name}: {why}\n");

@@ -1,5 +1,5 @@
-//! SwiftShader, a second Vulkan implementation for processors, which Chromium brings along: subgroups of 4, no float atomics, no 16-bit
-//! storage, and a compiler whose time explodes with chains of branches in loops.
+//! SwiftShader, a second Vulkan implementation for processors, which Chromium brings along: subgroups of 4, no float
+//! atomics, no 16-bit storage, and a compiler whose time explodes with chains of branches in loops.
 #![allow(dead_code, unreachable_pub)]
 
 use std::io::Read as _;
@@ -23,8 +23,8 @@ pub fn swiftshader() -> Option<PathBuf> {
     found
 }
 
-/// Runs a command on SwiftShader to its end; gives whether it succeeded, and what it said. A compiler that runs away fails: by the memory
-/// it may have, or after five minutes.
+/// Runs a command on SwiftShader to its end; gives whether it succeeded, and what it said. A compiler that runs away
+/// fails: by the memory it may have, or after five minutes.
 pub fn on_swiftshader(driver: &std::path::Path, command: &Command) -> (bool, String) {
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -v 8000000; exec \"$0\" \"$@\" 2>&1"]).arg(command.get_program());

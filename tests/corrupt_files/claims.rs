@@ -1,5 +1,5 @@
-//! Files that claim more than they hold: rows, properties, points, pixels, tensors. Each is refused or read in the time and the memory
-//! that its bytes are worth; a reader that takes it at its word does not come back.
+//! Files that claim more than they hold: rows, properties, points, pixels, tensors. Each is refused or read in the time
+//! and the memory that its bytes are worth; a reader that takes it at its word does not come back.
 
 use std::fs;
 use std::path::Path;
@@ -53,7 +53,8 @@ fn properties_of_a_ply_file_are_as_few_as_any_has() {
     let header = |count: usize| {
         let names: String = (0..count).map(|k| format!("property char p{k}\n")).collect();
         format!(
-            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n{names}end_header\n"
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float \
+             z\n{names}end_header\n"
         )
     };
     fs::write(&file, header(40_000)).expect("written");
@@ -197,7 +198,8 @@ fn pictures_are_not_larger_than_their_files_can_be() {
     }
 }
 
-/// The decoder keeps some thousand bytes for each extra byte that the compressor's record names, whatever the header says of a point.
+/// The decoder keeps some thousand bytes for each extra byte that the compressor's record names,
+/// whatever the header says of a point.
 #[test]
 fn compressed_points_are_no_longer_than_the_header_says() {
     let root = tempfile::tempdir().expect("temporary folder");

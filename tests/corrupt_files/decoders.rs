@@ -11,7 +11,8 @@ use psrgs_vk::format::image_out;
 
 use super::names_the_place;
 
-/// Differences that lead below zero: the `exr` crate subtracts them unchecked, which builds with overflow checks do not let pass.
+/// Differences that lead below zero: the `exr` crate subtracts them unchecked,
+/// which builds with overflow checks do not let pass.
 #[test]
 fn differences_of_a_b44_block_that_lead_below_zero() {
     let root = tempfile::tempdir().expect("temporary folder");

@@ -1,4 +1,5 @@
-//! Numbers that are finite in their files and would not be in the scene, and names that lead to what is no file of the dataset.
+//! Numbers that are finite in their files and would not be in the scene,
+//! and names that lead to what is no file of the dataset.
 
 use std::fs;
 use std::path::Path;
@@ -53,7 +54,8 @@ fn poses_and_points_beyond_the_scene_are_refused() {
 fn a_cloud_is_finite_with_its_offset_too() {
     let root = tempfile::tempdir().expect("temporary folder");
     let file = root.path().join("cloud.ply");
-    let header = "ply\nformat ascii 1.0\ncomment psrgs-vk offset 1.7e308 0 0\nelement vertex 1\nproperty double x\nproperty double y\n\
+    let header = "ply\nformat ascii 1.0\ncomment psrgs-vk offset 1.7e308 0 0\nelement vertex 1\nproperty double \
+                  x\nproperty double y\n\
                   property double z\nend_header\n";
     fs::write(&file, format!("{header}1.7e308 0 0\n")).expect("written");
     let error = ply::Cloud::read(&file).expect_err("infinite").to_string();

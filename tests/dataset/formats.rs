@@ -131,7 +131,8 @@ pub(crate) fn reconstruction(folder: &Folder) -> Value {
         .iter()
         .map(|image| {
             let shot = json!({
-                "rotation": vector(&rotation(image)), "translation": image.translation, "camera": "v2 dji 24 16 brown 0.85",
+                "rotation": vector(&rotation(image)), "translation": image.translation, "camera": "v2 dji 24 16 brown \
+                 0.85",
                 "orientation": 1, "capture_time": 0.0, "gps_dop": 10.0, "gps_position": [0.0, 0.0, 0.0],
             });
             (image.name.clone(), shot)
@@ -358,7 +359,8 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
     assert_eq!((dataset.views.len(), &dataset.warnings[0]), (3, &Warning::OtherParts { used: 3, parts: 1, shots: 2 }));
 }
 
-/// A run with GPS moves the reconstruction into the grid of a map: `reference_lla`, which stays in the file, is not where it lies.
+/// A run with GPS moves the reconstruction into the grid of a map: `reference_lla`, which stays in the file,
+/// is not where it lies.
 #[test]
 fn georeferenced_opendronemap_is_in_the_grid_of_its_coords_file() {
     let folder = turned_ring([0.0; 3]);

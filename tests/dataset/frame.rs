@@ -54,7 +54,8 @@ fn cameras_at_one_place_take_the_extent_of_the_points() {
     assert_eq!(dataset.extent, 1.0);
 }
 
-/// One pose of a reconstruction that went wrong, 1e30 away, used to make the scene as large and every splat a speck in it.
+/// One pose of a reconstruction that went wrong, 1e30 away, used to make the scene as large and every splat a speck in
+/// it.
 #[test]
 fn a_far_camera_is_named_and_does_not_change_the_extent() {
     let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png"];

@@ -123,9 +123,10 @@ fn ray(camera: &Camera, i: u32, j: u32) -> [f64; 2] {
     [(f64::from(i) + 0.5 - camera.cx) / camera.fx, (f64::from(j) + 0.5 - camera.cy) / camera.fy]
 }
 
-/// How far each pixel of the undistorted picture is from where it should be, along an axis: the photograph shows waves of the
-/// undistorted picture, moved by a part of a period. In pixels
-/// of the undistorted picture or of the photograph, whichever is coarser there. `None` where the filter reaches over the photograph's edge.
+/// How far each pixel of the undistorted picture is from where it should be, along an axis: the photograph shows waves
+/// of the undistorted picture, moved by a part of a period. In pixels
+/// of the undistorted picture or of the photograph, whichever is coarser there.
+/// `None` where the filter reaches over the photograph's edge.
 fn deviations(case: &Case, rays: &[Option<[f64; 2]>], camera: &Camera, axis: usize, moved: f64) -> Vec<Option<f64>> {
     const PERIOD: f64 = 28.0;
     let focal = [camera.fx, camera.fy][axis];
@@ -159,7 +160,8 @@ fn undistorted_pixels_are_where_their_rays_are() {
         let camera = first(case.dataset(|_| [0; 3]).path(), None).camera;
         let rays = case.rays();
         for axis in 0..2 {
-            // The mean over four positions of the waves: what 8 bits round away differs between them, a wrong place does not.
+            // The mean over four positions of the waves: what 8 bits round away differs between them,
+            // a wrong place does not.
             let all = [0.0, 0.23, 0.51, 0.74].map(|moved| deviations(&case, &rays, &camera, axis, moved));
             let mean = |k: usize| all.iter().map(|one| one[k]).sum::<Option<f64>>().map(|sum| sum / 4.0);
             let found: Vec<f64> = (0..all[0].len()).filter_map(mean).collect();
@@ -237,7 +239,8 @@ fn lens_rays_invert_pixels_up_to_the_turn_of_the_polynomial() {
     assert!(lens.ray([50.0 + 100.0 * turns * 2.0 / 3.0 - 1e-6, 50.0]).is_some());
     assert!(lens.ray([50.0 + 100.0 * turns * 2.0 / 3.0 + 1e-6, 50.0]).is_none());
     assert!(lens.project([f64::NAN, 0.0]).is_none());
-    // A picture that ends beyond the turn shows nothing twice: its frame is within the range, and its corners are masked.
+    // A picture that ends beyond the turn shows nothing twice: its frame is within the range,
+    // and its corners are masked.
     let camera = Lens::new([90.0; 2], [100.0; 2], [200, 200], lens.distortion).pinhole();
     assert!(((0.5 - camera.cx) / camera.fx).abs() <= turns && camera.cx == camera.cy);
 }

@@ -1,4 +1,5 @@
-//! Files of pictures: every valid kind is read, claims beyond the memory are refused, and other files are told as what they are.
+//! Files of pictures: every valid kind is read, claims beyond the memory are refused,
+//! and other files are told as what they are.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -317,7 +317,8 @@ fn transforms(folder: &std::path::Path, rows: impl Fn(&ImageRow) -> (Matrix, [f6
     let all = |p: &PointRow| [0.0, 0.05, -0.05, 0.1, 0.15, -0.1].map(|d| p.position.map(|v| v + d));
     let points: Vec<[f64; 3]> = scene.points.iter().flat_map(all).collect();
     let mut ply = format!(
-        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nproperty \
+         uchar red\n\
          property uchar green\nproperty uchar blue\nend_header\n",
         points.len()
     );

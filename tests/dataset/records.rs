@@ -1,4 +1,5 @@
-//! Records that cannot be used: a few of many are left out and told, more are an error, and so is the first where that is asked for.
+//! Records that cannot be used: a few of many are left out and told, more are an error,
+//! and so is the first where that is asked for.
 
 use std::fs;
 use std::io::Cursor;
@@ -41,7 +42,8 @@ fn left_out(dataset: &Dataset) -> Vec<&LeftOut> {
         .collect()
 }
 
-/// The dataset is read without the records, says so with these words, and is refused with the last of them where that is asked for.
+/// The dataset is read without the records, says so with these words,
+/// and is refused with the last of them where that is asked for.
 #[track_caller]
 fn leaves_out(root: &Path, what: &str, count: usize, of: usize, words: &[&str]) -> Dataset {
     let dataset = load(root).expect(what);

@@ -1,6 +1,6 @@
-//! The world through a lens with distortion against its pinhole copy: both train as well. Models are compared on pictures that are the
-//! same for both. (Each on its own held-out photographs would compare photographs: undistorting resamples, which smooths them, and that
-//! alone was measured as half a decibel.)
+//! The world through a lens with distortion against its pinhole copy: both train as well. Models are compared on
+//! pictures that are the same for both. (Each on its own held-out photographs would compare photographs: undistorting
+//! resamples, which smooths them, and that alone was measured as half a decibel.)
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,8 @@ fn decibels(file: &Path, key: &str) -> f64 {
     metrics[key].as_f64().expect("a PSNR")
 }
 
-/// PSNR of a model of `data` that begins with the splats of `init`, on held-out photographs of `truth` and from off the path.
+/// PSNR of a model of `data` that begins with the splats of `init`, on held-out photographs of `truth` and from off the
+/// path.
 fn trained(data: &Path, init: &Path, truth: &Path) -> Option<[f64; 2]> {
     let (out, scores) = (data.join("trained"), data.join("scores.json"));
     let ends = ["--split", "every:4", "-q"];
@@ -34,7 +35,8 @@ fn trained(data: &Path, init: &Path, truth: &Path) -> Option<[f64; 2]> {
 fn straighten(data: &Path) {
     let file = data.join("sparse/0/cameras.bin");
     let mut bytes = fs::read(&file).unwrap();
-    // One camera: its number (8 bytes), id (4), model (4), size (16), focal lengths and principal point (32), and the distortion.
+    // One camera: its number (8 bytes), id (4), model (4), size (16), focal lengths and principal point (32),
+    // and the distortion.
     assert_eq!((bytes[0], bytes[12], bytes.len()), (1, 4, 96), "one camera with COLMAP's OPENCV model");
     bytes.truncate(64);
     bytes[12] = 1;
@@ -43,10 +45,11 @@ fn straighten(data: &Path) {
     ["depth", "normal"].iter().for_each(|folder| fs::remove_dir_all(data.join(folder)).unwrap());
 }
 
-/// All that makes the world hard is on, the lens bends twice as much as usual, and models are scored on photographs without noise at
-/// the nominal exposure. The splats are those of the laser scan, which no lens has a part in, and do not grow: what is compared are the
-/// pictures. (Growth alone moves a score on four held-out photographs by more than half a decibel from seed to seed.) Over three seeds
-/// the lens gained 0.02 to 0.07 dB, as much as photographs of a pinhole camera do that are resampled once; ignoring it cost 0.5 to 0.9 dB.
+/// All that makes the world hard is on, the lens bends twice as much as usual, and models are scored on photographs
+/// without noise at the nominal exposure. The splats are those of the laser scan, which no lens has a part in, and do
+/// not grow: what is compared are the pictures. (Growth alone moves a score on four held-out photographs by more than
+/// half a decibel from seed to seed.) Over three seeds the lens gained 0.02 to 0.07 dB, as much as photographs of a
+/// pinhole camera do that are resampled once; ignoring it cost 0.5 to 0.9 dB.
 #[test]
 fn photographs_through_a_lens_train_as_well_as_without_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -80,8 +83,9 @@ fn photographs_through_a_lens_train_as_well_as_without_it() {
     }
 }
 
-/// From sparse points, with growth: both have their own. The lens gained 0.03, 0.13, 0.14 and 0.24 dB in four seeds. By 3dgs, as what is
-/// judged are the pictures: psrgs gains 0.3 to 0.4 dB from resampled photographs in each of them, 0.2 to 0.3 without noise and JPEG.
+/// From sparse points, with growth: both have their own. The lens gained 0.03, 0.13, 0.14 and 0.24 dB in four seeds. By
+/// 3dgs, as what is judged are the pictures: psrgs gains 0.3 to 0.4 dB from resampled photographs in each of them, 0.2
+/// to 0.3 without noise and JPEG.
 #[test]
 fn a_world_with_lens_distortion_trains_as_well_as_a_pinhole_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The gradient-map loss of the constrained set beside the full one: the gradients that the device adds to the model's against the f64
-//! renderer, loss and backward, and these against differences of the loss.
+//! The gradient-map loss of the constrained set beside the full one: the gradients that the device adds to the model's
+//! against the f64 renderer, loss and backward, and these against differences of the loss.
 
 use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph};
 use psrgs_vk::pass::constrain::{ADD, KEEP};

@@ -1,5 +1,5 @@
-//! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and backward, each of
-//! which is checked against differences by itself.
+//! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and
+//! backward, each of which is checked against differences by itself.
 
 use psrgs_vk::loss::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Prior, Rendered};
 use psrgs_vk::pass::geometry::{Push, pack_prior};
@@ -174,8 +174,9 @@ fn gradients_of_the_geometry_loss_agree_with_brute_force() {
     let opaque = case.image.transmittance.iter().position(|t| *t < 0.05).expect("something is opaque");
     let depth = case.image.depth[opaque] / (1.0 - case.image.transmittance[opaque]);
     let known = known(&case, depth);
-    // A pixel's gradient of smoothness is a difference of differences of depths, some of which are nothing but the rounding of depths:
-    // a splat that is seen in such pixels alone has no digits to judge, so with it rows are judged by their plane's largest.
+    // A pixel's gradient of smoothness is a difference of differences of depths, some of which are nothing but the
+    // rounding of depths: a splat that is seen in such pixels alone has no digits to judge,
+    // so with it rows are judged by their plane's largest.
     for (smooth, each_row) in [(0.0, true), (100.0, false)] {
         let weights = weights(smooth);
         let (terms, want, compared) = wanted(&case, &known, &weights);

@@ -1,4 +1,5 @@
-//! Whole images and whole gradients of the device against the brute-force f64 renderer, which shares no arithmetic with it.
+//! Whole images and whole gradients of the device against the brute-force f64 renderer,
+//! which shares no arithmetic with it.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -248,8 +249,8 @@ fn device_gradients(
     if way == Way::Written { planes } else { planes.map(|plane| plane.iter().map(|m| 10.0 * m).collect()) }
 }
 
-/// An element below this share of its plane's largest is judged as if it were that large: behind many splats what is left of a
-/// gradient is a small difference of large numbers, with the rounding of those.
+/// An element below this share of its plane's largest is judged as if it were that large: behind many splats what is
+/// left of a gradient is a small difference of large numbers, with the rounding of those.
 const FLOOR: f64 = 1e-3;
 /// For every row by itself: none is zero or wrong by a factor.
 const ROW: Guards = Guards { element: 2e-2, ..Guards::of(1e-3) };
@@ -286,7 +287,8 @@ fn gradients_agree_with_the_brute_force_renderer() {
     common::assert_no_messages(&gpu);
 }
 
-/// With gradients of depth and normals too, by every variant of the blend backward, and by the step that consumes them at once.
+/// With gradients of depth and normals too, by every variant of the blend backward,
+/// and by the step that consumes them at once.
 #[test]
 fn gradients_of_depth_and_normals_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };

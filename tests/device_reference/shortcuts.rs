@@ -1,5 +1,5 @@
-//! Cheaper pictures are what they are said to be: those of the brute-force renderer with the same cut-off of alphas, and near it by what
-//! half floats lose.
+//! Cheaper pictures are what they are said to be: those of the brute-force renderer with the same cut-off of alphas,
+//! and near it by what half floats lose.
 
 use half::f16;
 use psrgs_vk::pass::alpha_min::alpha_min;

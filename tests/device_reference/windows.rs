@@ -1,5 +1,5 @@
-//! A step on windows of several views: each window rendered by a camera of its own and its gradient added to those of the views before,
-//! against whole images of the same views with the distance taken in the window.
+//! A step on windows of several views: each window rendered by a camera of its own and its gradient added to those of
+//! the views before, against whole images of the same views with the distance taken in the window.
 
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
@@ -17,7 +17,8 @@ const SIDE: u32 = 32;
 const AT: [(u32, u32); 3] = [(17, 13), (20, 9), (25, 20)];
 const WEIGHT: f32 = 3.0;
 
-/// Opaque splats all over the ground, so that windows have some far outside of them, and large ones reach in from there.
+/// Opaque splats all over the ground, so that windows have some far outside of them,
+/// and large ones reach in from there.
 fn model() -> Gaussians {
     let mut model = plane_scene::splats(900);
     let mut random = seeded(3);
@@ -32,7 +33,8 @@ struct Views {
     seen: Vec<(Camera, Vec<u8>)>,
 }
 
-/// Gradients of the model for all views together, from windows or from whole images; and how many pixels show something.
+/// Gradients of the model for all views together, from windows or from whole images;
+/// and how many pixels show something.
 fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<f32>; 8], usize) {
     let variants = Variants::new(tile, GradientSum::Slots);
     let (n, pixels) = (views.model.len() as u32, SIZE.0 * SIZE.1);

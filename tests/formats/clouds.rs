@@ -23,7 +23,8 @@ fn clouds_come_back_bit_for_bit() {
     assert!(wrong.write(&file).expect_err("does not fit").to_string().contains("1 normals"));
 }
 
-/// LAS keeps integers: in steps of a millimetre from an offset near the site, or of a centimetre from the grid's origin.
+/// LAS keeps integers: in steps of a millimetre from an offset near the site,
+/// or of a centimetre from the grid's origin.
 #[test]
 fn scans_in_a_national_grid_keep_their_coordinates() {
     use las::{Builder, Point, Transform, Vector, Writer};
@@ -92,7 +93,8 @@ fn with_properties(properties: &[(&str, &str)], rows: &[&str]) -> String {
     let rows: String = rows.iter().map(|row| format!("1 2 3 {row}\n")).collect();
     let n = rows.lines().count();
     format!(
-        "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n{names}end_header\n{rows}"
+        "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float \
+         z\n{names}end_header\n{rows}"
     )
 }
 

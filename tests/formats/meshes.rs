@@ -70,7 +70,8 @@ fn what_is_no_mesh_says_why() {
         (format!("{head}{}", faces.replace("1 0 0", "nan 0 0")), "vertex 1"),
         (
             format!(
-                "{head}element face 9999999999\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+                "{head}element face 9999999999\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 \
+                 0\n"
             ),
             "face 0",
         ),

@@ -35,8 +35,8 @@ fn some() -> [Similarity; 4] {
     ]
 }
 
-/// Real spherical harmonics from the associated Legendre functions with the Condon-Shortley phase, the definition behind the
-/// polynomials that renderers use.
+/// Real spherical harmonics from the associated Legendre functions with the Condon-Shortley phase, the definition
+/// behind the polynomials that renderers use.
 fn harmonic(l: i32, m: i32, [x, y, z]: [f64; 3]) -> f64 {
     let order = m.unsigned_abs() as i32;
     let sine = (1.0 - z * z).max(0.0).sqrt();
@@ -100,7 +100,8 @@ fn harmonics_of_each_degree_turn_with_the_scene() {
                     }
                 }
             }
-            // Coefficients up to 3 in magnitude, rounded to f32 once: 2^-24 of each, and at most 7 of them with values below 1.5.
+            // Coefficients up to 3 in magnitude, rounded to f32 once: 2^-24 of each,
+            // and at most 7 of them with values below 1.5.
             assert!(largest < 7.0 * 3.0 * 1.5 * 0.5_f64.powi(24), "{range:?}: {largest:e}");
         }
     }

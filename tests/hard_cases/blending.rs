@@ -39,8 +39,8 @@ fn saturated_alpha_stacks() {
     common::assert_no_messages(&gpu);
 }
 
-/// Alpha is held at 0.99: opacity, place and shape have no part in it, so their gradients are exactly zero. The 3DGS reference lets
-/// the gradient through; training follows it there, and a caller chooses.
+/// Alpha is held at 0.99: opacity, place and shape have no part in it, so their gradients are exactly zero. The 3DGS
+/// reference lets the gradient through; training follows it there, and a caller chooses.
 #[test]
 fn clamp_gradients() {
     let Some(gpu) = common::gpu() else { return };
@@ -69,13 +69,14 @@ fn clamp_gradients() {
     }
 }
 
-/// By how much of its contributions a gradient behind 2,000 layers may be off where quotients are not correctly rounded, in f32. Each layer
-/// rounds 1 - alpha and a product on the way there, half an ulp each, and on the way back a quotient, which Vulkan promises within
-/// 2.5 ulp, and what lies behind, half an ulp and less of the product added to it. The error of exp2, 3.3 ulp of an alpha of 1/255,
-/// is a hundredth of an ulp of 1 - alpha.
+/// By how much of its contributions a gradient behind 2,000 layers may be off where quotients are not correctly
+/// rounded, in f32. Each layer rounds 1 - alpha and a product on the way there, half an ulp each, and on the way back a
+/// quotient, which Vulkan promises within 2.5 ulp, and what lies behind, half an ulp and less of the product added to
+/// it. The error of exp2, 3.3 ulp of an alpha of 1/255, is a hundredth of an ulp of 1 - alpha.
 const FOG: f64 = 2000.0 * (0.5 + 0.5 + 2.5 + 1.0) * f32::EPSILON as f64;
 
-/// 2,000 layers, each a little above 1/255: the transmittance is a product of as many factors forward, and is divided by them backward.
+/// 2,000 layers, each a little above 1/255: the transmittance is a product of as many factors forward,
+/// and is divided by them backward.
 #[test]
 fn fog_of_2000_layers() {
     let Some(gpu) = common::gpu() else { return };
@@ -111,8 +112,8 @@ fn fog_of_2000_layers() {
     }
 }
 
-/// The forward pass ends a pixel before the splat that would cross 1e-4; the backward pass ends it there too, pixel by pixel and splat
-/// by splat.
+/// The forward pass ends a pixel before the splat that would cross 1e-4; the backward pass ends it there too, pixel by
+/// pixel and splat by splat.
 #[test]
 fn early_stop_forward_and_backward() {
     let Some(gpu) = common::gpu() else { return };

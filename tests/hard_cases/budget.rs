@@ -123,7 +123,8 @@ fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// 200 ordinary splats and needles of aspect 10, 100 and 1,000, each with the share of pixels that may be near a decision.
+/// 200 ordinary splats and needles of aspect 10, 100 and 1,000, each with the share of pixels that may be near a
+/// decision.
 pub(crate) fn scenes() -> Vec<(String, f64, Scene)> {
     let mut random = seeded(77);
     let seen = camera(64, 48);

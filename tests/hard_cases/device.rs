@@ -125,8 +125,8 @@ impl Scene {
         reference::backward(&self.splats, &self.shot.camera, &self.settings, &g)
     }
 
-    /// The sums over pixels of what the gradients in f64 are sums of, without signs: what the errors of a sum that cancels are small
-    /// against.
+    /// The sums over pixels of what the gradients in f64 are sums of, without signs: what the errors of a sum that
+    /// cancels are small against.
     pub(crate) fn contributions(&self, upstream: &[f32]) -> [Vec<f64>; 8] {
         let mut sums = ROWS.map(|row| vec![0.0; row * self.splats.len()]);
         for pixel in 0..self.pixels() {
@@ -217,7 +217,8 @@ pub(crate) fn relative(got: &[f32], want: &[f64]) -> f64 {
     error / want.iter().copied().fold(0.0, square).sqrt().max(1e-300)
 }
 
-/// Whole planes against the reference: no element is off by more than `bound` of itself, or of a thousandth of the plane's largest.
+/// Whole planes against the reference: no element is off by more than `bound` of itself,
+/// or of a thousandth of the plane's largest.
 pub(crate) fn check(what: &str, planes: &[usize], got: &[Vec<f32>; 8], want: &[Vec<f64>; 8], bound: f64) {
     for &p in planes {
         let name = format!("{what}, {}", NAMES[p]);

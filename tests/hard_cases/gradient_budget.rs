@@ -130,8 +130,8 @@ fn fold<R: Real>(lanes: &[[R; 9]]) -> [R; 9] {
     }
 }
 
-/// The first nine columns of `grad2d` from the shares of a tile's pixels (row-major) whose corner is `corner`. With `squared` columns
-/// 2 to 4 are sums of v times x^2, x y and y^2, where the exponent is -(x^2 + y^2) / 2.
+/// The first nine columns of `grad2d` from the shares of a tile's pixels (row-major) whose corner is `corner`. With
+/// `squared` columns 2 to 4 are sums of v times x^2, x y and y^2, where the exponent is -(x^2 + y^2) / 2.
 fn tile_row<R: Real>(row: &[f64; 12], corner: [f64; 2], shares: &[Share], grads: &[[f32; 4]], squared: bool) -> [R; 9] {
     let [mx, my, a, b] = [row[0], row[1], row[2], row[3]].map(R::of);
     let [opacity, rest] = [row[5], row[7]].map(R::of);
@@ -271,8 +271,8 @@ fn bound(stage: Stage, plane: usize, aspect: f64) -> f64 {
         Stage::Colours | Stage::Exponential | Stage::Transmittance | Stage::Behind => 2e-6,
         // Coordinates of 64 pixels are rounded, where half a pixel across a needle counts.
         Stage::Means | Stage::Conics | Stage::Rows | Stage::Exponent | Stage::Squared => 3e-5,
-        // Gradients of the conic are sums of dx^2, dx dy and dy^2, which are as large as a needle is long; what they say of the scale
-        // across it is a small difference of the three.
+        // Gradients of the conic are sums of dx^2, dx dy and dy^2, which are as large as a needle is long; what they
+        // say of the scale across it is a small difference of the three.
         Stage::Sums | Stage::Slots | Stage::Stored | Stage::Projection if plane == SCALES => 5e-6 + 4e-7 * aspect,
         Stage::Sums | Stage::Slots | Stage::Stored | Stage::Projection => 3e-5,
     }

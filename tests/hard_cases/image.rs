@@ -9,8 +9,8 @@ use super::common;
 use super::common::plane_scene;
 use super::training::{mapped_input, settings, tail, trained};
 
-/// A twentieth of the light, and a twentieth of the contrast about grey, in 8 bits: the gradient of an absolute difference keeps its
-/// size, so models learn and grow. Black photographs leave nothing to learn but to be gone.
+/// A twentieth of the light, and a twentieth of the contrast about grey, in 8 bits: the gradient of an absolute
+/// difference keeps its size, so models learn and grow. Black photographs leave nothing to learn but to be gone.
 #[test]
 fn dark_and_low_contrast_photographs() {
     let Some(gpu) = common::gpu() else { return };
@@ -76,7 +76,8 @@ fn holes(gpu: &Gpu, input: &Input, background: Background) -> [f64; 2] {
     [through / 2.0, drop / 2.0]
 }
 
-/// A dark ground before a black background: holes in it look right. A background of another colour in every step closes them.
+/// A dark ground before a black background: holes in it look right. A background of another colour in every step closes
+/// them.
 #[test]
 fn background_cheating() {
     let Some(gpu) = common::gpu() else { return };

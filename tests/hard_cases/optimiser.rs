@@ -24,9 +24,9 @@ fn longest<R: Real>(gradient: f64, start: u32) -> f64 {
     longest
 }
 
-/// Adam divides a gradient by its own size: with an epsilon of 1e-15 the smallest noise moves a parameter as far as a true gradient.
-/// The bound of a step is (1 - 0.9^k) / sqrt(1 - 0.999^k) rates: 1 from the start, 6.6 for rows that are born late. The device's pass
-/// is held to the same in the twin test of `adam`.
+/// Adam divides a gradient by its own size: with an epsilon of 1e-15 the smallest noise moves a parameter as far as a
+/// true gradient. The bound of a step is (1 - 0.9^k) / sqrt(1 - 0.999^k) rates: 1 from the start, 6.6 for rows that are
+/// born late. The device's pass is held to the same in the twin test of `adam`.
 #[test]
 fn adam_at_tiny_and_huge_gradients() {
     for e in -25..=18 {
@@ -45,8 +45,8 @@ fn adam_at_tiny_and_huge_gradients() {
     }
 }
 
-/// At opacity 0.01 a splat shows up to 1.4 deviations from its centre, and fainter ones nowhere: some get no gradient and cannot come
-/// back. What the reset costs is made up again.
+/// At opacity 0.01 a splat shows up to 1.4 deviations from its centre, and fainter ones nowhere: some get no gradient
+/// and cannot come back. What the reset costs is made up again.
 #[test]
 fn opacity_reset_recovery() {
     let Some(gpu) = common::gpu() else { return };
@@ -60,7 +60,8 @@ fn opacity_reset_recovery() {
     let before = run(&mut trainer, 60);
     let after = run(&mut trainer, 60 + 3 * views as u32);
     let now = state(&mut trainer);
-    // The reset has cleared the moments of the opacities; three passes over the photographs have filled those that are seen.
+    // The reset has cleared the moments of the opacities; three passes over the photographs have filled those that are
+    // seen.
     let still = now.moments[0][3].iter().filter(|m| **m == 0.0).count() as f64 / now.splats() as f64;
     let (was, at_worst) = (tail(&before.losses, views), after.losses.iter().fold(0.0f32, |m, l| m.max(*l)));
     let rest = run(&mut trainer, u32::MAX);
@@ -74,7 +75,8 @@ fn opacity_reset_recovery() {
     assert!(end < was, "{end} at the end, {was} before the reset");
 }
 
-/// One camera; ten points, all at one place, on one line, or all too large or too faint to stay: training goes on to its end.
+/// One camera; ten points, all at one place, on one line, or all too large or too faint to stay:
+/// training goes on to its end.
 #[test]
 fn all_pruned_and_degenerate_starts() {
     let Some(gpu) = common::gpu() else { return };
@@ -106,7 +108,8 @@ fn all_pruned_and_degenerate_starts() {
     common::assert_no_messages(&gpu);
 }
 
-/// A splat of a hundred extents is drawn until the first density change that looks at sizes, and gone then; the others stay.
+/// A splat of a hundred extents is drawn until the first density change that looks at sizes, and gone then;
+/// the others stay.
 #[test]
 fn giants_are_pruned_and_splats_that_grow_are_not_clipped() {
     let Some(gpu) = common::gpu() else { return };

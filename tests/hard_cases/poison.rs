@@ -1,5 +1,5 @@
-//! Numbers that are none, infinite, denormal or as large as can be, in every parameter of a splat: through forward pass, backward pass,
-//! step and density change of a training.
+//! Numbers that are none, infinite, denormal or as large as can be, in every parameter of a splat: through forward
+//! pass, backward pass, step and density change of a training.
 
 use psrgs_vk::pass::camera::{CameraPush, NEAR, Projection};
 use psrgs_vk::raster::PLANES;
@@ -117,8 +117,8 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
         .count()
 }
 
-/// Bad splats take no part in anything: all others train, grow and are pruned to the same bits as if the bad ones had never been
-/// there. The bad ones are counted, told of, and dropped by the next change of density.
+/// Bad splats take no part in anything: all others train, grow and are pruned to the same bits as if the bad ones had
+/// never been there. The bad ones are counted, told of, and dropped by the next change of density.
 #[test]
 fn splats_that_are_not_numbers_leave_no_trace_in_others() {
     let Some(gpu) = common::gpu() else { return };
@@ -152,8 +152,9 @@ fn splats_that_are_not_numbers_leave_no_trace_in_others() {
     common::assert_no_messages(&gpu);
 }
 
-/// Denormals count as what they are next to: the same training as with zeros in their place. That is bit for bit above zero; below it
-/// an exponential may round otherwise than at zero, which training then enlarges, so there only its first step is compared.
+/// Denormals count as what they are next to: the same training as with zeros in their place. That is bit for bit above
+/// zero; below it an exponential may round otherwise than at zero, which training then enlarges,
+/// so there only its first step is compared.
 #[test]
 fn denormals_are_as_good_as_zero() {
     let Some(gpu) = common::gpu() else { return };
@@ -175,8 +176,8 @@ fn denormals_are_as_good_as_zero() {
     }
 }
 
-/// The largest numbers there are: in place, rotation, size and opacity a splat is culled or drawn, and nothing else comes of it. A
-/// colour of 1e38 is a colour, and a loss that is none ends the training with a message.
+/// The largest numbers there are: in place, rotation, size and opacity a splat is culled or drawn, and nothing else
+/// comes of it. A colour of 1e38 is a colour, and a loss that is none ends the training with a message.
 #[test]
 fn huge_numbers_are_culled_or_end_the_training() {
     let Some(gpu) = common::gpu() else { return };

@@ -44,9 +44,9 @@ pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
     Scene::new(&splats, camera, false)
 }
 
-/// Bounds are a few times what was measured. Neither pictures nor gradients lose much with the aspect, because the exponent is a sum of
-/// two squares and gradients of scales avoid products that cancel; at 1,000 those of the scales do: across a needle they are a small
-/// difference of what the conic's three entries get.
+/// Bounds are a few times what was measured. Neither pictures nor gradients lose much with the aspect, because the
+/// exponent is a sum of two squares and gradients of scales avoid products that cancel; at 1,000 those of the scales
+/// do: across a needle they are a small difference of what the conic's three entries get.
 #[test]
 fn needles_of_aspect_10_100_and_1000() {
     let Some(gpu) = common::gpu() else { return };
@@ -80,7 +80,8 @@ fn needles_of_aspect_10_100_and_1000() {
     }
 }
 
-/// A splat of a hundred times the scene's extent among ordinary ones: it lies in every tile once, and the picture is right.
+/// A splat of a hundred times the scene's extent among ordinary ones: it lies in every tile once,
+/// and the picture is right.
 #[test]
 fn giants() {
     let Some(gpu) = common::gpu() else { return };
@@ -152,8 +153,9 @@ fn near_plane_sweep() {
     }
 }
 
-/// Centres at 1.3 to 1.8 times the field of view whose flanks reach into the picture: there the Jacobian is taken at the clamped place.
-/// The gradient is that of what is rendered; the 3DGS reference counts a term of the depth twice, which training can follow.
+/// Centres at 1.3 to 1.8 times the field of view whose flanks reach into the picture: there the Jacobian is taken at
+/// the clamped place. The gradient is that of what is rendered; the 3DGS reference counts a term of the depth twice,
+/// which training can follow.
 #[test]
 fn off_frustum_clamp() {
     let Some(gpu) = common::gpu() else { return };
@@ -232,7 +234,8 @@ fn zero_quaternions_scales_and_distance() {
     }
 }
 
-/// An opacity of 1 has an infinite logit. Logits that are made from opacities are finite, and saturated ones neither move nor break.
+/// An opacity of 1 has an infinite logit. Logits that are made from opacities are finite,
+/// and saturated ones neither move nor break.
 #[test]
 fn logit_of_1() {
     for opacity in [0.0, 1e-300, 1e-6, 0.005, 0.5, 1.0 - 1e-6, 1.0] {
@@ -269,8 +272,8 @@ fn logit_of_1() {
     }
 }
 
-/// Sizes from a ten-millionth of a pixel to a pixel, and needles that are thin in one direction only, with the anti-aliasing
-/// factor: a ratio of determinants that cancels when it is formed as `ac - b^2`.
+/// Sizes from a ten-millionth of a pixel to a pixel, and needles that are thin in one direction only, with the
+/// anti-aliasing factor: a ratio of determinants that cancels when it is formed as `ac - b^2`.
 #[test]
 fn sub_pixel_splats_with_antialiasing() {
     let Some(gpu) = common::gpu() else { return };

@@ -102,7 +102,8 @@ fn score(gpu: &Gpu, input: &Input, seed: u64) -> f64 {
     trainer.evaluate().unwrap().psnr
 }
 
-/// Coordinates in the files are f64: what is left of `scale` times a coordinate at `far` is known to this much of the scene's units.
+/// Coordinates in the files are f64: what is left of `scale` times a coordinate at `far` is known to this much of the
+/// scene's units.
 fn assert_same_scene(what: &str, near: &Loaded, other: &Loaded, far: f64) {
     let file = 4.0 * far * f64::EPSILON * other.dataset.frame.scale;
     let close = |name: &str, a: f64, b: f64| {
@@ -126,8 +127,8 @@ fn assert_same_scene(what: &str, near: &Loaded, other: &Loaded, far: f64) {
     assert!(near.dataset.views_of(Role::HeldOut).count() == 2);
 }
 
-/// First gradients within 1e-5 and the score of a training within the spread over seeds, for a scene in coordinates of a national grid
-/// (where a float is half a metre wide) and one in units a hundred times smaller.
+/// First gradients within 1e-5 and the score of a training within the spread over seeds, for a scene in coordinates of
+/// a national grid (where a float is half a metre wide) and one in units a hundred times smaller.
 #[test]
 fn utm_offset_and_scene_scale_x100() {
     let Some(gpu) = common::gpu() else { return };

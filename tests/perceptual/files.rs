@@ -87,7 +87,8 @@ fn another_network_is_named_with_file_and_field() {
     assert!(error.to_string().starts_with("layers.pth: 'lin1.model.1.weight'"), "{error}");
 }
 
-/// Of every format: cut off anywhere, and with any byte changed, a file is read or refused, and never more memory taken than it says.
+/// Of every format: cut off anywhere, and with any byte changed, a file is read or refused,
+/// and never more memory taken than it says.
 #[test]
 fn damaged_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! The page in a browser that is driven as by a person: keys and mouse come from the browser's own input, not from a script of the page.
+//! The page in a browser that is driven as by a person: keys and mouse come from the browser's own input,
+//! not from a script of the page.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -122,8 +123,8 @@ fn sliders_are_moved_by_keyboard_and_by_mouse() {
     let mut browser = Browser::open(&chromium, &page, folder.path());
     // The second slider, which has to be scrolled to.
     let state = "(() => { const stage = document.querySelectorAll('.stage')[1], range = stage.querySelector('input'); \
-                 return [Number(range.value), stage.style.getPropertyValue('--share'), range.getAttribute('aria-valuetext'), \
-                 document.activeElement === range]; })()";
+                 return [Number(range.value), stage.style.getPropertyValue('--share'), \
+                 range.getAttribute('aria-valuetext'), document.activeElement === range]; })()";
     let first = "document.querySelector('.stage input').value";
     assert_eq!(browser.value(state)[3], false);
 

@@ -112,7 +112,8 @@ fn known_distances(offset: [f64; 3], square: &Mesh) {
     let total: f64 = (0..7).map(mass).sum();
     let floating: f64 = [4, 5, 6].map(mass).iter().sum();
     assert!((off.floaters.unwrap() - floating / total).abs() < 1e-6, "{off:?}");
-    // Opaque ones by distance: 0 (mass 0.018), 0.1 (0.008), 0.3 (0.036), 0.49 (0.021), 7 (0.019): half is reached at 0.3.
+    // Opaque ones by distance: 0 (mass 0.018), 0.1 (0.008), 0.3 (0.036), 0.49 (0.021), 7 (0.019):
+    // half is reached at 0.3.
     assert!((off.distance.unwrap() - 0.3).abs() < 1e-5, "{off:?}");
     // Where nothing floats, that is no negative number.
     let near = off_surface(&model, &frame, 5000.0, &Closest::new(square));
@@ -207,8 +208,8 @@ fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
     .unwrap()
 }
 
-/// A model on the surface is right; lowered by a metre it is wrong by that in depth and distance; what is added to it high
-/// above floats.
+/// A model on the surface is right; lowered by a metre it is wrong by that in depth and distance; what is added to it
+/// high above floats.
 #[test]
 fn geometry_errors_of_a_moved_model_are_its_displacement() {
     let Some(gpu) = common::gpu() else { return };

@@ -14,7 +14,8 @@ pub fn drawn(width: u32, height: u32, mut f: impl FnMut(f64, f64) -> f64) -> Pla
     Plane::new(width, height, values).expect("an image")
 }
 
-/// Waves of random direction and phase whose amplitudes fall with the frequency, as those of photographs do; they fit the sides.
+/// Waves of random direction and phase whose amplitudes fall with the frequency, as those of photographs do;
+/// they fit the sides.
 pub fn waves(width: u32, height: u32, seed: u64) -> Plane {
     let mut random = Random::new(seed);
     let (w, h) = (f64::from(width), f64::from(height));

@@ -14,8 +14,8 @@ fn quick(start: f64) -> LearnSettings {
     LearnSettings { start, rate: 0.03, ..LearnSettings::default() }
 }
 
-/// An image with a target that a mask of sigma `at` comes nearest to (or nearly so: the share of the target is another), and the
-/// loss over sigma.
+/// An image with a target that a mask of sigma `at` comes nearest to (or nearly so: the share of the target is
+/// another), and the loss over sigma.
 struct Case {
     spectrum: Spectrum,
     target: Target,
@@ -74,8 +74,8 @@ fn every_start_leads_to_the_best_sigma() {
     }
 }
 
-/// A loss over sigma can have two valleys. Steps downhill alone end in the nearer one, and the verdict says so; with an outlook over
-/// the whole range they end in the deeper one.
+/// A loss over sigma can have two valleys. Steps downhill alone end in the nearer one, and the verdict says so; with an
+/// outlook over the whole range they end in the deeper one.
 #[test]
 fn a_hill_between_two_valleys_does_not_hold_learning_up() {
     let [_, _, case] = cases(10.0);

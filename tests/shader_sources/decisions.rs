@@ -1,5 +1,6 @@
-//! What decides whether a splat shows in a pixel or in a tile must come out alike in every kernel that asks. So its arithmetic may not
-//! be contracted into fused operations, which `precise` forbids: each operation of it carries NoContraction in the SPIR-V.
+//! What decides whether a splat shows in a pixel or in a tile must come out alike in every kernel that asks. So its
+//! arithmetic may not be contracted into fused operations, which `precise` forbids:
+//! each operation of it carries NoContraction in the SPIR-V.
 
 use std::collections::{HashMap, HashSet};
 

@@ -231,7 +231,8 @@ fn many_views_from_one_place_count_as_one_photograph() {
     assert!((by_points(&[here, [(0.0, 8.0); 3]].concat()) - 2.0).abs() < 1e-9);
     assert!((by_points(&[here, [(0.0, half); 3]].concat()) - 1.5).abs() < 0.1);
     assert_eq!((surface_of_points(&[], &ground), surface_of_points(&[camera(0.0, 0.0)], &[])), (0.0, 0.0));
-    // A pixel of which nothing is known may show the same; a view of which nothing is known says nothing, nor does one of another size.
+    // A pixel of which nothing is known may show the same; a view of which nothing is known says nothing,
+    // nor does one of another size.
     let (these, mut priors) = self::views(&[here, here].concat(), |_| 1.0);
     priors[3..].iter_mut().for_each(|p| p.depth[1..].fill(0.0));
     assert!((surface(&these, &priors) - 0.5).abs() < 0.01);
@@ -282,7 +283,8 @@ fn a_view_beyond_many_that_stand_nearer_looks_all_the_same() {
 #[test]
 fn a_skirt_continues_rough_ground_that_extension_leaves_out() {
     let spread = |share: f64| move |p: usize| 1.0 + share * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
-    // Three hundredths of the distance, as buildings of 5 m are from 100 m above: no splats that photographs look at, but a skirt.
+    // Three hundredths of the distance, as buildings of 5 m are from 100 m above:
+    // no splats that photographs look at, but a skirt.
     let (views, priors) = views(&ROW, spread(0.05));
     assert!(extend(&views, &priors, 1).is_empty());
     let points = skirt(&views, &priors, 0.25);

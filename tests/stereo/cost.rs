@@ -3,7 +3,8 @@
 use psrgs_vk::stereo::{Budget, Settings};
 use psrgs_vk::train::{self, stereo_settings};
 
-/// What stereo takes follows from the steps: short trainings on many photographs have less of it, and those that were measured all.
+/// What stereo takes follows from the steps: short trainings on many photographs have less of it,
+/// and those that were measured all.
 #[test]
 fn stereo_fits_the_time_of_the_steps() {
     let taken = |views: usize, size: (u32, u32), iterations: u32, share: f64| {

@@ -17,7 +17,8 @@ fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool)
     (report, input)
 }
 
-/// Splats on surfaces differ from round ones of reconstructed points by just what is asked for, and those of the points by nothing.
+/// Splats on surfaces differ from round ones of reconstructed points by just what is asked for,
+/// and those of the points by nothing.
 #[test]
 fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     let Some(gpu) = common::gpu() else { return };

@@ -67,8 +67,8 @@ fn slanted_planes_have_their_depth_and_their_normals() {
     }
 }
 
-/// Beside the edge of something in front, places are hidden from some views: what is left there has to be right, and what only the
-/// reference sees has to go.
+/// Beside the edge of something in front, places are hidden from some views: what is left there has to be right, and
+/// what only the reference sees has to go.
 #[test]
 fn what_others_do_not_see_is_removed() {
     let Some(gpu) = common::gpu() else { return };
@@ -102,7 +102,8 @@ fn what_others_do_not_see_is_removed() {
     assert!(seen.valid > 0.8 && seen.error < 0.005, "{seen:?}");
 }
 
-/// Bare ground under the noise of a sensor: windows correlate little at the right depth too, and views agree all the same.
+/// Bare ground under the noise of a sensor: windows correlate little at the right depth too,
+/// and views agree all the same.
 #[test]
 fn what_views_agree_on_is_kept_where_windows_correlate_little() {
     let Some(gpu) = common::gpu() else { return };

@@ -14,8 +14,8 @@ fn input(views: usize) -> Input {
     plane_scene::input(views, 48, ROWS, 300)
 }
 
-/// One photograph, and splats that are seen in all of it: no pixel is near where a splat is cut off, which rounding decides. They are not
-/// round, or their rotations would have no gradient.
+/// One photograph, and splats that are seen in all of it: no pixel is near where a splat is cut off, which rounding
+/// decides. They are not round, or their rotations would have no gradient.
 fn seen_everywhere() -> Input {
     let mut input = plane_scene::input(1, 48, ROWS, 12);
     input.initial.opacities.fill(-2.0);
@@ -85,8 +85,8 @@ fn bands_add_up_to_the_photograph() {
     }
 }
 
-/// Growth by a sample that masks and errors weigh, weights by mask, steps of what is seen, exposures, and steps that look at several
-/// photographs, the last of which is whole.
+/// Growth by a sample that masks and errors weigh, weights by mask, steps of what is seen, exposures, and steps that
+/// look at several photographs, the last of which is whole.
 fn all_that_bands_pass(bands: u32) -> Settings {
     let mut settings = settings(66);
     settings.run.bands = bands;

@@ -1,5 +1,5 @@
-//! Exposures of a world whose photographs have known ones: its gains act on light, before the camera's response curve, so that no
-//! map of encoded colours is exactly theirs; what the maps come to on the photographs' colours is compared.
+//! Exposures of a world whose photographs have known ones: its gains act on light, before the camera's response curve,
+//! so that no map of encoded colours is exactly theirs; what the maps come to on the photographs' colours is compared.
 
 use std::path::Path;
 
@@ -65,8 +65,9 @@ fn the_response_is_that_of_the_world() {
     }
 }
 
-/// Geometry comes from the laser points, and transparency shows in front of a background that changes: in front of a black one, a
-/// model that is not opaque yet is darker from above than at a slant, and the photographs' maps make up for it.
+/// Geometry comes from the laser points, and transparency shows in front of a background that changes: in front of a
+/// black one, a model that is not opaque yet is darker from above than at a slant,
+/// and the photographs' maps make up for it.
 #[test]
 fn gains_of_the_world_are_found_to_a_hundredth() {
     let Some(gpu) = common::gpu() else { return };

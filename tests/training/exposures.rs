@@ -1,4 +1,5 @@
-//! Exposures: found again on photographs that were given some, without a drift of the model's colours, and bit-reproducible.
+//! Exposures: found again on photographs that were given some, without a drift of the model's colours,
+//! and bit-reproducible.
 
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::eval::Exposures;
@@ -15,7 +16,8 @@ use super::{assert_same, run, settings};
 
 const VIEWS: usize = 4;
 
-/// An exposure for each photograph: gains within a tenth, some mixing of channels, and an offset; the identity in the mean.
+/// An exposure for each photograph: gains within a tenth, some mixing of channels, and an offset;
+/// the identity in the mean.
 fn truth(view: usize) -> ExposureMatrix {
     let wave =
         |k: usize| (std::f64::consts::TAU * ((view * (1 + k % 2)) as f64 / VIEWS as f64 + 0.13 * k as f64)).sin();
@@ -45,8 +47,8 @@ fn model() -> Gaussians {
     model
 }
 
-/// Photographs of the model under the exposures above; what the model does not cover is masked. The training begins with the model
-/// in other colours.
+/// Photographs of the model under the exposures above; what the model does not cover is masked. The training begins
+/// with the model in other colours.
 fn exposed_input(gpu: &Gpu) -> Input {
     let mut input = plane_scene::input(VIEWS, 48, 36, 10);
     let model = model();

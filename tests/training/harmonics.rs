@@ -9,7 +9,8 @@ use super::{assert_same, run, settings, stops_and_resumes_on};
 
 const SHARE: f64 = 0.3;
 
-/// Growth ends at step 40, where it is settled which splats have them; splats of little weight go then and before step 49.
+/// Growth ends at step 40, where it is settled which splats have them;
+/// splats of little weight go then and before step 49.
 fn limited() -> Settings {
     let mut settings = settings(60);
     settings.density.densify_until = 40;

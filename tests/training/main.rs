@@ -1,5 +1,5 @@
-//! Training as a whole, on a small scene made in memory: it learns, repeats itself bit for bit, survives buffers that are
-//! too small, and stops and resumes without a trace.
+//! Training as a whole, on a small scene made in memory: it learns, repeats itself bit for bit, survives buffers that
+//! are too small, and stops and resumes without a trace.
 
 mod bands;
 mod clouds;
@@ -106,7 +106,8 @@ fn deterministic_runs_are_bit_equal() {
     assert!(a.changed > 0);
 }
 
-/// Gradients that go through memory, for devices that bind fewer buffers to a pass, train to the same bits as the fused step.
+/// Gradients that go through memory, for devices that bind fewer buffers to a pass,
+/// train to the same bits as the fused step.
 #[test]
 fn fused_and_separate_optimiser_steps_are_bit_equal() {
     let Some(gpu) = common::gpu() else { return };
@@ -162,13 +163,14 @@ fn by_birth(state: &State) -> State {
     }
 }
 
-/// With sums in slots the order in memory decides over nothing but splats of equal depth: a training goes on alike from a state and from
-/// the same state in the order of birth. Splats that a clone has put at one place stay in the order of birth.
+/// With sums in slots the order in memory decides over nothing but splats of equal depth: a training goes on alike from
+/// a state and from the same state in the order of birth. Splats that a clone has put at one place stay in the order of
+/// birth.
 #[test]
 fn order_in_memory_changes_no_bit() {
     let Some(gpu) = common::gpu() else { return };
-    // So few splats that no two which overlap will have the same depth in any step: of those the lower row is in front. Of 300, in 60
-    // steps, some do on one driver and none on another.
+    // So few splats that no two which overlap will have the same depth in any step: of those the lower row is in front.
+    // Of 300, in 60 steps, some do on one driver and none on another.
     let input = plane_scene::input(5, 64, 48, 70);
     for (max_splats, stop) in [(None, 6), (None, 18), (Some(92), 6)] {
         let mut s = settings(60);
@@ -391,8 +393,8 @@ fn a_step_is_scored_before_its_density_change_and_opacity_reset() {
     assert!(done.contains(&30) && done.contains(&40), "{done:?}");
 }
 
-/// As somebody who wants to stop asks for: what is saved then is scored when it goes on, and the curves are those of a run that nobody
-/// disturbed.
+/// As somebody who wants to stop asks for: what is saved then is scored when it goes on, and the curves are those of a
+/// run that nobody disturbed.
 #[test]
 fn scoring_that_is_given_up_is_done_when_the_training_goes_on() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,4 +1,5 @@
-//! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole trainings.
+//! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole
+//! trainings.
 
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::init::SH_C0;
@@ -225,8 +226,8 @@ fn depth_priors_bring_splats_to_the_surface() {
     with.geometry.depth_left = 1.0;
     with.geometry.depth_steps = 1.0;
     with.geometry.depth_every = 1;
-    // Splats begin above the ground in one layer (two could mix to the right depth), and opaque: where little is seen nothing is said
-    // of its depth.
+    // Splats begin above the ground in one layer (two could mix to the right depth), and opaque: where little is seen
+    // nothing is said of its depth.
     let mut scene = input(5, (64, 48), 300, &with);
     scene.initial.means.chunks_exact_mut(3).for_each(|mean| mean[2] = 0.25);
     scene.initial.opacities.fill(2.0);
@@ -282,7 +283,8 @@ fn the_coarse_camera_sees_the_same_rays() {
     assert!((last(&reduced.losses) / last(&whole.losses) - 1.0).abs() < 0.3, "{:?}", reduced.losses);
 }
 
-/// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the photographs.
+/// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the
+/// photographs.
 #[test]
 fn black_splats_learn_colours_except_in_published_methods() {
     let Some(gpu) = gpu() else { return };

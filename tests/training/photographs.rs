@@ -1,4 +1,5 @@
-//! Photographs on the device, or uploaded in the steps that look at them, from memory, compressed or from files: the same training.
+//! Photographs on the device, or uploaded in the steps that look at them, from memory, compressed or from files:
+//! the same training.
 
 use psrgs_vk::dataset::{Dataset, Depth, HostShare, LoadOptions, Pixels, Supply};
 use psrgs_vk::train::{FeedCounts, Input, Message, Pacing, Residency, Settings, Trainer, View, prepare};
@@ -151,9 +152,10 @@ fn photographs_not_kept_in_memory_train_and_score_the_same() {
     }
 }
 
-/// Where nothing is kept, so that every photograph is decoded for its step, that has begun (or at least been asked for) before the
-/// step in front of it is submitted: at the start, after scorings and changes, when steps are taken again because buffers have
-/// grown, and when a training goes on. So a step waits only where decoding takes longer than training.
+/// Where nothing is kept, so that every photograph is decoded for its step, that has begun (or at least been asked for)
+/// before the step in front of it is submitted: at the start, after scorings and changes, when steps are taken again
+/// because buffers have grown, and when a training goes on. So a step waits only where decoding takes longer than
+/// training.
 #[test]
 fn every_photograph_is_asked_for_one_step_ahead() {
     let Some(gpu) = common::gpu() else { return };

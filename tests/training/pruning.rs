@@ -97,7 +97,8 @@ fn dropping_splats_keeps_replays_and_resumed_runs_bit_equal() {
     assert!(kept.state.ids.len() > truth.state.ids.len(), "neither step is that late");
 }
 
-/// Changes at steps 10, 15, .. 40; the 5 views are passed three times in 15 steps, so lightest splats go before 16 and 31.
+/// Changes at steps 10, 15, .. 40; the 5 views are passed three times in 15 steps,
+/// so lightest splats go before 16 and 31.
 fn recycled(limit: u32) -> Settings {
     let mut settings = settings(60);
     (settings.density.densify_from, settings.density.densify_interval, settings.density.densify_until) = (9, 5, 45);
@@ -142,8 +143,8 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
     stops_and_resumes_on(&gpu, &recycled(400), &input, &[14, 15, 16, 30]);
 }
 
-/// The limit is reached by the change right before the step at which the lightest splats may go: with events on their way the host used
-/// to decide by the count before that change.
+/// The limit is reached by the change right before the step at which the lightest splats may go: with events on their
+/// way the host used to decide by the count before that change.
 #[test]
 fn a_limit_just_reached_is_seen_with_any_events_in_flight() {
     let Some(gpu) = common::gpu() else { return };
@@ -205,7 +206,8 @@ fn without_room_to_weigh_them_splats_are_kept() {
     assert!(warned == 2 && last == 60, "{warned} warnings, {last} steps");
 }
 
-/// A room around cameras that look at something in its middle: its walls are of splats larger than a tenth of the cameras' extent.
+/// A room around cameras that look at something in its middle: its walls are of splats larger than a tenth of the
+/// cameras' extent.
 #[test]
 fn what_lies_far_beyond_the_cameras_is_not_dropped_for_its_size() {
     let Some(gpu) = common::gpu() else { return };

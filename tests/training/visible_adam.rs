@@ -83,7 +83,8 @@ fn apart(one: &Run, other: &Run, input: &Input) -> f64 {
     distance(&one, &other) / distance(&one, &input.initial.means)
 }
 
-/// What is left out is made up for: the model ends where steps of all splats would have brought it, but for what is expected in advance.
+/// What is left out is made up for: the model ends where steps of all splats would have brought it,
+/// but for what is expected in advance.
 #[test]
 fn splats_out_of_view_end_where_steps_of_all_splats_lead() {
     let Some(gpu) = common::gpu() else { return };

@@ -75,8 +75,8 @@ fn magnitudes(gpu: &Gpu) {
         .collect();
     let n = grad.len();
     let mut plane = Plane { param: vec![0.0; n], first: vec![0.0; n], second: vec![0.0; n] };
-    // Rows born late start with zero moments at an old step count: their first step is 0.1 / sqrt(0.001) = 3.2 rates long, and
-    // the longest of the following (1 - 0.9^k) / sqrt(1 - 0.999^k) <= 6.6.
+    // Rows born late start with zero moments at an old step count: their first step is 0.1 / sqrt(0.001) = 3.2 rates
+    // long, and the longest of the following (1 - 0.9^k) / sqrt(1 - 0.999^k) <= 6.6.
     for start in [1, 30_000] {
         let mut last = plane.param.clone();
         for t in start..start + 10 {

@@ -1,5 +1,5 @@
-//! `blend_backward` in all shapes and ways of adding up against the f64 twin; contributors as in the forward pass; equal bits of
-//! two runs with slots.
+//! `blend_backward` in all shapes and ways of adding up against the f64 twin; contributors as in the forward pass;
+//! equal bits of two runs with slots.
 
 use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS};
 use psrgs_vk::scene::random::Random;
@@ -123,8 +123,8 @@ fn exact(blend: &Blend<f64>, grads: &PairGrads<f64>) -> (Vec<f64>, Vec<f64>) {
     (rows, normals)
 }
 
-/// Sums per splat of the absolute contributions of pixels (of up to four together in tiles of 16): what the errors of a sum that
-/// cancels are small against.
+/// Sums per splat of the absolute contributions of pixels (of up to four together in tiles of 16): what the errors of a
+/// sum that cancels are small against.
 fn sizes(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<f64>, Vec<f64>) {
     let n = blend.splats.len();
     let (mut rows, mut normals) = (vec![0.0; 12 * n], vec![0.0; 4 * n]);
@@ -150,8 +150,8 @@ fn sizes(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<f64>, Vec<f64>) {
 
 /// What `check` compares.
 struct Compared<'a> {
-    /// Bound of the error of an element relative to the size of its contributions: 1e-4, and what is recovered behind the splat
-    /// (transmittance, colour) may have been rounded twice per layer.
+    /// Bound of the error of an element relative to the size of its contributions: 1e-4, and what is recovered behind
+    /// the splat (transmittance, colour) may have been rounded twice per layer.
     bound: f64,
     width: usize,
     got: &'a [f64],
@@ -304,9 +304,10 @@ fn contributors(gpu: &Gpu) {
     }
 }
 
-/// With culling, the gradients of a pair are the same bits, and so are those of splats whose pairs are added in one order: where there
-/// is a single tile, and a processor runs the subgroups of its workgroup in turn. Those of a GPU add in the order in which they arrive,
-/// with or without culling. Contributors are the same everywhere. With one set of constants, because each is a pipeline to make.
+/// With culling, the gradients of a pair are the same bits, and so are those of splats whose pairs are added in one
+/// order: where there is a single tile, and a processor runs the subgroups of its workgroup in turn. Those of a GPU add
+/// in the order in which they arrive, with or without culling. Contributors are the same everywhere. With one set of
+/// constants, because each is a pipeline to make.
 fn culling(gpu: &Gpu, cases: &[Case]) {
     let (mut tiles, mut evaluated) = ([0, 0], [0, 0]);
     for case in cases.iter().filter(|case| case.blend.normals.is_some() && !case.up.clamp_gradient_passes) {

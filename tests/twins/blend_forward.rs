@@ -100,7 +100,8 @@ fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doub
 /// Widths of subgroups, whose blocks are 4x2 to 16x16 pixels.
 pub const BLOCKS: [u32; 6] = [8, 16, 32, 64, 128, 256];
 
-/// The largest weights of splats, of scenes without pixels that f32 may decide otherwise. What stood there before stays where it is more.
+/// The largest weights of splats, of scenes without pixels that f32 may decide otherwise.
+/// What stood there before stays where it is more.
 fn weights(gpu: &Gpu) {
     for (pass, side) in shapes(gpu) {
         let mut compared = 0;
@@ -131,8 +132,8 @@ fn weights(gpu: &Gpu) {
     }
 }
 
-/// With culling, image, auxiliary image and last contributors are the same bits, and what is evaluated is what the twin evaluates
-/// in its blocks.
+/// With culling, image, auxiliary image and last contributors are the same bits, and what is evaluated is what the twin
+/// evaluates in its blocks.
 fn culling(gpu: &Gpu) {
     let mut shares = [0.0; BLOCKS.len()];
     let scenes = hard_scenes();
@@ -159,7 +160,8 @@ fn culling(gpu: &Gpu) {
             let counts: Vec<u32> = got.device(7);
             assert_eq!(counts[1], all[1], "{}, blocks of {block}: contributors", scene.name);
             blend.block = block_size(block);
-            // The device's own decisions about stopping: its image stands for the twin's where f32 may decide otherwise.
+            // The device's own decisions about stopping: its image stands for the twin's where f32 may decide
+            // otherwise.
             if !doubts(&widen::<f64>(&blend)).iter().any(|d| d.undecided) {
                 // But for roots that a device may round otherwise.
                 let off = counts[0].abs_diff(forward(&blend).evaluated);

@@ -1,4 +1,5 @@
-//! Scenes for the blending tests: splats on an image with their tile lists, and where the f32 device may decide otherwise.
+//! Scenes for the blending tests: splats on an image with their tile lists,
+//! and where the f32 device may decide otherwise.
 
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::ALPHA_MIN;
@@ -23,7 +24,8 @@ pub struct Scene {
     pub background: [f32; 3],
     /// In depth order.
     pub splats: Vec<[f32; 12]>,
-    /// Whether the tile lists hold every splat (else only those whose box of three to four deviations touches the tile).
+    /// Whether the tile lists hold every splat (else only those whose box of three to four deviations touches the
+    /// tile).
     pub everywhere: bool,
 }
 
@@ -53,7 +55,8 @@ impl Scene {
         self.everywhere || near(mx, ex, x) && near(my, ey, y)
     }
 
-    /// Tile lists for tiles of `side` pixels: the splats' own numbers are permuted so that depth order is not memory order.
+    /// Tile lists for tiles of `side` pixels: the splats' own numbers are permuted so that depth order is not memory
+    /// order.
     pub fn blend(&self, side: usize, aux: bool) -> Blend<f32> {
         let n = self.splats.len();
         let step = (n / 2..).find(|&k| k > 0 && gcd(k, n.max(1)) == 1).unwrap_or(1);
@@ -129,11 +132,13 @@ pub const EARLY_ALPHA_MIN: f32 = 1.0 / 64.0;
 
 /// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
 ///
-/// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have 2u (half of the constant's and the
-/// product's, and the root's), q 5u (constant, product, division, p); the difference, the product and the sum of x add 3u, the
-/// products and the sum at the end 2u. So its error is at most u (2 |x| (5 |p dx| + 8 |q dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate|
+/// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have 2u (half of the
+/// constant's and the product's, and the root's), q 5u (constant, product, division, p); the difference, the product
+/// and the sum of x add 3u, the products and the sum at the end 2u. So its error is at most u (2 |x| (5 |p dx| + 8 |q
+/// dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate|
 /// |slope| for the rounding of the differences, which is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times what an approximation of degree 5 may
-/// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
+/// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha),
+/// and 2u a step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
     let least = f64::from(TRANSMITTANCE_MIN);

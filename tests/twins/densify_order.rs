@@ -1,5 +1,5 @@
-//! The passes that bring the rows of a density change into Morton order, on random words and around workgroup edges, and a whole change
-//! with them: the same splats as without, along the curve.
+//! The passes that bring the rows of a density change into Morton order, on random words and around workgroup edges,
+//! and a whole change with them: the same splats as without, along the curve.
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS};
 use psrgs_vk::pass::densify_order::{BIRTHS, CODES, CodesPush, FLAGS, ORDER, Push};

@@ -1,5 +1,5 @@
-//! The passes of density control one by one, on random words and around workgroup edges. What they do together, and against
-//! a reference of its own, is in `density` and `density_device`.
+//! The passes of density control one by one, on random words and around workgroup edges. What they do together, and
+//! against a reference of its own, is in `density` and `density_device`.
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS, STATUS};
 use psrgs_vk::pass::{
@@ -274,22 +274,24 @@ fn gather(gpu: &Gpu, random: &mut Random, n: usize) {
     }
 }
 
-/// By how much a logit that was shared or has faded may differ from the twin's. Logits come from divisions and a square root; exponential
-/// and logarithm are sums of products that round alike everywhere. Near 0 and 1 the logit follows the last bit of the opacity.
+/// By how much a logit that was shared or has faded may differ from the twin's. Logits come from divisions and a square
+/// root; exponential and logarithm are sums of products that round alike everywhere.
+/// Near 0 and 1 the logit follows the last bit of the opacity.
 ///
-/// Vulkan promises a quotient within 2.5 ulp and a square root, 1 / inversesqrt, within 4.5, beside half an ulp of the twin's own. In
-/// o = 1 / (1 + e) that is 3 ulp; o / (1 + s) with s = sqrt(1 - o) adds o / (2 s (1 + s)) of those, up to 2.3 times as much where a child
-/// does not just keep o (s > 0.18), 5 ulp of s / (1 + s), 3 of the quotient, 1 of each of two products: less than 17 in all. Of an
-/// opacity that is off by so much of itself the logit is off by that over 1 - o = 1 / (1 + exp(logit)).
+/// Vulkan promises a quotient within 2.5 ulp and a square root, 1 / inversesqrt, within 4.5, beside half an ulp of the
+/// twin's own. In o = 1 / (1 + e) that is 3 ulp; o / (1 + s) with s = sqrt(1 - o) adds o / (2 s (1 + s)) of those, up
+/// to 2.3 times as much where a child does not just keep o (s > 0.18), 5 ulp of s / (1 + s), 3 of the quotient, 1 of
+/// each of two products: less than 17 in all. Of an opacity that is off by so much of itself the logit is off by that
+/// over 1 - o = 1 / (1 + exp(logit)).
 pub(super) fn shared_logit_error(gpu: &Gpu, logit: f32) -> f32 {
     let last_bit = 2e-7 * (2.0 + logit.abs().min(16.0).exp());
     let promised = 17.0 * f32::EPSILON * (1.0 + logit.min(16.0).exp());
     last_bit + if harness::rounds_alike(gpu) { 0.0 } else { promised }
 }
 
-/// By how much of itself a child's way from its parent's centre may differ more than where roots and quotients are correctly rounded. With
-/// Vulkan's 4.5 and 2.5 ulp: a normal has a root in it, and a rotation products of two components of the quaternion, each divided by
-/// the root of a sum.
+/// By how much of itself a child's way from its parent's centre may differ more than where roots and quotients are
+/// correctly rounded. With Vulkan's 4.5 and 2.5 ulp: a normal has a root in it, and a rotation products of two
+/// components of the quaternion, each divided by the root of a sum.
 pub(super) fn offset_error(gpu: &Gpu) -> f64 {
     if harness::rounds_alike(gpu) { 0.0 } else { (4.5 + 2.0 * (4.5 + 2.5)) * f64::from(f32::EPSILON) }
 }

@@ -1,4 +1,5 @@
-//! Which views the rule of 3DGS counts, against the rule as that publication's program states it: whole tiles, in integers.
+//! Which views the rule of 3DGS counts, against the rule as that publication's program states it: whole tiles,
+//! in integers.
 
 use glam::{DMat3, DQuat, DVec3};
 use psrgs_vk::pass::camera::{Projection, clamp_limits};
@@ -12,8 +13,8 @@ use psrgs_vk::vk::Gpu;
 use super::harness::{self, Words, bytes};
 use super::projection_scene::{self as scene, BEYOND};
 
-/// Mean, half side of the square, and the number of tiles of 16 x 16 pixels between its corners, of a splat in front of the near plane.
-/// Covariances are multiplied out.
+/// Mean, half side of the square, and the number of tiles of 16 x 16 pixels between its corners, of a splat in front of
+/// the near plane. Covariances are multiplied out.
 fn square(splat: &Splat<f64>) -> Option<([f64; 2], f64, i64)> {
     let camera = scene::view();
     let world = DMat3::from_cols_array_2d(&camera.rotation).transpose();

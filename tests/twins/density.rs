@@ -59,7 +59,8 @@ fn assert_same(got: &[Row], want: &[Row], born: u32) {
     }
 }
 
-/// Splats that just reach or just miss a rule of [`rules`], each with how many rows it shall leave: kept, clones, children.
+/// Splats that just reach or just miss a rule of [`rules`], each with how many rows it shall leave: kept,
+/// clones, children.
 pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
     // (score, views, log scale, logit) -> kept, clones, children; border ln 1.5, prune ln 2.2, logit of 0.4.
     let (border, giant, faint) = (1.5_f64.ln() as f32, 2.2_f64.ln() as f32, logit(0.4));
@@ -209,7 +210,8 @@ fn a_limit_spreads_growth_evenly_and_removes_nothing() {
         density_twin::change(&mut model, &s, 2);
         let excess = (free.0.len() as u32).saturating_sub(max_splats).min(growth);
         assert_eq!(model.len() as u32, free.0.len() as u32 - excess);
-        // The same as if sources that are spread evenly in their order had never reached a threshold; none of them is pruned for it.
+        // The same as if sources that are spread evenly in their order had never reached a threshold;
+        // none of them is pruned for it.
         let mut calm = rows.clone();
         let grows = |r: &Row| {
             let (after, counts) = density_reference::change(std::slice::from_ref(r), &rules(), 2, born);
@@ -239,7 +241,8 @@ fn a_limit_spreads_growth_evenly_and_removes_nothing() {
     }
 }
 
-/// Which of `all` in a row have room where `some` have: a sum of `some` at each, from a place on, and room where it passes `all`.
+/// Which of `all` in a row have room where `some` have: a sum of `some` at each, from a place on,
+/// and room where it passes `all`.
 fn spread(all: u32, some: u32, place: u32) -> Vec<bool> {
     let mut sum = (place % all.max(1) + all - some) % all.max(1);
     let step = |_| {

@@ -230,7 +230,8 @@ fn sampled_growth_follows_the_twin() {
         let device = OnDevice::new(&gpu, &want);
         device.change(&rules, &[9]);
         density_twin::change(&mut want, &rules, 9);
-        // A splat that becomes a child keeps its identity; where it then stands goes through a root and a division like every child's.
+        // A splat that becomes a child keeps its identity; where it then stands goes through a root and a division like
+        // every child's.
         let centres: BTreeMap<u32, &[f32]> = rows.iter().map(|row| (row.id, &row.planes[MEANS][..])).collect();
         let exact = rounds_alike(&gpu);
         let moved = |row: &Row| row.id >= born || !exact && centres[&row.id] != row.planes[MEANS];
@@ -241,8 +242,8 @@ fn sampled_growth_follows_the_twin() {
     assert_no_messages(&gpu);
 }
 
-/// Two children along the longest axis, or along that which the loss changes most along, each weighted by a half, have the mean and the covariance of their parent, and show at its
-/// centre what it showed.
+/// Two children along the longest axis, or along that which the loss changes most along, each weighted by a half, have
+/// the mean and the covariance of their parent, and show at its centre what it showed.
 #[test]
 fn children_along_the_axis_are_their_parent_together() {
     let cases = [([0.3_f64, -1.0, -0.5], 1.5_f64), ([-4.0, -2.0, -2.5], -3.0), ([0.0, 0.0, 0.0], 6.0)];
@@ -321,7 +322,8 @@ fn changes_in_one_submission_follow_each_other() {
     let random = &mut Random::new(31);
     let (rows, born) = random_rows(random, 500);
     let mut want = Model::new(&rows, 1000, born, random);
-    // Statistics are reset by the first change, so a second one only prunes; with thresholds of 0 everything grows again.
+    // Statistics are reset by the first change, so a second one only prunes;
+    // with thresholds of 0 everything grows again.
     let rules = DensityRules { clone_threshold: 0.0, max_splats: Some(900), ..rules() };
     let device = OnDevice::new(&gpu, &want);
     device.change(&rules, &[3, 6, 9]);

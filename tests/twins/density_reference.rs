@@ -1,5 +1,5 @@
-//! The density change of 3DGS in words of its paper and code, on a list of rows, in f64: clone, then split, then prune over
-//! what came out. Written without the twins.
+//! The density change of 3DGS in words of its paper and code, on a list of rows, in f64: clone, then split, then prune
+//! over what came out. Written without the twins.
 
 use super::density_model::{MEANS, OPACITIES, QUATS, Row, SCALES};
 use psrgs_vk::train::density::DensityRules;

@@ -1,5 +1,5 @@
-//! `emit` in all forms: every place and slot of the count is written, nothing else is; pairs that carry splats; counts that differ from the
-//! tiles, and a capacity too small.
+//! `emit` in all forms: every place and slot of the count is written, nothing else is; pairs that carry splats; counts
+//! that differ from the tiles, and a capacity too small.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};

@@ -1,5 +1,5 @@
-//! `exposure_apply`, `exposure_backward`, `exposure_step`: against f64, around workgroup edges; gradients against finite differences; the
-//! mean over photographs stays the identity.
+//! `exposure_apply`, `exposure_backward`, `exposure_step`: against f64, around workgroup edges; gradients against
+//! finite differences; the mean over photographs stays the identity.
 
 use psrgs_vk::pass::adam::Settings;
 use psrgs_vk::pass::exposure::{self, NUMBERS, PIXELS, Push, ROW, StepPush};

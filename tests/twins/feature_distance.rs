@@ -1,4 +1,5 @@
-//! The distance of features and its gradient against the definition in double precision, also where there are none; and the sums.
+//! The distance of features and its gradient against the definition in double precision, also where there are none;
+//! and the sums.
 
 use psrgs_vk::pass::feature_distance::{FLAG_GATE, FLAG_GRADIENT, PASS, Push, SUM, SumPush};
 use psrgs_vk::scene::random::Random;

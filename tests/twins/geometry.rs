@@ -1,4 +1,5 @@
-//! The geometry loss: each pass against its twin, their chain against the definition in f64, and the definition's differences.
+//! The geometry loss: each pass against its twin, their chain against the definition in f64,
+//! and the definition's differences.
 
 use psrgs_vk::pass::geometry::{self as passes, Push, pack_prior};
 use psrgs_vk::pass::part_sum;
@@ -323,8 +324,8 @@ fn packed_priors_keep_what_they_hold() {
         assert!(((word >> 24) as f32 / 255.0 - confidence).abs() <= 0.5 / 255.0 + 1e-6);
         let got = prior_normal::<f64>(word).unwrap();
         let cosine: f64 = got.iter().zip(normal).map(|(a, b)| a * f64::from(b)).sum();
-        // Half a step of 1/2047 in both coordinates moves the octahedron's point by up to sqrt(6) times that, at a distance from the
-        // middle of at least 1/sqrt(3): 0.06 degrees.
+        // Half a step of 1/2047 in both coordinates moves the octahedron's point by up to sqrt(6) times that, at a
+        // distance from the middle of at least 1/sqrt(3): 0.06 degrees.
         assert!(cosine > (1.0f64 / 15.0).to_radians().cos(), "{normal:?} became {got:?}");
     }
     for axis in [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [-0.0, -0.0, -1.0]] {

@@ -81,8 +81,8 @@ fn close(what: &str, got: &[f32], want: &[f32], bound: f32) {
     }
 }
 
-/// All passes on the device, each judged against its twin where `bound` is given. Gives the gradient of an image without one before,
-/// and the sums of the parts.
+/// All passes on the device, each judged against its twin where `bound` is given. Gives the gradient of an image
+/// without one before, and the sums of the parts.
 fn on_device(gpu: &Gpu, v: &View, what: &str, bound: Option<f32>) -> (Vec<[f32; 4]>, Vec<f32>) {
     let pixels = v.image.len();
     let (width, height) = (v.push.width, v.push.height);
@@ -181,7 +181,8 @@ pub fn run(gpu: &Gpu) {
         let v = view(size, mask, bits, variation, 20 + k as u64);
         check(gpu, &v, &format!("{size:?}, mask {mask:?}, {bits} bits, variation {variation}"));
     }
-    // A mask of nothing, flat pictures and a flat render: numbers, and no gradient of the correlation where the photograph is flat.
+    // A mask of nothing, flat pictures and a flat render: numbers, and no gradient of the correlation where the
+    // photograph is flat.
     let mut v = view([70, 40], Some([4, 4]), 8, true, 60);
     v.mask = Some(vec![0; 16]);
     check(gpu, &v, "a mask of nothing");

@@ -13,8 +13,8 @@ use psrgs_vk::vk::{Addresses, DeviceKind, Gpu, Groups, Memory};
 pub struct Outcome {
     /// By the device, through descriptors; within [`each_way`] also in other ways.
     pub device: Vec<Vec<u8>>,
-    /// By the device, by address, where that was run beside it: on devices that [`rounds_alike`]. The same bits, but for passes that add
-    /// floats in the order in which threads arrive.
+    /// By the device, by address, where that was run beside it: on devices that [`rounds_alike`]. The same bits, but
+    /// for passes that add floats in the order in which threads arrive.
     pub by_address: Option<Vec<Vec<u8>>>,
     /// By the twin.
     pub twin: Vec<Vec<u8>>,
@@ -63,8 +63,8 @@ enum Way {
     WithoutTexels,
 }
 
-/// Whether every variant of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may contract products and
-/// sums as it likes in each form, and divides within 2.5 ulp.
+/// Whether every variant of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may
+/// contract products and sums as it likes in each form, and divides within 2.5 ulp.
 pub fn rounds_alike(gpu: &Gpu) -> bool {
     gpu.caps().kind == DeviceKind::Cpu
 }
@@ -73,8 +73,8 @@ thread_local! {
     static WAY: Cell<Way> = const { Cell::new(Way::Usual) };
 }
 
-/// Runs a case once where all variants of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in which a pass can reach
-/// its buffers, so that each form is as near to the twin as the case wants it.
+/// Runs a case once where all variants of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in
+/// which a pass can reach its buffers, so that each form is as near to the twin as the case wants it.
 pub fn each_way(gpu: &Gpu, case: fn(&Gpu)) {
     case(gpu);
     if rounds_alike(gpu) {
@@ -137,8 +137,9 @@ fn repeats(pass: &Pass) -> bool {
     !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
 }
 
-/// Place of these constants among the sets that a pass is run with. It is run in its other variants with the first ones only. Every set is a
-/// pipeline that takes a driver on a CPU up to seconds to make, and where buffers are does not depend on constants.
+/// Place of these constants among the sets that a pass is run with. It is run in its other variants with the first ones
+/// only. Every set is a pipeline that takes a driver on a CPU up to seconds to make,
+/// and where buffers are does not depend on constants.
 fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     static SETS: Mutex<BTreeMap<&str, Vec<String>>> = Mutex::new(BTreeMap::new());
     let set = format!("{given:?}");
@@ -150,8 +151,9 @@ fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     })
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`], fails unless all variants of
-/// the pass leave the same bits; of a pass that does not repeat itself, the case has to look at [`Outcome::by_address`] as well.
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`],
+/// fails unless all variants of the pass leave the same bits; of a pass that does not repeat itself, the case has to
+/// look at [`Outcome::by_address`] as well.
 pub fn run<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,

@@ -302,8 +302,8 @@ fn run_with(gpu: &Gpu, with: With) {
     assert!(first == second, "two runs differ");
 }
 
-/// The values (total, L1, SSIM) of equal pictures. SSIM is exactly 1 at each pixel, and so is their sum over its number where the device
-/// divides correctly rounded; Vulkan promises 2.5 ulp.
+/// The values (total, L1, SSIM) of equal pictures. SSIM is exactly 1 at each pixel, and so is their sum over its number
+/// where the device divides correctly rounded; Vulkan promises 2.5 ulp.
 fn assert_no_loss(gpu: &Gpu, values: &[f32], what: &str) {
     let off = if harness::rounds_alike(gpu) { 0.0 } else { 2.5 * f32::EPSILON };
     assert!((values[2] - 1.0).abs() <= off && values[0].abs() <= off, "{what}: {values:?}");
@@ -345,8 +345,8 @@ fn has_hardware(gpu: &Gpu) -> bool {
     matches!(gpu.caps().subgroup, Subgroup::Hardware(_))
 }
 
-/// 65535 = 255 * 257, and a quotient of floats is the one nearest to the true one: the same numbers, so the same bits of the loss
-/// wherever a device divides so. With lower digits it is another picture, and still the definition's.
+/// 65535 = 255 * 257, and a quotient of floats is the one nearest to the true one: the same numbers, so the same bits
+/// of the loss wherever a device divides so. With lower digits it is another picture, and still the definition's.
 fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: &Pictures, random: &mut Random) {
     let (values, grad) = on_device(gpu, with, eight, 0.2, None);
     let (wide_values, wide_grad) = on_device(gpu, with, &eight.deep(|| 0), 0.2, None);

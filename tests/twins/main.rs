@@ -1,7 +1,7 @@
 //! Every registered pass against its twin.
 //!
-//! A module per pass (or per family of passes) with `pub fn run(gpu: &Gpu)`, and a line in [`cases!`] with the kernels it
-//! covers; a kernel without one fails [`every_pass_has_a_case`].
+//! A module per pass (or per family of passes) with `pub fn run(gpu: &Gpu)`, and a line in [`cases!`] with the kernels
+//! it covers; a kernel without one fails [`every_pass_has_a_case`].
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
@@ -121,7 +121,8 @@ fn every_pass_has_a_case() {
     assert!(unknown.is_empty(), "tests of passes that are not registered: {unknown:?}");
 }
 
-/// Runs cases under GPU-assisted validation, which checks each address of the form by address against the buffers that there are.
+/// Runs cases under GPU-assisted validation, which checks each address of the form by address against the buffers that
+/// there are.
 fn within_buffers(cases: &[fn(&psrgs_vk::vk::Gpu)]) {
     let assisted = |options: &mut psrgs_vk::vk::OpenOptions| {
         options.validation = psrgs_vk::vk::Validation::GpuAssisted;
@@ -136,15 +137,16 @@ fn within_buffers(cases: &[fn(&psrgs_vk::vk::Gpu)]) {
     assert!(gpu.stats().by_address > 0);
 }
 
-/// Those that older layers follow too. Where a loop around an access takes no turn, layer 1.3.239 on Mesa 22.3 goes on to report
-/// addresses that lie in their buffer (`plan`, `slot_sum`, `emit`, `scan`), and its shaders are up to a hundred times slower.
+/// Those that older layers follow too. Where a loop around an access takes no turn, layer 1.3.239 on Mesa 22.3 goes on
+/// to report addresses that lie in their buffer (`plan`, `slot_sum`, `emit`, `scan`),
+/// and its shaders are up to a hundred times slower.
 #[test]
 fn addresses_lie_in_their_buffers() {
     within_buffers(&[adam::run, compact::run, exposure::run, fill::run, pool::run, tile_ranges::run]);
 }
 
-/// Without those of the image loss and of the blend's backward, whose checks for races take more than twenty minutes: trainings in every
-/// form run them so.
+/// Without those of the image loss and of the blend's backward, whose checks for races take more than twenty minutes:
+/// trainings in every form run them so.
 #[test]
 #[ignore = "minutes"]
 fn addresses_of_more_passes_lie_in_their_buffers() {

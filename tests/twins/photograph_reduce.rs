@@ -1,4 +1,5 @@
-//! `photograph_reduce`: against the mean in f64, around the sizes that do not divide, with masked pixels, 8 and 16 bits.
+//! `photograph_reduce`: against the mean in f64, around the sizes that do not divide, with masked pixels,
+//! 8 and 16 bits.
 
 use psrgs_vk::pass::photograph_reduce::{PASS, Push};
 use psrgs_vk::scene::random::Random;

@@ -1,4 +1,5 @@
-//! Rows whose harmonics end at degree 1: the same bits as where degree 1 is all that is in use, and planes that end before them.
+//! Rows whose harmonics end at degree 1: the same bits as where degree 1 is all that is in use,
+//! and planes that end before them.
 
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::project_backward_adam::Steps;

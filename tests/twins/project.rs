@@ -1,4 +1,5 @@
-//! `project`: every column against the f64 twin, tile counts against the shared test on the stored row, hard and poisoned splats.
+//! `project`: every column against the f64 twin, tile counts against the shared test on the stored row,
+//! hard and poisoned splats.
 
 use half::f16;
 use psrgs_vk::pass::camera::Projection;
@@ -17,8 +18,8 @@ use super::common::splats::{seeded, spread, to_scene};
 use super::harness::{self, Outcome};
 use super::projection_scene as scene;
 
-/// Columns of `splat2d` that belong together: the size of the terms they are sums of (a difference of such terms is as wrong as
-/// the terms), and the bound of their elements in that size. Means are pixels of an image of 200.
+/// Columns of `splat2d` that belong together: the size of the terms they are sums of (a difference of such terms is as
+/// wrong as the terms), and the bound of their elements in that size. Means are pixels of an image of 200.
 const COLUMNS: [(&str, &[usize], f64, f64); 5] = [
     ("mean", &[0, 1], 200.0, 4e-6),
     ("conic", &[2, 3, 4], 0.0, 2e-5),
@@ -183,7 +184,8 @@ fn sizes(gpu: &Gpu) {
     }
 }
 
-/// Splats of all sizes and shapes about the edges of the image, where a bound on their extent would first leave out one too many.
+/// Splats of all sizes and shapes about the edges of the image, where a bound on their extent would first leave out one
+/// too many.
 fn edges(gpu: &Gpu) {
     let camera = scene::view();
     let mut random = seeded(31);

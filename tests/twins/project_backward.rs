@@ -123,7 +123,8 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     seen
 }
 
-/// The same dispatch on top of other values: what it wrote before is added to those, and a culled splat keeps its own to the bit.
+/// The same dispatch on top of other values: what it wrote before is added to those,
+/// and a culled splat keeps its own to the bit.
 fn adds(
     gpu: &Gpu,
     (buffers, push): (&[Vec<u8>], &CameraPush),

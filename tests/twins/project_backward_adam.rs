@@ -164,7 +164,8 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let given = of(shrinking(flattening(constants(&settings, most, aux), flatten), shrink), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
-    // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other rows.
+    // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other
+    // rows.
     let now = push.flags >> STEP_SHIFT;
     let caught_up = now.wrapping_sub(60) & 0xffff;
     // Some have moved in advance: by nothing, by too little, by too much.
@@ -311,7 +312,8 @@ impl Case {
         self.judge(of_planes, |_, _| (0.0, 0.0), what);
     }
 
-    /// Parameters, first and second moments against f64; `rounding` of a first and a second moment is added to their bounds.
+    /// Parameters, first and second moments against f64; `rounding` of a first and a second moment is added to their
+    /// bounds.
     pub(super) fn judge(
         &self,
         [params, first, second]: [Vec<[f32; PARAMETERS]>; 3],

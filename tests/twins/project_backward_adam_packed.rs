@@ -88,8 +88,8 @@ pub fn run(gpu: &Gpu) {
     hard.judge(unpacked(|k| outcome.device(k), hard.n), rounding, "hard splats");
 }
 
-/// Random roundings have the twin's bits: where the moment itself has them (not the last bits of its f32), so has the word. Half of all
-/// words would differ otherwise.
+/// Random roundings have the twin's bits: where the moment itself has them (not the last bits of its f32), so has the
+/// word. Half of all words would differ otherwise.
 fn dithers_as_the_twin_does(outcome: &harness::Outcome, n: usize, what: &str) {
     let (mut same, mut words) = (0, 0);
     for k in 13..21 {

@@ -33,8 +33,8 @@ pub fn ordinary(n: usize, seed: u64) -> Gaussians {
     model(&(0..n).map(|_| spread(&mut random, &view(), 1.5)).collect::<Vec<_>>())
 }
 
-/// Hard but finite splats: through the near plane, far off the frustum, vanishing quaternions and scales, saturated logits,
-/// needles, giants, specks.
+/// Hard but finite splats: through the near plane, far off the frustum, vanishing quaternions and scales, saturated
+/// logits, needles, giants, specks.
 pub fn hard() -> Gaussians {
     let view = view();
     let mut random = seeded(99);
@@ -124,8 +124,8 @@ pub fn push(projection: &Projection) -> CameraPush {
     CameraPush::new(&view(), projection)
 }
 
-/// How much larger than rounding the errors of a splat's 2D shape may be: the rows of J W R S are differences (`u_k - ratio u_2`),
-/// and the area they span is a difference again (a cross product).
+/// How much larger than rounding the errors of a splat's 2D shape may be: the rows of J W R S are differences
+/// (`u_k - ratio u_2`), and the area they span is a difference again (a cross product).
 pub fn condition(splat: &Splat<f64>, view: &View<f64>) -> f64 {
     let (_, e) = geometry(splat, view);
     let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

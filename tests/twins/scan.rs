@@ -1,4 +1,5 @@
-//! The passes of the prefix sum: each against its twin; the three together, and the one that does it all, against a plain sum.
+//! The passes of the prefix sum: each against its twin; the three together, and the one that does it all,
+//! against a plain sum.
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{

@@ -1,8 +1,8 @@
-//! SSIM of the training loss and of the scores against numbers from outside, so that a constant or a window that is wrong in all of our
-//! implementations alike is seen.
+//! SSIM of the training loss and of the scores against numbers from outside, so that a constant or a window that is
+//! wrong in all of our implementations alike is seen.
 //!
-//! The numbers are of scikit-image 0.26, in double precision. Its windows are mirrored at the border and ours see zeros there, which a
-//! frame of zeros makes the same; `a` and `b` are arrays of integers, (height, width, 3):
+//! The numbers are of scikit-image 0.26, in double precision. Its windows are mirrored at the border and ours see zeros
+//! there, which a frame of zeros makes the same; `a` and `b` are arrays of integers, (height, width, 3):
 //!
 //!     pad = lambda p: numpy.pad(p / 255.0, ((10, 10), (10, 10), (0, 0)))
 //!     _, full = skimage.metrics.structural_similarity(pad(a), pad(b), data_range=1.0, channel_axis=2, gaussian_weights=True,

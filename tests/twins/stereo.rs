@@ -1,5 +1,5 @@
-//! Stereo: pictures for sampling to the bit; sweeps and the check of views against double precision wherever no decision hangs by a
-//! rounding.
+//! Stereo: pictures for sampling to the bit; sweeps and the check of views against double precision wherever no
+//! decision hangs by a rounding.
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::stereo::{
@@ -24,8 +24,8 @@ fn picture_rows(random: &mut Random, width: u32, height: u32) -> Vec<f32> {
         .collect()
 }
 
-/// Rows of a source that is `shift` to the side of the reference and a little turned. The way back is not the inverse of the way there:
-/// both are only numbers to a pass.
+/// Rows of a source that is `shift` to the side of the reference and a little turned. The way back is not the inverse
+/// of the way there: both are only numbers to a pass.
 fn link(shift: [f32; 2], size: [u32; 2], turn: f32) -> [[f32; 4]; LINK_ROWS] {
     let [width, height] = size.map(|v| v as f32);
     let [x, y] = shift.map(|v| v * FOCAL);

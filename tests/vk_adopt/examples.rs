@@ -67,7 +67,8 @@ fn a_hosts_device_gives_the_picture_of_our_own() {
 fn nothing_of_the_hosts_is_created_destroyed_or_waited_idle() {
     let Some(host) = host() else { return };
     let _turn = hooks::TURN.lock().unwrap();
-    // A call of a forbidden command, a submit elsewhere or outside of the lock, and the end of a foreign object end the process.
+    // A call of a forbidden command, a submit elsewhere or outside of the lock,
+    // and the end of a foreign object end the process.
     let allocator = embed::host::memory::Allocator::new(&host);
     let turn = host.turn.clone();
     let description = hooks::watched(host.describe(Some(allocator.clone())), Box::new(move || turn.is_taken()));

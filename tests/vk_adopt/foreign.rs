@@ -1,4 +1,5 @@
-//! Buffers, pipelines, recordings and tickets belong to one device, and memory that the host sees to whoever uses it now.
+//! Buffers, pipelines, recordings and tickets belong to one device, and memory that the host sees to whoever uses it
+//! now.
 
 use psrgs_vk::pass::fill;
 use psrgs_vk::vk::{Error, Gpu, Groups, Memory, Result, SubmitSync, Ticket};

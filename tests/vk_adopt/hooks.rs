@@ -1,4 +1,5 @@
-//! A loader that watches: what the engine creates it must destroy, nothing else, and the host's things it must leave alone.
+//! A loader that watches: what the engine creates it must destroy, nothing else,
+//! and the host's things it must leave alone.
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::{CStr, CString, c_char, c_void};

@@ -1,4 +1,5 @@
-//! The engine on a host's device: it works there, creates no device or instance, waits for nothing idle, and leaves nothing.
+//! The engine on a host's device: it works there, creates no device or instance, waits for nothing idle,
+//! and leaves nothing.
 
 // Nothing of a test binary is reachable from outside; both examples have the same host.
 #![allow(unreachable_pub, clippy::duplicate_mod)]

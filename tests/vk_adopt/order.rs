@@ -75,7 +75,8 @@ fn a_picture_in_the_hosts_command_buffer_is_the_engines_own() {
         viewer.record(&mut recorder, &planes, splats, &shot, true).unwrap();
         let target = viewer.target().unwrap();
         let commands = pool.begin().unwrap();
-        // SAFETY: the recording is kept until the point is reached; the copies are of whole buffers into one that is large enough.
+        // SAFETY: the recording is kept until the point is reached; the copies are of whole buffers into one that is
+        // large enough.
         let recording = unsafe {
             let recording = recorder.record_into(commands).unwrap();
             let sources = [&target.image, &target.aux, means.buffer];

@@ -81,7 +81,8 @@ fn barriers_lost_with_a_panicked_lock_are_recorded_again() {
     // It would have waited for what writes the source.
     fuse.blown(FIRST, || copy(&gpu, &source, &never).submit());
     assert_eq!((gpu.last_ticket(), gpu.stats()), before, "nothing was submitted");
-    // The copy needs the barrier that was lost: here one over everything, and none besides, as nothing has used the target.
+    // The copy needs the barrier that was lost: here one over everything, and none besides,
+    // as nothing has used the target.
     let ticket = copy(&gpu, &source, &target).submit().unwrap();
     assert_eq!(gpu.stats().barriers, before.1.barriers + 1);
     gpu.wait(ticket).unwrap();

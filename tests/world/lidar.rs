@@ -67,7 +67,8 @@ fn density_and_noise_are_as_stated_and_walls_have_gaps() {
     let sigma = (squares / ground).sqrt();
     assert!((sigma - 0.03).abs() < 0.1 * 0.03, "range noise of {sigma} m");
 
-    // Heights above the ground of what was met on buildings' walls: a plan area has 4 echoes per square metre, a wall far fewer.
+    // Heights above the ground of what was met on buildings' walls: a plan area has 4 echoes per square metre,
+    // a wall far fewer.
     let walls: Vec<bool> = echoes
         .iter()
         .filter(|e| e.class == Class::Building)

@@ -13,8 +13,8 @@ fn params(camera: CameraKind) -> WorldParams {
     WorldParams { images: 4, max_side: 160, camera, effects, ..small() }
 }
 
-/// How far a picture is moved against another, in pixels along x and y: the shift d of least squares of a - b + gradient . d, by
-/// the normal equations (Lucas and Kanade 1981).
+/// How far a picture is moved against another, in pixels along x and y: the shift d of least squares of a - b +
+/// gradient . d, by the normal equations (Lucas and Kanade 1981).
 fn shift(a: &[u8], b: &[u8], width: usize) -> [f64; 2] {
     let at = |p: &[u8], x: usize, y: usize| f64::from(p[3 * (y * width + x) + 1]);
     let (mut xx, mut xy, mut yy, mut x0, mut y0) = (0.0, 0.0, 0.0, 0.0, 0.0);

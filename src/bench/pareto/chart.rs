@@ -47,12 +47,13 @@ impl Axis {
     }
 }
 
-/// Panels side by side: time to the right, error upwards, settings by their numbers in the table; what is dominated is hollow, the
-/// default a square; a line joins the front.
+/// Panels side by side: time to the right, error upwards, settings by their numbers in the table; what is dominated is
+/// hollow, the default a square; a line joins the front.
 pub fn svg(tables: &[Table]) -> String {
     let width = WIDTH * tables.len().max(1) as f64;
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n\
          <rect width=\"{width}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
     );
     for (k, table) in tables.iter().enumerate() {

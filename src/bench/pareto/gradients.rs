@@ -7,8 +7,8 @@ use crate::pass::counters;
 use crate::raster::{self, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer};
 use crate::vk::{Gpu, Memory};
 
-/// Gradients of the first view of the reference by every variant that the device can run, `rounds` times in turn after one that does not
-/// count.
+/// Gradients of the first view of the reference by every variant that the device can run, `rounds` times in turn after
+/// one that does not count.
 pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, Error> {
     let upstream = reference.upstream(0);
     let want = reference.gradients(0, &upstream).planes();

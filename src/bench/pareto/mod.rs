@@ -1,5 +1,5 @@
-//! Speed against error: what settings cost in time and in accuracy, measured in turn on the same work, and which of them are worth
-//! having.
+//! Speed against error: what settings cost in time and in accuracy, measured in turn on the same work, and which of
+//! them are worth having.
 
 mod chart;
 mod gradients;
@@ -19,7 +19,8 @@ pub use trainings::{Scored, TrainingKnob, training_knobs, trainings};
 
 use serde::Serialize;
 
-/// Times that differ by less than this share are taken for the same, and by less than those of the default and its repetitions.
+/// Times that differ by less than this share are taken for the same, and by less than those of the default and its
+/// repetitions.
 const SAME_TIME: f64 = 0.05;
 /// What the repetition of the default is called.
 const AGAIN: &str = "default, again";
@@ -65,8 +66,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Marks what another setting dominates. Times within 5 % of each other, or within what the default and its repetitions differ by,
-    /// and errors within [`Self::same_error`] count as the same.
+    /// Marks what another setting dominates. Times within 5 % of each other, or within what the default and its
+    /// repetitions differ by, and errors within [`Self::same_error`] count as the same.
     pub fn mark(&mut self) {
         let (share, least) = self.same_error;
         let noise = 1.0 + self.noise().max(SAME_TIME);
@@ -161,7 +162,8 @@ mod tests {
 
     #[test]
     fn another_measurement_of_the_default_does_not_dominate_it() {
-        // As where a mode that the default has anyway is asked for: the same work to the last bit, 8 % faster by chance.
+        // As where a mode that the default has anyway is asked for: the same work to the last bit,
+        // 8 % faster by chance.
         let mut table = table(&[(1.0, 1.0), (0.92, 1.0), (1.02, 1.0)]);
         assert!(table.settings[0].dominated);
         table.settings[0].default = true;

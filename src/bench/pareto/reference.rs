@@ -9,8 +9,8 @@ use crate::scene::{Camera, Gaussians};
 use crate::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use crate::twin::splat::Splat;
 
-/// Pixels nearer than this to a decision that rounding may turn over are left out, in units of the decision's condition: 16
-/// roundings to f32.
+/// Pixels nearer than this to a decision that rounding may turn over are left out, in units of the decision's
+/// condition: 16 roundings to f32.
 const BAND: f64 = 16.0 / (1u64 << 24) as f64;
 
 /// Some pixels of some views of a model, in double precision.
@@ -90,7 +90,8 @@ impl Reference {
         self.pixels.iter().map(Vec::len).sum()
     }
 
-    /// Largest and mean error of the colours of a view's compared pixels, over pixels and channels, and how many values there are.
+    /// Largest and mean error of the colours of a view's compared pixels, over pixels and channels,
+    /// and how many values there are.
     pub fn errors(&self, view: usize, rgbt: &[f32]) -> (f64, f64, usize) {
         let (mut largest, mut sum) = (0.0f64, 0.0);
         for (&pixel, want) in self.pixels[view].iter().zip(&self.images[view].color) {
@@ -103,7 +104,8 @@ impl Reference {
         (largest, sum, 3 * self.pixels[view].len())
     }
 
-    /// A gradient of a view's image that is not zero at the compared pixels alone, by a counter: (r, g, b, transmittance) per pixel.
+    /// A gradient of a view's image that is not zero at the compared pixels alone, by a counter: (r, g,
+    /// b, transmittance) per pixel.
     pub fn upstream(&self, view: usize) -> Vec<f32> {
         let camera = &self.shots[view].camera;
         let mut out = vec![0.0; 4 * camera.width as usize * camera.height as usize];

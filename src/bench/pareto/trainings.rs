@@ -119,9 +119,9 @@ impl Running {
     }
 }
 
-/// Trains once with every knob, and once more with the default, which tells what two runs differ by. All are in memory at once and take
-/// their steps in turn, some at a time: what else the machine does falls on all alike. `input` makes what is trained on of settings.
-/// The results come in the order of the table.
+/// Trains once with every knob, and once more with the default, which tells what two runs differ by. All are in memory
+/// at once and take their steps in turn, some at a time: what else the machine does falls on all alike. `input` makes
+/// what is trained on of settings. The results come in the order of the table.
 pub fn trainings(
     gpu: &Gpu,
     settings: &Settings,

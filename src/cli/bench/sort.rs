@@ -12,7 +12,8 @@ pub(super) fn run(args: &Args, keys: u32, console: &Console) -> anyhow::Result<(
         write(file, &report, args.validate)?;
     }
     let text = format!(
-        "{} keys with values by {} bits ({}, {} dispatches), sorted as they should be: {:.3} ms [{:.3}, {:.3}], {:.4} 10^9 keys per second\n{}",
+        "{} keys with values by {} bits ({}, {} dispatches), sorted as they should be: {:.3} ms [{:.3}, {:.3}], {:.4} \
+         10^9 keys per second\n{}",
         report.keys,
         report.bits,
         report.shape,

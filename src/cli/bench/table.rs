@@ -37,7 +37,8 @@ pub(super) fn text(report: &Report) -> String {
         );
     }
     text += &format!(
-        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing waits\n",
+        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing \
+         waits\n",
         host.dispatches,
         host.transfers,
         host.barriers,
@@ -56,8 +57,8 @@ pub(super) fn text(report: &Report) -> String {
     let m = report.memory;
     text.truncate(text.trim_end().len());
     text += &format!(
-        "\nmemory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per splat); \
-         {} for a density change\n\n",
+        "\nmemory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per \
+         splat); {} for a density change\n\n",
         m.per_splat,
         m.per_pair,
         m.per_pixel,
@@ -68,7 +69,8 @@ pub(super) fn text(report: &Report) -> String {
 
     let rates = &report.rates;
     text += &format!(
-        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 exponentials/s\n\n",
+        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 \
+         exponentials/s\n\n",
         number(rates.copy_kernel_gb_per_s),
         number(rates.copy_buffer_gb_per_s),
         number(rates.gops_per_s),

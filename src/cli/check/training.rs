@@ -22,7 +22,8 @@ pub(super) struct Training {
     device_bytes: u64,
     device_limit: u64,
     most_splats: u32,
-    /// Bytes of host memory: what may be used, what is set aside for the training, what is kept of photographs, what is missing.
+    /// Bytes of host memory: what may be used, what is set aside for the training, what is kept of photographs,
+    /// what is missing.
     host_budget: u64,
     host_training: u64,
     host_photographs: u64,
@@ -33,8 +34,8 @@ pub(super) struct Training {
     text: [String; 2],
 }
 
-/// Plans the training. What is wrong with it is added to the problems; an error is what keeps it from beginning. `None` where there is no
-/// device to ask.
+/// Plans the training. What is wrong with it is added to the problems; an error is what keeps it from beginning. `None`
+/// where there is no device to ask.
 pub(super) fn plan(
     dataset: &Dataset,
     settings: &Settings,

@@ -44,7 +44,8 @@ fn can_be_trained(changed: &Settings) -> bool {
     settings.check().is_ok()
 }
 
-/// Settings with options of `train` in place of their own values. What the environment says is the same for every row, and no part of any.
+/// Settings with options of `train` in place of their own values. What the environment says is the same for every row,
+/// and no part of any.
 fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
     let command = Asked::augment_args(Command::new("train").no_binary_name(true));
     let matches = command.try_get_matches_from(options)?;
@@ -60,7 +61,8 @@ mod tests {
         rows(method).expect("rows").into_iter().map(|(label, ..)| label).collect()
     }
 
-    /// What is changed and cannot be trained is left out: only where a part is nothing without another that the method has not.
+    /// What is changed and cannot be trained is left out: only where a part is nothing without another that the method
+    /// has not.
     #[test]
     fn rows_are_left_out_for_a_reason() {
         let left_out = |method: Method| -> Vec<&str> {

@@ -10,7 +10,8 @@ use crate::cli::interrupt::Interrupt;
 /// How often the child and the wish to stop are looked at.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Runs a command to its end. Where the user wants to stop, it is asked to stop too, and waited for: it saves what it has.
+/// Runs a command to its end. Where the user wants to stop, it is asked to stop too, and waited for:
+/// it saves what it has.
 pub(super) fn run(command: &mut Command, interrupt: &Interrupt) -> io::Result<ExitStatus> {
     apart(command);
     let mut child = command.stdin(Stdio::null()).spawn()?;
@@ -27,7 +28,8 @@ pub(super) fn run(command: &mut Command, interrupt: &Interrupt) -> io::Result<Ex
     }
 }
 
-/// Keeps the terminal's Ctrl-C from the child: it would get it a second time from here, and a second one ends it without saving.
+/// Keeps the terminal's Ctrl-C from the child: it would get it a second time from here,
+/// and a second one ends it without saving.
 #[cfg(unix)]
 fn apart(command: &mut Command) {
     use std::os::unix::process::CommandExt as _;

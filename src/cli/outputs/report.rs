@@ -11,8 +11,8 @@ use crate::cli::stages;
 /// Points of a curve at most.
 const CURVE_POINTS: usize = 400;
 
-/// All that the report shows. `exposures` where these were learned; `sigmas` is the sentence about the widths of the saliency filter, where
-/// these were.
+/// All that the report shows. `exposures` where these were learned; `sigmas` is the sentence about the widths of the
+/// saliency filter, where these were.
 pub(super) fn data(
     run: &Finished<'_>,
     history: &History,

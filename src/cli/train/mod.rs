@@ -48,8 +48,9 @@ Examples:
   psrgs-vk train fox --out again --config fox-model/settings.toml --seed 1
   psrgs-vk train --resume fox-model
 
-Defaults are those of the method 3dgs; other methods, --preset and --scale-schedule change some: --print-settings prints the values \
-that hold. Every other setting is a key for --set: `psrgs-vk options` lists the keys, their values and their effects.")]
+Defaults are those of the method 3dgs; other methods, --preset and --scale-schedule change some: --print-settings \
+prints the values that hold. Every other setting is a key for --set: `psrgs-vk options` lists the keys, their values \
+and their effects.")]
 pub(crate) struct Args {
     /// Write results to this folder [default: DATA's name followed by the method, as in fox-psrgs]
     #[arg(long, value_name = "DIR", help_heading = MOST_USED, display_order = 0)]
@@ -131,7 +132,8 @@ impl Args {
                 return Err(Failure::Input(format!("{}: it names no dataset (data)", file.display())).into());
             }
             return Err(Failure::Usage(
-                "no dataset: name its folder (psrgs-vk train DATA --out DIR), or --resume DIR, or a --config that has data"
+                "no dataset: name its folder (psrgs-vk train DATA --out DIR), or --resume DIR, or a --config that has \
+                 data"
                     .into(),
             )
             .into());
@@ -173,8 +175,8 @@ fn default_out(data: &Path, settings: &Settings) -> PathBuf {
     PathBuf::from(names::bounded(name.as_deref().unwrap_or("model"), 255 - ending.len()) + &ending)
 }
 
-/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ from the settings
-/// `before`, which are those of `place`.
+/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ
+/// from the settings `before`, which are those of `place`.
 pub(crate) fn unchanged_on_resume(before: &Settings, resumed: &Settings, place: &str) -> anyhow::Result<()> {
     // What a training learns from is no longer a matter of scores alone.
     let learned_from = |key: &str| key == "perceptual-weights" && before.texture.lambda_perceptual > 0.0;
@@ -196,8 +198,8 @@ pub(crate) fn unchanged_on_resume(before: &Settings, resumed: &Settings, place: 
     }
     if before.run.scale_schedule && before.run.iterations != resumed.run.iterations {
         return Err(Failure::Usage(
-            "--iterations cannot change on --resume where the schedule was scaled to it: train anew from its model with --init, or begin \
-             such a run with --scale-schedule=false"
+            "--iterations cannot change on --resume where the schedule was scaled to it: train anew from its model \
+             with --init, or begin such a run with --scale-schedule=false"
                 .into(),
         )
         .into());

@@ -32,8 +32,8 @@ pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> any
     Ok(Some(found.restart))
 }
 
-/// That the settings are those that the checkpoint was made with, as far as they must be: a settings file can be edited. Tells what has
-/// changed; gives the number of steps that the run was to have.
+/// That the settings are those that the checkpoint was made with, as far as they must be: a settings file can be
+/// edited. Tells what has changed; gives the number of steps that the run was to have.
 fn as_it_was_saved(settings: &Settings, saved: &str, file: &Path, console: &Console) -> anyhow::Result<Option<u32>> {
     let before = match Settings::from_toml(saved, file) {
         Ok(before) => before,
@@ -58,8 +58,8 @@ fn fits_what_is_done(settings: &Settings, former: Option<u32>, step: u32) -> any
     }
     match former.and_then(|former| Schedule::begins_again(settings, former, step)) {
         Some(stage) => wrong(format!(
-            "the run is at step {step}, and a stage that is over ({stage}) would begin again, as it is a share of all steps; give fewer, \
-             or train anew from its model with --init"
+            "the run is at step {step}, and a stage that is over ({stage}) would begin again, as it is a share of all \
+             steps; give fewer, or train anew from its model with --init"
         )),
         None => Ok(()),
     }

@@ -61,7 +61,8 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
         // The last checkpoint has all of the training, and files appear whole or not at all.
         let resume = plan.out.display();
         interrupt.ends_at_once(format!(
-            "stopped before all results were written; the training is done and saved: psrgs-vk train --resume {resume} writes them"
+            "stopped before all results were written; the training is done and saved: psrgs-vk train --resume \
+             {resume} writes them"
         ));
         interrupt.end_if_asked()?;
         if let Some(streaming) = trainer.streaming() {

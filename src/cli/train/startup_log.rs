@@ -51,8 +51,8 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
         SetupEvent::HostMemory(plan) => console.say(plan),
         SetupEvent::PhotographLeftOut(warning) => console.warn(warning),
         SetupEvent::NoPerceptualWeights => console.warn(
-            "the perceptual loss compares by oriented filters, for want of a network's weights: --perceptual-weights names them \
-             (`psrgs-vk weights` says where to get them), --lambda-perceptual 0 leaves it out",
+            "the perceptual loss compares by oriented filters, for want of a network's weights: --perceptual-weights \
+             names them (`psrgs-vk weights` says where to get them), --lambda-perceptual 0 leaves it out",
         ),
         SetupEvent::StereoBegins { photographs } => {
             console.say(format_args!("looking for depths in {}", counted(*photographs, "photograph")));
@@ -86,8 +86,8 @@ fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Con
         ));
         if cloud.near < FEW_NEAR {
             console.warn(format_args!(
-                "few of the first splats are near the cloud: a shift against the cameras (of heights, say) would show so; \
-                 `lidar-distance` widens what counts as near"
+                "few of the first splats are near the cloud: a shift against the cameras (of heights, say) would show \
+                 so; `lidar-distance` widens what counts as near"
             ));
         }
     }
@@ -152,7 +152,8 @@ fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
     }
     if !input.sees_any() {
         console.warn(
-            "no camera sees a splat to begin with: the points, or the model of --init, must be in the coordinates of the dataset's cameras",
+            "no camera sees a splat to begin with: the points, or the model of --init, must be in the coordinates of \
+             the dataset's cameras",
         );
     }
     if let Some(most) = settings.density.max_splats.filter(|most| input.initial.len() > *most as usize) {

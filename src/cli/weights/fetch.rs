@@ -22,7 +22,8 @@ pub(super) fn sum(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Fetches a file into the folder, from its own address or from under another one. Where anything is wrong nothing is written.
+/// Fetches a file into the folder, from its own address or from under another one.
+/// Where anything is wrong nothing is written.
 pub(super) fn fetch(file: &PublicFile, from: Option<&str>, folder: &Path) -> anyhow::Result<()> {
     let address = match from {
         Some(base) => format!("{}/{}", base.trim_end_matches('/'), file.name),
@@ -38,8 +39,8 @@ pub(super) fn fetch(file: &PublicFile, from: Option<&str>, folder: &Path) -> any
     let got = sum(&bytes);
     if got != file.sha256 {
         return Err(Failure::Check(format!(
-            "{address} is not the published file: SHA-256 {got} of {} bytes in place of {}; nothing was kept. Something on the way has \
-             changed it, or there is another file now: put the published one into {} as {}",
+            "{address} is not the published file: SHA-256 {got} of {} bytes in place of {}; nothing was kept. \
+             Something on the way has changed it, or there is another file now: put the published one into {} as {}",
             bytes.len(),
             file.sha256,
             folder.display(),

@@ -138,7 +138,8 @@ pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Cameras, FileErro
     }
 }
 
-/// The cameras of a file in which models that are not known have `unknown` parameters; where that is asked, the others must be sound.
+/// The cameras of a file in which models that are not known have `unknown` parameters; where that is asked,
+/// the others must be sound.
 fn binary(file: &Path, strict: bool, unknown: Option<usize>) -> Result<Cameras, FileError> {
     let mut cameras = Cameras::new(strict);
     binary_records(file, "cameras", 24, |source, i| {

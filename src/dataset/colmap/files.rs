@@ -64,7 +64,8 @@ impl Files {
         }
         let mut found = Self::numbered(&dataset.join("distorted/sparse"), "distorted/sparse");
         for model in &mut found {
-            // Of these cameras the photographs are those that went in: `images` has them undistorted, as other cameras see.
+            // Of these cameras the photographs are those that went in: `images` has them undistorted,
+            // as other cameras see.
             model.photographs = Some(dataset.join("input")).filter(|folder| folder.is_dir());
         }
         found
@@ -76,7 +77,8 @@ impl Files {
         if unusual.is_empty() { Self::of_other_programs(dataset) } else { unusual }
     }
 
-    /// The model in a folder: binary, else text, as COLMAP itself prefers. Points may be in another kind of file than the rest.
+    /// The model in a folder: binary, else text, as COLMAP itself prefers.
+    /// Points may be in another kind of file than the rest.
     fn inside(folder: &Path, place: String) -> Option<Self> {
         for (extension, binary) in [("bin", true), ("txt", false)] {
             let part = |name: &str| folder.join(format!("{name}.{extension}"));
@@ -115,8 +117,9 @@ fn is_part_of_another(folder: &Path) -> bool {
     hint::above(&real).into_iter().any(|(above, _)| named(above))
 }
 
-/// The model that is read, and what is told of the others. Several with numbers are parts of a reconstruction without a common frame: that is
-/// the one with the most images, the first of these. So it is with several elsewhere, which are looked for where there are no others.
+/// The model that is read, and what is told of the others. Several with numbers are parts of a reconstruction without a
+/// common frame: that is the one with the most images, the first of these. So it is with several elsewhere, which are
+/// looked for where there are no others.
 pub(super) fn choose(dataset: &Path) -> Result<(Files, Option<Warning>), Error> {
     let usual = Files::all(dataset);
     let (mut models, others) = match usual.is_empty() {

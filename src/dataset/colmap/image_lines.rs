@@ -1,7 +1,7 @@
 //! Which lines of `images.txt` are poses.
 //!
-//! COLMAP writes two lines for each image: the pose, and the keypoints, which may be none. Others leave the second line out, or empty
-//! lines in. So lines are told by what is in them, and not by their turn.
+//! COLMAP writes two lines for each image: the pose, and the keypoints, which may be none. Others leave the second line
+//! out, or empty lines in. So lines are told by what is in them, and not by their turn.
 
 use std::path::Path;
 
@@ -89,8 +89,8 @@ pub(super) fn scan(
 }
 
 fn ambiguous(line: &Line<'_>) -> FileError {
-    let problem = "could be the pose of an image, or keypoints of the image before; write the second line of each image as COLMAP \
-                   does, empty where there are no keypoints";
+    let problem = "could be the pose of an image, or keypoints of the image before; write the second line of each \
+                   image as COLMAP does, empty where there are no keypoints";
     line.error("line", problem)
 }
 

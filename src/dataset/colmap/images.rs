@@ -73,8 +73,8 @@ impl Poses {
     }
 }
 
-/// Reads `images.bin`: per image i32 number, f64 quaternion (w first) and translation, i32 camera, name ended by zero, u64
-/// number of keypoints and 24 bytes for each.
+/// Reads `images.bin`: per image i32 number, f64 quaternion (w first) and translation, i32 camera, name ended by zero,
+/// u64 number of keypoints and 24 bytes for each.
 pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Poses, Error> {
     let mut poses = Poses::new(strict);
     let records = binary_records(file, "images", SMALLEST, |source, i| {
@@ -109,8 +109,8 @@ pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Poses, Error> {
     Ok(poses)
 }
 
-/// Reads `images.txt`: per image one line with number, quaternion, translation, camera and name, and one with the keypoints,
-/// which is empty when there are none. `is_camera` says whether there is a camera of a number.
+/// Reads `images.txt`: per image one line with number, quaternion, translation, camera and name, and one with the
+/// keypoints, which is empty when there are none. `is_camera` says whether there is a camera of a number.
 pub(crate) fn read_text(
     file: &Path,
     strict: bool,

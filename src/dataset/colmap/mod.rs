@@ -1,7 +1,8 @@
 //! COLMAP's sparse model, binary and text.
 //!
-//! The layout is that of COLMAP's documentation ("Output format"). Only what training needs is kept: cameras, poses, and the
-//! points with their colours and the images that observe them; the 2D keypoints are checked for being there and passed over.
+//! The layout is that of COLMAP's documentation ("Output format"). Only what training needs is kept: cameras, poses,
+//! and the points with their colours and the images that observe them;
+//! the 2D keypoints are checked for being there and passed over.
 
 mod cameras;
 mod files;
@@ -42,8 +43,8 @@ pub(super) fn is_unusual(dataset: &Path) -> bool {
     !Files::unusual(dataset).is_empty()
 }
 
-/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which is the same for
-/// both kinds of files. Records that cannot be used are left out, or where it is `strict` an error.
+/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which
+/// is the same for both kinds of files. Records that cannot be used are left out, or where it is `strict` an error.
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let (files, warning) = files::choose(dataset)?;
     let mut warnings = Vec::from_iter(warning);
@@ -164,7 +165,8 @@ struct Counts {
 }
 
 impl Counts {
-    /// Compares with how many records there are. Fewer than were announced are a truncated file where the last line has no end.
+    /// Compares with how many records there are. Fewer than were announced are a truncated file where the last line has
+    /// no end.
     fn check(self, file: &Path, what: &'static str, found: usize, strict: bool) -> Result<Option<Warning>, FileError> {
         let found = found as u64;
         let Some(announced) = self.announced.filter(|announced| *announced != found) else { return Ok(None) };
@@ -172,7 +174,8 @@ impl Counts {
         if missing > 0 && (strict || !(self.ended || few(missing, announced))) {
             let cut = if self.ended { "" } else { " and ends within a line" };
             let problem = format!(
-                "the comment at the top announces {announced}, the file holds {found}{cut}; restore the file, or remove the comment"
+                "the comment at the top announces {announced}, the file holds {found}{cut}; restore the file, or \
+                 remove the comment"
             );
             return Err(wrong(file, self.at, format_args!("number of {what}"), problem));
         }

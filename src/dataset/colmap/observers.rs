@@ -12,7 +12,8 @@ pub(super) struct Observers {
     places: HashMap<u32, Option<u32>>,
     /// The first number that an image before has already, and how many images have such a one.
     shared: Option<(u32, usize)>,
-    /// The first point that asks for an image that is not there, the image's number, and how many such points there are.
+    /// The first point that asks for an image that is not there, the image's number,
+    /// and how many such points there are.
     unknown: Option<(u64, u32, usize)>,
 }
 

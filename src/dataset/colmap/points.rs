@@ -50,7 +50,8 @@ pub(super) fn read(file: &Path, strict: bool) -> Result<Points, FileError> {
     }
 }
 
-/// Reads `points3D.bin`: per point u64 number, f64 position, u8 colour, f64 error, u64 track length and 8 bytes per observation.
+/// Reads `points3D.bin`: per point u64 number, f64 position, u8 colour, f64 error,
+/// u64 track length and 8 bytes per observation.
 fn read_binary(file: &Path, strict: bool) -> Result<Points, FileError> {
     let mut tally = Tally::new(strict);
     let records = binary_records(file, "points", 8 + 24 + 3 + 8 + 8, |source, i| {
@@ -85,8 +86,8 @@ struct Written {
     at: At,
 }
 
-/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation. Colours may be written in
-/// any of the usual ranges.
+/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation. Colours
+/// may be written in any of the usual ranges.
 fn read_text(file: &Path, strict: bool) -> Result<Points, FileError> {
     let mut tally = Tally::new(strict);
     let mut written = Vec::new();
@@ -105,7 +106,8 @@ fn read_text(file: &Path, strict: bool) -> Result<Points, FileError> {
     Ok(Points { list, colourless, warnings: counted.into_iter().chain(left_out).collect() })
 }
 
-/// The points with the colours that their numbers stand for. Where these are bytes, points with other numbers cannot be used.
+/// The points with the colours that their numbers stand for. Where these are bytes,
+/// points with other numbers cannot be used.
 fn coloured(
     file: &Path,
     written: Vec<Written>,

@@ -1,7 +1,8 @@
 //! Lenses: where a ray of the camera frame lands in a photograph with distortion, and back.
 //!
-//! The formulas are those of OpenCV and COLMAP, in normalised coordinates (x, y) = (X / Z, Y / Z) with r the distance from the
-//! axis and s = r^2: the picture is at (x h, y h) plus what is tangential, and only h(s) differs from lens to lens.
+//! The formulas are those of OpenCV and COLMAP, in normalised coordinates (x, y) = (X / Z, Y / Z) with r the distance
+//! from the axis and s = r^2: the picture is at (x h, y h) plus what is tangential,
+//! and only h(s) differs from lens to lens.
 
 pub(super) mod names;
 mod pinhole;
@@ -13,8 +14,8 @@ pub(crate) const SUPPORTED_MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIA
 /// How a lens bends rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distortion {
-    /// Brown's model with a rational radial part: h = (1 + n1 s + n2 s^2 + n3 s^3 + n4 s^4) / (1 + d1 s + d2 s^2 + d3 s^3), and
-    /// tangentially (2 p1 x y + p2 (s + 2 x^2), 2 p2 x y + p1 (s + 2 y^2)).
+    /// Brown's model with a rational radial part: h = (1 + n1 s + n2 s^2 + n3 s^3 + n4 s^4) / (1 + d1 s + d2 s^2 + d3
+    /// s^3), and tangentially (2 p1 x y + p2 (s + 2 x^2), 2 p2 x y + p1 (s + 2 y^2)).
     Brown {
         /// n1 to n4.
         numerator: [f64; 4],
@@ -23,8 +24,8 @@ pub enum Distortion {
         /// p1 and p2.
         tangential: [f64; 2],
     },
-    /// The equidistant fisheye (Kannala and Brandt 2006, OpenCV): h = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) / r with
-    /// t = atan r the angle from the axis.
+    /// The equidistant fisheye (Kannala and Brandt 2006, OpenCV): h = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) / r
+    /// with t = atan r the angle from the axis.
     Fisheye {
         /// k1 to k4.
         k: [f64; 4],
@@ -91,8 +92,8 @@ impl Distortion {
         h > 0.0 && h.is_finite() && h + s * slope > 0.0
     }
 
-    /// The distance from the axis up to which pictures move outwards with the ray: beyond it the polynomial turns back, and
-    /// describes nothing that was ever measured.
+    /// The distance from the axis up to which pictures move outwards with the ray: beyond it the polynomial turns back,
+    /// and describes nothing that was ever measured.
     fn reach(&self) -> f64 {
         let most = MOST_DEGREES.to_radians();
         let angle = |i: u32| most * f64::from(i) / f64::from(STEPS);
@@ -133,8 +134,8 @@ impl Lens {
         Self { focal: scaled(self.focal), center: scaled(self.center), size: [width, height], ..*self }
     }
 
-    /// Where the ray through (x, y, 1) lands, in pixels, and the derivatives of that with respect to x and y, row-major; `None`
-    /// beyond the range in which the lens maps one to one.
+    /// Where the ray through (x, y, 1) lands, in pixels, and the derivatives of that with respect to x and y,
+    /// row-major; `None` beyond the range in which the lens maps one to one.
     pub fn project(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
         let ([u, v], [[a, b], [c, d]]) = self.bend([x, y])?;
         let ([fx, fy], [cx, cy]) = (self.focal, self.center);

@@ -3,18 +3,18 @@
 use super::Lens;
 use crate::scene::Camera;
 
-/// A picture shows nothing further from the axis than this, along a row or a column: towards a right angle a plane stretches
-/// without end, and splats are projected by a linear approximation that does not hold there.
+/// A picture shows nothing further from the axis than this, along a row or a column: towards a right angle a plane
+/// stretches without end, and splats are projected by a linear approximation that does not hold there.
 const WIDEST_DEGREES: f64 = 60.0;
 
 impl Lens {
     /// The pinhole camera of an undistorted picture, with the identity for its pose.
     ///
-    /// Its frame is the rectangle through the four rays that end in the middle of the photograph's sides (on the row and the
-    /// column of the principal point), none of them further than 60 degrees from the axis. So a barrel-shaped picture is filled
-    /// to its edges and loses slivers at the corners, and a pincushion-shaped one is kept whole, with empty corners that are
-    /// masked. Pixels at the principal point keep their size unless the picture would be longer than the photograph; then it
-    /// is reduced.
+    /// Its frame is the rectangle through the four rays that end in the middle of the photograph's sides (on the row
+    /// and the column of the principal point), none of them further than 60 degrees from the axis. So a barrel-shaped
+    /// picture is filled to its edges and loses slivers at the corners, and a pincushion-shaped one is kept whole, with
+    /// empty corners that are masked. Pixels at the principal point keep their size unless the picture would be longer
+    /// than the photograph; then it is reduced.
     pub fn pinhole(&self) -> Camera {
         let [width, height] = self.size;
         let sides = [f64::from(width), f64::from(height)];

@@ -4,7 +4,8 @@ use super::super::Pixels;
 use super::super::colmap::Point;
 use crate::scene::Camera;
 
-/// Cells along the longer side of a photograph: its coarse colours are compared, so that leaves and grass do not have to agree.
+/// Cells along the longer side of a photograph: its coarse colours are compared,
+/// so that leaves and grass do not have to agree.
 const SIDE: u32 = 64;
 /// Points farther than this many times the nearest of their cell are hidden.
 const HIDDEN: f64 = 1.05;
@@ -65,7 +66,8 @@ impl Coarse {
         self.cells.iter().map(of).collect()
     }
 
-    /// The correlation of the points' colours with the photograph's, from a camera; `None` where too little of it has points.
+    /// The correlation of the points' colours with the photograph's, from a camera;
+    /// `None` where too little of it has points.
     pub(super) fn fit(&self, camera: &Camera, points: &[&Point]) -> Option<f64> {
         let center = camera.center();
         let [width, height] = self.size.map(f64::from);

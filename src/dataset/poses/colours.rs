@@ -24,11 +24,11 @@ const SPREADS: f64 = 5.0;
 const UNFIT: f64 = 0.2;
 
 impl Dataset {
-    /// Photographs of a role that do not fit from their poses, though nearly all others do, as the colours of the points show: their
-    /// positions in the order of [`Dataset::views_of`], which is that of `photographs`, too. Those whose poses were held against where
-    /// they show points ([`View::pose_checked`]) are not looked at. An error where most would fit with their poses in another
-    /// convention, or from the poses of others; where the colours say nothing, and no tracks do, the photographs to train on are matched
-    /// with one another for that.
+    /// Photographs of a role that do not fit from their poses, though nearly all others do, as the colours of the
+    /// points show: their positions in the order of [`Dataset::views_of`], which is that of `photographs`, too. Those
+    /// whose poses were held against where they show points ([`View::pose_checked`]) are not looked at. An error where
+    /// most would fit with their poses in another convention, or from the poses of others; where the colours say
+    /// nothing, and no tracks do, the photographs to train on are matched with one another for that.
     pub fn poses_against_photographs(
         &self,
         role: Role,

@@ -10,7 +10,8 @@ use super::{LEAST_POINTS, PoseFault};
 
 /// Points nearer than this share of the picture's longer side to where they are seen bear a pose out.
 const NEAR: f64 = 0.02;
-/// Points that far outside of the picture, as a share of its longer side, still count as inside: lenses are not known to a pixel.
+/// Points that far outside of the picture, as a share of its longer side, still count as inside:
+/// lenses are not known to a pixel.
 const MARGIN: f64 = 0.05;
 /// Points of a track are looked at up to this many.
 const MOST_TRACKED: usize = 256;

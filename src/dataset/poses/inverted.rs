@@ -23,8 +23,8 @@ const NEXT_TO_NOTHING: f64 = 0.005;
 pub enum Convention {
     /// The other direction: from the camera to the world where the format has the other way, and the other way round.
     Inverted,
-    /// Axes of the camera of the other kind: y up and z backwards (OpenGL, Blender) for y down and z forwards (OpenCV), or the
-    /// other way round.
+    /// Axes of the camera of the other kind: y up and z backwards (OpenGL, Blender) for y down and z forwards (OpenCV),
+    /// or the other way round.
     OtherAxes,
     /// Both.
     InvertedWithOtherAxes,
@@ -45,7 +45,8 @@ impl Convention {
             (turned, rotation::apply(&turned, *t).map(|v| -v))
         };
         match (self, format) {
-            // The matrix of transforms.json is read with its second and third column negated: `world` undoes that after `back`.
+            // The matrix of transforms.json is read with its second and third column negated:
+            // `world` undoes that after `back`.
             (Self::Inverted, Format::Nerfstudio) => axes(world(back(pose))),
             (Self::InvertedWithOtherAxes, Format::Nerfstudio) => world(back(pose)),
             (Self::Inverted, _) => back(pose),
@@ -64,26 +65,30 @@ impl Convention {
     fn told(self, format: Format) -> &'static str {
         match (self, format) {
             (Self::Inverted, Format::Nerfstudio) => {
-                "world to camera, and transforms.json has them from the camera to the world: invert every transform_matrix"
+                "world to camera, and transforms.json has them from the camera to the world: invert every \
+                 transform_matrix"
             }
             (Self::Inverted, _) => {
-                "camera to world, and this format has them from the world to the camera: invert every rotation and translation"
+                "camera to world, and this format has them from the world to the camera: invert every rotation and \
+                 translation"
             }
             (Self::OtherAxes, Format::Nerfstudio) => {
-                "of cameras with y down and z forwards (OpenCV), and transforms.json has y up and z backwards (OpenGL): change the sign \
-                 of the second and third column of every transform_matrix"
+                "of cameras with y down and z forwards (OpenCV), and transforms.json has y up and z backwards \
+                 (OpenGL): change the sign of the second and third column of every transform_matrix"
             }
             (Self::OtherAxes, _) => {
-                "of cameras with y up and z backwards (OpenGL, Blender), and this format has y down and z forwards (OpenCV): turn every \
-                 camera by half a turn about its x axis"
+                "of cameras with y up and z backwards (OpenGL, Blender), and this format has y down and z forwards \
+                 (OpenCV): turn every camera by half a turn about its x axis"
             }
             (Self::InvertedWithOtherAxes, Format::Nerfstudio) => {
-                "world to camera with y down and z forwards (OpenCV), and transforms.json has them from the camera to the world with y up and \
-                 z backwards (OpenGL): invert every transform_matrix, then change the sign of its second and third column"
+                "world to camera with y down and z forwards (OpenCV), and transforms.json has them from the camera to \
+                 the world with y up and z backwards (OpenGL): invert every transform_matrix, then change the sign of \
+                 its second and third column"
             }
             (Self::InvertedWithOtherAxes, _) => {
-                "camera to world with y up and z backwards (OpenGL, Blender), and this format has them from the world to the camera with y down \
-                 and z forwards (OpenCV): change the sign of the second and third column of every matrix, then invert it"
+                "camera to world with y up and z backwards (OpenGL, Blender), and this format has them from the world \
+                 to the camera with y down and z forwards (OpenCV): change the sign of the second and third column of \
+                 every matrix, then invert it"
             }
         }
     }
@@ -121,8 +126,8 @@ pub(super) fn refuse(model: &Model, as_read: &[Option<Evidence>], kind: Kind) ->
     refuse_best(model, &judged, |at, pose| fits(at, pose))
 }
 
-/// The same where nothing says which photograph shows which points: as the poses are read, most see next to nothing of the cloud, and
-/// otherwise nearly all see a good part of it.
+/// The same where nothing says which photograph shows which points: as the poses are read, most see next to nothing of
+/// the cloud, and otherwise nearly all see a good part of it.
 pub(super) fn refuse_by_sight(model: &Model) -> Result<(), Error> {
     let step = model.points.len().div_ceil(LOOKED_AT).max(1);
     let some: Vec<[f64; 3]> = model.points.iter().step_by(step).map(|p| p.position).collect();

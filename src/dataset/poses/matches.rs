@@ -1,5 +1,5 @@
-//! Poses of another convention, by what neighbouring photographs have in common: from right poses the same spot of a surface is on one
-//! line of sight of either, in front of both cameras.
+//! Poses of another convention, by what neighbouring photographs have in common: from right poses the same spot of a
+//! surface is on one line of sight of either, in front of both cameras.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,7 +11,8 @@ use super::inverted::{Convention, WrongConvention};
 use super::sketch::Sketch;
 use crate::scene::Camera;
 
-/// Pairs of photographs that are matched, evenly from first to last; the second number where the first finds too few matches.
+/// Pairs of photographs that are matched, evenly from first to last; the second number where the first finds too few
+/// matches.
 const PAIRS: [usize; 2] = [16, 64];
 /// A pair counts with so many matches, ...
 const LEAST_OF_PAIR: usize = 8;
@@ -34,7 +35,8 @@ struct Pair {
     matches: Vec<[[f64; 2]; 2]>,
 }
 
-/// An error where photographs to train on match in another reading of their poses than the format's, and do not in that.
+/// An error where photographs to train on match in another reading of their poses than the format's,
+/// and do not in that.
 pub(super) fn refuse(dataset: &Dataset, photographs: &[Option<Supply>]) -> Result<(), Error> {
     let views: Vec<(Camera, Option<&Supply>)> =
         dataset.views_of(Role::Train).zip(photographs).map(|((_, view), of)| (view.camera, of.as_ref())).collect();

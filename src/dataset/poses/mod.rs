@@ -38,7 +38,8 @@ pub enum PoseFault {
     Reprojection {
         /// How many of them were looked at.
         points: usize,
-        /// How far off they are (median), as a share of the picture's longer side; infinite where most lie behind the camera.
+        /// How far off they are (median), as a share of the picture's longer side;
+        /// infinite where most lie behind the camera.
         off: f64,
         /// The same of all photographs.
         usual: f64,
@@ -98,20 +99,22 @@ impl fmt::Display for PoseFault {
             }
             Self::Colours { fit, usual } => write!(
                 f,
-                "the colours of the points are not those of the photograph where they lie in its picture (correlation {}, usual: {})",
+                "the colours of the points are not those of the photograph where they lie in its picture (correlation \
+                 {}, usual: {})",
                 fraction(*fit, 2),
                 fraction(*usual, 2)
             ),
             Self::OtherPose { fit, other } => write!(
                 f,
-                "the colours of the points fit the photograph better from the pose of another one (correlation {}, from its own: {}): \
-                 have photographs changed places?",
+                "the colours of the points fit the photograph better from the pose of another one (correlation {}, \
+                 from its own: {}): have photographs changed places?",
                 fraction(*other, 2),
                 fraction(*fit, 2)
             ),
             Self::FarAndBlind { times } => write!(
                 f,
-                "its camera is {times:.0} times as far from the others as they are from one another, and no point is in its picture"
+                "its camera is {times:.0} times as far from the others as they are from one another, and no point is \
+                 in its picture"
             ),
         }
     }
@@ -171,7 +174,8 @@ impl Judgement {
         self.fits.get(at).copied().unwrap_or(false)
     }
 
-    /// Leaves photographs with wrong poses out of training, and tells of these and of those in doubt. `views` are those of the model.
+    /// Leaves photographs with wrong poses out of training, and tells of these and of those in doubt.
+    /// `views` are those of the model.
     pub(super) fn apply(&mut self, views: &mut [View], warnings: &mut Vec<Warning>) {
         warnings.extend(self.warning.take());
         for (view, by_places) in views.iter_mut().zip(&self.by_places) {
@@ -201,8 +205,9 @@ fn leave_out(view: &mut View, fault: PoseFault, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Tells of training cameras that are far from all others though no points bear their poses out: where they see no point, and the others
-/// see theirs, the photographs are left out. Gives the centres of the cameras that the scene is as large as.
+/// Tells of training cameras that are far from all others though no points bear their poses out: where they see no
+/// point, and the others see theirs, the photographs are left out. Gives the centres of the cameras that the scene is
+/// as large as.
 pub(super) fn without_far(
     judged: &Judgement,
     views: &mut [View],

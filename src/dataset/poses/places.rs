@@ -65,7 +65,8 @@ pub(super) fn refuse(dataset: &Dataset, judged: &[Judged], elsewhere: &[Option<E
     }
 }
 
-/// Of each photograph how well it fits from the pose of another one, where its own is wrong for that. `usual` is the median.
+/// Of each photograph how well it fits from the pose of another one, where its own is wrong for that.
+/// `usual` is the median.
 pub(super) fn changed(judged: &[Judged], elsewhere: &[Option<Elsewhere>], usual: f64) -> Vec<Option<f64>> {
     let mut out = vec![None; judged.len()];
     for (of, found) in elsewhere.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! How well a model's geometry agrees with a known one: depth, normals, splats off the surface, pictures from elsewhere.
+//! How well a model's geometry agrees with a known one: depth, normals, splats off the surface,
+//! pictures from elsewhere.
 
 mod closest;
 mod pictures;
@@ -18,11 +19,12 @@ use crate::numbers::percent;
 use crate::raster::Picture;
 use crate::scene::{Camera, Gaussians};
 
-/// Geometry metrics. What has no ground truth is absent, also from `metrics.json`, whose keys are the names of the fields.
+/// Geometry metrics. What has no ground truth is absent, also from `metrics.json`,
+/// whose keys are the names of the fields.
 ///
-/// Depth and normals are compared on the held-out views that have `depth/NAME.exr` and `normal/NAME.exr`, at the size of these
-/// files, in pixels with a true depth. A pixel is *covered* where the picture's opacity, one minus the final transmittance, is
-/// above 0.5; its depth is the expected one, sum w z / sum w.
+/// Depth and normals are compared on the held-out views that have `depth/NAME.exr` and `normal/NAME.exr`, at the size
+/// of these files, in pixels with a true depth. A pixel is *covered* where the picture's opacity, one minus the final
+/// transmittance, is above 0.5; its depth is the expected one, sum w z / sum w.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Geometry {
@@ -55,8 +57,8 @@ pub struct Geometry {
     pub floaters: Option<f64>,
 }
 
-/// Compares a model, given in scene coordinates, with the truth of its dataset. `render` draws it from a camera of the scene,
-/// with depth and normals.
+/// Compares a model, given in scene coordinates, with the truth of its dataset. `render` draws it from a camera of the
+/// scene, with depth and normals.
 pub fn measure<E: From<GeometryError>>(
     truth: &GeometryTruth,
     model: &Gaussians,

@@ -37,7 +37,8 @@ impl Agreement {
         for ((truth, got), _) in truth.iter().zip(&got).zip(covered).filter(|(_, covered)| *covered) {
             let dot = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>();
             let (a, b) = (dot(truth, truth).sqrt(), dot(got, got).sqrt());
-            // Without a normal of its own the picture is as wrong as can be; without a true one there is nothing to compare.
+            // Without a normal of its own the picture is as wrong as can be;
+            // without a true one there is nothing to compare.
             if a > 0.5 {
                 let cosine = if b > 0.0 { dot(truth, got) / (a * b) } else { -1.0 };
                 self.degrees.push(cosine.clamp(-1.0, 1.0).acos().to_degrees() as f32);

@@ -21,11 +21,12 @@ pub struct OffSurface {
 
 /// Distances of a model's splats (in scene coordinates) from the true surface (in the dataset's).
 ///
-/// The *opaque mass* of a splat is its opacity times the product of its two largest standard deviations: what it covers where
-/// it is seen from its flat side. The distance is that of its centre from the nearest point of the surface. `distance` is the
-/// median over splats with an opacity above 0.5, weighted by mass; `floaters` is the share of the mass of all splats, also
-/// transparent ones, that is further away than 1 % of `extent` (the dataset's extent as [`crate::dataset::Dataset::extent`]
-/// has it, in its units). The surface has to cover what the photographs show: splats beyond its border would count too.
+/// The *opaque mass* of a splat is its opacity times the product of its two largest standard deviations: what it covers
+/// where it is seen from its flat side. The distance is that of its centre from the nearest point of the surface.
+/// `distance` is the median over splats with an opacity above 0.5, weighted by mass; `floaters` is the share of the
+/// mass of all splats, also transparent ones, that is further away than 1 % of `extent` (the dataset's extent as
+/// [`crate::dataset::Dataset::extent`] has it, in its units). The surface has to cover what the photographs show:
+/// splats beyond its border would count too.
 pub fn off_surface(model: &Gaussians, frame: &Frame, extent: f64, surface: &Closest) -> OffSurface {
     if surface.is_empty() {
         return OffSurface::default();

@@ -66,8 +66,9 @@ pub struct Known {
     pub normals: Option<Vec<[f32; 3]>>,
 }
 
-/// The ground truth of a dataset: `depth/NAME.exr` and `normal/NAME.exr` of held-out views, for the pixels of their undistorted
-/// pictures, at any size; `offpath/`, a dataset in the same coordinates, with depth too; `surface.ply`. Any part may be absent.
+/// The ground truth of a dataset: `depth/NAME.exr` and `normal/NAME.exr` of held-out views, for the pixels of their
+/// undistorted pictures, at any size; `offpath/`, a dataset in the same coordinates, with depth too; `surface.ply`.
+/// Any part may be absent.
 #[derive(Clone, Debug)]
 pub struct GeometryTruth {
     pub(super) frame: Frame,

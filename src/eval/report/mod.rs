@@ -240,15 +240,16 @@ fn check(view: &ViewPanel) -> Result<(), ReportError> {
     }
 }
 
-const HINT: &str = "<p class=\"hint\">Drag over a large picture, or focus it and use the arrow keys, to uncover what lies \
-    under the photograph. Each of the others can be chosen for that by its name.</p>";
+const HINT: &str = "<p class=\"hint\">Drag over a large picture, or focus it and use the arrow keys, to uncover what \
+    lies under the photograph. Each of the others can be chosen for that by its name.</p>";
 
 fn section(id: &str, heading: &str, intro: &str, class: &str, body: &str) -> String {
     if body.is_empty() {
         return String::new();
     }
     format!(
-        "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2>{intro}<div class=\"{class}\">{body}</div></section>"
+        "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2>{intro}<div \
+         class=\"{class}\">{body}</div></section>"
     )
 }
 
@@ -296,8 +297,8 @@ fn views(all: &[ViewPanel]) -> Result<(String, usize), ReportError> {
     Ok((String::new(), 0))
 }
 
-/// One view: a slider over photograph and another picture, and all pictures beside it. The script fills the slider from the
-/// pictures, which are stored once.
+/// One view: a slider over photograph and another picture, and all pictures beside it. The script fills the slider from
+/// the pictures, which are stored once.
 fn card(
     view: &ViewPanel,
     errors: &[f32],

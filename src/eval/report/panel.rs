@@ -100,8 +100,8 @@ pub(super) fn paint(values: &[f32], size: (u32, u32), (low, high): (f32, f32), m
     })
 }
 
-/// Depth as colours between its 1st and 99th percentile: the picture and the range. Pixels without surface (depth 0 or not
-/// finite) are grey.
+/// Depth as colours between its 1st and 99th percentile: the picture and the range. Pixels without surface (depth 0 or
+/// not finite) are grey.
 pub(super) fn depth(map: &DepthMap) -> (RgbImage, (f32, f32)) {
     let values: Vec<f32> = map.values.iter().map(|&z| if z > 0.0 { z } else { f32::NAN }).collect();
     let low = quantile(values.iter().copied(), 0.01);

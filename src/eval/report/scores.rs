@@ -96,7 +96,8 @@ pub(super) fn scores(m: &Metrics) -> String {
             let share = if share.is_nan() { 100.0 } else { share };
             format!(
                 "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td class=\"bar\" aria-hidden=\"true\">\
-                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td class=\"number\">{:.4}</td>{}</tr>",
+                 <span style=\"width:{share:.1}%\"></span></td><td class=\"number\">{}</td><td \
+                 class=\"number\">{:.4}</td>{}</tr>",
                 escape(&i.name),
                 decibels(Some(i.psnr)),
                 decibels(Some(i.psnr_cc).filter(|p| !p.is_nan())),
@@ -108,7 +109,8 @@ pub(super) fn scores(m: &Metrics) -> String {
     let lpips = if with_lpips { "<th scope=\"col\" class=\"number\">LPIPS</th>" } else { "" };
     format!(
         "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
-         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">colours fitted</th>\
+         <th scope=\"col\" class=\"number\" colspan=\"2\">PSNR, dB</th><th scope=\"col\" class=\"number\">colours \
+         fitted</th>\
          <th scope=\"col\" class=\"number\">SSIM</th>\
          {lpips}</tr></thead><tbody>{body}</tbody></table>"
     )

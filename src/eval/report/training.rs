@@ -36,8 +36,8 @@ pub(super) fn table(photographs: &[TrainingPhotograph]) -> String {
         ),
     };
     format!(
-        "<table class=\"scores\" id=\"training\"><caption>Each photograph trained on, the one that is fitted worst first</caption>{head}\
-         <tbody>{}</tbody></table>{more}",
+        "<table class=\"scores\" id=\"training\"><caption>Each photograph trained on, the one that is fitted worst \
+         first</caption>{head}<tbody>{}</tbody></table>{more}",
         first.concat()
     )
 }

@@ -25,9 +25,9 @@ pub fn file_name(step: u64) -> String {
     format!("checkpoint-{step:06}.ckpt")
 }
 
-/// Writes a checkpoint and then removes the others but the newest of the steps before it. A checkpoint of a later step goes
-/// too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. A file that only has the name of a
-/// checkpoint stays. Gives the file.
+/// Writes a checkpoint and then removes the others but the newest of the steps before it. A checkpoint of a later step
+/// goes too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. A file that
+/// only has the name of a checkpoint stays. Gives the file.
 pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf, Error> {
     let file = folder.join(file_name(step));
     atomic::remove_unfinished(folder);

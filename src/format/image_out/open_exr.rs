@@ -158,7 +158,8 @@ fn check_memory(file: &Path, width: usize, height: usize, channels: usize, bytes
     Err(Error::malformed(file, "size", At::Byte(0), problem))
 }
 
-/// Bytes of a sample while a file is decoded: as it is stored, unpacked, in its channel, and as the map that is made of it.
+/// Bytes of a sample while a file is decoded: as it is stored, unpacked, in its channel,
+/// and as the map that is made of it.
 const SAMPLE_BYTES: u64 = 16;
 
 /// Refuses what takes more memory than it may, and what the system has none for.

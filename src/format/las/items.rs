@@ -13,14 +13,14 @@ const BEFORE_ITEMS: u64 = 32;
 /// Bytes of a point beyond what its format has: of each the decoder keeps some thousand bytes of statistics.
 const MOST_EXTRA: u16 = 1024;
 
-/// Whether the items that points are compressed in make up a point of `record` bytes, of which the format has `of_format`: the decoder makes
-/// room by what the items say. Records begin after `header` bytes; there are `records`.
+/// Whether the items that points are compressed in make up a point of `record` bytes, of which the format has
+/// `of_format`: the decoder makes room by what the items say. Records begin after `header` bytes; there are `records`.
 pub(super) fn check(file: &Path, header: u64, records: u32, record: u16, of_format: u16) -> Result<(), Error> {
     let mut source = Source::open(file)?;
     if record - of_format > MOST_EXTRA {
         let problem = format_args!(
-            "is {record}, {} more than the format has; compressed points have at most {MOST_EXTRA} such bytes here: decompress the scan, \
-             or leave its extra dimensions out",
+            "is {record}, {} more than the format has; compressed points have at most {MOST_EXTRA} such bytes here: \
+             decompress the scan, or leave its extra dimensions out",
             record - of_format
         );
         return Err(source.error(105, "point record length", problem));

@@ -33,14 +33,14 @@ pub enum Content {
     Cloud(Cloud),
 }
 
-/// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model, but for one that has only
-/// their colours. A few vertices that are not finite are left out; [`read_content_with`] says which.
+/// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model, but for one
+/// that has only their colours. A few vertices that are not finite are left out; [`read_content_with`] says which.
 pub fn read_content(file: &Path) -> Result<Content, Error> {
     read_content_with(file, false).map(|(content, _)| content)
 }
 
-/// Reads splats or plain points, with what was left out. Vertices that are not finite are an error where it is `strict`, and where they
-/// are more than one of ten.
+/// Reads splats or plain points, with what was left out. Vertices that are not finite are an error where it is
+/// `strict`, and where they are more than one of ten.
 pub fn read_content_with(file: &Path, strict: bool) -> Result<(Content, Option<LeftOut>), Error> {
     let (header, vertices, _) = open(file)?;
     let splats = |name: &str| {
@@ -56,17 +56,17 @@ pub fn read_content_with(file: &Path, strict: bool) -> Result<(Content, Option<L
 }
 
 impl Cloud {
-    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours under their usual names
-    /// (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) in their usual ranges (0 to 255, 65535 or 1, by the
-    /// declared type and the values). An offset in a comment is added.
+    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours under their
+    /// usual names (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) in their usual ranges (0
+    /// to 255, 65535 or 1, by the declared type and the values). An offset in a comment is added.
     ///
     /// A few points that are not finite are left out; [`Cloud::read_with`] says which.
     pub fn read(file: &Path) -> Result<Self, Error> {
         Self::read_with(file, false).map(|(cloud, _)| cloud)
     }
 
-    /// Reads a cloud, with what was left out. Points that are not finite are an error where it is `strict`, and where they are more than one
-    /// of ten.
+    /// Reads a cloud, with what was left out. Points that are not finite are an error where it is `strict`, and where
+    /// they are more than one of ten.
     pub fn read_with(file: &Path, strict: bool) -> Result<(Self, Option<LeftOut>), Error> {
         let (header, vertices, _) = open(file)?;
         let vertex = &header.elements[vertices];

@@ -12,7 +12,8 @@ const CHANNELS: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
 const HARMONICS: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
 /// All three channels in the bits of one number, as PCL writes them.
 const PACKED: [&str; 4] = ["rgb", "rgba", "color", "colour"];
-/// Largest values of the usual ranges, with the share of the values that may lie outside: more of them speak for the next range.
+/// Largest values of the usual ranges, with the share of the values that may lie outside:
+/// more of them speak for the next range.
 const UNIT: (f64, f64) = (1.0, 0.01);
 const BYTES: (f64, f64) = (255.0, 0.25);
 const WORDS: (f64, f64) = (65535.0, 0.01);
@@ -62,8 +63,8 @@ impl Place {
         }
     }
 
-    /// The colours of all vertices, given the values of [`Self::properties`] in their order, vertex by vertex; `None` where the values
-    /// are in no known range.
+    /// The colours of all vertices, given the values of [`Self::properties`] in their order, vertex by vertex; `None`
+    /// where the values are in no known range.
     pub(super) fn colours(&self, element: &Element, values: &[f64]) -> Option<Vec<[u8; 3]>> {
         match self {
             Self::Channels(places) => {
@@ -82,8 +83,8 @@ impl Place {
     }
 }
 
-/// Eight-bit colours of three numbers each, in whichever of the usual ranges these are, and the largest number of that range; `None`
-/// where that cannot be told.
+/// Eight-bit colours of three numbers each, in whichever of the usual ranges these are, and the largest number of that
+/// range; `None` where that cannot be told.
 pub(crate) fn of_numbers(values: &[f64]) -> Option<(Vec<[u8; 3]>, f64)> {
     let whole = values.iter().all(|v| v.fract() == 0.0);
     let kinds = [if whole { Kind::I32 } else { Kind::F64 }; 3];
@@ -131,7 +132,8 @@ fn to_byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
-/// Red, green and blue from the highest of 24 bits on. A float holds these in its own bits, unless its value is a number of 24 bits.
+/// Red, green and blue from the highest of 24 bits on. A float holds these in its own bits,
+/// unless its value is a number of 24 bits.
 fn unpacked(value: f64, kind: Kind) -> [u8; 3] {
     let whole = value.fract() == 0.0 && (1.0..16_777_216.0).contains(&value);
     let bits = match kind {

@@ -5,8 +5,9 @@ use std::path::Path;
 use super::read::open;
 use crate::format::{At, Error, Tally};
 
-/// Gives `each` vertex the properties of these names, the `needed` ones first, one after the other: an error when one of those is missing,
-/// NaN for one of the `others` that the file does not have. Vertices with a needed one that is not finite are counted as bad.
+/// Gives `each` vertex the properties of these names, the `needed` ones first, one after the other: an error when one
+/// of those is missing, NaN for one of the `others` that the file does not have.
+/// Vertices with a needed one that is not finite are counted as bad.
 pub(super) fn for_each(
     file: &Path,
     needed: &[&str],

@@ -18,8 +18,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Reads the elements `vertex` (x, y, z) and, after it, `face` (the list `vertex_indices` or `vertex_index`; polygons become
-    /// fans of triangles).
+    /// Reads the elements `vertex` (x, y, z) and, after it, `face` (the list `vertex_indices` or `vertex_index`;
+    /// polygons become fans of triangles).
     pub fn read(file: &Path) -> Result<Self, Error> {
         let (header, vertices, mut rows) = open(file)?;
         let vertex = &header.elements[vertices];

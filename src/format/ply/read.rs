@@ -10,8 +10,8 @@ use crate::format::{At, Error, Tally, source};
 use crate::numbers::counted;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
-/// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient can
-/// move. 16 is beyond what f32 tells from 1.
+/// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient
+/// can move. 16 is beyond what f32 tells from 1.
 const MAX_LOGIT: f32 = 16.0;
 
 /// Reads a model. A few splats that are not finite are left out: [`Model::left_out`].
@@ -19,7 +19,8 @@ pub fn read(file: &Path) -> Result<Model, Error> {
     read_with(file, false)
 }
 
-/// Reads a model. Splats that are not finite are an error where it is `strict`, and where they are more than one of ten.
+/// Reads a model. Splats that are not finite are an error where it is `strict`,
+/// and where they are more than one of ten.
 pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
@@ -360,8 +361,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Whether a model is to be drawn with the anti-aliasing factor, where a comment of another program says it: Brush's `SplatRenderMode: mip`,
-/// Postshot's `antialiased 1`.
+/// Whether a model is to be drawn with the anti-aliasing factor, where a comment of another program says it: Brush's
+/// `SplatRenderMode: mip`, Postshot's `antialiased 1`.
 fn render_mode(comment: &str) -> Option<bool> {
     let (key, value) = comment.split_once([':', ' '])?;
     match (key.trim(), value.trim_start_matches(':').trim()) {
@@ -371,7 +372,8 @@ fn render_mode(comment: &str) -> Option<bool> {
     }
 }
 
-/// Takes what this program writes into comments, and how other programs say that a model is anti-aliased; their other comments are theirs.
+/// Takes what this program writes into comments, and how other programs say that a model is anti-aliased;
+/// their other comments are theirs.
 pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
     for (at, comment) in &header.comments {
         if let Some(antialias) = render_mode(comment) {

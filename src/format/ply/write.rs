@@ -7,7 +7,8 @@ use super::{Model, REST_BY_DEGREE};
 use crate::format::{Error, atomic};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
-/// Writes the splats as they are in the model, always with spherical harmonics of degree 3, as INRIA's own files have them.
+/// Writes the splats as they are in the model, always with spherical harmonics of degree 3,
+/// as INRIA's own files have them.
 pub fn write(file: &Path, model: &Model) -> Result<(), Error> {
     let gaussians = &model.gaussians;
     if let Some(problem) = inconsistent(gaussians) {

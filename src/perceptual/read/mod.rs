@@ -15,7 +15,8 @@ use crate::format;
 /// Largest file that is read: the trunk has 5 MB.
 const LARGEST: u64 = 1 << 28;
 
-/// Reads the arrays of a file: ncnn (`.param` with the `.bin` beside it), PyTorch's `.pth` in its old and its new form, safetensors.
+/// Reads the arrays of a file: ncnn (`.param` with the `.bin` beside it),
+/// PyTorch's `.pth` in its old and its new form, safetensors.
 pub fn read_tensors(file: &Path) -> Result<Tensors, Error> {
     let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if ending == "param" || ending == "bin" {

@@ -1,4 +1,5 @@
-//! ncnn's `.param` (text, a layer per line) and `.bin` (the numbers of the layers one after the other), of SqueezeNet 1.1.
+//! ncnn's `.param` (text, a layer per line) and `.bin` (the numbers of the layers one after the other),
+//! of SqueezeNet 1.1.
 
 use std::path::Path;
 
@@ -62,8 +63,8 @@ pub(super) fn read(param: &Path, bin: &Path) -> Result<Tensors, Error> {
     }
 }
 
-/// The convolutions of a `.param` in the order of [`squeezenet::names`]: a fire module's 1x1 expansion before the 3x3 one. Fails
-/// where they are not as many, or where the expansions are joined the other way round.
+/// The convolutions of a `.param` in the order of [`squeezenet::names`]: a fire module's 1x1 expansion before the 3x3
+/// one. Fails where they are not as many, or where the expansions are joined the other way round.
 fn convolutions(param: &Path) -> Result<Vec<Convolution>, Error> {
     let mut lines = Lines::open(param)?;
     let first = lines.next()?.map(|line| line.text.trim() == MAGIC);

@@ -1,5 +1,5 @@
-//! The part of Python's pickle format that tensors are stored with. Nothing is ever called: a call stays a note of what was to be
-//! called with what.
+//! The part of Python's pickle format that tensors are stored with. Nothing is ever called: a call stays a note of what
+//! was to be called with what.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -65,8 +65,8 @@ impl Pickle {
     }
 }
 
-/// Bytes that what is made of a pickle may take: so many for each of its own, and as many as small ones need anyway. An instruction of one
-/// byte can make an object of a hundred.
+/// Bytes that what is made of a pickle may take: so many for each of its own, and as many as small ones need anyway. An
+/// instruction of one byte can make an object of a hundred.
 const PER_BYTE: usize = 16;
 const AT_LEAST: usize = 1 << 20;
 
@@ -134,7 +134,8 @@ impl<'a> Machine<'a> {
         std::str::from_utf8(&line[..end]).map_err(|_| self.error("a name that is not UTF-8"))
     }
 
-    /// Takes off what the last instruction can have made: a value, an object, or an entry of the memo, in memory that grows by doubling.
+    /// Takes off what the last instruction can have made: a value, an object, or an entry of the memo,
+    /// in memory that grows by doubling.
     fn pay(&mut self) -> Result<(), Error> {
         const MADE: usize = 2 * (size_of::<Value>() + size_of::<Object>());
         let held = self.stack.capacity() * size_of::<Value>()

@@ -1,5 +1,5 @@
-//! PyTorch's `.pth`: a pickle that says which tensors there are, and their storages; in one file after the other (the old form)
-//! or in a zip archive.
+//! PyTorch's `.pth`: a pickle that says which tensors there are, and their storages; in one file after the other (the
+//! old form) or in a zip archive.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

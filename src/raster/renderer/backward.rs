@@ -16,11 +16,11 @@ use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, 
 /// Gradients of what a forward pass wrote; of an image alone, its buffer turned into this.
 #[derive(Clone, Copy)]
 pub struct ImageGradients<'a> {
-    /// dL/d(image), a vec4 per pixel: of the colour, and of the final transmittance beyond what the background's part of the colour
-    /// says about it.
+    /// dL/d(image), a vec4 per pixel: of the colour, and of the final transmittance beyond what the background's part
+    /// of the colour says about it.
     pub of_image: &'a Buffer,
-    /// dL/d(auxiliary image), a vec4 per pixel: of the sums of weighted depths and normals. The forward pass must have written them,
-    /// and the renderer have the auxiliary channels ([`Size::aux`]).
+    /// dL/d(auxiliary image), a vec4 per pixel: of the sums of weighted depths and normals. The forward pass must have
+    /// written them, and the renderer have the auxiliary channels ([`Size::aux`]).
     pub of_aux: Option<&'a Buffer>,
 }
 
@@ -48,7 +48,8 @@ pub struct Terms {
     pub aux: bool,
     /// Those of a loss of this times the smallest standard deviation of every splat on the image, in scene units.
     pub flatten: f32,
-    /// Those of a loss of this times half the squares of the view-dependent coefficients in use of every splat on the image.
+    /// Those of a loss of this times half the squares of the view-dependent coefficients in use of every splat on the
+    /// image.
     pub shrink: f32,
     /// Whether the gradients of the model are added to what is there, in place of being written.
     pub add: bool,
@@ -61,9 +62,9 @@ pub struct BackwardStep<'a> {
     pub model: &'a Planes,
     /// The first and second moments, or both in one, which change with it.
     pub moments: &'a [Planes],
-    /// The pipeline of [`project_backward_adam`], or of its variant for packed moments, with the optimiser's constants: with `AUX`
-    /// exactly after a blend backward of the auxiliary channels, and with `LISTED` exactly where the renderer lists the splats on the image
-    /// ([`Size::listed`]).
+    /// The pipeline of [`project_backward_adam`], or of its variant for packed moments, with the optimiser's constants:
+    /// with `AUX` exactly after a blend backward of the auxiliary channels, and with `LISTED` exactly where the
+    /// renderer lists the splats on the image ([`Size::listed`]).
     pub pipeline: &'a Pipeline,
     /// The optimiser's settings.
     pub settings: &'a adam::Settings,
@@ -71,8 +72,8 @@ pub struct BackwardStep<'a> {
     pub rates: &'a project_backward_adam::Rates,
     /// How many steps have been taken.
     pub steps: project_backward_adam::Steps,
-    /// Rows of four, of which the last is the step in which a splat has last taken one, modulo 2^16; read and written with `LISTED` and
-    /// `CATCHES_UP` alone.
+    /// Rows of four, of which the last is the step in which a splat has last taken one, modulo 2^16; read and written
+    /// with `LISTED` and `CATCHES_UP` alone.
     pub stats: &'a Buffer,
     /// Whether the pipeline has `CATCHES_UP`.
     pub catches_up: bool,
@@ -169,8 +170,8 @@ impl Backward {
 }
 
 impl Renderer {
-    /// Gradients of a model from those of its image, after [`Self::record_forward`] of the same shot. Does nothing without a
-    /// backward.
+    /// Gradients of a model from those of its image, after [`Self::record_forward`] of the same shot. Does nothing
+    /// without a backward.
     pub fn record_backward(
         &self,
         recorder: &mut Recorder,
@@ -184,8 +185,8 @@ impl Renderer {
         self.record_project_backward_of(recorder, gradients.model, gradients.of_model, shot, terms)
     }
 
-    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot without auxiliary
-    /// channels. Does nothing without a backward.
+    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot without
+    /// auxiliary channels. Does nothing without a backward.
     pub fn record_project_backward(
         &self,
         recorder: &mut Recorder,
@@ -224,8 +225,8 @@ impl Renderer {
         recorder.dispatch(&pipeline, &buffers, &push, self.per_splat())
     }
 
-    /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the optimiser
-    /// would do, without gradients in memory. Does nothing without a backward.
+    /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the
+    /// optimiser would do, without gradients in memory. Does nothing without a backward.
     pub fn record_backward_step(
         &self,
         recorder: &mut Recorder,
@@ -248,8 +249,8 @@ impl Renderer {
         recorder.dispatch(step.pipeline, &buffers, &push, groups)
     }
 
-    /// Gradients of the projected splats ([`Self::grad2d`], and the normals' with auxiliary channels) from those of the image,
-    /// after [`Self::record_forward`] of the same shot. Does nothing without a backward.
+    /// Gradients of the projected splats ([`Self::grad2d`], and the normals' with auxiliary channels) from those of the
+    /// image, after [`Self::record_forward`] of the same shot. Does nothing without a backward.
     pub fn record_blend_backward<'a>(
         &self,
         recorder: &mut Recorder,

@@ -1,8 +1,9 @@
-//! A brute-force renderer in f64: every splat at every pixel, one plain sort, no tiles, no cut-offs but those of the method.
+//! A brute-force renderer in f64: every splat at every pixel, one plain sort, no tiles,
+//! no cut-offs but those of the method.
 //!
-//! Written from the formulas of `docs/CONVENTIONS.md` alone. It shares no arithmetic with the passes or their twins (covariances
-//! here are plain matrix products, determinants plain `ac - b^2`), so it can judge both. It also reports how close every pixel came
-//! to a decision that rounding to f32 may turn over.
+//! Written from the formulas of `docs/CONVENTIONS.md` alone. It shares no arithmetic with the passes or their twins
+//! (covariances here are plain matrix products, determinants plain `ac - b^2`), so it can judge both. It also reports
+//! how close every pixel came to a decision that rounding to f32 may turn over.
 
 mod matrix;
 mod pixels;
@@ -60,9 +61,9 @@ pub struct Image {
     pub normal: Vec<[f64; 3]>,
     /// Splats blended.
     pub blended: Vec<u32>,
-    /// Distance to the nearest decision that rounding may turn over (the cut-offs, 0.99, power > 0, the order of two depths), in
-    /// units of the condition of that decision: rounding to f32 moves it by a small multiple of f32's epsilon. A test excludes
-    /// pixels below such a multiple, and counts them.
+    /// Distance to the nearest decision that rounding may turn over (the cut-offs, 0.99, power > 0, the order of two
+    /// depths), in units of the condition of that decision: rounding to f32 moves it by a small multiple of f32's
+    /// epsilon. A test excludes pixels below such a multiple, and counts them.
     pub margin: Vec<f64>,
 }
 
@@ -96,7 +97,8 @@ impl ImageGradient {
 pub struct Gradients {
     /// The 59 parameters of each splat.
     pub splats: Vec<Splat<f64>>,
-    /// Rows of `grad2d`: mean x, mean y, A, B, C, opacity, r, g, b, depth, and the sums of absolute per-pixel values of the mean's.
+    /// Rows of `grad2d`: mean x, mean y, A, B, C, opacity, r, g, b, depth,
+    /// and the sums of absolute per-pixel values of the mean's.
     pub grad2d: Vec<[f64; 12]>,
     /// Camera-frame normals.
     pub normals: Vec<[f64; 3]>,

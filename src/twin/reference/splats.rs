@@ -17,7 +17,8 @@ pub(super) struct Seen {
     pub(super) depth: f64,
     pub(super) color: [f64; 3],
     pub(super) normal: [f64; 3],
-    /// Condition of the mean, the conic and the depth in f32 arithmetic: error over epsilon (absolute, relative, relative).
+    /// Condition of the mean, the conic and the depth in f32 arithmetic: error over epsilon (absolute,
+    /// relative, relative).
     pub(super) mean_condition: [f64; 2],
     pub(super) conic_condition: f64,
     pub(super) depth_condition: f64,

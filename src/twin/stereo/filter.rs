@@ -10,7 +10,8 @@ pub struct Agreement<R> {
     pub sources: u32,
     /// 0 where too few do, else NCC times n / (n + 1) where n do.
     pub confidence: R,
-    /// How far the nearest decision was from its other outcome: of distances in pixels, of depths relative, of the score.
+    /// How far the nearest decision was from its other outcome: of distances in pixels, of depths relative,
+    /// of the score.
     pub margin: R,
 }
 

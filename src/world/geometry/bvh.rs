@@ -75,8 +75,9 @@ fn meets(b: &Bounds, origin: DVec3, inverse: DVec3, low: f64, high: f64) -> bool
     near <= far
 }
 
-/// Builds the subtree of `order`, whose first entry is number `start` of the whole list. Either side of a split gets at least
-/// a sixth, so that 10^7 solids stay under the 96 entries of the traversal's stack: ln(10^7 / 3) / ln(6 / 5) = 82.
+/// Builds the subtree of `order`, whose first entry is number `start` of the whole list. Either side of a split gets at
+/// least a sixth, so that 10^7 solids stay under the 96 entries of the traversal's stack:
+/// ln(10^7 / 3) / ln(6 / 5) = 82.
 fn build(boxes: &[Bounds], order: &mut [u32], start: u32, nodes: &mut Vec<Node>) {
     let bounds = order.iter().fold(Bounds::EMPTY, |b, &k| b.join(boxes[k as usize]));
     let at = nodes.len();

@@ -10,8 +10,8 @@ pub use terrain::Terrain;
 
 use glam::DVec3;
 
-/// A half-line `origin + t direction`, t > 0. The direction need not have unit length: with a direction whose camera-frame z
-/// is 1, t is the depth.
+/// A half-line `origin + t direction`, t > 0. The direction need not have unit length: with a direction whose
+/// camera-frame z is 1, t is the depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Where it starts.

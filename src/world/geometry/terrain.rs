@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 
 use super::Ray;
 
-/// Heights at the corners of square cells, centred at the world's origin. Each cell is split into two triangles along its
-/// diagonal from (0, 0) to (1, 1), so that the surface is known exactly.
+/// Heights at the corners of square cells, centred at the world's origin. Each cell is split into two triangles along
+/// its diagonal from (0, 0) to (1, 1), so that the surface is known exactly.
 #[derive(Clone, Debug)]
 pub struct Terrain {
     heights: Vec<f64>,

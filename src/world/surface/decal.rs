@@ -71,8 +71,8 @@ pub(super) fn water(p: DVec2, normal: DVec3, seed: u32) -> Sample {
     Sample { gloss: 0.03, plain: true, ..Sample::matte(Vec3::new(0.018, 0.034, 0.03), rippled) }
 }
 
-/// Flagstones; with `text` also a Siemens star of 36 pairs of rays (what is blurred is grey out to a radius) and rows of
-/// letters whose dots go from 20 to 5 cm.
+/// Flagstones; with `text` also a Siemens star of 36 pairs of rays (what is blurred is grey out to a radius) and rows
+/// of letters whose dots go from 20 to 5 cm.
 pub(super) fn plaza(d: &Decal, p: DVec2, seed: u32, text: bool) -> Vec3 {
     let (q, half) = (d.area.to_local(p), d.area.half);
     let stone = Vec3::new(0.42, 0.41, 0.38) * stain(p, seed) * grain(p, seed);

@@ -5,8 +5,8 @@ use glam::{DVec2, DVec3, Vec3};
 use super::Sample;
 use crate::world::noise::{noise2, noise3, smoothstep};
 
-/// Leaves: patches of a few decimetres with rough normals; darker deep in the crown (`depth_share` 0 at the centre, 1 at its
-/// edge) and underneath.
+/// Leaves: patches of a few decimetres with rough normals; darker deep in the crown (`depth_share` 0 at the centre, 1
+/// at its edge) and underneath.
 pub(super) fn leaves(point: DVec3, normal: DVec3, colour: Vec3, seed: u32, depth_share: f64) -> Sample {
     let fine = noise3(point * 5.5, seed);
     let coarse = noise3(point * 1.7, seed ^ 0x77);

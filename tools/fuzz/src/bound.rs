@@ -1,6 +1,7 @@
 //! An allocator that counts, and ends the process where a reader takes more memory than its file may ask for.
 //!
-//! libFuzzer's `-malloc_limit_mb` sees single allocations, and only with a sanitizer; this sees their sum, in every build.
+//! libFuzzer's `-malloc_limit_mb` sees single allocations, and only with a sanitizer; this sees their sum,
+//! in every build.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;

@@ -1,6 +1,7 @@
 //! Checksums that are right: without them nothing behind the first would ever be reached.
 
-/// A checkpoint's bytes with the sum of each section, and that of the whole, put right as far as its lengths make sense.
+/// A checkpoint's bytes with the sum of each section, and that of the whole,
+/// put right as far as its lengths make sense.
 pub fn sealed(data: &[u8]) -> Vec<u8> {
     let mut bytes = data.to_vec();
     let word = |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));

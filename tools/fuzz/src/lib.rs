@@ -1,7 +1,8 @@
-//! What the fuzz targets share: seeds, files for readers that take paths, and a bound on the memory that a reader may take for a file.
+//! What the fuzz targets share: seeds, files for readers that take paths,
+//! and a bound on the memory that a reader may take for a file.
 //!
-//! A target begins with [`begin`] and gives every input to its reader [`within`] such a bound. It fails by a panic, by taking more
-//! memory than the bound, or by taking longer than libFuzzer's `-timeout`.
+//! A target begins with [`begin`] and gives every input to its reader [`within`] such a bound. It fails by a panic, by
+//! taking more memory than the bound, or by taking longer than libFuzzer's `-timeout`.
 
 pub mod bound;
 pub mod checkpoints;
@@ -14,8 +15,9 @@ pub use scratch::Scratch;
 
 /// Writes the seeds of a target and ends the process, if the environment asks for it (`PSRGS_FUZZ_SEEDS=FOLDER`).
 ///
-/// Decoders of others panic on damaged data, and readers contain it: so a panic ends nothing by itself, and only one that leaves a
-/// reader is a finding, which libFuzzer's wrapper sees as it unwinds. `PSRGS_FUZZ_PANICS=1` shows all of them.
+/// Decoders of others panic on damaged data, and readers contain it: so a panic ends nothing by itself, and only one
+/// that leaves a reader is a finding, which libFuzzer's wrapper sees as it unwinds.
+/// `PSRGS_FUZZ_PANICS=1` shows all of them.
 pub fn begin(seeds: impl FnOnce() -> Vec<Vec<u8>>) {
     // libFuzzer's wrapper has one that ends the process.
     drop(std::panic::take_hook());

@@ -36,7 +36,8 @@ pub fn ply() -> Vec<Vec<u8>> {
     let mesh = ply::Mesh { vertices: positions(6).collect(), triangles: vec![[0, 1, 2], [3, 4, 5]] };
     mesh.write(&file).expect("a mesh");
     seeds.push(read());
-    let text = "ply\nformat ascii 1.0\ncomment psrgs-vk offset 1 2 3\nelement before 1\nproperty list uchar int indices\n\
+    let text = "ply\nformat ascii 1.0\ncomment psrgs-vk offset 1 2 3\nelement before 1\nproperty list uchar int \
+                indices\n\
                 element vertex 3\nproperty float x\nproperty float y\nproperty double z\nproperty uchar red\n\
                 property uchar green\nproperty uchar blue\nelement between 1\nproperty list int float values\n\
                 element face 1\nproperty uchar flags\nproperty list uchar int vertex_index\nend_header\n\

@@ -23,7 +23,8 @@ pub fn arrays() -> Vec<Vec<u8>> {
     ]
 }
 
-/// A network of the right layers with one number each; the first two bytes are the length of the `.param`, before the `.bin`.
+/// A network of the right layers with one number each; the first two bytes are the length of the `.param`,
+/// before the `.bin`.
 pub fn ncnn() -> Vec<Vec<u8>> {
     let (mut param, mut bin) = ("7767517\n40 50\nInput in0 0 1 in0\n".to_owned(), Vec::new());
     let mut layer = |name: &str, half: bool| {
