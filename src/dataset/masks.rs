@@ -12,7 +12,7 @@ use super::names::{self, Names, Renamed};
 use super::paths::stays_inside;
 use super::picture_file::{header_within, picture, read, whole};
 use super::pixels::Sample;
-use super::shape::same_shape;
+use super::sizing::same_shape;
 use crate::host_memory::DecodeLimit;
 
 /// The folder of masks, beside that of the photographs.

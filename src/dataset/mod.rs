@@ -37,7 +37,6 @@ mod poses;
 mod random_points;
 mod read;
 mod rotation;
-mod shape;
 mod sizing;
 mod split;
 mod split_lists;
@@ -449,10 +448,10 @@ fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), 
     let camera = (shot.lens.size[0], shot.lens.size[1]);
     let longer = |size: (u32, u32)| size.0.max(size.1);
     let tiny = longer(photograph) < SMALLEST_COPY.min(longer(camera));
-    if shape::same_shape(photograph, camera) && !tiny {
+    if sizing::same_shape(photograph, camera) && !tiny {
         return Ok(());
     }
-    let turned = shape::same_shape((photograph.1, photograph.0), camera);
+    let turned = sizing::same_shape((photograph.1, photograph.0), camera);
     Err(Error::AspectRatio {
         file: file.to_owned(),
         photograph,

@@ -5,7 +5,6 @@ use std::path::Path;
 use super::error::Error;
 use super::lens::Lens;
 use super::model::Shot;
-use super::shape::same_shape;
 use crate::scene::Camera;
 
 /// Which size photographs are brought to. Sizes only ever become smaller.
@@ -119,6 +118,13 @@ fn check_size(
         return Ok(());
     }
     Err(Error::SizeDoesNotFit { file: file.to_owned(), photograph: on_disk, wanted })
+}
+
+/// Whether one size is that of a copy of the other: sides of reduced copies are rounded up or down.
+pub(super) fn same_shape(copy: (u32, u32), of: (u32, u32)) -> bool {
+    let (w, h) = (f64::from(copy.0), f64::from(copy.1));
+    let ratio = f64::from(of.1) / f64::from(of.0);
+    (h - w * ratio).abs() <= 1.0 + ratio
 }
 
 #[cfg(test)]

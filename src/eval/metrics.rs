@@ -1,6 +1,6 @@
 //! The numbers of a run, as they stand in `metrics.json`.
 
-use super::mean::{mean, mean_if_all};
+use crate::numbers::{mean, mean_if_all};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

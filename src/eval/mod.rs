@@ -5,7 +5,6 @@ mod colour_fit;
 mod exposure;
 pub mod geometry;
 mod gmsd;
-mod mean;
 mod metrics;
 mod quality;
 mod report;
@@ -13,11 +12,11 @@ mod ssim;
 mod texture;
 mod training_photographs;
 
+pub use crate::numbers::{mean, mean_if_all};
 pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use exposure::{Exposures, Follows};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
-pub use mean::{mean, mean_if_all};
 pub use metrics::{ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Streaming, peak_host_bytes};
 pub use quality::Quality;
 pub use report::{

@@ -1,7 +1,7 @@
 //! Quality over a set of held-out views.
 
-use super::mean::mean;
 use super::metrics::ImageScore;
+use crate::numbers::mean;
 
 /// Means over held-out views, and each view.
 #[derive(Clone, Debug, PartialEq)]

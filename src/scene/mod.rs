@@ -2,7 +2,6 @@
 
 mod camera;
 mod coordinates;
-mod exposure;
 mod frame;
 mod gaussians;
 pub mod init;
@@ -16,10 +15,12 @@ pub mod tile;
 
 pub use camera::Camera;
 pub use coordinates::{Coordinates, Geodetic};
-pub use exposure::ExposureMatrix;
 pub use frame::Frame;
 pub use gaussians::{Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
 pub use morton::rows_of;
 pub use real::Real;
 pub use similarity::{NoSimilarity, Similarity};
 pub use tile::TileGrid;
+
+/// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1) of the model, colours from 0 to 1.
+pub type ExposureMatrix = [[f64; 4]; 3];

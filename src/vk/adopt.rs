@@ -5,7 +5,7 @@
 //! created here, and neither the device nor the queue is ever waited idle.
 //! All work goes to the one queue that the host names, inside its lock.
 
-use super::queue_lock::QueueLock;
+use super::lock::QueueLock;
 use std::ffi::CStr;
 use std::sync::Arc;
 

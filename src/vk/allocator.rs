@@ -8,7 +8,7 @@ use ash::vk;
 
 use super::device::Device;
 use super::error::{Error, Result};
-use super::placement::Memory;
+use super::host_allocator::Memory;
 
 /// A block of a host's allocator with its address, checked.
 pub(super) struct HostBlock {

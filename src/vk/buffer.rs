@@ -10,10 +10,10 @@ use ash::vk;
 use super::caps::Addresses;
 use super::device::Device;
 use super::error::{Error, Named, Result};
+use super::host_allocator::Memory;
 use super::kernel::TexelFormat;
 use super::lock::lock;
 use super::memory::Block;
-use super::placement::Memory;
 
 /// Bytes at whose multiples buffers and bound ranges start, at least:
 /// what shaders claim of whatever they reach by address.

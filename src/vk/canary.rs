@@ -5,12 +5,12 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
+use super::barrier_plan::full_barrier;
 use super::buffer::{Buffer, GARBAGE, GUARD};
 use super::device::Device;
 use super::error::{Error, Result};
-use super::full_barrier::full_barrier;
 use super::gpu::Gpu;
-use super::placement::Memory;
+use super::host_allocator::Memory;
 use super::recorder::Command;
 
 /// The word that fills a guard.

@@ -14,9 +14,9 @@ use super::device_query::{Reported, report};
 use super::error::{Error, Result};
 use super::features::FeatureStructures;
 use super::host_allocator::HostAllocator;
+use super::lock::QueueLock;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
-use super::queue_lock::QueueLock;
 use super::ticket::next_device;
 use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
 

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::buffer::{Buffer, GUARD};
 use super::error::Result;
 use super::gpu::Gpu;
+use super::host_allocator::Memory;
 use super::lock::lock;
-use super::placement::Memory;
 
 /// What drivers round allocations up to, about.
 const ROUNDING: u64 = 256;

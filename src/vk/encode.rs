@@ -1,6 +1,6 @@
 //! From commands and their barriers to a command buffer, and from that to the queue.
 
-use super::full_barrier::{everything, full_barrier};
+use super::barrier_plan::{everything, full_barrier};
 use std::any::Any;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,7 +13,7 @@ use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
 use super::error::{Error, Named, Result};
-use super::queue_lock::QueueLock;
+use super::lock::QueueLock;
 use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
 use super::submit_sync::{HostSemaphore, SubmitSync};

@@ -1,11 +1,19 @@
-//! Memory that a host gives.
+//! Where buffers live, and memory that a host gives.
 
+use ash::vk;
 use std::ffi::c_void;
 use std::ptr::NonNull;
 
-use ash::vk;
-
-use super::placement::Memory;
+/// Where a buffer lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Fast for the device.
+    Device,
+    /// Written by the host.
+    Upload,
+    /// Read by the host.
+    Readback,
+}
 
 /// What a buffer needs of the host's allocator.
 #[derive(Clone, Copy, Debug)]

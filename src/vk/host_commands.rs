@@ -14,7 +14,7 @@ use super::encode::encode_for_host;
 use super::error::{Error, Result};
 use super::gpu::Gpu;
 use super::hazard::HazardChecker;
-use super::placement::Memory;
+use super::host_allocator::Memory;
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;
 use super::submit::plan;

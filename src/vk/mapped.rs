@@ -8,8 +8,8 @@ use std::sync::atomic::Ordering;
 use super::buffer::Buffer;
 use super::error::{Error, Result};
 use super::gpu::Gpu;
+use super::host_allocator::Memory;
 use super::host_commands::Done;
-use super::placement::Memory;
 
 impl Gpu {
     /// Everything in a buffer, after all that was submitted. Waits.

@@ -1,6 +1,6 @@
 //! Device memory: named allocations through gpu-allocator or a host's allocator, a tally of our own, and a limit.
 
-use super::placement::Memory;
+use super::host_allocator::Memory;
 use std::ffi::c_void;
 use std::ptr::NonNull;
 use std::sync::Arc;

@@ -13,7 +13,7 @@ use super::device::Device;
 use super::encode::{Handed, encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
-use super::placement::Memory;
+use super::host_allocator::Memory;
 use super::profile::{PassTime, Stats};
 use super::recorder::{Command, Recorder};
 use super::slot::Slot;

@@ -21,7 +21,6 @@ mod optics;
 mod output;
 mod params;
 mod photograph;
-mod ray;
 mod site;
 mod surface;
 mod tie_points;
@@ -43,7 +42,6 @@ use crate::scene::Camera;
 use geometry::Bvh;
 use light::Light;
 use optics::Optics;
-use ray::pixel_ray;
 use site::Site;
 use surface::{GroundMap, Sample};
 
@@ -183,4 +181,12 @@ impl World {
         let lit = faces_sun && !(self.params.effects.shadows && self.is_shadowed(point, hit.normal));
         self.light.shade(&sample, ray.direction, lit)
     }
+}
+
+/// The ray through a point of the image (pixels); its parameter is the depth.
+pub(crate) fn pixel_ray(camera: &Camera, x: f64, y: f64) -> Ray {
+    let (u, v) = ((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
+    let r = &camera.rotation;
+    let direction = std::array::from_fn(|k| r[0][k] * u + r[1][k] * v + r[2][k]);
+    Ray { origin: DVec3::from_array(camera.center()), direction: DVec3::from_array(direction) }
 }

@@ -3,7 +3,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::ray::pixel_ray;
+use super::pixel_ray;
 use super::{CameraKind, Ray, WorldError, WorldParams};
 use crate::dataset::lens::{Distortion, Lens};
 use crate::scene::Camera;

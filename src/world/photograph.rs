@@ -1,6 +1,6 @@
 //! Photographs, and the truth about what they show.
 
-use super::ray::pixel_ray;
+use super::pixel_ray;
 use glam::{DVec3, Vec3};
 use image::RgbImage;
 use rayon::prelude::*;

@@ -13,8 +13,8 @@ pub use truth::{GeometryError, GeometryTruth, Known};
 
 use serde::{Deserialize, Serialize};
 
-use super::mean::mean;
 use super::psnr_where;
+use crate::numbers::mean;
 use crate::numbers::percent;
 use crate::raster::Picture;
 use crate::scene::{Camera, Gaussians};
