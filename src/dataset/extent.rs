@@ -7,12 +7,12 @@ use crate::scene::Frame;
 /// Below this fraction of the distance to the points the cameras count as one: their spread says nothing of the scene.
 const DEGENERATE: f64 = 1e-4;
 
-/// A camera so many times as far from the middle of all as half of them are has a pose that nobody flew to.
+/// A camera whose distance from the middle is more than this multiple of the median distance has a wrong pose.
 const FAR: f64 = 30.0;
-/// A camera so many times as far as nine in ten of them stands apart:
-/// its pose is taken for wrong unless points bear it out.
+/// A camera whose distance is more than this multiple of the ninth decile stands apart: its pose counts as wrong unless
+/// points confirm the pose.
 const APART: f64 = 4.0;
-/// Of fewer cameras none stands apart.
+/// With fewer cameras none stands apart.
 const LEAST_CAMERAS: usize = 6;
 
 /// The cameras that are far from all others, with how many times as far as half of them, by the distances from their

@@ -9,8 +9,8 @@ use crate::format::contain::contained;
 
 /// Photographs with a shorter longest side are decoded whole: it costs little.
 const LARGE: u32 = 3000;
-/// What is decoded has at least so many times the pixels along a side that are wanted of it: the resampling that
-/// follows decides how the picture looks, not the decoder's averages.
+/// A decoded side has at least this multiple of the wanted pixels, so that the resampling afterwards decides how the
+/// picture looks, not the averages of the decoder.
 const MARGIN: f64 = 1.5;
 
 /// The divisor of both sides at which a view's photograph can be decoded; 1 for its full size.

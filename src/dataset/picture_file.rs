@@ -60,7 +60,7 @@ pub(super) fn header_within(file: &Path, limit: DecodeLimit) -> Result<Header, E
     Ok(found)
 }
 
-/// Why nothing can be read of so many bytes of a format, as their beginning tells it.
+/// The reason why a file of `bytes` bytes cannot be read, judged by its format and its beginning.
 fn unreadable(file: &Path, bytes: u64, begin: &[u8], format: Option<ImageFormat>) -> Option<String> {
     match format {
         Some(ImageFormat::Tiff) => foreign::described_raw(file),

@@ -38,7 +38,7 @@ pub(super) fn stored_bits(begin: &[u8]) -> u64 {
     }
 }
 
-/// What is wrong with a size for a file of so many bytes.
+/// The fault of a picture size for a file of `bytes` bytes.
 pub(super) fn problem(
     (width, height): (u32, u32),
     format: Option<ImageFormat>,

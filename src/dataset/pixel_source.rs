@@ -220,7 +220,7 @@ impl Dataset {
     /// taken off it. In the order of [`Dataset::views_of`]; `None` where every pixel is masked.
     /// No photograph of another role is read.
     pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
-        // In the order of the names, so that of several problems always the same one is told.
+        // In the order of the names, so that the message about several problems does not depend on chance.
         self.decoded(role, share).into_iter().collect()
     }
 

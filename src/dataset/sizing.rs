@@ -10,7 +10,7 @@ use crate::scene::Camera;
 /// Which size photographs are brought to. Sizes only ever become smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sizing {
-    /// The longer side has at most so many pixels, counted from the file's size.
+    /// The largest number of pixels of the longer side, counted from the size of the file.
     MaxSide(u32),
     /// The sides are those of the calibration divided by a factor, as `images_N` folders are made.
     Downscale(f64),

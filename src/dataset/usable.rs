@@ -49,7 +49,7 @@ pub(super) fn views(model: &mut Model, views: Vec<Result<View, Error>>, strict: 
     let mut tally = Tally::new(strict);
     let kept: Vec<bool> = views.iter().map(Result::is_ok).collect();
     let mut usable = Vec::with_capacity(views.len());
-    // In the order of the names, so that of several problems always the same one is told.
+    // In the order of the names, so that the message about several problems does not depend on chance.
     for (shot, view) in model.shots.iter().zip(views) {
         let view = match view {
             Err(error) if !is_of_one_photograph(&error) => return Err(error),

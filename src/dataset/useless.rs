@@ -11,15 +11,15 @@ use super::random_points::{begins_somewhere, in_view};
 use crate::numbers::{counted, grouped, of_count};
 use crate::scene::Camera;
 
-/// A photograph is served by so many points in its picture that another photograph has in its picture too ...
+/// A photograph is served by at least this number of points that another photograph shows too ...
 const LEAST_POINTS: usize = 20;
-/// ... in so many of the cells that the picture is divided into, ...
+/// ... in at least this number of cells of its picture.
 const LEAST_CELLS: u32 = 6;
-/// ... which are as many along either side.
+/// Cells along either side of a picture.
 const CELLS: f64 = 8.0;
-/// Points are of use where they serve one in so many photographs.
+/// Points are of use where they serve at least one of this number of photographs.
 const SERVED: usize = 4;
-/// Points are judged by about this many of them.
+/// About the number of points that are looked at.
 const LOOKED_AT: usize = 20_000;
 /// What is nearer to a camera than this share of the cameras' reach is no point of the scene,
 /// but the camera's own place.
@@ -74,7 +74,7 @@ struct Seen {
     /// For each point the photographs and the cells of their pictures;
     /// none where fewer than two have the point in view.
     by_point: Vec<Vec<(u32, u32)>>,
-    /// Each stands for so many.
+    /// The number of points for which each entry of `by_point` stands.
     step: usize,
 }
 
@@ -125,7 +125,7 @@ impl OwnPlaces {
 }
 
 impl Seen {
-    /// Whether each of so many photographs is served.
+    /// Whether each of `views` photographs is served.
     fn serves(&self, views: usize) -> Vec<bool> {
         let (mut points, mut cells) = (vec![0; views], vec![0_u64; views]);
         for (view, cell) in self.by_point.iter().flatten() {

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Of fewer photographs none is said to stand out.
+/// With fewer photographs none stands out.
 const LEAST: usize = 8;
-/// A photograph stands out with a loss so many times as high as half of all have at most, ...
+/// A photograph stands out where its loss is more than this multiple of the median ...
 const TIMES: f64 = 2.0;
-/// ... and as far above that as so many times the typical distance from it.
+/// ... and exceeds the median by more than this multiple of the typical distance from the median.
 const DEVIATIONS: f64 = 10.0;
-/// Losses of so many steps at least: of one alone it may be chance.
+/// The least number of steps with a loss: a single one may be chance.
 const STEPS: u32 = 2;
 
 /// A photograph to train on.

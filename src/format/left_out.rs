@@ -4,7 +4,7 @@ use crate::numbers::grouped;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// One of so many may be left out; of more the file is not what it should be.
+/// The share of records that may be left out is 1 / `ONE_OF`. A file with more bad records is damaged as a whole.
 const ONE_OF: usize = 10;
 
 /// What was left out of a file.

@@ -13,8 +13,8 @@ const LONGEST: usize = 255;
 /// Bytes of a relative path from which on it is written without its folders: the system takes 4096 for a whole path.
 const LONGEST_PATH: usize = 1024;
 
-/// A name for each photograph, without its extension and with `_` for folders; a number is added where two would be
-/// one. With an ending of so many bytes behind it, each is short enough for a file.
+/// A name for each photograph, without its extension and with `_` for folders. A number is added where two names would
+/// be equal. Each name leaves room for an ending of `ending` bytes within the length of a file name.
 pub fn flat(photographs: &[&str], ending: usize) -> Vec<String> {
     let plain = photographs.iter().map(|name| flattened(name));
     unique(plain.collect(), |name, number| format!("{}{number}", bounded(name, LONGEST - ending - number.len())))
@@ -36,7 +36,7 @@ pub fn nested(photographs: &[&str], ending: usize) -> Vec<PathBuf> {
     unique(plain, fitted).into_iter().map(PathBuf::from).collect()
 }
 
-/// A name of at most so many bytes: itself, or its beginning with a sum of the whole behind it.
+/// A name of at most `most` bytes: the name itself, or its beginning followed by a hash of the whole name.
 pub fn bounded(name: &str, most: usize) -> String {
     if name.len() <= most {
         return name.to_owned();

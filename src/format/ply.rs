@@ -14,9 +14,8 @@
 //!
 //! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; viewers and converters of others read
 //! this line. In its place `antialiased 0` or `1` is read too, and `psrgs-vk antialias 0` or `1`; the last such line
-//! counts. The first so many splats as `constrained` says are those that were there at the end of the low-frequency
-//! stage. `offset` is what must be added to the positions to have the dataset's coordinates;
-//! without it there is nothing to add.
+//! counts. `constrained` is the number of splats from the beginning of the file that existed at the end of the
+//! low-frequency stage. Positions plus `offset` are coordinates of the dataset; without such a line the offset is zero.
 
 mod cloud;
 mod colours;

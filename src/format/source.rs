@@ -248,7 +248,7 @@ impl<'a> Line<'a> {
         At::Line(self.number)
     }
 
-    /// What stands after so many words of the whole line.
+    /// The rest of the line after its first `words` words.
     pub(crate) fn beyond(&self, words: usize) -> &'a str {
         let after = |rest: &'a str, _| rest.find(char::is_whitespace).map_or("", |end| rest[end..].trim_start());
         (0..words).fold(self.text.trim(), after)

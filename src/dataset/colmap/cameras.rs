@@ -243,7 +243,7 @@ fn text_camera(line: &mut Line<'_>, file: &Path, id: u32) -> Result<Intrinsics, 
     checked(file, [line.at(); 2], id, model, size, params)
 }
 
-/// The model of a name in any usual spelling, for a camera with so many parameters.
+/// The camera model of a name in any usual spelling; `parameters` is the number of parameters of the camera.
 fn named(word: &str, parameters: usize) -> Option<&'static (&'static str, usize)> {
     let wanted = match (names::key(word).as_str(), parameters) {
         ("PERSPECTIVE", 3) => "SIMPLEPINHOLE".to_owned(),

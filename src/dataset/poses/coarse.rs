@@ -9,7 +9,7 @@ use crate::scene::Camera;
 const SIDE: u32 = 64;
 /// Points farther than this many times the nearest of their cell are hidden.
 const HIDDEN: f64 = 1.05;
-/// A photograph is judged by so many cells with points at least.
+/// The least number of cells with points by which a photograph is judged.
 const LEAST_CELLS: usize = 100;
 
 /// The colours of a photograph in few cells.

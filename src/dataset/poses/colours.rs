@@ -12,13 +12,13 @@ use super::places::{self, Elsewhere};
 use super::{Coarse, LEAST_POINTS, PoseFault, matches};
 use crate::scene::Camera;
 
-/// Points are looked at up to about this many.
+/// About the largest number of points that are looked at.
 const MOST_POINTS: usize = 20_000;
-/// So many photographs have to be judged at least, ...
+/// The least number of judged photographs.
 const LEAST_PHOTOGRAPHS: usize = 8;
 /// A pose is wrong below this share of the median ...
 const SHARE: f64 = 0.35;
-/// ... and so many times as far below the lower quartile as that is below the median.
+/// ... and below the lower quartile by more than this multiple of the distance from quartile to median.
 const SPREADS: f64 = 5.0;
 /// As they are read, poses in another convention correlate less than this.
 const UNFIT: f64 = 0.2;

@@ -14,13 +14,13 @@ use crate::scene::Camera;
 /// Pairs of photographs that are matched, evenly from first to last; the second number where the first finds too few
 /// matches.
 const PAIRS: [usize; 2] = [16, 64];
-/// A pair counts with so many matches, ...
+/// The least number of matches for a pair to count.
 const LEAST_OF_PAIR: usize = 8;
-/// ... and the poses are judged by so many pairs ...
+/// The least number of pairs ...
 const LEAST_PAIRS: usize = 3;
-/// ... and so many matches, ...
+/// ... and of matches by which poses are judged.
 const LEAST_MATCHES: usize = 60;
-/// ... which fit where they are as near as this many cells to a line of sight.
+/// A match fits where its distance to the line of sight is below this number of cells.
 const NEAR: f64 = 2.0;
 /// Poses are wrong where less than this share of the matches fits as they are read ...
 const UNFIT: f64 = 0.2;

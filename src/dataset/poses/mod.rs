@@ -22,13 +22,13 @@ pub(super) use coarse::Coarse;
 use evidence::Evidence;
 pub use inverted::{Convention, WrongConvention};
 
-/// A pose is judged by so many points at least.
+/// The least number of points by which a pose is judged.
 const LEAST_POINTS: usize = 20;
-/// A pose is wrong where more of the points than this are elsewhere.
+/// A pose is wrong where more than this share of the points is elsewhere.
 const WRONG: f64 = 0.5;
 /// A pose is in doubt where the points lie off by more than this share of the longer side ...
 const DOUBTFUL_OFF: f64 = 0.005;
-/// ... and by so many times what is usual.
+/// ... and by more than this multiple of the usual distance.
 const DOUBTFUL_TIMES: f64 = 10.0;
 
 /// What speaks against the pose of a photograph.

@@ -6,7 +6,7 @@ use super::super::colmap::Point;
 use super::super::{Dataset, Error};
 use super::judged::{Judged, TELLING};
 
-/// A photograph is held against the poses of so many others, the nearest, and of those before and after it.
+/// A photograph is compared with the poses of this number of nearest others, and with the poses before and after it.
 const NEAREST: usize = 8;
 /// A pose is wrong where that of another photograph fits better by this, ...
 const GAIN: f64 = 0.15;

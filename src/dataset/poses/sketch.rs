@@ -6,19 +6,19 @@ use crate::scene::Camera;
 
 /// Cells along the longer side of a photograph.
 const SIDE: u32 = 320;
-/// Corners, at most.
+/// The largest number of corners.
 const MOST: usize = 300;
-/// What is compared reaches so many cells to each side of a corner.
+/// Cells to each side of a corner in the square that is compared.
 const REACH: usize = 3;
-/// Values of that.
+/// Values in that square.
 const VALUES: usize = (2 * REACH + 1) * (2 * REACH + 1);
-/// How much a corner stands out is summed over so many cells to each side.
+/// Cells to each side of a corner over which its strength is summed.
 const SUMMED: usize = 2;
-/// Between two corners there are so many cells.
+/// The least distance between two corners, in cells.
 const APART: usize = 3;
-/// Corners match that correlate so well, ...
+/// The least correlation of matching corners ...
 const ALIKE: f32 = 0.8;
-/// ... and by this better than either with any other.
+/// ... and its least lead over the correlation of either with any other corner.
 const UNLIKE: f32 = 0.1;
 
 /// A photograph's corners.

@@ -16,7 +16,7 @@ const BOTTOM: f64 = 34.0;
 /// Points drawn at most; longer curves are drawn by the mean of their parts, with the range as a band.
 const PARTS: usize = 240;
 
-/// Dots and steps drawn at most: of longer curves every so many-th value.
+/// The largest number of dots and steps that are drawn. Longer curves are thinned out evenly.
 const DOTS: usize = 1000;
 
 /// Values over a stretch of steps.

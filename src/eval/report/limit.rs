@@ -10,8 +10,8 @@ pub const REPORT_BYTES: u64 = 160 << 20;
 const PER_PIXEL: f64 = 14.0;
 
 impl ViewPanel {
-    /// Keeps the pictures to their part of the memory where there are so many `views`: reduced, with depth by its
-    /// nearest values. Scores stay as they are.
+    /// Reduces the pictures to their share of the memory among `views` views; depth takes the nearest values. Scores do
+    /// not change.
     pub fn among(self, views: usize) -> Self {
         let (width, height) = self.photograph.dimensions();
         let factor =

@@ -109,7 +109,7 @@ pub(super) struct Header {
     pub(super) lines: u64,
 }
 
-/// Reads up to and including `end_header` of a file of so many bytes.
+/// Reads a header, including its line `end_header`. `bytes` is the length of the file.
 pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result<Header, Error> {
     let mut header =
         Header { encoding: Encoding::Ascii, comments: Vec::new(), elements: Vec::new(), bytes: 0, lines: 0 };
