@@ -16,16 +16,16 @@ const NO_DIFFERENCE: f64 = 1e-6;
 /// Photographs that stand nearest, of which a mean is taken that goes by nearness.
 const NEAREST: usize = 3;
 
-/// How far exposures follow others, from 0 to 1 each, and no more than 1 in all.
+/// The weights with which an exposure follows other exposures: from 0 to 1 each, and at most 1 in all.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Follows {
-    /// Those of the photographs before and after, in the order of their names: light and cameras drift.
+    /// The weight of the photographs before and after in the order of names: light and cameras drift.
     pub order: f64,
-    /// Those of the three photographs taken nearest to the place.
+    /// The weight of the three photographs taken nearest to the place.
     pub place: f64,
 }
 
-/// What was learned of a photograph.
+/// The learned exposure of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 struct Learned {
     matrix: ExposureMatrix,

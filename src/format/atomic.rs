@@ -7,7 +7,7 @@ use std::path::Path;
 use super::Error;
 use super::disk::{Disk, System, refuses_flush};
 
-/// What the name of a temporary file begins with. Its length does not depend on that of the file's name,
+/// The beginning of the name of a temporary file. Its length does not depend on that of the file's name,
 /// which may be the longest there is.
 const PREFIX: &str = ".psrgs-vk-";
 /// Letters and digits drawn for the name.

@@ -1,9 +1,9 @@
-//! Panics of decoders that are not this project's: of damaged data some assert what it does not keep.
+//! Panics of foreign decoders: some of them assert properties that damaged data does not have.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What a decoder gives, or what it said as it gave up. Nothing that it worked on is to be used after that.
+/// The result of a decoder, or its message when it panics. After a panic the data of the decoder must not be used.
 pub(crate) fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(decode)).map_err(|cause| said(cause.as_ref()))
 }

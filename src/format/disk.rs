@@ -1,5 +1,5 @@
-//! What is asked of the file system beyond reading and writing: flushes and locks.
-//! File systems over a network refuse some of that.
+//! Requests to the file system beyond reading and writing: flushes and locks.
+//! File systems over a network refuse some of these requests.
 
 use std::fs::{File, TryLockError};
 use std::io;

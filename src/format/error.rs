@@ -1,4 +1,4 @@
-//! What can be wrong with a file.
+//! Errors of files.
 
 use std::fmt;
 use std::io;
@@ -32,7 +32,7 @@ pub enum Error {
     Io {
         /// The file or folder.
         file: PathBuf,
-        /// What was tried ("read", "create the temporary file", ...).
+        /// The action that failed ("read", "create the temporary file", ...).
         action: &'static str,
         /// Its answer.
         source: io::Error,
@@ -46,7 +46,7 @@ pub enum Error {
         field: String,
         /// Where it begins.
         at: At,
-        /// What is wrong with it.
+        /// The problem.
         problem: String,
     },
     /// A value cannot be written in this format.
@@ -72,7 +72,7 @@ pub enum Error {
     NoValidCheckpoint {
         /// The folder that was searched.
         folder: PathBuf,
-        /// What is wrong with each.
+        /// The problem of each.
         problems: String,
     },
 }

@@ -13,7 +13,8 @@ const RAW: [&str; 12] = ["dng", "nef", "nrw", "arw", "sr2", "cr2", "cr3", "raf",
 const CONVERT_PICTURE: &str = "convert it to JPEG or PNG";
 const CONVERT_MODEL: &str = "convert it to a PLY file, with splat-transform or the program that wrote it";
 
-/// What a file is that begins so, and what to do: a sentence without its subject. `None` where nothing is known of it.
+/// The kind of a file that begins with `begin`, and the remedy: a sentence without its subject. `None` for an unknown
+/// beginning.
 pub(crate) fn described(file: &Path, bytes: u64, begin: &[u8]) -> Option<String> {
     if bytes == 0 {
         return Some("the file is empty: copy or download it again".to_owned());
@@ -22,7 +23,7 @@ pub(crate) fn described(file: &Path, bytes: u64, begin: &[u8]) -> Option<String>
     Some(format!("this is {what}: {remedy}"))
 }
 
-/// What a camera's raw file is, which decoders take for the small picture in front of it.
+/// The description of a raw file of a camera. Decoders take such a file for the small picture at its beginning.
 pub(crate) fn described_raw(file: &Path) -> Option<String> {
     let raw = RAW.contains(&extension(file).as_str());
     raw.then(|| "this is a camera's raw file: develop it to JPEG, PNG or TIFF".to_owned())
@@ -36,7 +37,7 @@ fn named(extension: &str, bytes: u64, begin: &[u8]) -> Option<(&'static str, &'s
     text(begin).or_else(|| picture(begin)).or_else(|| model(extension, bytes, begin)).or_else(|| other(begin))
 }
 
-/// What stands where a file should be: pointers and pages of servers.
+/// Texts in place of the file: pointers of large-file storage, and pages of servers.
 fn text(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     if begin.starts_with(b"version https://git-lfs") {
         return Some(("a pointer of Git LFS and not the file itself", "fetch the file with 'git lfs pull'"));

@@ -14,7 +14,7 @@ use super::contain::contained;
 use super::source::Source;
 use super::{At, Error};
 
-/// What LAS files begin with.
+/// The first bytes of a LAS file.
 pub(crate) const MAGIC: [u8; 4] = *b"LASF";
 /// Bytes of the shortest header (LAS 1.0 to 1.2).
 const SHORTEST_HEADER: u64 = 227;
@@ -36,7 +36,7 @@ const MOST_PER_BYTE: u64 = 16;
 /// Points that are decoded at a time.
 const BATCH: u64 = 1 << 16;
 
-/// What the rest of the file is read by.
+/// The parts of the header by which the rest of the file is read.
 struct Header {
     points: u64,
     data: u64,

@@ -7,20 +7,20 @@ use std::path::{Path, PathBuf};
 /// The share of records that may be left out is 1 / `ONE_OF`. A file with more bad records is damaged as a whole.
 const ONE_OF: usize = 10;
 
-/// What was left out of a file.
+/// The records that were left out of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     /// The file, or the folder.
     pub file: PathBuf,
-    /// What the records are, in the plural.
+    /// The kind of the records, in the plural.
     pub what: &'static str,
-    /// How many are left out.
+    /// The number of records that are left out.
     pub count: usize,
-    /// How many there are.
+    /// The number of all records.
     pub of: usize,
-    /// The first of them.
+    /// The first record that is left out.
     pub first: String,
-    /// What is wrong with it.
+    /// The problem of the first record.
     pub problem: String,
 }
 
@@ -77,13 +77,12 @@ impl<E: OfRecord> Tally<E> {
         }
     }
 
-    /// How many were left out so far.
+    /// The number of records left out so far.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// What was left out beside the records that are `kept`. Where that is more than one of ten,
-    /// the first is the error.
+    /// The records left out beside `kept` good ones. An error, the first one, where more than one of ten is left out.
     pub(crate) fn end(self, file: &Path, what: &'static str, kept: usize) -> Result<Option<LeftOut>, E> {
         let (count, of) = (self.count, self.count + kept);
         match self.first {
@@ -96,7 +95,7 @@ impl<E: OfRecord> Tally<E> {
         }
     }
 
-    /// What was left out of `of` records, however many they are.
+    /// The records left out of `of` records, whatever their share.
     pub(crate) fn told(self, file: &Path, what: &'static str, of: usize) -> Option<LeftOut> {
         let (first, error) = self.first?;
         let said = error.to_string();

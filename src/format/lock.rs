@@ -11,7 +11,7 @@ use super::disk::{Disk, refuses_lock};
 /// How long until a lock that another process holds is asked for again.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// What came of asking for a lock.
+/// The answer to a request for a lock.
 #[derive(Debug)]
 pub enum Lock {
     /// Held until this is dropped, also when the process is killed.

@@ -70,7 +70,7 @@ fn inside(name: &str) -> String {
     if parts.is_empty() { "_".to_owned() } else { parts.join("/") }
 }
 
-/// What file systems compare names by, the least particular of them.
+/// The form of a name by which the most lenient file systems compare names.
 fn folded(name: &str) -> String {
     name.nfc().collect::<String>().to_lowercase().nfc().collect()
 }

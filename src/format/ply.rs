@@ -46,7 +46,7 @@ pub struct Model {
     pub gaussians: Gaussians,
     /// Degree of the spherical harmonics the file has; higher coefficients are zero.
     pub sh_degree: u32,
-    /// What to add to the means to have dataset coordinates.
+    /// The vector from coordinates of the means to coordinates of the dataset.
     pub shift: [f64; 3],
     /// Whether the model was trained with the anti-aliasing factor on the opacity, where the file says it.
     pub antialias: Option<bool>,

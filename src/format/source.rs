@@ -254,7 +254,7 @@ impl<'a> Line<'a> {
         (0..words).fold(self.text.trim(), after)
     }
 
-    /// What is left of the line, without white space around it.
+    /// The rest of the line, without white space around it.
     pub(crate) fn rest(&self) -> &'a str {
         self.rest.trim()
     }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{At, Error, read_text};
 use crate::scene::Similarity;
 
-/// What a file may hold.
+/// The contents that a file may have.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Content {

@@ -29,7 +29,7 @@ const PICTURE_BUDGET: usize = 18_000_000;
 /// A quantity over the training steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
-    /// What it is.
+    /// The quantity.
     pub name: String,
     /// Its unit, may be empty.
     pub unit: String,
@@ -91,7 +91,7 @@ pub struct ViewPanel {
     pub psnr_high_frequency: Option<f64>,
 }
 
-/// What the stages of a training make of a view, at the size of its photograph.
+/// Renders of a view by the stages of a training, at the size of its photograph.
 #[derive(Clone, Debug)]
 pub struct StagePanel {
     /// Which pixels are texture.

@@ -15,7 +15,7 @@ use crate::format::contain::contained;
 use crate::format::{At, Error, atomic, foreign, source};
 use crate::host_memory::{DecodeLimit, NoRoom};
 
-/// What OpenEXR files begin with.
+/// The first bytes of an OpenEXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Depths row by row from the top.

@@ -1,4 +1,4 @@
-//! What the record of the compressor says of a point.
+//! The items of a point, by the record of the compressor.
 
 use std::path::Path;
 

@@ -24,7 +24,7 @@ pub struct Cloud {
     pub unknown: Vec<String>,
 }
 
-/// What a PLY file holds.
+/// The content of a PLY file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// Splats.

@@ -3,7 +3,7 @@
 use super::header::{Element, Kind};
 use crate::scene::init::SH_C0;
 
-/// What stands before or after the name of a channel, in the order in which such names are preferred.
+/// Prefixes and suffixes of the name of a channel, the preferred ones first.
 const BEFORE: [&str; 9] = ["", "diffuse_", "vertex_", "color_", "colour_", "col_", "rgb_", "scalar_", "ambient_"];
 const AFTER: [&str; 6] = ["", "_float", "_f", "_u8", "_color", "_colour"];
 /// The channels themselves.
@@ -127,7 +127,7 @@ fn triples(bytes: impl Iterator<Item = u8>) -> Vec<[u8; 3]> {
     bytes.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
 }
 
-/// What is no number is black.
+/// NaN becomes black.
 fn to_byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }

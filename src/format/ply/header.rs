@@ -187,7 +187,7 @@ pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result
     }
 }
 
-/// What a file is that begins otherwise.
+/// The problem of a file that does not begin as PLY.
 fn no_ply(file: &Path, bytes: u64, begin: &[u8]) -> String {
     let begin = &begin[..begin.len().min(foreign::LOOKED_AT)];
     let known = foreign::described(file, bytes, begin);

@@ -154,7 +154,7 @@ fn read_splats(
     Ok((out, all_bad))
 }
 
-/// That a value of the row read last is not finite.
+/// The error for a value of the last row that is not finite.
 fn not_finite(rows: &Rows<'_>, vertex: &Element, i: usize, p: usize, value: f32) -> Error {
     let before: usize = vertex.properties[..p].iter().map(|q| q.kind.bytes()).sum();
     let at = match rows.encoding {
