@@ -46,6 +46,7 @@ mod undecoded;
 mod undistort;
 mod usable;
 mod useless;
+mod views;
 mod warning;
 
 use std::collections::HashMap;
@@ -82,7 +83,6 @@ use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Coordinates, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
-use picture_file::Header;
 
 /// What to load and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -220,8 +220,7 @@ pub struct Dataset {
 impl Dataset {
     /// Loads the model of a folder and finds its photographs and masks.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
-        let sizing = options.sizing();
-        sizing::check(sizing)?;
+        sizing::check(options.sizing())?;
         let mut model = Model::read(path, options.format, options.strict)?;
         usable::names(&mut model, options.strict)?;
         if model.points.is_empty() {
@@ -234,72 +233,20 @@ impl Dataset {
         let images = if options.photographs { Some(find_photographs(path, options, &mut model)?) } else { None };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
-        let (file, limit) = (model.file.clone(), DecodeLimit::new(options.host_memory));
         let masks = match &images {
             Some(_) => masks::find(path, masks_folder.as_deref(), &mut model)?,
             None => vec![None; model.shots.len()],
         };
         let roles = roles(&planned, &model.shots, &mut model.warnings);
-        let views = model
-            .shots
-            .par_iter()
-            .zip(roles)
-            .zip(masks)
-            .map(|((shot, role), mask)| {
-                let photograph = images.as_ref().map(|folder| folder.path.join(&shot.file));
-                let header = match &photograph {
-                    Some(file) => picture_file::header_within(file, limit)?,
-                    None => {
-                        Header { size: (shot.lens.size[0], shot.lens.size[1]), samples: Samples::Bits8, jpeg: false }
-                    }
-                };
-                let Header { size: size_on_disk, samples, jpeg } = header;
-                let tone = options.tone;
-                let path = photograph.unwrap_or_default();
-                check_aspect(&path, shot, size_on_disk)?;
-                let (lens, camera) = sizing::camera(&path, shot, size_on_disk, sizing, options.rounding)?;
-                if let Some(mask) = &mask {
-                    masks::check_size(mask, size_on_disk, limit)?;
-                }
-                let (name, model, mask_ignores) = (shot.name.clone(), shot.model.clone(), options.mask_ignores);
-                let view = View {
-                    name,
-                    path,
-                    camera,
-                    lens,
-                    model,
-                    mask,
-                    mask_ignores,
-                    behind: options.behind,
-                    size_on_disk,
-                    jpeg,
-                    samples,
-                    tone,
-                    limit,
-                    role,
-                    pose_checked: false,
-                };
-                numeric_limits::check_camera(&file, &view).map(|()| view)
-            })
-            .collect::<Vec<Result<View, Error>>>();
+        let views = views::of_shots(&model, images.as_ref(), options, roles, masks);
         let mut views = usable::views(&mut model, views, options.strict)?;
         let masks = count_masks(&mut model, masks_folder, &views);
         if masks.is_none() && images.is_some() && !path.join(masks::FOLDER).is_dir() {
             model.warnings.extend(masks::unread_folder(path).map(|folder| Warning::UnreadMasks { folder }));
         }
 
-        let mut judged = poses::Judgement::of(&model)?;
-        judged.apply(&mut views, &mut model.warnings);
-        let centers = poses::without_far(&judged, &mut views, &model.points, &mut model.warnings);
-        let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
-        model.warnings.extend(degenerate);
-        usable::placed(&mut model, &mut views, &frame, options.strict)?;
-        let on: Vec<Camera> = views.iter().filter(|view| view.role == Role::Train).map(|view| view.camera).collect();
-        let points_file = model.points_file.unwrap_or(model.file);
-        let mut useless = useless::judge(points_file, &on, &model.points);
-        if let (Some(useless), Some(_)) = (&mut useless, &colourless) {
-            useless.kept.clear();
-        }
+        let (frame, extent) = place(&mut model, &mut views, options.strict)?;
+        let useless = useless_points(&model, &views, colourless.is_some());
         Ok(Self {
             path: path.to_owned(),
             format: model.format,
@@ -416,6 +363,29 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
     Ok(images)
 }
 
+/// Judges the poses, lays the scene's frame over those that hold, and leaves out what has no place in the frame. Returns the frame and the
+/// extent.
+fn place(model: &mut Model, views: &mut Vec<View>, strict: bool) -> Result<(Frame, f64), Error> {
+    let mut judged = poses::Judgement::of(model)?;
+    judged.apply(views, &mut model.warnings);
+    let centers = poses::without_far(&judged, views, &model.points, &mut model.warnings);
+    let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
+    model.warnings.extend(degenerate);
+    usable::placed(model, views, &frame, strict)?;
+    Ok((frame, extent))
+}
+
+/// Why a training does without the points, where it does; without all of them where their colours say nothing either.
+fn useless_points(model: &Model, views: &[View], colourless: bool) -> Option<UselessPoints> {
+    let on: Vec<Camera> = views.iter().filter(|view| view.role == Role::Train).map(|view| view.camera).collect();
+    let points_file = model.points_file.as_ref().unwrap_or(&model.file);
+    let mut useless = useless::judge(points_file.clone(), &on, &model.points)?;
+    if colourless {
+        useless.kept.clear();
+    }
+    Some(useless)
+}
+
 /// How many photographs have masks; a word when there is a folder of masks for nothing.
 fn count_masks(model: &mut Model, folder: Option<PathBuf>, views: &[View]) -> Option<Masks> {
     let (matched, of) = (views.iter().filter(|view| view.mask.is_some()).count(), views.len());
@@ -438,31 +408,4 @@ fn roles(planned: &HashMap<String, Role>, shots: &[Shot], warnings: &mut Vec<War
     }
     warnings.push(Warning::NothingHeldOut { views: shots.len() });
     vec![Role::Train; shots.len()]
-}
-
-/// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.
-const SMALLEST_COPY: u32 = 8;
-
-/// The file may be a reduced copy: sides of such copies are rounded up or down.
-fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), Error> {
-    let camera = (shot.lens.size[0], shot.lens.size[1]);
-    let longer = |size: (u32, u32)| size.0.max(size.1);
-    let tiny = longer(photograph) < SMALLEST_COPY.min(longer(camera));
-    if sizing::same_shape(photograph, camera) && !tiny {
-        return Ok(());
-    }
-    let turned = sizing::same_shape((photograph.1, photograph.0), camera);
-    Err(Error::AspectRatio {
-        file: file.to_owned(),
-        photograph,
-        camera: shot.camera.clone(),
-        expected: camera,
-        hint: if tiny {
-            "; it is too small for a reduced copy"
-        } else if turned {
-            "; turned by 90 degrees it would fit: orientation tags of EXIF are not applied"
-        } else {
-            ""
-        },
-    })
 }

@@ -1,14 +1,12 @@
 //! What the user should know about a dataset that loads.
 
+mod text;
+
 use std::fmt;
 use std::path::PathBuf;
 
 use super::{Colourless, Format, PoseFault, Renamed};
 use crate::format::LeftOut;
-use crate::numbers::{counted, grouped, of_count};
-
-/// Other models are named up to this many.
-const NAMED: usize = 5;
 
 /// A peculiarity of a dataset.
 #[derive(Clone, Debug, PartialEq)]
@@ -225,258 +223,36 @@ impl Warning {
     }
 }
 
-/// "1 of 9 masks".
-fn masks_of(masks: usize, of: usize) -> String {
-    format!("{} of {}", grouped(masks), counted(of, "mask"))
-}
-
-/// What is said before the name of the first; a single one is not the first of several.
-fn the_first(n: usize) -> &'static str {
-    of_count(n, "", "the first ")
-}
-
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::CamerasAtOnePlace { cameras, extent } => write!(
-                f,
-                "the training cameras ({}) are all at one place beside the distance of the points: the scene's extent \
-                 is taken from these ({extent} units)",
-                grouped(*cameras)
-            ),
-            Self::CameraFarAway { name, times } => write!(
-                f,
-                "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its \
-                 pose is probably wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from \
-                 the others"
-            ),
-            Self::PoseWrong { name, fault, left_out: true } => write!(
-                f,
-                "'{name}' is left out of training, as its pose is wrong: {fault}. Mend the pose, or take the \
-                 photograph out of the model"
-            ),
-            Self::PoseWrong { name, fault, left_out: false } => write!(
-                f,
-                "the pose of '{name}' is wrong, and so will be the score of this held-out photograph: {fault}. Mend \
-                 the pose, or take the photograph out of the model"
-            ),
-            Self::PoseDoubtful { name, fault } => {
-                write!(
-                    f,
-                    "the pose of '{name}' is in doubt: {fault}. If its pictures turn out blurred, leave the \
-                     photograph out"
-                )
-            }
-            Self::PosesAgainstPoints { file, wrong, of } => write!(
-                f,
-                "{}: {} of {} {} not agree with the points that their photographs observe: poses and points are of \
-                 different reconstructions, or in different coordinates. Export both from the same one",
-                file.display(),
-                grouped(*wrong),
-                counted(*of, "pose"),
-                of_count(*wrong, "does", "do")
-            ),
-            Self::AllMasked { photographs: 1, first } => {
-                write!(f, "'{first}': every pixel is masked; it is left out")
-            }
-            Self::AllMasked { photographs, first } => {
-                write!(
-                    f,
-                    "{}, the first '{first}': every pixel is masked; they are left out",
-                    counted(*photographs, "photograph")
-                )
-            }
-            Self::MasksLeaveOutNothing { masks, of, first } => {
-                write!(
-                    f,
-                    "{} {} out no pixel, {}that of '{first}'",
-                    masks_of(*masks, *of),
-                    of_count(*masks, "leaves", "leave"),
-                    the_first(*masks)
-                )
-            }
-            Self::MasksByTransparency { masks, of, first } => write!(
-                f,
-                "{}, {}that of '{first}', {} transparency what is left out, as {} colour says nothing: transparent \
-                 counts as black",
-                masks_of(*masks, *of),
-                the_first(*masks),
-                of_count(*masks, "says by its", "say by their"),
-                of_count(*masks, "its", "their")
-            ),
-            Self::BrighterThanWhite { photographs, pixels } => write!(
-                f,
-                "{} {} pixels brighter than white ({} in all), which are made white; the setting `white-level` says \
-                 which value is white",
-                counted(*photographs, "photograph"),
-                of_count(*photographs, "has", "have"),
-                grouped(*pixels)
-            ),
-            Self::TransparentLeftOut { photographs, pixels } => write!(
-                f,
-                "{} {} transparent pixels ({} in all), which are left out: nothing keeps splats from \
-                 them. If nothing is to be seen there, set `transparent` to `background`",
-                counted(*photographs, "photograph"),
-                of_count(*photographs, "has", "have"),
-                grouped(*pixels)
-            ),
-            Self::NothingHeldOut { views } => {
-                write!(
-                    f,
-                    "{} {} too few to hold any out: all are trained on, and no quality is measured",
-                    counted(*views, "photograph"),
-                    of_count(*views, "is", "are")
-                )
-            }
-            Self::SeveralFormats { used, others } => {
-                let others: Vec<String> = others.iter().map(ToString::to_string).collect();
-                write!(
-                    f,
-                    "read as {used}; the folder could be read as {} too: the setting `format` chooses",
-                    others.join(", ")
-                )
-            }
-            Self::CoordinatesUnknown { file, problem } => write!(
-                f,
-                "the coordinates are those of a map less an offset, and {} does not say of which: {problem}. Training \
-                 and pictures need neither; for coordinates on a map put the file of the run there",
-                file.display()
-            ),
-            Self::OtherParts { used, parts, shots } => write!(
-                f,
-                "the reconstruction is in {} parts without a common frame: only the largest, of {}, is used; {} {} not",
-                grouped(parts + 1),
-                counted(*used, "photograph"),
-                counted(*shots, "photograph"),
-                of_count(*shots, "is", "are")
-            ),
-            Self::OtherModels { used, images, others } => {
-                let named: Vec<String> = others
-                    .iter()
-                    .take(NAMED)
-                    .map(|(folder, images)| format!("{folder} ({})", counted(*images, "image")))
-                    .collect();
-                let more = if others.len() > NAMED { ", ..." } else { "" };
-                write!(
-                    f,
-                    "the reconstruction is in {} parts without a common frame: only the largest, {used} ({}), is \
-                     used; {}{more} {} not. Parts that share photographs can be joined by colmap model_merger",
-                    others.len() + 1,
-                    counted(*images, "image"),
-                    named.join(", "),
-                    of_count(others.len(), "is", "are")
-                )
-            }
-            Self::OtherPlaces { used, others } => {
-                let named = others.iter().take(NAMED).cloned().collect::<Vec<String>>().join(", ");
-                let more = if others.len() > NAMED { ", ..." } else { "" };
-                write!(
-                    f,
-                    "the model in {used} is read; there {}, in {named}{more}, which {} not. To read another one, \
-                     leave that one alone in the dataset, in sparse/0",
-                    of_count(others.len(), "is another", "are others"),
-                    of_count(others.len(), "is", "are")
-                )
-            }
-            Self::SplitLists { used, unknown, first, in_none, in_both } => {
-                write!(
-                    f,
-                    "train_filenames, val_filenames and test_filenames of transforms.json do not fit the frames: "
-                )?;
-                let mut said = Vec::new();
-                if let Some(first) = first {
-                    said.push(format!(
-                        "{} in them {} no frame, {}{first}",
-                        counted(*unknown, "name"),
-                        of_count(*unknown, "is", "are"),
-                        the_first(*unknown)
-                    ));
-                }
-                if *in_none > 0 {
-                    said.push(format!(
-                        "{} {} in none of them",
-                        counted(*in_none, "frame"),
-                        of_count(*in_none, "is", "are")
-                    ));
-                }
-                if *in_both > 0 {
-                    said.push(format!(
-                        "{} {} to be trained on and to be held out",
-                        counted(*in_both, "frame"),
-                        of_count(*in_both, "is", "are")
-                    ));
-                }
-                let done = match used {
-                    true => "frames in none are not used, and frames in two are held out",
-                    false => "nothing would be left to train on, so the lists are not used",
-                };
-                write!(f, "{}; {done}", said.join(", "))
-            }
-            Self::OtherNames { what, of, renamed } => {
-                write!(
-                    f,
-                    "{} of {} {what} {} than the model says and {} found all the same: {renamed}",
-                    grouped(renamed.count()),
-                    grouped(*of),
-                    of_count(renamed.count(), "has another name", "have other names"),
-                    of_count(renamed.count(), "was", "were")
-                )
-            }
-            Self::NoMaskMatches { folder } => {
-                write!(f, "{}: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)", folder.display())
-            }
-            Self::UnreadMasks { folder } => write!(
-                f,
-                "the pictures in {folder} are not read: masks are looked for in masks; rename the folder if that is \
-                 what these are"
-            ),
-            Self::NoPoints { file } => {
-                match file {
-                    Some(file) => write!(f, "{}: the model has no points. ", file.display())?,
-                    None => write!(f, "the model has no points file. ")?,
-                }
-                write!(
-                    f,
-                    "Without `init`, training starts from random points in the cameras' common view, or from the \
-                     surfaces that stereo finds: expect a lower quality, more splats and more of them in mid-air than \
-                     from triangulated points"
-                )
-            }
+            Self::CamerasAtOnePlace { cameras, extent } => text::cameras_at_one_place(f, *cameras, *extent),
+            Self::CameraFarAway { name, times } => text::camera_far_away(f, name, *times),
+            Self::PoseWrong { name, fault, left_out } => text::pose_wrong(f, name, fault, *left_out),
+            Self::PoseDoubtful { name, fault } => text::pose_doubtful(f, name, fault),
+            Self::PosesAgainstPoints { file, wrong, of } => text::poses_against_points(f, file, *wrong, *of),
+            Self::AllMasked { photographs, first } => text::all_masked(f, *photographs, first),
+            Self::MasksLeaveOutNothing { masks, of, first } => text::masks_leave_out_nothing(f, *masks, *of, first),
+            Self::MasksByTransparency { masks, of, first } => text::masks_by_transparency(f, *masks, *of, first),
+            Self::NoMaskMatches { folder } => text::no_mask_matches(f, folder),
+            Self::UnreadMasks { folder } => text::unread_masks(f, folder),
+            Self::BrighterThanWhite { photographs, pixels } => text::brighter_than_white(f, *photographs, *pixels),
+            Self::TransparentLeftOut { photographs, pixels } => text::transparent_left_out(f, *photographs, *pixels),
+            Self::NothingHeldOut { views } => text::nothing_held_out(f, *views),
+            Self::OtherNames { what, of, renamed } => text::other_names(f, what, *of, renamed),
+            Self::PhotographsWithoutPose { photographs } => text::photographs_without_pose(f, *photographs),
+            Self::SeveralFormats { used, others } => text::several_formats(f, *used, others),
+            Self::CoordinatesUnknown { file, problem } => text::coordinates_unknown(f, file, problem),
+            Self::OtherParts { used, parts, shots } => text::other_parts(f, *used, *parts, *shots),
+            Self::OtherModels { used, images, others } => text::other_models(f, used, *images, others),
+            Self::OtherPlaces { used, others } => text::other_places(f, used, others),
+            Self::SplitLists { used, unknown, first, in_none, in_both } => text::split_lists(f, *used, *unknown, first.as_deref(), *in_none, *in_both),
+            Self::NoPoints { file } => text::no_points(f, file.as_deref()),
+            Self::CountDiffers { file, what, announced, found } => text::count_differs(f, file, what, *announced, *found),
+            Self::SharedNumber { number, images } => text::shared_number(f, *number, *images),
+            Self::UnknownObservers { file, points, point, image } => text::unknown_observers(f, file, *points, *point, *image),
             Self::PointsWithoutColours(colourless) => colourless.fmt(f),
             Self::LeftOut(left_out) => left_out.fmt(f),
-            Self::CountDiffers { file, what, announced, found } => {
-                let cut = if found < announced { "; it may have been cut off" } else { "" };
-                write!(
-                    f,
-                    "{}: the comment at the top announces another number of {what} ({}) than the file holds ({}), \
-                     which are used{cut}",
-                    file.display(),
-                    grouped(*announced),
-                    grouped(*found)
-                )
-            }
-            Self::SharedNumber { number, images } => write!(
-                f,
-                "images with a number that another image has: {}, the first of them with {number}; which of them \
-                 points were seen from is not known",
-                grouped(*images)
-            ),
-            Self::UnknownObservers { file, points, point, image } => write!(
-                f,
-                "{}: points that were seen from images that are not in the model: {}, the first of them point {point} \
-                 from image {image}; these observations are not used",
-                file.display(),
-                grouped(*points)
-            ),
-            Self::PhotographsWithoutPose { photographs } => {
-                write!(
-                    f,
-                    "{} {} no pose in the model and {} not used",
-                    counted(*photographs, "photograph"),
-                    of_count(*photographs, "has", "have"),
-                    of_count(*photographs, "is", "are")
-                )
-            }
         }
     }
 }

@@ -58,118 +58,15 @@ impl Form {
         workgroup_size: u32,
         reach: BindingMode,
     ) -> Result<Form> {
-        let bad = |what: String| Error::Interface { kernel: kernel.name, what };
-        let mut views: &[TexelView] = &[];
-        let (spirv, descriptors) = match reach {
-            BindingMode::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
-            BindingMode::Addresses => {
-                let spirv = kernel.spirv.addresses.ok_or_else(|| bad("it has no form by address".into()))?;
-                (spirv, 1)
-            }
-            BindingMode::Texels | BindingMode::TexelsByAddress => {
-                let texels = reach.texels(kernel).ok_or_else(|| bad("it has no form with texels".into()))?;
-                views = texels.views;
-                (texels.spirv, if reach.by_address() { 1 } else { kernel.bindings.len() as u32 })
-            }
-        };
-        let limits = &device.caps.limits;
-        if descriptors > limits.storage_buffers {
-            let most = limits.storage_buffers;
-            return Err(bad(format!("{descriptors} storage buffers, the device takes {most}")));
-        }
-        let words = kernel::words(spirv);
-        let given = |id| kernel.constants.iter().zip(values).find(|(c, _)| c.id == id).map(|(_, value)| *value);
-        let shared = shared_memory::bytes(&words, given).unwrap_or(0);
-        if shared > u64::from(limits.shared_bytes) {
-            let most = limits.shared_bytes;
-            return Err(bad(format!("{shared} bytes of shared memory, the device has {most} for a workgroup")));
-        }
-        let capabilities = capabilities(&words);
-        for &capability in &capabilities {
-            if let Some((feature, there)) = needed_feature(capability, &device.caps.features)
-                && !there
-            {
-                return Err(Error::MissingFeature {
-                    feature,
-                    needed_for: format!("kernel {}", kernel.name),
-                    device: device.caps.device.clone(),
-                });
-            }
-        }
-        let subgroups = capabilities.iter().any(|c| (61..=68).contains(c));
-        let width = device.caps.subgroup.width();
-        let hardware = subgroups && matches!(device.caps.subgroup, super::Subgroup::Hardware(_));
-        let pin = hardware && device.caps.pin_subgroup;
-        if pin && workgroup_size > width.saturating_mul(device.caps.max_subgroups) {
-            return Err(bad(format!(
-                "{workgroup_size} threads are more than {} subgroups of {width}",
-                device.caps.max_subgroups
-            )));
-        }
+        let module = Module::of(kernel, reach)?;
+        module.check_limits(device, kernel, values)?;
+        let capabilities = capabilities(&module.words);
+        check_features(device, kernel, &capabilities)?;
+        let subgroups = SubgroupDemand::of(device, kernel, &capabilities, workgroup_size)?;
 
         let mut made = Partial { device, set_layout: None, layout: None, module: None };
-        let buffers = (0..descriptors).filter(|binding| !views.iter().any(|view| view.at == *binding));
-        let texels = views.iter().map(|view| (view.at, vk::DescriptorType::UNIFORM_TEXEL_BUFFER));
-        let slots: Vec<vk::DescriptorSetLayoutBinding<'_>> = buffers
-            .map(|binding| (binding, vk::DescriptorType::STORAGE_BUFFER))
-            .chain(texels)
-            .map(|(binding, kind)| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(kind)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
-        // SAFETY: valid description, live device; so for the calls below.
-        let set_layout =
-            unsafe { device.raw.create_descriptor_set_layout(&info, None) }.named("vkCreateDescriptorSetLayout")?;
-        made.set_layout = Some(set_layout);
-        let ranges =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(kernel.push_bytes)];
-        let set_layouts = [set_layout];
-        let info = vk::PipelineLayoutCreateInfo::default()
-            .set_layouts(&set_layouts)
-            .push_constant_ranges(if kernel.push_bytes == 0 { &[] } else { &ranges });
-        // SAFETY: the set layout was made above.
-        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")?;
-        made.layout = Some(layout);
-        let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the words are SPIR-V that glslang compiled at build time.
-        let module = unsafe { device.raw.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
-        made.module = Some(module);
-
-        let entries: Vec<vk::SpecializationMapEntry> = kernel
-            .constants
-            .iter()
-            .enumerate()
-            .map(|(i, c)| vk::SpecializationMapEntry { constant_id: c.id, offset: 4 * i as u32, size: 4 })
-            .collect();
-        let special =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice::<u32, u8>(values));
-        let mut required =
-            vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default().required_subgroup_size(width);
-        let mut stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&special);
-        if pin {
-            stage = stage.push_next(&mut required);
-        }
-        if hardware && device.caps.features.subgroup_size_control && workgroup_size.is_multiple_of(width) {
-            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
-        }
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
-        // SAFETY: module and layout were made above; constants and features were checked against the device.
-        let created = unsafe { device.raw.create_compute_pipelines(cache, &[info], None) };
-        let raw = created
-            .map_err(|(_, result)| result)
-            .named("vkCreateComputePipelines")?
-            .into_iter()
-            .next()
-            .unwrap_or_default();
+        let (set_layout, layout) = made.layouts(&module, kernel.push_bytes)?;
+        let raw = made.pipeline(cache, &module.words, &Specialized { kernel, values, subgroups, layout })?;
         (made.set_layout, made.layout) = (None, None);
         drop(made);
         let shown: Vec<String> = kernel.constants.iter().zip(values).map(|(c, v)| format!("{}={v}", c.name)).collect();
@@ -180,6 +77,126 @@ impl Form {
         }
         Ok(Form { device: device.clone(), raw, layout, set_layout })
     }
+}
+
+fn unfit(kernel: &Kernel, what: String) -> Error {
+    Error::Interface { kernel: kernel.name, what }
+}
+
+/// The SPIR-V of a form, with what it binds.
+struct Module {
+    words: Vec<u32>,
+    /// Descriptors of buffers, those of texels included.
+    descriptors: u32,
+    /// Which of them are of texels.
+    views: &'static [TexelView],
+}
+
+impl Module {
+    fn of(kernel: &Kernel, reach: BindingMode) -> Result<Self> {
+        let mut views: &[TexelView] = &[];
+        let (spirv, descriptors) = match reach {
+            BindingMode::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
+            BindingMode::Addresses => {
+                let none = || unfit(kernel, "it has no form by address".into());
+                (kernel.spirv.addresses.ok_or_else(none)?, 1)
+            }
+            BindingMode::Texels | BindingMode::TexelsByAddress => {
+                let none = || unfit(kernel, "it has no form with texels".into());
+                let texels = reach.texels(kernel).ok_or_else(none)?;
+                views = texels.views;
+                (texels.spirv, if reach.by_address() { 1 } else { kernel.bindings.len() as u32 })
+            }
+        };
+        Ok(Self { words: kernel::words(spirv), descriptors, views })
+    }
+
+    /// Descriptors and shared memory are as many as the device takes.
+    fn check_limits(&self, device: &Device, kernel: &Kernel, values: &[u32]) -> Result<()> {
+        let limits = &device.caps.limits;
+        let descriptors = self.descriptors;
+        if descriptors > limits.storage_buffers {
+            let most = limits.storage_buffers;
+            return Err(unfit(kernel, format!("{descriptors} storage buffers, the device takes {most}")));
+        }
+        let given = |id| kernel.constants.iter().zip(values).find(|(c, _)| c.id == id).map(|(_, value)| *value);
+        let shared = shared_memory::bytes(&self.words, given).unwrap_or(0);
+        if shared > u64::from(limits.shared_bytes) {
+            let most = limits.shared_bytes;
+            let what = format!("{shared} bytes of shared memory, the device has {most} for a workgroup");
+            return Err(unfit(kernel, what));
+        }
+        Ok(())
+    }
+
+    /// What the set of descriptors holds.
+    fn slots(&self) -> Vec<vk::DescriptorSetLayoutBinding<'static>> {
+        let buffers = (0..self.descriptors).filter(|binding| !self.views.iter().any(|view| view.at == *binding));
+        let texels = self.views.iter().map(|view| (view.at, vk::DescriptorType::UNIFORM_TEXEL_BUFFER));
+        buffers
+            .map(|binding| (binding, vk::DescriptorType::STORAGE_BUFFER))
+            .chain(texels)
+            .map(|(binding, kind)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(kind)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect()
+    }
+}
+
+/// The device has every feature that the capabilities of a module ask for.
+fn check_features(device: &Device, kernel: &Kernel, capabilities: &[u32]) -> Result<()> {
+    for &capability in capabilities {
+        if let Some((feature, there)) = needed_feature(capability, &device.caps.features)
+            && !there
+        {
+            return Err(Error::MissingFeature {
+                feature,
+                needed_for: format!("kernel {}", kernel.name),
+                device: device.caps.device.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What a pipeline asks of the device's subgroups.
+#[derive(Clone, Copy)]
+struct SubgroupDemand {
+    /// Lanes of a subgroup.
+    width: u32,
+    /// Of this width and no other.
+    pinned: bool,
+    /// With no lane idle.
+    full: bool,
+}
+
+impl SubgroupDemand {
+    fn of(device: &Device, kernel: &Kernel, capabilities: &[u32], workgroup_size: u32) -> Result<Self> {
+        let used = capabilities.iter().any(|c| (61..=68).contains(c));
+        let width = device.caps.subgroup.width();
+        let hardware = used && matches!(device.caps.subgroup, super::Subgroup::Hardware(_));
+        let pinned = hardware && device.caps.pin_subgroup;
+        let most = device.caps.max_subgroups;
+        if pinned && workgroup_size > width.saturating_mul(most) {
+            let what = format!("{workgroup_size} threads are more than {most} subgroups of {width}");
+            return Err(unfit(kernel, what));
+        }
+        let controlled = hardware && device.caps.features.subgroup_size_control;
+        Ok(Self { width, pinned, full: controlled && workgroup_size.is_multiple_of(width) })
+    }
+}
+
+/// A kernel with all that its pipeline is built from, the module aside.
+struct Specialized<'a> {
+    kernel: &'a Kernel,
+    /// Those of the kernel's constants.
+    values: &'a [u32],
+    subgroups: SubgroupDemand,
+    layout: vk::PipelineLayout,
 }
 
 impl Drop for Form {
@@ -199,6 +216,62 @@ struct Partial<'a> {
     set_layout: Option<vk::DescriptorSetLayout>,
     layout: Option<vk::PipelineLayout>,
     module: Option<vk::ShaderModule>,
+}
+
+impl Partial<'_> {
+    /// The layouts of the descriptors and of the pipeline.
+    fn layouts(&mut self, module: &Module, push_bytes: u32) -> Result<(vk::DescriptorSetLayout, vk::PipelineLayout)> {
+        let slots = module.slots();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
+        // SAFETY: valid description, live device.
+        let set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
+            .named("vkCreateDescriptorSetLayout")?;
+        self.set_layout = Some(set_layout);
+        let ranges = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(push_bytes)];
+        let set_layouts = [set_layout];
+        let info = vk::PipelineLayoutCreateInfo::default()
+            .set_layouts(&set_layouts)
+            .push_constant_ranges(if push_bytes == 0 { &[] } else { &ranges });
+        // SAFETY: the set layout was made above.
+        let layout = unsafe { self.device.raw.create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")?;
+        self.layout = Some(layout);
+        Ok((set_layout, layout))
+    }
+
+    /// The pipeline, of a module made from the words.
+    fn pipeline(&mut self, cache: vk::PipelineCache, words: &[u32], of: &Specialized<'_>) -> Result<vk::Pipeline> {
+        let Specialized { kernel, values, subgroups, layout } = of;
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are SPIR-V that glslang compiled at build time.
+        let module = unsafe { self.device.raw.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
+        self.module = Some(module);
+        let entries: Vec<vk::SpecializationMapEntry> = kernel
+            .constants
+            .iter()
+            .enumerate()
+            .map(|(i, c)| vk::SpecializationMapEntry { constant_id: c.id, offset: 4 * i as u32, size: 4 })
+            .collect();
+        let special =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice::<u32, u8>(values));
+        let mut required =
+            vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default().required_subgroup_size(subgroups.width);
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&special);
+        if subgroups.pinned {
+            stage = stage.push_next(&mut required);
+        }
+        if subgroups.full {
+            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+        }
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(*layout);
+        // SAFETY: module and layout were made above; constants and features were checked against the device.
+        let created = unsafe { self.device.raw.create_compute_pipelines(cache, &[info], None) };
+        let made = created.map_err(|(_, result)| result).named("vkCreateComputePipelines")?;
+        Ok(made.into_iter().next().unwrap_or_default())
+    }
 }
 
 impl Drop for Partial<'_> {
