@@ -322,22 +322,32 @@ impl RadixSort {
         extent: Keys<'_>,
         bits: u32,
     ) -> Result<usize> {
-        self.record_from(rec, (keys, vals, None), counters, extent, bits)
+        let of = Unsorted { keys: keys.map(Into::into), vals: vals.map(Into::into), apart: None };
+        self.record_from(rec, of, counters, extent, bits)
     }
 
-    /// The same with the values of the input given apart, where some are: they stay as they are.
-    pub(super) fn record_from<'b, B: Into<BufferSlice<'b>>>(
+    /// The same of what is given together, whose values may be apart.
+    pub(super) fn record_from(
         &self,
         rec: &mut Recorder,
-        (keys, vals, apart): ([B; 2], [B; 2], Option<BufferSlice<'b>>),
+        of: Unsorted<'_>,
         counters: &Buffer,
         extent: Keys<'_>,
         bits: u32,
     ) -> Result<usize> {
+        let Unsorted { keys, vals, apart } = of;
         let tables = [self.tables[0].slice(), self.tables[1].slice()];
-        let memory = SortMemory { tables, keys: keys.map(Into::into), vals: vals.map(Into::into), apart };
-        self.passes.record(rec, memory, counters, extent, bits)
+        self.passes.record(rec, SortMemory { tables, keys, vals, apart }, counters, extent, bits)
     }
+}
+
+/// Keys and values to be sorted, with as much room beside each.
+#[derive(Clone, Copy)]
+pub(super) struct Unsorted<'a> {
+    pub(super) keys: [BufferSlice<'a>; 2],
+    pub(super) vals: [BufferSlice<'a>; 2],
+    /// The values of the input, where they are not in `vals[0]`: they stay as they are.
+    pub(super) apart: Option<BufferSlice<'a>>,
 }
 
 #[cfg(test)]

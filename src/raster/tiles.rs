@@ -4,7 +4,7 @@ use super::memory_footprint::MemoryFootprint;
 use super::pass_select;
 use super::scan::{self, Extent, Scan, Summand};
 use super::scratch_buffers::{Layout, ScratchBuffers, parts, words};
-use super::sort::{Keys, RadixSort, Shape};
+use super::sort::{Keys, RadixSort, Shape, Unsorted};
 use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
 use crate::pass::{alpha_min, compact, counters, emit, gather_counts, slot_sum, tile_ranges};
@@ -35,6 +35,11 @@ const VISIBLE_SLOTS: u32 = 8;
 const PAIR_SORT: u32 = 9;
 const PAIR_ITEMS: u32 = 11;
 const PAIR_ONCE: u32 = 12;
+
+// Counters.
+const SPLATS: u32 = counters::SPLATS as u32;
+const VISIBLE: u32 = counters::VISIBLE as u32;
+const PAIRS: u32 = counters::PAIRS as u32;
 
 /// Sizes that the buffers hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -225,100 +230,157 @@ impl TileLists {
     /// `counters.splats` says how many splats there are; `visible` and `pairs` are written. With more pairs than fit,
     /// `status` gets its bit and nothing is emitted.
     pub fn record<'a>(&'a self, rec: &mut Recorder, inputs: Inputs<'a>, grid: &TileGrid) -> Result<Lists<'a>> {
-        let Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries, alpha_cutoff } = inputs;
-        let [splat2d, tile_counts, count_words]: [BufferSlice<'_>; 3] = [splat2d, tile_counts, counts].map(Into::into);
         let [columns, rows] = grid.counts();
         let tiles = columns * rows;
-        let at = |entry: u32| first_entry + entry;
-        let indirect = |entry: u32| Groups::Indirect(args, Entry::offset(at(entry)));
-        let plan = |rec: &mut Recorder, push: plan::Push| {
-            rec.dispatch(&self.plan, &[counts, args], &push, Groups::Workgroups(1))
-        };
-        let (splats, visible, pairs) = (counters::SPLATS as u32, counters::VISIBLE as u32, counters::PAIRS as u32);
-        let once = Entry::fixed(1);
-        let items = Entry::items(LOCAL_SIZE);
+        self.record_visible(rec, &inputs)?;
+        let nearest_first = self.record_depth_order(rec, &inputs)?;
+        self.record_plan_of_pairs(rec, &inputs, tiles)?;
+        self.record_pairs(rec, &inputs, grid, nearest_first)?;
+        self.record_tile_order(rec, &inputs, tiles)
+    }
 
-        // Visible splats in the order of their index; the other side of the values serves as scratch for their places.
+    /// Lists the visible splats in the order of their index, with their depths, and sums up the slots before those of each splat.
+    fn record_visible(&self, rec: &mut Recorder, inputs: &Inputs<'_>) -> Result<()> {
+        let [splat2d, tile_counts, count_words] = inputs.slices();
         let [keys, vals] = [both(&self.keys), both(&self.vals)];
-        let extent = Extent::counted(splats, args, at(SPLAT_SCAN), at(SPLAT_ONCE));
+        let extent = Extent::counted(SPLATS, inputs.args, inputs.at(SPLAT_SCAN), inputs.at(SPLAT_ONCE));
+        // The other side of the values serves as scratch for the places of the visible splats.
         let places = vals[1];
-        self.splat_scan.record(rec, [tile_counts, places], counts, extent, Summand::NonZero, visible)?;
-        let slots = self.slots.as_ref().map(|slots| (slots.splat.slice(), slots.offsets.slice()));
-        if let Some((_, offsets)) = slots {
-            self.splat_scan.record(rec, [tile_counts, offsets], counts, extent, Summand::Words, NO_COUNTER)?;
+        let (counts, to) = (inputs.counters, [tile_counts, places]);
+        self.splat_scan.record(rec, to, counts, extent, Summand::NonZero, VISIBLE)?;
+        if let Some(slots) = &self.slots {
+            let to = [tile_counts, slots.offsets.slice()];
+            self.splat_scan.record(rec, to, counts, extent, Summand::Words, NO_COUNTER)?;
         }
-        let listed = self.listed.as_ref().map(Part::slice);
-        let bound = [splat2d, tile_counts, places, count_words, keys[0], listed.unwrap_or(vals[0])];
+        let listed = self.listed.as_ref().map_or(vals[0], Part::slice);
+        let bound = [splat2d, tile_counts, places, count_words, keys[0], listed];
         let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
-        rec.dispatch(&self.compact, &bound, &push, indirect(SPLAT_ITEMS))?;
+        rec.dispatch(&self.compact, &bound, &push, inputs.groups(SPLAT_ITEMS))
+    }
 
-        // In the order of their depth, with the place of the first pair of each.
+    /// Sorts the visible splats by their depth, and sums up the pairs before those of each splat.
+    fn record_depth_order<'a>(&'a self, rec: &mut Recorder, inputs: &Inputs<'_>) -> Result<NearestFirst<'a>> {
+        let [_, tile_counts, count_words] = inputs.slices();
         let [sort, table] = self.shape.entries(self.depth_bits);
         let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
-        let of_visible = [sort, table, scan::entry(), items, once, slot_sums];
-        plan(rec, plan::Push::unlimited(visible, at(VISIBLE_SORT), &of_visible))?;
-        let extent = Keys::Counted { counter: visible, args, first: at(VISIBLE_SORT), once: at(VISIBLE_ONCE) };
-        let side = self.depth_sort.record_from(rec, (keys, vals, listed), counts, extent, self.depth_bits)?;
+        let of_visible = [sort, table, scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1), slot_sums];
+        self.record_plan(rec, inputs, plan::Push::unlimited(VISIBLE, inputs.at(VISIBLE_SORT), &of_visible))?;
+        let sorted =
+            Unsorted { keys: both(&self.keys), vals: both(&self.vals), apart: self.listed.as_ref().map(Part::slice) };
+        let Unsorted { keys, vals, .. } = sorted;
+        let (args, once) = (inputs.args, inputs.at(VISIBLE_ONCE));
+        let extent = Keys::Counted { counter: VISIBLE, args, first: inputs.at(VISIBLE_SORT), once };
+        let side = self.depth_sort.record_from(rec, sorted, inputs.counters, extent, self.depth_bits)?;
         // The keys have done their work, and so has the other side of the values.
         let (order, pair_offsets, visible_counts) = (vals[side], vals[1 - side], keys[0]);
         let bound = [order, tile_counts, count_words, visible_counts];
-        rec.dispatch(&self.gather_counts, &bound, &(), indirect(VISIBLE_ITEMS))?;
-        let extent = Extent::counted(visible, args, at(VISIBLE_SCAN), at(VISIBLE_ONCE));
+        rec.dispatch(&self.gather_counts, &bound, &(), inputs.groups(VISIBLE_ITEMS))?;
+        let extent = Extent::counted(VISIBLE, args, inputs.at(VISIBLE_SCAN), once);
         let sides = [visible_counts, pair_offsets];
-        self.splat_scan.record(rec, sides, counts, extent, Summand::Words, pairs)?;
+        self.splat_scan.record(rec, sides, inputs.counters, extent, Summand::Words, PAIRS)?;
+        Ok(NearestFirst { order, pair_offsets })
+    }
 
-        // Pairs, if they fit. If not, everything planned so far is void too: what follows must not run on them.
-        let bits = tile_bits(u64::from(tiles));
-        let [sort, table] = self.shape.entries(bits);
-        // The largest word stands for a count that is more than a word holds.
-        let capacity = u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX).min(u32::MAX - 1);
-        let push = plan::Push::unlimited(pairs, at(PAIR_SORT), &[sort, table, items, once]);
-        let push = push.limited(capacity, counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
-        plan(rec, push.voiding(entries))?;
+    /// Plans the passes over pairs, if the pairs fit. If not, everything planned so far is void too: what follows must not run on them.
+    fn record_plan_of_pairs(&self, rec: &mut Recorder, inputs: &Inputs<'_>, tiles: u32) -> Result<()> {
+        let [sort, table] = self.shape.entries(tile_bits(u64::from(tiles)));
+        let of_pairs = [sort, table, Entry::items(LOCAL_SIZE), Entry::fixed(1)];
+        let push = plan::Push::unlimited(PAIRS, inputs.at(PAIR_SORT), &of_pairs);
+        let push = push.limited(self.pairs_that_fit(), counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
+        self.record_plan(rec, inputs, push.voiding(inputs.entries))
+    }
+
+    /// Emits the pairs, those of a splat one after the other.
+    fn record_pairs(
+        &self,
+        rec: &mut Recorder,
+        inputs: &Inputs<'_>,
+        grid: &TileGrid,
+        NearestFirst { order, pair_offsets }: NearestFirst<'_>,
+    ) -> Result<()> {
+        let [splat2d, tile_counts, count_words] = inputs.slices();
         let push = emit::Push {
             width: grid.image[0],
             height: grid.image[1],
             tile_width: grid.tile[0],
             tile_height: grid.tile[1],
-            capacity,
+            capacity: self.pairs_that_fit(),
         };
         let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
         // Where there are no slots other buffers stand for theirs, which are neither read nor written then.
+        let slots = self.slots.as_ref().map(|slots| (slots.splat.slice(), slots.offsets.slice()));
         let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
         let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
         let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
-        let emit = match alpha_cutoff {
-            Some(_) => {
+        let emit = match inputs.alpha_cutoff {
+            cutoff @ Some(_) => {
                 let [carried, per_turn, _] = self.emission;
-                self.gpu.pipeline(
-                    &pass_select::emission(&self.gpu).kernel,
-                    &[carried, per_turn, alpha_min::constant(alpha_cutoff)],
-                )?
+                let constants = [carried, per_turn, alpha_min::constant(cutoff)];
+                self.gpu.pipeline(&pass_select::emission(&self.gpu).kernel, &constants)?
             }
             None => self.emit.clone(),
         };
-        rec.dispatch(&emit, &bound, &push, indirect(VISIBLE_ITEMS))?;
+        rec.dispatch(&emit, &bound, &push, inputs.groups(VISIBLE_ITEMS))
+    }
 
-        // In the order of their tile; the sort is stable, so by depth within each.
-        let extent = Keys::Counted { counter: pairs, args, first: at(PAIR_SORT), once: at(PAIR_ONCE) };
-        let side = self.tile_sort.record(rec, keys, vals, counts, extent, bits)?;
+    /// Sorts the pairs by their tile, and finds those of each tile. The sort is stable, so pairs of a tile are in the order of their depth.
+    fn record_tile_order<'a>(&'a self, rec: &mut Recorder, inputs: &Inputs<'a>, tiles: u32) -> Result<Lists<'a>> {
+        let [_, _, count_words] = inputs.slices();
+        let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
+        let (args, once) = (inputs.args, inputs.at(PAIR_ONCE));
+        let extent = Keys::Counted { counter: PAIRS, args, first: inputs.at(PAIR_SORT), once };
+        let bits = tile_bits(u64::from(tiles));
+        let side = self.tile_sort.record(rec, keys, vals, inputs.counters, extent, bits)?;
         rec.fill(&self.tile_ranges, 0)?;
         let ranges: BufferSlice<'_> = (&self.tile_ranges).into();
         // The other side of the keys is free again.
-        let slot_splat = slots.map_or(vals[1 - side], |(splat, _)| splat);
+        let slot_splat = self.slots.as_ref().map_or(vals[1 - side], |slots| slots.splat.slice());
         let bound = [keys[side], vals[side], slot_splat, count_words, keys[1 - side], ranges];
-        rec.dispatch(&self.ranges, &bound, &tile_ranges::Push { tiles }, indirect(PAIR_ITEMS))?;
+        rec.dispatch(&self.ranges, &bound, &tile_ranges::Push { tiles }, inputs.groups(PAIR_ITEMS))?;
         Ok(Lists {
-            slots: slots.zip(listed).map(|((slot_splat, slot_offsets), listed)| Slots {
-                listed,
-                slot_offsets,
-                slot_splat,
+            slots: self.slots.as_ref().zip(self.listed.as_ref()).map(|(slots, listed)| Slots {
+                listed: listed.slice(),
+                slot_offsets: slots.offsets.slice(),
+                slot_splat: slots.splat.slice(),
                 sorted_slots: vals[side],
             }),
-            sorted_splats: if slots.is_some() { keys[1 - side] } else { vals[side] },
+            sorted_splats: if self.slots.is_some() { keys[1 - side] } else { vals[side] },
             tile_ranges: ranges,
-            slot_sums: indirect(VISIBLE_SLOTS),
+            slot_sums: inputs.groups(VISIBLE_SLOTS),
         })
+    }
+
+    fn record_plan(&self, rec: &mut Recorder, inputs: &Inputs<'_>, push: plan::Push) -> Result<()> {
+        rec.dispatch(&self.plan, &[inputs.counters, inputs.args], &push, Groups::Workgroups(1))
+    }
+
+    /// Pairs at most. The largest word stands for a count that is more than a word holds.
+    fn pairs_that_fit(&self) -> u32 {
+        u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX).min(u32::MAX - 1)
+    }
+}
+
+/// The visible splats in the order of their depth, and how many pairs the splats before each of them have.
+#[derive(Clone, Copy)]
+struct NearestFirst<'a> {
+    order: BufferSlice<'a>,
+    pair_offsets: BufferSlice<'a>,
+}
+
+impl<'a> Inputs<'a> {
+    /// Splats, counts of tiles and counters.
+    fn slices(&self) -> [BufferSlice<'a>; 3] {
+        [self.splat2d, self.tile_counts, self.counters].map(Into::into)
+    }
+
+    /// The place in `args` of one of the entries.
+    fn at(&self, entry: u32) -> u32 {
+        self.first_entry + entry
+    }
+
+    /// The workgroups of one of the entries.
+    fn groups(&self, entry: u32) -> Groups<'a> {
+        Groups::Indirect(self.args, Entry::offset(self.at(entry)))
     }
 }
 

@@ -149,7 +149,7 @@ fn transparent_pixels_show_the_background_that_is_asked_for() {
     };
     let (told, masked) = said(None);
     assert!(
-        told.contains("1 photograph has transparent pixels (128 in all)") && told.contains("--transparent"),
+        told.contains("1 photograph has transparent pixels (128 in all)") && told.contains("set `transparent`"),
         "{told}"
     );
     assert_eq!(masked, 128);

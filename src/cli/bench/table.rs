@@ -8,8 +8,21 @@ use crate::cli::console::table;
 
 /// Header lines, passes, stages.
 pub(super) fn text(report: &Report) -> String {
-    let Report { device, workload: w, loss, per_step: host, .. } = report;
-    let count = |n: f64| HumanCount(n.round() as u64);
+    let mut text = subject(report) + &work_of_a_step(report) + &memory(report);
+    let rates = &report.rates;
+    text += &format!(
+        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 exponentials/s\n\n",
+        number(rates.copy_kernel_gb_per_s),
+        number(rates.copy_buffer_gb_per_s),
+        number(rates.gops_per_s),
+        number(rates.gexp2_per_s),
+    );
+    text + &passes(report) + "\n" + &stages(report)
+}
+
+/// What was measured, and on which device.
+fn subject(report: &Report) -> String {
+    let Report { device, workload: w, .. } = report;
     let mut text = format!(
         "{} ({}), {}, Vulkan {}\n{} tiles, gradients by {}\n",
         device.name,
@@ -22,7 +35,7 @@ pub(super) fn text(report: &Report) -> String {
     text += &format!(
         "{}, {} visible, {}; {}x{}, {}, {} in turn, harmonics of degree {}\n",
         counted(w.splats, "splat"),
-        count(w.visible),
+        HumanCount(w.visible.round() as u64),
         counted(w.pairs.round() as u64, "pair"),
         w.size[0],
         w.size[1],
@@ -36,9 +49,16 @@ pub(super) fn text(report: &Report) -> String {
             p.forward_evaluated, p.forward_blended, p.backward_evaluated, p.backward_blended,
         );
     }
-    text += &format!(
-        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing \
-         waits\n",
+    text
+}
+
+/// What the host records and waits for in a step, and what the steps came to.
+fn work_of_a_step(report: &Report) -> String {
+    let Report { loss, per_step: host, .. } = report;
+    format!(
+        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing waits\n\
+         mean loss over the views: {:.5} at first, {:.5} at last\n\
+         {} steps after {} to warm up; at most {} of device memory\n",
         host.dispatches,
         host.transfers,
         host.barriers,
@@ -46,36 +66,31 @@ pub(super) fn text(report: &Report) -> String {
         host.submits,
         host.host_waits,
         host.pacing_waits,
-    );
-    text += &format!("mean loss over the views: {:.5} at first, {:.5} at last\n", loss.first_pass, loss.last_pass);
-    text += &format!(
-        "{} steps after {} to warm up; at most {} of device memory\n",
+        loss.first_pass,
+        loss.last_pass,
         report.steps,
         report.warm_up,
         HumanBytes(report.peak_device_bytes),
-    );
+    )
+}
+
+/// The memory that splats, pairs and pixels take.
+fn memory(report: &Report) -> String {
     let m = report.memory;
-    text.truncate(text.trim_end().len());
-    text += &format!(
-        "\nmemory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per \
-         splat); {} for a density change\n\n",
+    format!(
+        "memory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per splat); \
+         {} for a density change\n\n",
         m.per_splat,
         m.per_pair,
         m.per_pixel,
         m.slots_per_pair,
         m.slots_per_splat,
         HumanBytes(report.density_peak_bytes),
-    );
+    )
+}
 
-    let rates = &report.rates;
-    text += &format!(
-        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 \
-         exponentials/s\n\n",
-        number(rates.copy_kernel_gb_per_s),
-        number(rates.copy_buffer_gb_per_s),
-        number(rates.gops_per_s),
-        number(rates.gexp2_per_s),
-    );
+/// The passes with their times and floors.
+fn passes(report: &Report) -> String {
     let heads =
         ["pass", "calls", "ms", "q1", "q3", "mean", "share", "MB", "GB/s", "bytes floor", "sums floor", "x floor"];
     let mut rows = vec![heads.map(str::to_owned).to_vec()];
@@ -91,9 +106,11 @@ pub(super) fn text(report: &Report) -> String {
         rows.push(cells);
     }
     rows.push(row("device", "-".into(), report.device_ms, percent(1.0)));
-    text += &table(&rows);
-    text.push('\n');
+    table(&rows)
+}
 
+/// The stages of a step with their times.
+fn stages(report: &Report) -> String {
     let mut rows = vec![["stage", "ms", "q1", "q3", "mean", "share"].map(str::to_owned).to_vec()];
     let row = |name: &str, ms: Quartiles, share: String| {
         vec![name.to_owned(), number(ms.median), number(ms.q1), number(ms.q3), number(ms.mean), share]
@@ -101,7 +118,7 @@ pub(super) fn text(report: &Report) -> String {
     rows.extend(report.stages.iter().map(|stage| row(stage.stage, stage.ms, percent(stage.share))));
     rows.push(row("device", report.device_ms, percent(1.0)));
     rows.push(row("wall", report.wall_ms, "-".into()));
-    text + &table(&rows)
+    table(&rows)
 }
 
 /// Three significant digits or more.

@@ -27,8 +27,86 @@ struct Part {
     high: f64,
 }
 
-/// One figure: title, unit, axes from step 0 to `steps`, line. The drawn points go along as data for the reading under
-/// the cursor.
+/// The range of both axes with their ticks, and where values lie between them.
+struct Axes {
+    x: Axis,
+    y: Axis,
+}
+
+/// From one value to another, with round values in between and how far apart these are.
+struct Axis {
+    from: f64,
+    to: f64,
+    ticks: Vec<f64>,
+    spacing: f64,
+}
+
+impl Axes {
+    /// `steps` go along x, values between `low` and `high` along y; a range that starts near zero is drawn from zero.
+    fn new(steps: [f64; 2], low: f64, high: f64) -> Self {
+        let low = if low > 0.0 && low < 0.35 * high { 0.0 } else { low };
+        let (y_ticks, y_spacing) = ticks(low, high, 5);
+        let (from, to) = (y_ticks[0].min(low), y_ticks[y_ticks.len() - 1].max(high));
+        let [first, last] = steps;
+        let (x_ticks, x_spacing) = ticks(first, last, 5);
+        Self {
+            x: Axis { from: first, to: last, ticks: x_ticks, spacing: x_spacing },
+            y: Axis { from, to, ticks: y_ticks, spacing: y_spacing },
+        }
+    }
+
+    /// Where a step lies in the drawing.
+    fn across(&self, step: f64) -> f64 {
+        let Axis { from, to, .. } = self.x;
+        LEFT + (step - from) / (to - from) * (WIDTH - LEFT - RIGHT)
+    }
+
+    /// Where a value lies in the drawing.
+    fn down(&self, value: f64) -> f64 {
+        let Axis { from, to, .. } = self.y;
+        HEIGHT - BOTTOM - (value - from) / (to - from).max(1e-300) * (HEIGHT - TOP - BOTTOM)
+    }
+
+    /// The lines of the grid with their numbers, and the axis of steps with its own.
+    fn drawn(&self) -> String {
+        let mut svg = String::new();
+        for &t in &self.y.ticks {
+            let y = self.down(t);
+            let _ = write!(
+                svg,
+                "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
+                 <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+                WIDTH - RIGHT,
+                LEFT - 7.0,
+                y + 3.8,
+                tick(t, self.y.spacing)
+            );
+        }
+        for &t in self.x.ticks.iter().filter(|t| (self.x.from..=self.x.to).contains(*t)) {
+            let (x, y) = (self.across(t), HEIGHT - BOTTOM);
+            let _ = write!(
+                svg,
+                "<line class=\"axis\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{y:.1}\" y2=\"{:.1}\"/>\
+                 <text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+                y + 4.0,
+                y + 16.0,
+                tick(t, self.x.spacing)
+            );
+        }
+        let floor = HEIGHT - BOTTOM;
+        let _ = write!(
+            svg,
+            "<line class=\"axis\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{floor}\" y2=\"{floor}\"/>\
+             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">step</text>",
+            WIDTH - RIGHT,
+            WIDTH - RIGHT,
+            HEIGHT - 3.0
+        );
+        svg
+    }
+}
+
+/// One figure: title, unit, axes from step 0 to `steps`, line. The drawn points go along as data for the reading under the cursor.
 pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
     let points: Vec<(f64, f64)> =
         curve.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
@@ -37,73 +115,20 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         escape(&curve.name),
         escape(&curve.unit)
     );
-    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
         return format!("<figure class=\"chart\">{heading}<p class=\"empty\">no values</p></figure>");
     };
     let parts = if curve.form == CurveForm::Line { parts(&points) } else { some(&points) };
     let low = parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min);
     let high = parts.iter().map(|p| p.high).fold(f64::NEG_INFINITY, f64::max);
-    // A range that starts near zero is drawn from zero.
-    let low = if low > 0.0 && low < 0.35 * high { 0.0 } else { low };
-    let (y_ticks, y_step) = ticks(low, high, 5);
-    let (y0, y1) = (y_ticks[0].min(low), y_ticks[y_ticks.len() - 1].max(high));
-    let (x0, x1) = (first.0.min(0.0), steps.max(last.0).max(1.0));
-    let (x_ticks, x_step) = ticks(x0, x1, 5);
-    let sx = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
-    let sy = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0).max(1e-300) * (HEIGHT - TOP - BOTTOM);
-
-    let mut svg = String::new();
-    for &t in &y_ticks {
-        let y = sy(t);
-        let _ = write!(
-            svg,
-            "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
-             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            WIDTH - RIGHT,
-            LEFT - 7.0,
-            y + 3.8,
-            tick(t, y_step)
-        );
-    }
-    for &t in x_ticks.iter().filter(|t| (x0..=x1).contains(*t)) {
-        let (x, y) = (sx(t), HEIGHT - BOTTOM);
-        let _ = write!(
-            svg,
-            "<line class=\"axis\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{y:.1}\" y2=\"{:.1}\"/>\
-             <text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
-            y + 4.0,
-            y + 16.0,
-            tick(t, x_step)
-        );
-    }
-    let floor = HEIGHT - BOTTOM;
-    let _ = write!(
-        svg,
-        "<line class=\"axis\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{floor}\" y2=\"{floor}\"/>\
-         <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">step</text>",
-        WIDTH - RIGHT,
-        WIDTH - RIGHT,
-        HEIGHT - 3.0
-    );
-    if parts.iter().any(|p| p.high > p.low) {
-        let upper = parts.iter().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.high)));
-        let lower = parts.iter().rev().map(|p| format!("{:.1},{:.1}", sx(p.step), sy(p.low)));
-        let outline: Vec<String> = upper.chain(lower).collect();
-        let _ = write!(svg, "<polygon class=\"band\" points=\"{}\"/>", outline.join(" "));
-    }
-    let corners = corners(&parts, curve.form);
-    if !corners.is_empty() {
-        let line: Vec<String> = corners.iter().map(|(x, y)| format!("{:.1},{:.1}", sx(*x), sy(*y))).collect();
-        let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
-    }
-    if curve.form == CurveForm::Dots || curve.form == CurveForm::Line && parts.len() <= 24 {
-        for p in &parts {
-            let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"/>", sx(p.step), sy(p.mean));
-        }
-    }
+    let axes = Axes::new([first.0.min(0.0), steps.max(last.0).max(1.0)], low, high);
+    let svg = axes.drawn() + &marks(&parts, curve.form, &axes);
     let data: Vec<String> = parts
         .iter()
-        .map(|p| format!("{:.1}|{:.1}|{}|{}", sx(p.step), sy(p.mean), short(p.step.round()), short(p.mean)))
+        .map(|p| {
+            let (step, mean) = (short(p.step.round()), short(p.mean));
+            format!("{:.1}|{:.1}|{step}|{mean}", axes.across(p.step), axes.down(p.mean))
+        })
         .collect();
     let summary = format!(
         "{} against training step: from {} at step {} to {} at step {}, lowest {}, highest {}",
@@ -112,9 +137,10 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         short(first.0),
         short(last.1),
         short(last.0),
-        short(parts.iter().map(|p| p.low).fold(f64::INFINITY, f64::min)),
+        short(low),
         short(high)
     );
+    let floor = HEIGHT - BOTTOM;
     format!(
         "<figure class=\"chart chart{}\">{heading}<output class=\"reading\" aria-hidden=\"true\">{}</output>\
          <svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\" data-points=\"{}\">{svg}\
@@ -125,6 +151,30 @@ pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
         escape(&summary),
         data.join(";")
     )
+}
+
+/// The band of the range, the line and the dots of a curve, where its form has them.
+fn marks(parts: &[Part], form: CurveForm, axes: &Axes) -> String {
+    let mut svg = String::new();
+    let at = |step: f64, value: f64| format!("{:.1},{:.1}", axes.across(step), axes.down(value));
+    if parts.iter().any(|p| p.high > p.low) {
+        let upper = parts.iter().map(|p| at(p.step, p.high));
+        let lower = parts.iter().rev().map(|p| at(p.step, p.low));
+        let outline: Vec<String> = upper.chain(lower).collect();
+        let _ = write!(svg, "<polygon class=\"band\" points=\"{}\"/>", outline.join(" "));
+    }
+    let corners = corners(parts, form);
+    if !corners.is_empty() {
+        let line: Vec<String> = corners.iter().map(|(x, y)| at(*x, *y)).collect();
+        let _ = write!(svg, "<polyline class=\"line\" points=\"{}\"/>", line.join(" "));
+    }
+    if form == CurveForm::Dots || form == CurveForm::Line && parts.len() <= 24 {
+        for p in parts {
+            let (x, y) = (axes.across(p.step), axes.down(p.mean));
+            let _ = write!(svg, "<circle class=\"dot\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\"/>");
+        }
+    }
+    svg
 }
 
 /// The points that a line joins.

@@ -29,21 +29,36 @@ pub(super) struct Seen {
 #[derive(Clone, Debug)]
 struct Parts {
     point: [f64; 3],
-    rotation: Mat3,
-    deviations: [f64; 3],
-    /// x/z and y/z as the Jacobian sees them, and whether they were clamped.
-    slope: [f64; 2],
-    clamped: [bool; 2],
-    jacobian: Mat2x3,
-    sigma: Mat3,
-    before: Mat2,
-    after: Mat2,
-    factor: f64,
-    factor_floored: bool,
+    ellipsoid: Ellipsoid,
+    ellipse: Ellipse,
     lit: [bool; 3],
     shortest: usize,
     turned: f64,
     sigmoid: f64,
+}
+
+/// A splat's covariance in the world, sigma = axes axes^T.
+#[derive(Clone, Debug)]
+struct Ellipsoid {
+    rotation: Mat3,
+    deviations: [f64; 3],
+    axes: Mat3,
+    sigma: Mat3,
+}
+
+/// The covariance in the image.
+#[derive(Clone, Debug)]
+struct Ellipse {
+    /// x/z and y/z as the Jacobian sees them, and whether they were clamped.
+    slope: [f64; 2],
+    clamped: [bool; 2],
+    jacobian: Mat2x3,
+    /// Before the dilation, and after.
+    before: Mat2,
+    after: Mat2,
+    /// What the opacity is multiplied by.
+    factor: f64,
+    factor_floored: bool,
 }
 
 fn quaternion_matrix(q: &[f64; 4]) -> Mat3 {
@@ -125,6 +140,87 @@ fn inverse(m: &Mat2) -> Mat2 {
     [[m[1][1] / det, -m[0][1] / det], [-m[1][0] / det, m[0][0] / det]]
 }
 
+fn ellipsoid(splat: &Splat<f64>) -> Ellipsoid {
+    let (unit, _) = unit_quaternion(&splat.quat);
+    let rotation = quaternion_matrix(&unit);
+    let deviations = splat.log_scale.map(f64::exp);
+    let axes: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| rotation[i][j] * deviations[j]));
+    Ellipsoid { rotation, deviations, axes, sigma: product(&axes, &transposed(&axes)) }
+}
+
+/// The image of an ellipsoid around a point in the frame of the camera.
+fn ellipse([x, y, z]: [f64; 3], sigma: &Mat3, camera: &Camera, antialias: bool) -> Ellipse {
+    let (focal, principal) = (focal(camera), principal(camera));
+    let size = [f64::from(camera.width), f64::from(camera.height)];
+    let free = [x / z, y / z];
+    let slope: [f64; 2] = std::array::from_fn(|k| {
+        let margin = 0.3 * (size[k] / (2.0 * focal[k]));
+        free[k].clamp(-principal[k] / focal[k] - margin, (size[k] - principal[k]) / focal[k] + margin)
+    });
+    let clamped = std::array::from_fn(|k| slope[k] != free[k]);
+    let jacobian = [[focal[0] / z, 0.0, -focal[0] * slope[0] / z], [0.0, focal[1] / z, -focal[1] * slope[1] / z]];
+    let t = product(&jacobian, &camera.rotation);
+    let before = product(&product(&t, sigma), &transposed(&t));
+    let after = [[before[0][0] + 0.3, before[0][1]], [before[1][0], before[1][1] + 0.3]];
+    let det = |m: &Mat2| m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    let share = det(&before) / det(&after);
+    let (factor, factor_floored) = match antialias {
+        true => (share.max(2.5e-5).sqrt(), share <= 2.5e-5),
+        false => (1.0, true),
+    };
+    Ellipse { slope, clamped, jacobian, before, after, factor, factor_floored }
+}
+
+fn focal(camera: &Camera) -> [f64; 2] {
+    [camera.fx, camera.fy]
+}
+
+fn principal(camera: &Camera) -> [f64; 2] {
+    [camera.cx, camera.cy]
+}
+
+/// The colour before what is below zero becomes zero.
+fn unbounded_color(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3] {
+    let (dir, _) = sight(splat, camera);
+    let mut color = [0.5; 3];
+    for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(degree)) {
+        for c in 0..3 {
+            color[c] += y.0 * f[c];
+        }
+    }
+    color
+}
+
+/// Condition of the mean, the conic and the depth, see [`Seen`].
+struct Condition {
+    mean: [f64; 2],
+    conic: f64,
+    depth: f64,
+}
+
+/// First-order effect of rounding every operand, as multiples of epsilon.
+fn condition(splat: &Splat<f64>, camera: &Camera, point: [f64; 3], axes: &Mat3, ellipse: &Ellipse) -> Condition {
+    let [x, y, z] = point;
+    let (w, focal, principal) = (&camera.rotation, focal(camera), principal(camera));
+    let free = [x / z, y / z];
+    let reach: [f64; 3] = std::array::from_fn(|i| {
+        (0..3).map(|j| (w[i][j] * splat.mean[j]).abs()).sum::<f64>() + camera.translation[i].abs()
+    });
+    let in_camera = product(w, axes);
+    let pulled: [f64; 2] = std::array::from_fn(|k| {
+        let span = norm(&in_camera[k]) + ellipse.slope[k].abs() * norm(&in_camera[2]);
+        focal[k] / z * span / ellipse.after[k][k].sqrt()
+    });
+    let depth = 1.0 + reach[2] / z;
+    Condition {
+        mean: std::array::from_fn(|k| {
+            focal[k] / z * (reach[k] + free[k].abs() * reach[2]) + (focal[k] * free[k]).abs() + principal[k].abs()
+        }),
+        conic: pulled[0].max(pulled[1]) + depth,
+        depth,
+    }
+}
+
 /// Projects a splat, or `None` when it is not seen.
 pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> Option<Seen> {
     if splat.to_array().iter().any(|v| !v.is_finite()) {
@@ -137,86 +233,29 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
     if z <= settings.near {
         return None;
     }
-    let (unit, _) = unit_quaternion(&splat.quat);
-    let rotation = quaternion_matrix(&unit);
-    let deviations = splat.log_scale.map(f64::exp);
-    let axes: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| rotation[i][j] * deviations[j]));
-    let sigma = product(&axes, &transposed(&axes));
-
-    let focal = [camera.fx, camera.fy];
-    let principal = [camera.cx, camera.cy];
-    let size = [f64::from(camera.width), f64::from(camera.height)];
-    let free = [x / z, y / z];
-    let slope: [f64; 2] = std::array::from_fn(|k| {
-        let margin = 0.3 * (size[k] / (2.0 * focal[k]));
-        free[k].clamp(-principal[k] / focal[k] - margin, (size[k] - principal[k]) / focal[k] + margin)
-    });
-    let clamped = std::array::from_fn(|k| slope[k] != free[k]);
-    let jacobian = [[focal[0] / z, 0.0, -focal[0] * slope[0] / z], [0.0, focal[1] / z, -focal[1] * slope[1] / z]];
-    let t = product(&jacobian, w);
-    let before = product(&product(&t, &sigma), &transposed(&t));
-    let after = [[before[0][0] + 0.3, before[0][1]], [before[1][0], before[1][1] + 0.3]];
-    let det = |m: &Mat2| m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    let share = det(&before) / det(&after);
-    let (factor, factor_floored) = match settings.antialias {
-        true => (share.max(2.5e-5).sqrt(), share <= 2.5e-5),
-        false => (1.0, true),
-    };
-    let q = inverse(&after);
+    let ellipsoid = ellipsoid(splat);
+    let ellipse = ellipse(point, &ellipsoid.sigma, camera, settings.antialias);
+    let condition = condition(splat, camera, point, &ellipsoid.axes, &ellipse);
+    let q = inverse(&ellipse.after);
     let sigmoid = 1.0 / (1.0 + (-splat.logit).exp());
-
-    let (dir, _) = sight(splat, camera);
-    let mut color = [0.5; 3];
-    for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(settings.sh_degree)) {
-        for c in 0..3 {
-            color[c] += y.0 * f[c];
-        }
-    }
+    let color = unbounded_color(splat, camera, settings.sh_degree);
     let shortest = (1..3).fold(0, |best, k| if splat.log_scale[k] < splat.log_scale[best] { k } else { best });
-    let axis = times(w, &std::array::from_fn(|i| rotation[i][shortest]));
+    let axis = times(w, &std::array::from_fn(|i| ellipsoid.rotation[i][shortest]));
     let facing: f64 = (0..3).map(|k| axis[k] * point[k]).sum();
     let turned = if facing > 0.0 { -1.0 } else { 1.0 };
-
-    // First-order effect of rounding every operand, as multiples of epsilon.
-    let reach: [f64; 3] = std::array::from_fn(|i| {
-        (0..3).map(|j| (w[i][j] * splat.mean[j]).abs()).sum::<f64>() + camera.translation[i].abs()
-    });
-    let in_camera = product(w, &axes);
-    let pulled: [f64; 2] = std::array::from_fn(|k| {
-        let span = norm(&in_camera[k]) + slope[k].abs() * norm(&in_camera[2]);
-        focal[k] / z * span / after[k][k].sqrt()
-    });
-    let depth_condition = 1.0 + reach[2] / z;
+    let (focal, principal, free) = (focal(camera), principal(camera), [x / z, y / z]);
     Some(Seen {
         index,
         mean: std::array::from_fn(|k| focal[k] * free[k] + principal[k]),
         conic: [q[0][0], q[0][1], q[1][1]],
-        opacity: sigmoid * factor,
+        opacity: sigmoid * ellipse.factor,
         depth: z,
         color: color.map(|v| v.max(0.0)),
         normal: axis.map(|v| turned * v),
-        mean_condition: std::array::from_fn(|k| {
-            focal[k] / z * (reach[k] + free[k].abs() * reach[2]) + (focal[k] * free[k]).abs() + principal[k].abs()
-        }),
-        conic_condition: pulled[0].max(pulled[1]) + depth_condition,
-        depth_condition,
-        parts: Parts {
-            point,
-            rotation,
-            deviations,
-            slope,
-            clamped,
-            jacobian,
-            sigma,
-            before,
-            after,
-            factor,
-            factor_floored,
-            lit: color.map(|v| v > 0.0),
-            shortest,
-            turned,
-            sigmoid,
-        },
+        mean_condition: condition.mean,
+        conic_condition: condition.conic,
+        depth_condition: condition.depth,
+        parts: Parts { point, ellipsoid, ellipse, lit: color.map(|v| v > 0.0), shortest, turned, sigmoid },
     })
 }
 
@@ -230,7 +269,6 @@ pub(super) fn pull_back(
     g_normal: &[f64; 3],
 ) -> Splat<f64> {
     let parts = &seen.parts;
-    let w = &camera.rotation;
     let [x, y, z] = parts.point;
     let mut g_point = [0.0; 3];
 
@@ -240,47 +278,69 @@ pub(super) fn pull_back(
     g_point[2] += row[9] - row[0] * camera.fx * x / (z * z) - row[1] * camera.fy * y / (z * z);
 
     // Opacity: o = sigmoid(logit) f, f = sqrt(det before / det after).
-    let logit = row[5] * parts.factor * parts.sigmoid * (1.0 - parts.sigmoid);
-    let g_factor = row[5] * parts.sigmoid;
+    let logit = row[5] * parts.ellipse.factor * parts.sigmoid * (1.0 - parts.sigmoid);
+    let g_cov = pull_back_conic(&parts.ellipse, row, row[5] * parts.sigmoid, settings.antialias);
+    let g_sigma = pull_back_ellipse(parts, camera, &g_cov, &mut g_point);
+    let (quat, log_scale) =
+        pull_back_ellipsoid(splat, parts, &g_sigma, &times(&transposed(&camera.rotation), g_normal));
 
-    // d(Q) = -Q d(Sigma') Q; d ln det(m) = tr(m^-1 dm).
-    let q = inverse(&parts.after);
+    // Colour: at the lower bound what would raise the colour passes, if anything.
+    let share = |c: usize| match (parts.lit[c], settings.black_learns) {
+        (true, _) => row[6 + c],
+        (false, true) => row[6 + c].min(0.0),
+        (false, false) => 0.0,
+    };
+    let g_color: [f64; 3] = std::array::from_fn(share);
+    let (sh, g_sight) = pull_back_color(splat, camera, settings.sh_degree, &g_color);
+    let through_camera = times(&transposed(&camera.rotation), &g_point);
+    let mean = std::array::from_fn(|k| through_camera[k] + g_sight[k]);
+    Splat { mean, quat, log_scale, logit, sh }
+}
+
+/// To the covariance in the image, from the conic and the factor of the opacity: d(Q) = -Q d(Sigma') Q; d ln det(m) = tr(m^-1 dm).
+fn pull_back_conic(ellipse: &Ellipse, row: &[f64; 12], g_factor: f64, antialias: bool) -> Mat2 {
+    let q = inverse(&ellipse.after);
     let packed = [[row[2], row[3] / 2.0], [row[3] / 2.0, row[4]]];
     let mut g_cov = scaled(-1.0, &product(&product(&q, &packed), &q));
-    if settings.antialias && !parts.factor_floored {
-        let q0 = inverse(&parts.before);
+    if antialias && !ellipse.factor_floored {
+        let q0 = inverse(&ellipse.before);
         for i in 0..2 {
             for j in 0..2 {
-                g_cov[i][j] += g_factor * parts.factor / 2.0 * (q0[i][j] - q[i][j]);
+                g_cov[i][j] += g_factor * ellipse.factor / 2.0 * (q0[i][j] - q[i][j]);
             }
         }
     }
+    g_cov
+}
 
-    // Sigma' = T Sigma T^T with T = J W.
-    let t = product(&parts.jacobian, w);
-    let g_t: Mat2x3 = scaled(2.0, &product(&product(&g_cov, &t), &parts.sigma));
-    let g_sigma = product(&product(&transposed(&t), &g_cov), &t);
+/// To the covariance in the world, and to the point through the Jacobian: Sigma' = T Sigma T^T with T = J W.
+fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut [f64; 3]) -> Mat3 {
+    let Ellipse { slope, clamped, jacobian, .. } = &parts.ellipse;
+    let (w, z, focal) = (&camera.rotation, parts.point[2], focal(camera));
+    let t = product(jacobian, w);
+    let g_t: Mat2x3 = scaled(2.0, &product(&product(g_cov, &t), &parts.ellipsoid.sigma));
+    let g_sigma = product(&product(&transposed(&t), g_cov), &t);
     let g_j: Mat2x3 = product(&g_t, &transposed(w));
-    let focal = [camera.fx, camera.fy];
     for k in 0..2 {
         // J[k][k] = f / z, J[k][2] = -f s / z with s = x / z unless clamped.
         let g_slope = -g_j[k][2] * focal[k] / z;
-        g_point[2] += (-g_j[k][k] * focal[k] + g_j[k][2] * focal[k] * parts.slope[k]) / (z * z);
-        if !parts.clamped[k] {
+        g_point[2] += (-g_j[k][k] * focal[k] + g_j[k][2] * focal[k] * slope[k]) / (z * z);
+        if !clamped[k] {
             g_point[k] += g_slope / z;
-            g_point[2] -= g_slope * parts.slope[k] / z;
+            g_point[2] -= g_slope * slope[k] / z;
         }
     }
+    g_sigma
+}
 
-    // Sigma = M M^T with M = R diag(s).
-    let axes: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| parts.rotation[i][j] * parts.deviations[j]));
-    let g_axes = scaled(2.0, &product(&g_sigma, &axes));
-    let log_scale =
-        std::array::from_fn(|j| parts.deviations[j] * (0..3).map(|i| parts.rotation[i][j] * g_axes[i][j]).sum::<f64>());
-    let mut g_rotation: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| g_axes[i][j] * parts.deviations[j]));
-    let back = times(&transposed(w), g_normal);
+/// To the quaternion and the log scales, from the covariance and the normal, both in the world: Sigma = M M^T with M = R diag(s).
+fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_normal: &[f64; 3]) -> ([f64; 4], [f64; 3]) {
+    let Ellipsoid { rotation, deviations, axes, .. } = &parts.ellipsoid;
+    let g_axes = scaled(2.0, &product(g_sigma, axes));
+    let log_scale = std::array::from_fn(|j| deviations[j] * (0..3).map(|i| rotation[i][j] * g_axes[i][j]).sum::<f64>());
+    let mut g_rotation: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| g_axes[i][j] * deviations[j]));
     for i in 0..3 {
-        g_rotation[i][parts.shortest] += parts.turned * back[i];
+        g_rotation[i][parts.shortest] += parts.turned * g_normal[i];
     }
     let (unit, length) = unit_quaternion(&splat.quat);
     let g_unit: [f64; 4] = std::array::from_fn(|k| {
@@ -289,19 +349,15 @@ pub(super) fn pull_back(
     });
     let radial: f64 = (0..4).map(|k| unit[k] * g_unit[k]).sum();
     let quat = std::array::from_fn(|k| length.map_or(0.0, |l| (g_unit[k] - unit[k] * radial) / l));
+    (quat, log_scale)
+}
 
-    // Colour, and the viewing direction.
-    // At the lower bound what would raise the colour passes, if anything.
-    let share = |c: usize| match (parts.lit[c], settings.black_learns) {
-        (true, _) => row[6 + c],
-        (false, true) => row[6 + c].min(0.0),
-        (false, false) => 0.0,
-    };
-    let g_color: [f64; 3] = std::array::from_fn(share);
+/// To the harmonics, and to the mean through the viewing direction.
+fn pull_back_color(splat: &Splat<f64>, camera: &Camera, degree: u32, g_color: &[f64; 3]) -> ([[f64; 3]; 16], [f64; 3]) {
     let (dir, distance) = sight(splat, camera);
     let mut sh = [[0.0; 3]; 16];
     let mut g_dir = [0.0; 3];
-    for (k, (value, slope)) in harmonics(dir).iter().enumerate().take(used(settings.sh_degree)) {
+    for (k, (value, slope)) in harmonics(dir).iter().enumerate().take(used(degree)) {
         sh[k] = g_color.map(|g| value * g);
         let weight: f64 = (0..3).map(|c| splat.sh[k][c] * g_color[c]).sum();
         for axis in 0..3 {
@@ -309,7 +365,5 @@ pub(super) fn pull_back(
         }
     }
     let radial: f64 = (0..3).map(|k| dir[k] * g_dir[k]).sum();
-    let through_camera = times(&transposed(w), &g_point);
-    let mean = std::array::from_fn(|k| through_camera[k] + (g_dir[k] - dir[k] * radial) / distance);
-    Splat { mean, quat, log_scale, logit, sh }
+    (sh, std::array::from_fn(|k| (g_dir[k] - dir[k] * radial) / distance))
 }
