@@ -335,7 +335,7 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
         if !names::leads_out(first) {
             folder::allowed(&images.path.join(first))?;
         }
-        let nearest = names::instead(first, (of_first, &found), &images.path, is_wanted);
+        let nearest = names::instead(first, of_first, &found, &images.path, is_wanted);
         let first = (*first).to_owned();
         if options.strict || !few(missing as u64, total as u64) {
             return Err(Error::MissingPhotographs { folder: images.path, count: missing, total, first, nearest });

@@ -348,13 +348,20 @@ impl fmt::Display for Renamed {
     }
 }
 
-/// What to say of a photograph that no file is, to follow in a sentence. `found` is what was found for it, and for all.
-pub(crate) fn instead(name: &str, found: (&Found, &[Found]), root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
+/// What to say of a photograph that no file is, to follow in a sentence. `found` is what was found for it, and `all` what was found for
+/// all photographs.
+pub(crate) fn instead(
+    name: &str,
+    found: &Found,
+    all: &[Found],
+    root: &Path,
+    wanted: impl Fn(&Path) -> bool,
+) -> String {
     let outside = match leads_out(name) {
         true => ", which leads out of the folder of photographs and is not followed",
         false => "",
     };
-    format!("{outside}{}", in_place(name, found, root, wanted))
+    format!("{outside}{}", in_place(name, found, all, root, wanted))
 }
 
 /// What to say of another path in a file of the dataset that leads to nothing, to follow in a sentence.
@@ -363,10 +370,10 @@ pub(crate) fn missing(path: &str, found: &Found, root: &Path, wanted: impl Fn(&P
         true => ", which leads out of the dataset and is not followed",
         false => ", which is not there",
     };
-    format!("{why}{}", in_place(path, (found, &[]), root, wanted))
+    format!("{why}{}", in_place(path, found, &[], root, wanted))
 }
 
-fn in_place(name: &str, (found, all): (&Found, &[Found]), root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
+fn in_place(name: &str, found: &Found, all: &[Found], root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
     if let Found::Unclear(files) = found {
         let files: Vec<String> = files.iter().map(|file| format!("'{file}'")).collect();
         return match files.as_slice() {

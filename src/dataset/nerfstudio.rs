@@ -228,7 +228,7 @@ fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<
         }
         None => {
             let is = if files::leads_out(path) { "" } else { ", which is not there" };
-            let nearest = is.to_owned() + &files::instead(path, (found, &[]), dataset, folder::may_hold(true, [path]));
+            let nearest = is.to_owned() + &files::instead(path, found, &[], dataset, folder::may_hold(true, [path]));
             let (file, field) = (read.json.file.clone(), "file_path".to_owned());
             Err(Error::NoSuchFile { file, field, path: path.to_owned(), nearest })
         }

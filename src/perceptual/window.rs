@@ -45,6 +45,7 @@ pub struct GradientOf<'a> {
 }
 
 /// One side of a convolution.
+#[derive(Clone, Copy)]
 struct Side<'a> {
     buffer: &'a Buffer,
     size: (u32, u32),
@@ -52,6 +53,17 @@ struct Side<'a> {
     row: u32,
     /// First row that is read or written.
     first: u32,
+}
+
+/// What a convolution reads and writes, of so many images.
+#[derive(Clone, Copy)]
+struct Convolved<'a> {
+    source: Side<'a>,
+    result: Side<'a>,
+    /// Features that say where gradients pass, laid out as the result.
+    gate: Option<&'a Buffer>,
+    images: u32,
+    flags: u32,
 }
 
 impl Windows {
@@ -131,7 +143,7 @@ impl Windows {
                     let source = self.side(&room.features, from, 0);
                     let result = self.side(&room.features, to, (c.first_channel / 4) as u32);
                     let flags = if network.tensors[to].rectified { FLAG_RELU } else { 0 };
-                    self.convolve(recorder, placed, &source, None, &result, 2, flags)?;
+                    self.convolve(recorder, placed, &Convolved { source, result, gate: None, images: 2, flags })?;
                 }
                 (_, _, Some(winners)) => {
                     let ((in_width, in_height), (out_width, out_height)) = (room.sizes[from], room.sizes[to]);
@@ -199,7 +211,7 @@ impl Windows {
                     let image = Side { buffer: &gradients.blocks, size: gradients.block_size, row: 4, first: 0 };
                     let result = if from == 0 { image } else { self.side(&gradients.features, from, 0) };
                     let gate = Some(&room.features[from]).filter(|_| flags & FLAG_GATE != 0);
-                    self.convolve(recorder, placed, &source, gate, &result, 1, flags)?;
+                    self.convolve(recorder, placed, &Convolved { source, result, gate, images: 1, flags })?;
                 }
                 (_, _, Some(winners)) => {
                     let ((in_width, in_height), (out_width, out_height)) = (room.sizes[from], room.sizes[to]);
@@ -221,19 +233,8 @@ impl Windows {
         Side { buffer: &of[tensor], size: self.room.sizes[tensor], row, first }
     }
 
-    /// A convolution of `images` images; the gate is laid out as the result.
-    #[allow(clippy::too_many_arguments)]
-    fn convolve(
-        &self,
-        recorder: &mut Recorder,
-        placed: &Placed,
-        source: &Side<'_>,
-        gate: Option<&Buffer>,
-        result: &Side<'_>,
-        images: u32,
-        flags: u32,
-    ) -> Result<(), Error> {
-        let trunk = &self.trunk;
+    fn convolve(&self, recorder: &mut Recorder, placed: &Placed, of: &Convolved<'_>) -> Result<(), Error> {
+        let (trunk, Convolved { source, result, gate, images, flags }) = (&self.trunk, *of);
         let push = conv::Push {
             in_width: source.size.0,
             in_height: source.size.1,

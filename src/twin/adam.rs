@@ -7,9 +7,27 @@ use crate::pass::counters;
 /// A larger gradient (its square would not fit f32) leaves its element as it is, like one that is not finite.
 pub const LARGEST_GRADIENT: f64 = 4e18;
 
-/// One step on one element: gradient, then parameter, first and second moment in place.
-/// `lr` is the element's learning rate.
-pub fn adam<R: Real>(push: &Push, lr: R, g: R, (param, first, second): (&mut R, &mut R, &mut R)) {
+/// A number that is learned, where it stands.
+#[derive(Debug)]
+pub struct Element<'a, R> {
+    /// The parameter.
+    pub param: &'a mut R,
+    /// Its first moment.
+    pub first: &'a mut R,
+    /// Its second moment.
+    pub second: &'a mut R,
+}
+
+impl<R> Element<'_, R> {
+    /// The same, to be used again afterwards.
+    pub fn reborrowed(&mut self) -> Element<'_, R> {
+        Element { param: self.param, first: self.first, second: self.second }
+    }
+}
+
+/// One step on one element with its gradient. `lr` is the element's learning rate.
+pub fn adam<R: Real>(push: &Push, lr: R, g: R, element: Element<'_, R>) {
+    let Element { param, first, second } = element;
     let r = |x: f32| R::of(f64::from(x));
     if g.is_nan() || g.abs() > R::of(LARGEST_GRADIENT) {
         return;
@@ -59,7 +77,8 @@ fn power<R: Real>(x: R, k: u32) -> R {
 }
 
 /// Makes up for steps that an element has missed, with the rate and the bias corrections of now.
-pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, (param, first, second): (&mut R, &mut R, &mut R)) {
+pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, element: Element<'_, R>) {
+    let Element { param, first, second } = element;
     let r = |x: f32| R::of(f64::from(x));
     let speed = (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
     *param -= lr * missed.moved * speed;
@@ -75,7 +94,8 @@ pub fn run(call: &mut TwinCall<'_>) {
     let (mut param, mut first, mut second) = (call.get::<f32>(2), call.get::<f32>(3), call.get::<f32>(4));
     for i in 0..n {
         let lr = if (i as u32) % push.row < push.head { push.lr_head } else { push.lr_rest };
-        adam(&push, lr, grad[i], (&mut param[i], &mut first[i], &mut second[i]));
+        let element = Element { param: &mut param[i], first: &mut first[i], second: &mut second[i] };
+        adam(&push, lr, grad[i], element);
     }
     call.set(2, &param);
     call.set(3, &first);
@@ -84,7 +104,7 @@ pub fn run(call: &mut TwinCall<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Missed, adam, catch_up};
+    use super::{Element, Missed, adam, catch_up};
     use crate::pass::adam::{Push, Settings};
 
     /// Without a gradient, one step after the other and all at once. The bias corrections of late steps hardly differ.
@@ -93,11 +113,14 @@ mod tests {
         let push = |t: u32| Push::new(&Settings::default(), t, 1, 0, 0.0, 0.0);
         for (count, start) in [(0, 9_000), (1, 9_000), (7, 9_000), (28, 9_000), (1_000, 20_000), (65_535, 20_000)] {
             let (mut one, mut all) = ((0.3_f64, -2e-4, 5e-7), (0.3_f64, -2e-4, 5e-7));
+            fn of((param, first, second): &mut (f64, f64, f64)) -> Element<'_, f64> {
+                Element { param, first, second }
+            }
             for k in 1..=count {
-                adam(&push(start + k), 0.01, 0.0, (&mut one.0, &mut one.1, &mut one.2));
+                adam(&push(start + k), 0.01, 0.0, of(&mut one));
             }
             let (now, missed) = (push(start + count), Missed::steps(&push(start), count));
-            catch_up(&now, &missed, 0.01, (&mut all.0, &mut all.1, &mut all.2));
+            catch_up(&now, &missed, 0.01, of(&mut all));
             let far = (one.0 - 0.3).abs();
             assert!((one.0 - all.0).abs() <= 1e-4 * far, "{count}: {} and {}", one.0, all.0);
             // Multiplied step by step, what is below the normal numbers stays at the smallest of them.

@@ -1,6 +1,6 @@
 //! Twin of `glsl/exposure_apply.comp`, `glsl/exposure_backward.comp` and `glsl/exposure_step.comp`.
 
-use super::adam::{LARGEST_GRADIENT, adam};
+use super::adam::{Element, LARGEST_GRADIENT, adam};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::exposure::{NUMBERS, PIXELS, Push, ROW, StepPush};
@@ -49,7 +49,8 @@ pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) 
         let common = fifths(views, |i| exposures[ROW * i + 3 * NUMBERS + k]) / R::of(f64::from(push.known));
         let g = if told { *g - common } else { *g };
         let (mut p, mut m, mut v) = (exposures[at], exposures[at + NUMBERS], exposures[at + 2 * NUMBERS]);
-        adam(&settings, R::of(f64::from(push.lr)), g, (&mut p, &mut m, &mut v));
+        let element = Element { param: &mut p, first: &mut m, second: &mut v };
+        adam(&settings, R::of(f64::from(push.lr)), g, element);
         (exposures[at], exposures[at + NUMBERS], exposures[at + 2 * NUMBERS]) = (p, m, v);
         let sum = fifths(views, |i| exposures[ROW * i + k]);
         exposures[ROW * views + k] = sum / R::of(f64::from(push.views));

@@ -202,9 +202,25 @@ fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
 }
 
-/// `loss_strips`, one channel, x being y where `counts` is false: SSIM's derivatives weighted along columns, and SSIM
-/// of each pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
-pub fn strips<R: Real>(x: &[R], y: &[R], counts: &[bool], weights: &[R], width: usize) -> (Vec<[R; 3]>, Vec<R>) {
+/// A channel of the render and of the photograph.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a, R> {
+    /// The render's values, which are the photograph's where pixels do not count.
+    pub x: &'a [R],
+    /// The photograph's.
+    pub y: &'a [R],
+    /// Which pixels count.
+    pub counts: &'a [bool],
+    /// The weight of each pixel.
+    pub weights: &'a [R],
+    /// Pixels of a row.
+    pub width: usize,
+}
+
+/// `loss_strips`, one channel: SSIM's derivatives weighted along columns, and SSIM of each
+/// pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
+pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
+    let Compared { x, y, counts, weights, width } = *of;
     let moments = rows(x, y, width);
     let height = x.len() / width;
     let (mut out, mut values) = (vec![[R::zero(); 3]; x.len()], vec![R::zero(); x.len()]);
@@ -235,16 +251,9 @@ fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
     (luminance * structure, [constant, -two * luminance / b, of_b, R::zero()])
 }
 
-/// `loss_grad`, one channel, x being y where `counts` is false: dL/dx, the means being over `values`.
-pub fn grad<R: Real>(
-    planes: &[[R; 3]],
-    (x, y): (&[R], &[R]),
-    counts: &[bool],
-    weights: &[R],
-    width: usize,
-    lambda: R,
-    values: R,
-) -> Vec<R> {
+/// `loss_grad`, one channel: dL/dx from the planes of [`strips`], the means being over `values`.
+pub fn grad<R: Real>(planes: &[[R; 3]], of: &Compared<'_, R>, lambda: R, values: R) -> Vec<R> {
+    let Compared { x, y, counts, weights, width } = *of;
     let each = R::one() / values;
     let line = |row: &[[R; 3]]| along(row.len(), [R::zero(); 4], |i| [row[i][0], row[i][1], row[i][2], R::zero()]);
     let spread: Vec<[R; 4]> = planes.chunks(width).flat_map(line).collect();
@@ -274,7 +283,7 @@ fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<b
 }
 
 /// The weights of the pixels, from the saliency at a binding where there are any.
-fn weights(call: &TwinCall<'_>, push: &Push, (binding, weighted): (usize, u32)) -> Vec<f32> {
+fn weights(call: &TwinCall<'_>, push: &Push, binding: usize, weighted: u32) -> Vec<f32> {
     let pixels = (push.width * push.height) as usize;
     if weighted == 0 {
         return vec![1.0; pixels];
@@ -298,9 +307,9 @@ fn strip_parts(call: &mut TwinCall<'_>, apart: usize) {
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
     let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * apart * width];
     let (channels, counts) = channels(call, &push, call.constants[2]);
-    let weights = weights(call, &push, (6, call.constants[3]));
+    let weights = weights(call, &push, 6, call.constants[3]);
     for (c, (x, y)) in channels.into_iter().enumerate() {
-        let (planes, values) = strips(&x, &y, &counts, &weights, width);
+        let (planes, values) = strips(&Compared { x: &x, y: &y, counts: &counts, weights: &weights, width });
         for (k, value) in values.into_iter().enumerate() {
             parts[(k / width / segment * apart + c % apart) * width + k % width] += value;
         }
@@ -316,10 +325,11 @@ pub fn run_grad(call: &mut TwinCall<'_>) {
     let mut parts = vec![0.0f32; push.height as usize * lanes];
     let mut out = vec![[0.0f32; 4]; width * push.height as usize];
     let (channels, counts) = channels(call, &push, call.constants[1]);
-    let weights = weights(call, &push, (7, call.constants[2]));
+    let weights = weights(call, &push, 7, call.constants[2]);
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let planes = call.get::<[f32; 3]>(2 + c);
-        let of_channel = grad(&planes[..x.len()], (&x, &y), &counts, &weights, width, push.lambda, push.values);
+        let compared = Compared { x: &x, y: &y, counts: &counts, weights: &weights, width };
+        let of_channel = grad(&planes[..x.len()], &compared, push.lambda, push.values);
         for (k, g) in of_channel.into_iter().enumerate() {
             out[k][c] = g;
             parts[k / width * lanes + k % width % lanes] += (x[k] - y[k]).abs();

@@ -40,7 +40,9 @@ pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, color: [R; 3]
     let (_, side) = projection::normal(view, p, &e.rot, axis);
     let w = view.rotation;
     let g_axis = vec3::combine(vec3::scale(side, g.normal), w);
-    let through = projection::backward(view, &e, p[2], [g.row[2], g.row[3], g.row[4]], g_compensation, (g_axis, axis));
+    let conic = [g.row[2], g.row[3], g.row[4]];
+    let upstream = projection::EwaUpstream { conic, compensation: g_compensation, axis, of_axis: g_axis };
+    let through = projection::backward(view, &e, p[2], &upstream);
     let mut g_p = through.p;
     g_p[2] += g.row[9];
     for k in 0..2 {

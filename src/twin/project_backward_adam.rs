@@ -1,6 +1,6 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
-use super::adam::{LARGEST_GRADIENT, Missed, adam, catch_up, decay};
+use super::adam::{Element, LARGEST_GRADIENT, Missed, adam, catch_up, decay};
 use super::project_backward::{Grad2d, flatten, project_backward, shrink};
 use super::splat::{PARAMETERS, Splat, View};
 use super::{Real, TwinCall};
@@ -70,7 +70,7 @@ pub(super) fn touched(constants: &[u32], full: bool) -> usize {
 
 /// One step of one splat with the gradients of its parameters (zeros for a culled one).
 pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
-    step_of(push, constants, state, (gradient, Pace::default()), true)
+    step_of(push, constants, state, gradient, Pace::default(), true)
 }
 
 /// The same of a splat at its pace.
@@ -81,7 +81,7 @@ pub fn step_after<R: Real>(
     gradient: &Splat<R>,
     pace: Pace,
 ) -> Stepped<R> {
-    step_of(push, constants, state, (gradient, pace), true)
+    step_of(push, constants, state, gradient, pace, true)
 }
 
 /// The same of a splat with all harmonics or with those up to degree 1.
@@ -89,7 +89,8 @@ pub(super) fn step_of<R: Real>(
     push: &Push,
     constants: &[u32],
     state: &Stepped<R>,
-    (gradient, pace): (&Splat<R>, Pace),
+    gradient: &Splat<R>,
+    pace: Pace,
     full: bool,
 ) -> Stepped<R> {
     let (g, mut params) = (gradient.to_array(), state.splat.to_array());
@@ -98,7 +99,7 @@ pub(super) fn step_of<R: Real>(
     {
         let (numbers, lr) = of_parameter(push, constants, k);
         let lr = R::of(f64::from(lr));
-        let element = (&mut params[k], &mut first[k], &mut second[k]);
+        let mut element = Element { param: &mut params[k], first: &mut first[k], second: &mut second[k] };
         if constants[LISTED] == 0 && constants[CATCHES_UP] == 0 {
             adam(&numbers, lr, g[k], element);
             continue;
@@ -106,7 +107,7 @@ pub(super) fn step_of<R: Real>(
         let parts = |count: u32| R::of(f64::from(count)) * part::<R>(&numbers);
         let mut missed = Missed::steps(&numbers, pace.missed);
         missed.moved -= parts(pace.advanced);
-        catch_up(&numbers, &missed, lr, (&mut *element.0, &mut *element.1, &mut *element.2));
+        catch_up(&numbers, &missed, lr, element.reborrowed());
         if constants[CATCHES_UP] == 0 {
             let says_nothing = g[k].is_nan() || g[k].abs() > R::of(LARGEST_GRADIENT);
             let g = if says_nothing { R::zero() } else { g[k] };
@@ -271,7 +272,7 @@ pub fn run(call: &mut TwinCall<'_>) {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
         let gradient = inputs.gradient(i, &splat);
         let state = Stepped { splat, first, second };
-        let after = step_of(&push, call.constants, &state, (&gradient, pace), i < inputs.full);
+        let after = step_of(&push, call.constants, &state, &gradient, pace, i < inputs.full);
         for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
             values.store(plane, i);
         }

@@ -57,7 +57,7 @@ pub fn run(call: &mut TwinCall<'_>) {
             splat,
         };
         let gradient = inputs.gradient(i, &state.splat);
-        let after = step_of(&push, call.constants, &state, (&gradient, pace), i < inputs.full);
+        let after = step_of(&push, call.constants, &state, &gradient, pace, i < inputs.full);
         let (first, second) = (after.first.to_array(), after.second.to_array());
         let repacked: [f32; PARAMETERS] = std::array::from_fn(|k| {
             if stepped(i, k) { f32::from_bits(pack(first[k], second[k], dither(push.flags, i, k))) } else { packed[k] }

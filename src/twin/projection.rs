@@ -125,15 +125,22 @@ pub struct EwaGrad<R> {
     pub log_scale: [R; 3],
 }
 
-/// From dL/d(conic), dL/d(compensation) and dL/d(column `axis` of R).
-pub fn backward<R: Real>(
-    view: &View<R>,
-    e: &Ewa<R>,
-    z: R,
-    g_conic: [R; 3],
-    g_compensation: R,
-    (g_axis, axis): ([R; 3], usize),
-) -> EwaGrad<R> {
+/// Gradients that [`backward`] takes.
+#[derive(Clone, Copy, Debug)]
+pub struct EwaUpstream<R> {
+    /// With respect to the conic.
+    pub conic: [R; 3],
+    /// With respect to the compensation.
+    pub compensation: R,
+    /// The column of the rotation that is the normal.
+    pub axis: usize,
+    /// With respect to that column.
+    pub of_axis: [R; 3],
+}
+
+/// The gradients at depth `z` from those of what came of the projection.
+pub fn backward<R: Real>(view: &View<R>, e: &Ewa<R>, z: R, upstream: &EwaUpstream<R>) -> EwaGrad<R> {
+    let EwaUpstream { conic: g_conic, compensation: g_compensation, axis, of_axis: g_axis } = *upstream;
     let (half, two) = (R::of(0.5), R::of(2.0));
     let x = [vec3::cross(e.m[1], e.n), vec3::cross(e.n, e.m[0])];
     let k: [[R; 3]; 2] =

@@ -4,7 +4,7 @@ use psrgs_vk::pass::adam::{Push, Settings};
 use psrgs_vk::scene::{Frame, init};
 use psrgs_vk::train::{Input, Pacing, Trainer};
 use psrgs_vk::twin::Real;
-use psrgs_vk::twin::adam::adam;
+use psrgs_vk::twin::adam::{Element, adam};
 
 use super::common;
 use super::common::plane_scene;
@@ -17,7 +17,8 @@ fn longest<R: Real>(gradient: f64, start: u32) -> f64 {
     for t in start..start + 10 {
         let before = param;
         let push = Push::new(&Settings::default(), t, 1, 0, 1.0, 1.0);
-        adam(&push, R::of(1e-3), R::of(gradient), (&mut param, &mut first, &mut second));
+        let element = Element { param: &mut param, first: &mut first, second: &mut second };
+        adam(&push, R::of(1e-3), R::of(gradient), element);
         assert!(param.is_finite() && first.is_finite() && second.is_finite(), "gradient {gradient:e} at {t}");
         longest = longest.max((param.f64() - before.f64()).abs() / 1e-3);
     }

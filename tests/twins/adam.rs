@@ -1,7 +1,7 @@
 //! `adam`: many steps against the f64 twin, rates of head and rest, gradients of every magnitude, non-finite gradients.
 
 use psrgs_vk::pass::adam::{PASS, Push, Settings};
-use psrgs_vk::twin::adam::adam;
+use psrgs_vk::twin::adam::{Element, adam};
 use psrgs_vk::vk::Gpu;
 
 use super::common::splats::seeded;
@@ -47,7 +47,8 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
             let in_head = (i as u32) % row < head;
             let lr = f64::from(if in_head { push.lr_head } else { push.lr_rest });
             let mut want = (f64::from(before.0[i]), f64::from(before.1[i]), f64::from(before.2[i]));
-            adam(&push, lr, f64::from(g), (&mut want.0, &mut want.1, &mut want.2));
+            let element = Element { param: &mut want.0, first: &mut want.1, second: &mut want.2 };
+            adam(&push, lr, f64::from(g), element);
             let close = |got: f32, want: f64, bound: f64| (f64::from(got) - want).abs() <= bound;
             let eps = f64::from(f32::EPSILON);
             // Sums may cancel: the bound is in the size of the terms.

@@ -324,7 +324,7 @@ fn card(
     add("photograph", "Photograph", &panel::hatched(&view.photograph, &view.counting), "")?;
     add("render", "Render", &panel::hatched(&view.render, &view.counting), "")?;
     let map = Colormap::error();
-    let painted = panel::paint(errors, size, (0.0, error_high), &map);
+    let painted = panel::paint(errors, size, 0.0, error_high, &map);
     add(
         "error",
         "Error",

@@ -89,7 +89,7 @@ pub(super) fn quantile(values: impl Iterator<Item = f32>, share: f64) -> f32 {
 }
 
 /// Values as colours between `low` and `high`; grey where there is none.
-pub(super) fn paint(values: &[f32], size: (u32, u32), (low, high): (f32, f32), map: &Colormap) -> RgbImage {
+pub(super) fn paint(values: &[f32], size: (u32, u32), low: f32, high: f32, map: &Colormap) -> RgbImage {
     let span = (high - low).max(f32::MIN_POSITIVE);
     RgbImage::from_fn(size.0, size.1, |x, y| {
         let at = y as usize * size.0 as usize + x as usize;
@@ -106,7 +106,7 @@ pub(super) fn depth(map: &DepthMap) -> (RgbImage, (f32, f32)) {
     let values: Vec<f32> = map.values.iter().map(|&z| if z > 0.0 { z } else { f32::NAN }).collect();
     let low = quantile(values.iter().copied(), 0.01);
     let high = quantile(values.iter().copied(), 0.99).max(low);
-    (paint(&values, (map.width, map.height), (low, high), &Colormap::depth()), (low, high))
+    (paint(&values, (map.width, map.height), low, high, &Colormap::depth()), (low, high))
 }
 
 /// A colour map as a CSS gradient from left to right.

@@ -52,6 +52,18 @@ pub(super) fn block(half: DVec2, bottom: f64, top: f64, side: Finish, cover: Fin
     ]
 }
 
+/// A roof of two slopes with the ridge along x.
+#[derive(Clone, Copy)]
+struct Gable {
+    /// Half the sides of the walls below.
+    half: DVec2,
+    eaves: f64,
+    /// Of the slopes, in radians.
+    angle: f64,
+    /// How far the roof reaches over the walls.
+    over: DVec2,
+}
+
 impl Builder<'_> {
     fn add(&mut self, at: DVec2, faces: Vec<Face>) {
         let turned = DVec2::from_angle(self.yaw).rotate(at);
@@ -87,7 +99,8 @@ impl Builder<'_> {
     }
 
     /// Two slabs over walls that end at the same pitch.
-    fn gable_roof(&mut self, at: DVec2, half: DVec2, eaves: f64, angle: f64, cover: [Finish; 2], over: DVec2) {
+    fn gable_roof(&mut self, at: DVec2, roof: Gable, cover: [Finish; 2]) {
+        let Gable { half, eaves, angle, over } = roof;
         let edge = Finish::Plain(Vec3::new(0.16, 0.1, 0.06));
         for (y, finish) in [(1.0, cover[0]), (-1.0, cover[1])] {
             let n = DVec3::new(0.0, y * angle.sin(), angle.cos());
@@ -202,7 +215,8 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, effects: &Effects, rand
             b.walls(DVec2::ZERO, half, 6.0, walls, Some(angle));
             let seed = random.seed();
             let metal = |k: u32| Finish::Metal { colour: Vec3::new(0.46, 0.47, 0.48), seed: seed.wrapping_add(k) };
-            b.gable_roof(DVec2::ZERO, half, 6.0, angle, [metal(0), metal(1)], DVec2::splat(0.3));
+            let roof = Gable { half, eaves: 6.0, angle, over: DVec2::splat(0.3) };
+            b.gable_roof(DVec2::ZERO, roof, [metal(0), metal(1)]);
             // A lettered board along the ridge.
             let ridge = 6.0 + half.y * angle.tan();
             let (back, seed) = (Vec3::new(0.36, 0.05, 0.05), random.seed());
@@ -227,14 +241,8 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, effects: &Effects, rand
             let nave = half - DVec2::new(2.2, 0.6);
             b.walls(DVec2::new(2.0, 0.0), nave, 7.0, stone, Some(angle));
             let cover = tiles(random);
-            b.gable_roof(
-                DVec2::new(2.0, 0.0),
-                nave,
-                7.0,
-                angle,
-                [cover(false, 0), cover(false, 1)],
-                DVec2::splat(0.35),
-            );
+            let roof = Gable { half: nave, eaves: 7.0, angle, over: DVec2::splat(0.35) };
+            b.gable_roof(DVec2::new(2.0, 0.0), roof, [cover(false, 0), cover(false, 1)]);
             let tower = DVec2::splat(2.3);
             let at = DVec2::new(-half.x + 2.3, 0.0);
             b.walls(at, tower, 15.0, Facade { storey: 5.0, storeys: 3, spacing: 2.4, ..stone }, None);
@@ -261,7 +269,8 @@ fn terrace(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
         let (walls, cover) = &looks[if b.effects.repeats { 0 } else { k as usize }];
         let at = DVec2::new((2.0 * f64::from(k) + 1.0) * unit.x - half.x, 0.0);
         b.walls(at, unit, eaves, *walls, Some(angle));
-        b.gable_roof(at, unit, eaves, angle, [cover(false, 0), cover(false, 1)], DVec2::new(0.0, 0.4));
+        let roof = Gable { half: unit, eaves, angle, over: DVec2::new(0.0, 0.4) };
+        b.gable_roof(at, roof, [cover(false, 0), cover(false, 1)]);
         let ridge = eaves + half.y * angle.tan();
         b.chimney(at + DVec2::new(0.6 * unit.x, 0.25 * half.y), eaves, ridge + 0.8);
         let porch = DVec2::new(at.x - 0.3 * unit.x, half.y + 0.9);
@@ -286,7 +295,8 @@ fn house(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
     b.walls(DVec2::ZERO, half, eaves, walls, Some(angle));
     let cover = tiles(random);
     let panels = random.chance(0.35);
-    b.gable_roof(DVec2::ZERO, half, eaves, angle, [cover(false, 0), cover(panels, 1)], DVec2::new(0.4, 0.5));
+    let roof = Gable { half, eaves, angle, over: DVec2::new(0.4, 0.5) };
+    b.gable_roof(DVec2::ZERO, roof, [cover(false, 0), cover(panels, 1)]);
     let ridge = eaves + half.y * angle.tan();
     b.chimney(DVec2::new(0.45 * half.x, 0.2 * half.y), eaves, ridge + 1.0);
     if random.chance(0.6) && half.x > 4.5 {

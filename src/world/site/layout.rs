@@ -9,7 +9,7 @@ use crate::scene::random::Random;
 use crate::world::WorldParams;
 use crate::world::geometry::{Solid, Terrain};
 use crate::world::noise::{fbm2, smoothstep};
-use crate::world::surface::{Decal, DecalKind, GroundMap};
+use crate::world::surface::{Decal, DecalKind, GroundMap, OnGround};
 
 /// The ground covers a square of this many extents, so that no camera sees its end.
 const GROUND: f64 = 5.0;
@@ -79,8 +79,8 @@ impl Site {
         }
         p.street();
         p.thin();
-        let areas = p.plots.clone();
-        let ground = GroundMap::new(p.roads, half, seed ^ 0x5eed, areas, p.decals, &p.crowns, &params.effects);
+        let on = OnGround { roads: p.roads, site: half, buildings: p.plots, decals: p.decals, crowns: &p.crowns };
+        let ground = GroundMap::new(seed ^ 0x5eed, on, &params.effects);
         Self { terrain: p.terrain, solids: p.solids, ground }
     }
 }

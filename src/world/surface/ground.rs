@@ -18,6 +18,17 @@ struct Canopy {
 const TILE: f64 = 8.0;
 const YARD: f64 = 1.8;
 
+/// What lies and stands on the ground.
+pub(crate) struct OnGround<'a> {
+    pub(crate) roads: Roads,
+    /// Half the side of the built site.
+    pub(crate) site: f64,
+    pub(crate) buildings: Vec<Footprint>,
+    pub(crate) decals: Vec<Decal>,
+    /// Centres and radii of crowns.
+    pub(crate) crowns: &'a [(DVec2, f64)],
+}
+
 /// What the ground's colour depends on, found by tile.
 #[derive(Clone, Debug)]
 pub(crate) struct GroundMap {
@@ -44,15 +55,8 @@ struct Tile {
 }
 
 impl GroundMap {
-    pub(crate) fn new(
-        roads: Roads,
-        site: f64,
-        seed: u32,
-        buildings: Vec<Footprint>,
-        decals: Vec<Decal>,
-        crowns: &[(DVec2, f64)],
-        effects: &Effects,
-    ) -> Self {
+    pub(crate) fn new(seed: u32, on: OnGround<'_>, effects: &Effects) -> Self {
+        let OnGround { roads, site, buildings, decals, crowns } = on;
         let half = 1.5 * site;
         let side = (2.0 * half / TILE).ceil().max(1.0) as usize;
         let mut map = Self {

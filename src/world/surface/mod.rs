@@ -9,7 +9,7 @@ mod painted;
 mod plant;
 
 pub(crate) use building::{Facade, Wall};
-pub(crate) use ground::GroundMap;
+pub(crate) use ground::{GroundMap, OnGround};
 pub(crate) use painted::{Decal, DecalKind};
 
 use glam::{DVec2, DVec3, Vec3};
