@@ -363,8 +363,8 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
     Ok(images)
 }
 
-/// Judges the poses, lays the scene's frame over those that hold, and leaves out what has no place in the frame. Returns the frame and the
-/// extent.
+/// Judges the poses, lays the scene's frame over those that hold, and leaves out what has no place in the frame.
+/// Returns the frame and the extent.
 fn place(model: &mut Model, views: &mut Vec<View>, strict: bool) -> Result<(Frame, f64), Error> {
     let mut judged = poses::Judgement::of(model)?;
     judged.apply(views, &mut model.warnings);

@@ -348,15 +348,9 @@ impl fmt::Display for Renamed {
     }
 }
 
-/// What to say of a photograph that no file is, to follow in a sentence. `found` is what was found for it, and `all` what was found for
-/// all photographs.
-pub(crate) fn instead(
-    name: &str,
-    found: &Found,
-    all: &[Found],
-    root: &Path,
-    wanted: impl Fn(&Path) -> bool,
-) -> String {
+/// What to say of a photograph that no file is, to follow in a sentence. `found` is what was found for it, and `all`
+/// what was found for all photographs.
+pub(crate) fn instead(name: &str, found: &Found, all: &[Found], root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
     let outside = match leads_out(name) {
         true => ", which leads out of the folder of photographs and is not followed",
         false => "",

@@ -11,7 +11,8 @@ use super::{DecodeLimit, Error, ImagesFolder, LoadOptions, Role, Samples, View, 
 /// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.
 const SMALLEST_COPY: u32 = 8;
 
-/// A view of each shot with its role and its mask, or why there is none. The photographs are in `images`, where there are any.
+/// A view of each shot with its role and its mask, or why there is none. The photographs are in `images`, where there
+/// are any.
 pub(super) fn of_shots(
     model: &Model,
     images: Option<&ImagesFolder>,

@@ -246,11 +246,17 @@ impl fmt::Display for Warning {
             Self::OtherParts { used, parts, shots } => text::other_parts(f, *used, *parts, *shots),
             Self::OtherModels { used, images, others } => text::other_models(f, used, *images, others),
             Self::OtherPlaces { used, others } => text::other_places(f, used, others),
-            Self::SplitLists { used, unknown, first, in_none, in_both } => text::split_lists(f, *used, *unknown, first.as_deref(), *in_none, *in_both),
+            Self::SplitLists { used, unknown, first, in_none, in_both } => {
+                text::split_lists(f, *used, *unknown, first.as_deref(), *in_none, *in_both)
+            }
             Self::NoPoints { file } => text::no_points(f, file.as_deref()),
-            Self::CountDiffers { file, what, announced, found } => text::count_differs(f, file, what, *announced, *found),
+            Self::CountDiffers { file, what, announced, found } => {
+                text::count_differs(f, file, what, *announced, *found)
+            }
             Self::SharedNumber { number, images } => text::shared_number(f, *number, *images),
-            Self::UnknownObservers { file, points, point, image } => text::unknown_observers(f, file, *points, *point, *image),
+            Self::UnknownObservers { file, points, point, image } => {
+                text::unknown_observers(f, file, *points, *point, *image)
+            }
             Self::PointsWithoutColours(colourless) => colourless.fmt(f),
             Self::LeftOut(left_out) => left_out.fmt(f),
         }

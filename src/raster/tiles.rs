@@ -239,7 +239,8 @@ impl TileLists {
         self.record_tile_order(rec, &inputs, tiles)
     }
 
-    /// Lists the visible splats in the order of their index, with their depths, and sums up the slots before those of each splat.
+    /// Lists the visible splats in the order of their index, with their depths, and sums up the slots before those of
+    /// each splat.
     fn record_visible(&self, rec: &mut Recorder, inputs: &Inputs<'_>) -> Result<()> {
         let [splat2d, tile_counts, count_words] = inputs.slices();
         let [keys, vals] = [both(&self.keys), both(&self.vals)];
@@ -281,7 +282,8 @@ impl TileLists {
         Ok(NearestFirst { order, pair_offsets })
     }
 
-    /// Plans the passes over pairs, if the pairs fit. If not, everything planned so far is void too: what follows must not run on them.
+    /// Plans the passes over pairs, if the pairs fit. If not, everything planned so far is void too: what follows must
+    /// not run on them.
     fn record_plan_of_pairs(&self, rec: &mut Recorder, inputs: &Inputs<'_>, tiles: u32) -> Result<()> {
         let [sort, table] = self.shape.entries(tile_bits(u64::from(tiles)));
         let of_pairs = [sort, table, Entry::items(LOCAL_SIZE), Entry::fixed(1)];
@@ -323,7 +325,8 @@ impl TileLists {
         rec.dispatch(&emit, &bound, &push, inputs.groups(VISIBLE_ITEMS))
     }
 
-    /// Sorts the pairs by their tile, and finds those of each tile. The sort is stable, so pairs of a tile are in the order of their depth.
+    /// Sorts the pairs by their tile, and finds those of each tile. The sort is stable, so pairs of a tile are in the
+    /// order of their depth.
     fn record_tile_order<'a>(&'a self, rec: &mut Recorder, inputs: &Inputs<'a>, tiles: u32) -> Result<Lists<'a>> {
         let [_, _, count_words] = inputs.slices();
         let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));

@@ -68,7 +68,8 @@ impl Answers {
         if float_atomics {
             features = features.push_next(&mut self.float);
         }
-        // SAFETY: the device is 1.3, so the chained structures are known to it; the extension's one only where it has that.
+        // SAFETY: the device is 1.3, so the chained structures are known to it; the extension's one only where it has
+        // that.
         unsafe {
             instance.get_physical_device_properties2(physical, &mut chain);
             instance.get_physical_device_features2(physical, &mut features);
@@ -121,7 +122,8 @@ impl Answers {
 /// The heaps of a device, and what its budget leaves of the largest one of its own, where it has a budget.
 ///
 /// # Safety
-/// `physical` belongs to `instance`, whose API version is at least 1.1; `has_budget` says whether it has that extension.
+/// `physical` belongs to `instance`, whose API version is at least 1.1; `has_budget` says whether it has that
+/// extension.
 unsafe fn memory_of(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

@@ -11,7 +11,8 @@ pub(super) fn text(report: &Report) -> String {
     let mut text = subject(report) + &work_of_a_step(report) + &memory(report);
     let rates = &report.rates;
     text += &format!(
-        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 exponentials/s\n\n",
+        "the device: copies at {} GB/s (kernel) and {} GB/s (command); {} 10^9 operations/s, {} 10^9 \
+         exponentials/s\n\n",
         number(rates.copy_kernel_gb_per_s),
         number(rates.copy_buffer_gb_per_s),
         number(rates.gops_per_s),
@@ -56,7 +57,8 @@ fn subject(report: &Report) -> String {
 fn work_of_a_step(report: &Report) -> String {
     let Report { loss, per_step: host, .. } = report;
     format!(
-        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing waits\n\
+        "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing \
+         waits\n\
          mean loss over the views: {:.5} at first, {:.5} at last\n\
          {} steps after {} to warm up; at most {} of device memory\n",
         host.dispatches,
@@ -78,8 +80,8 @@ fn work_of_a_step(report: &Report) -> String {
 fn memory(report: &Report) -> String {
     let m = report.memory;
     format!(
-        "memory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per splat); \
-         {} for a density change\n\n",
+        "memory: {:.1} B per splat + {:.1} B per pair + {:.1} B per pixel (slots: {:.1} B per pair, {:.1} B per \
+         splat); {} for a density change\n\n",
         m.per_splat,
         m.per_pair,
         m.per_pixel,

@@ -106,7 +106,8 @@ impl Axes {
     }
 }
 
-/// One figure: title, unit, axes from step 0 to `steps`, line. The drawn points go along as data for the reading under the cursor.
+/// One figure: title, unit, axes from step 0 to `steps`, line. The drawn points go along as data for the reading under
+/// the cursor.
 pub(super) fn figure(curve: &Curve, number: usize, steps: f64) -> String {
     let points: Vec<(f64, f64)> =
         curve.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();

@@ -297,7 +297,8 @@ pub(super) fn pull_back(
     Splat { mean, quat, log_scale, logit, sh }
 }
 
-/// To the covariance in the image, from the conic and the factor of the opacity: d(Q) = -Q d(Sigma') Q; d ln det(m) = tr(m^-1 dm).
+/// To the covariance in the image, from the conic and the factor of the opacity: d(Q) = -Q d(Sigma') Q; d ln det(m) =
+/// tr(m^-1 dm).
 fn pull_back_conic(ellipse: &Ellipse, row: &[f64; 12], g_factor: f64, antialias: bool) -> Mat2 {
     let q = inverse(&ellipse.after);
     let packed = [[row[2], row[3] / 2.0], [row[3] / 2.0, row[4]]];
@@ -333,7 +334,8 @@ fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut
     g_sigma
 }
 
-/// To the quaternion and the log scales, from the covariance and the normal, both in the world: Sigma = M M^T with M = R diag(s).
+/// To the quaternion and the log scales, from the covariance and the normal, both in the world: Sigma = M M^T with M =
+/// R diag(s).
 fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_normal: &[f64; 3]) -> ([f64; 4], [f64; 3]) {
     let Ellipsoid { rotation, deviations, axes, .. } = &parts.ellipsoid;
     let g_axes = scaled(2.0, &product(g_sigma, axes));

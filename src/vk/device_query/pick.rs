@@ -6,7 +6,8 @@ use super::Reported;
 use crate::vk::caps::{Addresses, Caps, Choice, DeviceKind, Limits, Subgroup};
 use crate::vk::options::{FloatAtomics, OpenOptions};
 
-/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many threads.
+/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many
+/// threads.
 const WIDEST: u32 = 64;
 /// The width of subgroups in shared memory.
 const EMULATED: u32 = 32;
@@ -205,8 +206,8 @@ fn lowered(limit: &mut u32, most: Option<u32>) -> Option<&'static str> {
     Some("forced")
 }
 
-/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from the width that
-/// it names, those that its pipelines may have, and whether they can ask for one.
+/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from
+/// the width that it names, those that its pipelines may have, and whether they can ask for one.
 fn subgroup_of(named: u32, narrowest: u32, widest: u32, can_pin: bool) -> (Subgroup, bool, String) {
     let one_width = narrowest == widest;
     let emulated = |why: String| (Subgroup::Emulated(EMULATED), false, why);
