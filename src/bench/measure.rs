@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::memory_traffic::Work;
-use super::per_pixel::PerPixel;
 use super::rates::Rates;
 use super::report::{DeviceName, Loss, PerStep, Report, Workload};
+use super::roofline::PerPixel;
 use super::rows::rows;
 use super::upscale::enlarge;
 use super::{Error, Quartiles};

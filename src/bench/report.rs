@@ -1,6 +1,6 @@
 //! What a benchmark tells; the field names are the keys of its JSON.
 
-use super::per_pixel::PerPixel;
+use super::roofline::PerPixel;
 use serde::Serialize;
 
 use super::Quartiles;

@@ -1,7 +1,6 @@
 //! What a pass takes at least: the bytes it must move at the device's bandwidth,
 //! the arithmetic it must do at the device's rate.
 
-use super::per_pixel::PerPixel;
 use serde::Serialize;
 
 use super::memory_traffic::{self, Work};
@@ -87,4 +86,17 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
         _ if is("slot_sum") => plain(12.0 * work.pairs),
         _ => None,
     }
+}
+
+/// Mean numbers of splats per pixel.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PerPixel {
+    /// Looked at by the forward.
+    pub forward_evaluated: f64,
+    /// Blended by the forward.
+    pub forward_blended: f64,
+    /// Looked at by the backward.
+    pub backward_evaluated: f64,
+    /// Given a gradient by the backward.
+    pub backward_blended: f64,
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::memory_traffic::{self, Work};
-use super::per_pixel::PerPixel;
 use super::rates::Rates;
 use super::report::{PassRow, StageRow};
 use super::roofline::Floors;
+use super::roofline::PerPixel;
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
 

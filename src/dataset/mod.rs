@@ -25,7 +25,6 @@ mod nerfstudio;
 mod numeric_limits;
 mod opendronemap;
 mod opensfm;
-mod parts;
 mod paths;
 mod photograph;
 mod picture_file;

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use super::lens::Lens;
-use super::parts::Parts;
 use super::{NoColours, Point, Tracks, Warning};
 use crate::scene::Coordinates;
 
@@ -148,5 +147,24 @@ impl Model {
         self.tracks = self.tracks.kept(kept, &places);
         let mut each = kept.iter();
         self.points.retain(|_| each.next().copied().unwrap_or(true));
+    }
+}
+
+/// What a dataset itself says a photograph is for: one thing, several, or nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Parts {
+    pub(super) train: bool,
+    pub(super) val: bool,
+    pub(super) test: bool,
+}
+
+impl Parts {
+    pub(super) const TRAIN: Self = Self { train: true, val: false, test: false };
+    pub(super) const VAL: Self = Self { train: false, val: true, test: false };
+    pub(super) const TEST: Self = Self { train: false, val: false, test: true };
+
+    /// What both say.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self { train: self.train || other.train, val: self.val || other.val, test: self.test || other.test }
     }
 }

@@ -1,6 +1,6 @@
 //! Which photographs are trained on and which are held out.
 
-use super::parts::Parts;
+use super::model::Parts;
 use std::collections::HashMap;
 
 use super::model::Shot;

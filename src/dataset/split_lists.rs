@@ -4,8 +4,8 @@
 use std::collections::HashMap;
 
 use super::Warning;
+use super::model::Parts;
 use super::names::Names;
-use super::parts::Parts;
 
 /// Their keys, and what they say of a frame.
 const LISTS: [(&str, Parts); 3] =

@@ -1,6 +1,6 @@
 //! Poses by how the colours of the points fit the photographs, where nothing says where these show the points.
 
-use super::judged::{Judged, TELLING};
+use super::{Judged, TELLING};
 use std::sync::Arc;
 
 use rayon::prelude::*;

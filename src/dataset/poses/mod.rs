@@ -4,12 +4,12 @@ mod coarse;
 mod colours;
 mod evidence;
 mod inverted;
-mod judged;
 mod matches;
 mod places;
 mod sketch;
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::colmap::Point;
 use super::extent::far_cameras;
@@ -256,4 +256,17 @@ fn most_see(cameras: &[Camera], points: &[Point]) -> bool {
         points.iter().filter(|p| in_view(camera, p.position)).take(LEAST_POINTS).count() == LEAST_POINTS
     };
     10 * cameras.iter().filter(sees).count() >= 9 * cameras.len()
+}
+
+/// ... and the correlation of half of them has to be this: below, the colours of points say nothing.
+pub(super) const TELLING: f64 = 0.5;
+
+/// A photograph that the colours of the points are held against.
+pub(super) struct Judged {
+    /// Its position among those of its role.
+    pub(super) at: usize,
+    pub(super) camera: Camera,
+    pub(super) coarse: Arc<Coarse>,
+    /// How well they fit from its own pose.
+    pub(super) own: f64,
 }

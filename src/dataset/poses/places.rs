@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::colmap::Point;
 use super::super::{Dataset, Error};
-use super::judged::{Judged, TELLING};
+use super::{Judged, TELLING};
 
 /// A photograph is compared with the poses of this number of nearest others, and with the poses before and after it.
 const NEAREST: usize = 8;
