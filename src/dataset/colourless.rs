@@ -34,7 +34,7 @@ impl NoColours {
         if unknown.is_empty() { Self::Absent } else { Self::Unknown(unknown.to_vec()) }
     }
 
-    /// What is to be said of these colours, if anything.
+    /// The warning about these colours, if any.
     pub fn of_colours(colours: impl IntoIterator<Item = [u8; 3]>) -> Option<Self> {
         let mut colours = colours.into_iter();
         let first = colours.next()?;

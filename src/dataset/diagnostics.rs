@@ -1,4 +1,4 @@
-//! What the cameras of a dataset have in view: whether it will train well, before it is trained.
+//! The views of the cameras of a dataset: whether the dataset will train well, before it is trained.
 
 use rayon::prelude::*;
 

@@ -24,7 +24,7 @@ pub enum Error {
         folder: PathBuf,
         /// The files that would have been read.
         looked_for: String,
-        /// What is there instead, and what to do about it.
+        /// The contents found in its place, and the remedy.
         instead: String,
     },
     /// A camera model that is not known.
@@ -73,7 +73,7 @@ pub enum Error {
     PosesInOtherConvention {
         /// The file with the poses.
         file: PathBuf,
-        /// What they are, and what to do.
+        /// The convention of the poses, and the remedy.
         what: WrongConvention,
     },
     /// Names and poses that do not belong together.
@@ -140,7 +140,7 @@ pub enum Error {
         file: PathBuf,
         /// Its width and height.
         photograph: (u32, u32),
-        /// What the model calls the camera.
+        /// The name of the camera in the model.
         camera: String,
         /// The camera's width and height.
         expected: (u32, u32),
@@ -178,7 +178,7 @@ pub enum Error {
         size: (u32, u32),
         /// Bytes that decoding takes.
         needed: u64,
-        /// What it may take.
+        /// The memory that decoding may take.
         limit: DecodeLimit,
     },
     /// The system gives no memory for decoding a picture.

@@ -91,8 +91,8 @@ fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
     Some((name.map_or_else(|| ".".to_owned(), |inside| inside.display().to_string()), count))
 }
 
-/// What the photographs of a dataset are chosen from, by their paths in the folder: all pictures, but of the dataset's
-/// own folder only those that are not in a folder of something else, unless a name says so.
+/// The filter for paths of pictures from which the photographs of a dataset are chosen. All pictures pass, except that
+/// of the dataset's own folder no picture in a folder for another purpose passes, unless a name leads there.
 pub(super) fn may_hold<'a>(own: bool, named: impl IntoIterator<Item = &'a str>) -> impl Fn(&Path) -> bool {
     let named: Vec<String> = named.into_iter().map(|name| name.replace('\\', "/")).collect();
     let first_of =

@@ -1,4 +1,4 @@
-//! What to say to someone who names a folder that is no dataset.
+//! Advice for a user who names a folder that is no dataset.
 
 use std::fs;
 use std::io::{self, ErrorKind};

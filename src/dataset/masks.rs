@@ -142,7 +142,7 @@ fn fits(file: &Path, mask: (u32, u32), photograph: (u32, u32)) -> Result<(), Err
     Err(Error::MaskSize { file: file.to_owned(), mask, photograph, turned })
 }
 
-/// What the mask of a photograph does.
+/// The use of the mask of a photograph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MaskUse {
     /// Pixels of the mask that leave out.
@@ -169,8 +169,8 @@ impl Mask {
         Ok(Self::of(&picture(file, &whole(file, &bytes, limit)?, limit)?, ignores))
     }
 
-    /// What is brighter than half of the mask's brightest value is white: masks of 0 and 1 are as common as those of 0
-    /// and 255. Where the colour says nothing, the opacity takes the place of the brightness.
+    /// Pixels above half of the brightest value of the mask are white, because masks of 0 and 1 are as common as masks
+    /// of 0 and 255. Where the colour says nothing, the opacity takes the place of the brightness.
     fn of(image: &DynamicImage, ignores: MaskIgnores) -> Self {
         let luma = luma(image);
         let alpha = alpha(image).filter(|alpha| says_more(alpha, &luma));
@@ -180,13 +180,13 @@ impl Mask {
         Self { width: image.width(), height: image.height(), left_out, by_alpha: alpha.is_some() }
     }
 
-    /// The same for a photograph, whose shape it must have.
+    /// Checks that the mask has the shape of the photograph.
     pub(super) fn for_photograph(self, file: &Path, photograph: (u32, u32)) -> Result<Self, Error> {
         fits(file, (self.width, self.height), photograph)?;
         Ok(self)
     }
 
-    /// What it does.
+    /// The numbers of pixels that the mask leaves out and has.
     pub(super) fn used(&self) -> MaskUse {
         let left_out = self.left_out.iter().filter(|left_out| **left_out).count() as u64;
         MaskUse { left_out, pixels: self.left_out.len() as u64, by_alpha: self.by_alpha }

@@ -83,7 +83,7 @@ use crate::scene::{Camera, Coordinates, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
 
-/// What to load and how.
+/// The choices of how a dataset is loaded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
     /// Images with a longer side are reduced to this many pixels; `None` keeps every size.
@@ -103,7 +103,7 @@ pub struct LoadOptions {
     /// The colour that photographs with transparent pixels are laid over (red, green, blue from 0 to 1, as encoded in
     /// them); `None` leaves pixels out that are less than half opaque.
     pub behind: Option<[f32; 3]>,
-    /// What the numbers of photographs with more than 8 bits per channel mean.
+    /// The meaning of the numbers of photographs with more than 8 bits per channel.
     pub tone: Tone,
     /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is
     /// refused. Without a limit half of what is free is the most.
@@ -165,11 +165,11 @@ pub struct View {
     pub jpeg: bool,
     /// The kind of numbers in the file.
     pub samples: Samples,
-    /// What they mean.
+    /// The meaning of these numbers.
     pub tone: Tone,
-    /// What decoding the photograph or its mask may take of the memory.
+    /// The memory that decoding the photograph or its mask may take.
     pub limit: DecodeLimit,
-    /// What the view is used for.
+    /// The use of the view.
     pub role: Role,
     /// Whether its pose was held against where the photograph shows the points that it observes.
     pub pose_checked: bool,

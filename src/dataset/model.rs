@@ -1,4 +1,4 @@
-//! What every format is read into.
+//! The common form into which every format is read.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -72,7 +72,7 @@ pub(super) struct Shot {
     pub(super) name: String,
     /// The photograph's path inside the folder of photographs: as the model has it, until the file is found.
     pub(super) file: String,
-    /// What the file calls the camera.
+    /// The name of the camera in the file.
     pub(super) camera: String,
     /// The file's name for the kind of lens.
     pub(super) model: String,
@@ -83,7 +83,7 @@ pub(super) struct Shot {
     pub(super) translation: [f64; 3],
     /// The path of a mask in the dataset, where the file names one.
     pub(super) mask: Option<String>,
-    /// What the dataset says it is for, where it does.
+    /// The parts to which the dataset assigns the photograph, where it does.
     pub(super) part: Option<Parts>,
     /// Some of the points that it shows, where the format says which.
     pub(super) observations: Vec<Observation>,

@@ -92,7 +92,7 @@ pub(super) fn is_in(dataset: &Path) -> bool {
 struct Read {
     json: Json,
     top: Transforms,
-    /// Those that can be read.
+    /// Each frame, or the reason why it cannot be read.
     frames: Vec<Result<Frame, FileError>>,
     part: Option<Parts>,
 }
@@ -110,7 +110,7 @@ impl Read {
         self.frames.iter().flatten().map(|frame| frame.file_path.as_str())
     }
 
-    /// What each frame that can be read is for.
+    /// The parts of each frame that can be read.
     fn parts(&self, frames: &[Result<Frame, FileError>], warnings: &mut Vec<Warning>) -> Vec<Option<Parts>> {
         let top = &self.top;
         let lists = [&top.train_filenames, &top.val_filenames, &top.test_filenames].map(Option::as_deref);

@@ -1,4 +1,4 @@
-//! What an OpenDroneMap project says of its coordinates.
+//! The coordinates of an OpenDroneMap project.
 //!
 //! A run with GPS or ground control moves the reconstruction, which OpenSfM leaves east, north and up of a place, into
 //! the grid of a map, less an offset; what it was before stays beside it as `reconstruction.topocentric.json`. System

@@ -24,7 +24,7 @@ pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
     places.into_iter().find(|file| file.is_file())
 }
 
-/// What OpenSfM writes where no photograph says where it was taken.
+/// The reference that OpenSfM writes where no photograph has a position.
 const NOWHERE: Geodetic = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
 
 #[derive(Deserialize)]

@@ -28,7 +28,7 @@ pub struct Photograph {
     pub clipped: u64,
     /// Pixels of the file that are less than half opaque and not laid over a colour.
     pub transparent: u64,
-    /// What its mask does, where it has one.
+    /// The use of its mask; `None` without a mask.
     pub mask: Option<MaskUse>,
 }
 

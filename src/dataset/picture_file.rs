@@ -14,12 +14,12 @@ use crate::format::contain::contained;
 use crate::format::{self, foreign, source};
 use crate::host_memory::DecodeLimit;
 
-/// What decoders may take beside the picture: tables, colour profiles, a strip as it is stored.
+/// The memory that decoders may take beside the picture: tables, colour profiles, a strip as it is stored.
 const BESIDE: u64 = 256 << 20;
 /// The formats that are read, in words.
 const READ: &str = "JPEG, PNG, TIFF, WebP and OpenEXR";
 
-/// What the header of a picture says; the pixels are not decoded.
+/// The contents of the header of a picture; the pixels are not decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) size: (u32, u32),
@@ -76,13 +76,13 @@ fn unreadable(file: &Path, bytes: u64, begin: &[u8], format: Option<ImageFormat>
     }
 }
 
-/// What a decoder says, and what to do where it does not know a form of its format.
+/// The message of a decoder, with the remedy where the decoder does not know a form of its format.
 fn complaint(error: ImageError) -> String {
     let remedy = if matches!(error, ImageError::Unsupported(_)) { "; convert it to PNG or JPEG" } else { "" };
     format!("{error}{remedy}")
 }
 
-/// What decoders are told, `needed` being what the picture takes.
+/// The limits for a decoder; `needed` is the memory of the picture.
 fn limits(needed: u64) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(needed.saturating_add(BESIDE));

@@ -15,7 +15,7 @@ use crate::host_memory::{DecodeLimit, NoRoom};
 /// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG,
 /// a bit for a block of 64 pixels at the least, at 512.
 const MOST: u64 = 1100;
-/// What PNG files begin with, up to the sides in their header.
+/// The first bytes of a PNG file, up to the sides in its header.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
 /// Rows that OpenEXR compresses together at most.
 const EXR_ROWS: u64 = 256;

@@ -22,7 +22,7 @@ const COSTLY: f64 = 1.5;
 /// A photograph packed without loss takes about this share of its pixels' bytes or more: below, packing is not tried.
 const PACKED_SHARE: f64 = 0.25;
 
-/// What photographs may take of the host's memory.
+/// The share of the host's memory that photographs may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostShare {
     /// Bytes for those that are kept, decoded or compressed. What is kept is taken off.
@@ -147,7 +147,7 @@ impl Supply {
         self.inner.transparent
     }
 
-    /// What its mask does, where it has one.
+    /// The use of its mask; `None` without a mask.
     pub fn mask(&self) -> Option<MaskUse> {
         self.inner.mask
     }

@@ -9,7 +9,7 @@ use crate::format::{Error, LeftOut};
 /// Colour of points that have none.
 pub(super) const GREY: [u8; 3] = [128; 3];
 
-/// What a file of points holds.
+/// The content of a file of points.
 #[derive(Default)]
 pub(super) struct Points {
     /// Numbered in the order of the file.

@@ -25,7 +25,7 @@ pub enum Split {
     },
 }
 
-/// What a view is used for.
+/// The use of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {

@@ -20,7 +20,7 @@ pub(super) struct SplitLists<'a> {
 }
 
 impl SplitLists<'_> {
-    /// What each frame is for; `None` where there are no lists, or where they leave nothing to train on, which is told.
+    /// The parts of each frame; `None` without lists, and (with a warning) where the lists leave nothing to train on.
     pub(super) fn parts(&self, warnings: &mut Vec<Warning>) -> Option<Vec<Parts>> {
         if self.lists.iter().all(|list| list.is_none_or(<[String]>::is_empty)) {
             return None;

@@ -5,7 +5,7 @@ use std::fmt;
 use image::{DynamicImage, ImageBuffer, Rgba};
 use rayon::prelude::*;
 
-/// What the numbers of a photograph with more than 8 bits per channel mean.
+/// The meaning of the numbers of a photograph with more than 8 bits per channel.
 /// Photographs with 8 bits are taken as they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tone {
@@ -67,7 +67,7 @@ impl Tone {
         }
     }
 
-    /// What is done with such files, in words.
+    /// The treatment of such files, in words.
     pub fn of(self, samples: Samples) -> impl fmt::Display {
         match samples {
             Samples::Bits8 => "8 bits per channel, as they are".to_owned(),

@@ -12,9 +12,9 @@ use crate::format::Tally;
 pub struct Undecodable {
     /// Its name.
     pub name: String,
-    /// What it was to be used for.
+    /// The use for which the photograph was meant.
     pub role: Role,
-    /// What is wrong with it.
+    /// The problem of the photograph.
     pub problem: String,
 }
 
@@ -23,7 +23,7 @@ pub struct Undecodable {
 pub struct Undecoded {
     /// Each of them.
     pub photographs: Vec<Undecodable>,
-    /// What is to be told of them, where there are any.
+    /// The warning about these photographs, where there are any.
     pub warning: Option<Warning>,
 }
 
@@ -43,7 +43,7 @@ impl Decoding {
         Self { tally: Tally::new(dataset.strict), folder, of: dataset.views.len(), found: Vec::new() }
     }
 
-    /// What was decoded of a view; `None` where its photograph is left out.
+    /// The decoded photograph of a view; `None` where the photograph is left out.
     /// Errors that are not of one photograph stay errors.
     pub fn take<T>(&mut self, view: &View, decoded: Result<T, Error>) -> Result<Option<T>, Error> {
         if let Err(error) = &decoded {
@@ -70,7 +70,7 @@ impl Decoding {
         views.zip(decoded).map(|(view, decoded)| Ok(self.take(view, decoded)?.flatten())).collect()
     }
 
-    /// What was left out. An error where these are too many.
+    /// The photographs that were left out. An error where too many were left out.
     pub fn end(self) -> Result<Undecoded, Error> {
         let kept = self.of.saturating_sub(self.found.len());
         let left_out = self.tally.end(&self.folder, "photographs", kept)?;

@@ -6,7 +6,7 @@ use super::lens::Lens;
 use super::pixels::Sample;
 use crate::scene::Camera;
 
-/// What Catmull-Rom's kernel reaches on each side, in pixels of the coarser of the two pictures.
+/// The reach of the Catmull-Rom kernel to each side, in pixels of the coarser of the two pictures.
 const REACH: f64 = 2.0;
 
 /// Resamples a photograph (RGBA, rows from the top, of the lens's size) for a pinhole camera whose axis is the lens's.

@@ -69,7 +69,7 @@ impl fmt::Display for UselessPoints {
     }
 }
 
-/// What the photographs see of the points that are looked at.
+/// The points that are looked at, as the photographs see them.
 struct Seen {
     /// For each point the photographs and the cells of their pictures;
     /// none where fewer than two have the point in view.

@@ -1,4 +1,4 @@
-//! What the user should know about a dataset that loads.
+//! Warnings about a dataset that loads.
 
 mod text;
 
@@ -179,7 +179,7 @@ pub enum Warning {
     CountDiffers {
         /// The file.
         file: PathBuf,
-        /// What the records are, in the plural.
+        /// The kind of the records, in the plural.
         what: &'static str,
         /// How many the comment at the top announces.
         announced: u64,

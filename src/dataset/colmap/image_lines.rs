@@ -16,7 +16,7 @@ const LOOKED_AT: usize = 12;
 /// A quaternion is one as far as its digits say.
 const UNIT: f64 = 1e-3;
 
-/// What a line holds.
+/// The kind of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Pose,
@@ -27,7 +27,7 @@ enum Kind {
     DamagedKeypoints,
 }
 
-/// What is found in the file.
+/// The records found in the file.
 pub(super) enum Found<'a> {
     /// The line of a pose, be it sound or not.
     Pose(Line<'a>),

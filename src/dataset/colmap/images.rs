@@ -147,7 +147,7 @@ pub(crate) fn read_text(
     Ok((poses, counted.chain(damaged).collect()))
 }
 
-/// What a pose is called, its number, and the pose.
+/// The name of a pose, its number, and the pose.
 type Read = (String, Option<u32>, Result<Pose, FileError>);
 
 fn text_pose(mut line: Line<'_>, file: &Path, i: usize) -> Read {

@@ -156,7 +156,7 @@ fn text_records(file: &Path, mut record: impl FnMut(Line<'_>) -> Result<(), File
     Ok(Counts { announced, ended: lines.ended(), at: lines.at() })
 }
 
-/// What a text file says of the number of its records: COLMAP writes it into a comment.
+/// The number of records that a text file announces: COLMAP writes it into a comment.
 struct Counts {
     announced: Option<u64>,
     /// Whether the last line has its end.

@@ -28,7 +28,7 @@ const VALUES: [&str; 3] = ["x", "y", "z"];
 /// A point, and the numbers of the images that observe it.
 type Observed = (Point, Vec<u32>);
 
-/// What a file of points holds.
+/// The content of a file of points.
 #[derive(Default)]
 pub(super) struct Points {
     pub(super) list: Vec<Observed>,

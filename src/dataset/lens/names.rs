@@ -10,7 +10,7 @@ pub(in crate::dataset) fn is_panorama(name: &str) -> bool {
     ["EQUIRECTANGULAR", "SPHERICAL", "PANORAMA", "PANORAMIC", "LATLONG"].contains(&key(name).as_str())
 }
 
-/// What to do about pictures that show all directions.
+/// The remedy for pictures that show all directions.
 pub(in crate::dataset) const PANORAMA: &str =
     "a panorama shows all directions at once; cut it into pictures of perspective cameras";
 

@@ -19,7 +19,7 @@ const MOST_TRACKED: usize = 256;
 /// A rotation and a translation from the dataset's axes to the camera's.
 pub(super) type Pose = ([[f64; 3]; 3], [f64; 3]);
 
-/// What poses are judged by.
+/// The data by which poses are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Where photographs show their points.
@@ -28,7 +28,7 @@ pub(super) enum Kind {
     Tracks,
 }
 
-/// What the points of a photograph say of its pose.
+/// The evidence of the points of a photograph about its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Evidence {
     /// Points that were looked at.

@@ -61,7 +61,7 @@ impl Convention {
         Camera { rotation, translation, ..*camera }
     }
 
-    /// What the poses are, in the words of a format.
+    /// The description of the poses, in the words of a format.
     fn told(self, format: Format) -> &'static str {
         match (self, format) {
             (Self::Inverted, Format::Nerfstudio) => {
@@ -94,12 +94,12 @@ impl Convention {
     }
 }
 
-/// What to do about poses in another convention than their format's.
+/// The remedy for poses in another convention than that of their format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WrongConvention {
     /// The format.
     pub format: Format,
-    /// What the poses are in.
+    /// The convention of the poses.
     pub found: Convention,
 }
 

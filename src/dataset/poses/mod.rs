@@ -31,7 +31,7 @@ const DOUBTFUL_OFF: f64 = 0.005;
 /// ... and by more than this multiple of the usual distance.
 const DOUBTFUL_TIMES: f64 = 10.0;
 
-/// What speaks against the pose of a photograph.
+/// Evidence against the pose of a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PoseFault {
     /// The points that it observes do not lie where it shows them.
@@ -44,11 +44,11 @@ pub enum PoseFault {
         /// The same of all photographs.
         usual: f64,
     },
-    /// The points that it is said to observe are not in its picture.
+    /// The points that the photograph is said to observe are not in its picture.
     OutOfView {
-        /// Those that it is said to observe.
+        /// The number of points that the photograph is said to observe.
         points: usize,
-        /// Those of them that are in the picture.
+        /// The number of these points inside the picture.
         inside: usize,
     },
     /// The camera is far from all others, and no point is in its picture.
@@ -60,7 +60,7 @@ pub enum PoseFault {
     Colours {
         /// The correlation of both.
         fit: f64,
-        /// That of half of all photographs, at least.
+        /// The median of this correlation over all photographs.
         usual: f64,
     },
     /// The colours of the points fit the photograph from the pose of another one, and less from its own.
@@ -120,7 +120,7 @@ impl fmt::Display for PoseFault {
     }
 }
 
-/// What the points say of the poses.
+/// The evidence of the points about the poses.
 #[derive(Default)]
 pub(super) struct Judgement {
     /// Of each photograph whether the points bear its pose out.

@@ -85,7 +85,7 @@ impl Sketch {
     }
 }
 
-/// What a corner is most alike.
+/// The corner of another photograph that is most alike.
 #[derive(Clone, Copy, Default)]
 struct Best {
     at: usize,
@@ -156,7 +156,7 @@ fn peaks(stands_out: &[f32], [width, height]: [usize; 2]) -> Vec<[usize; 2]> {
     out
 }
 
-/// What is about a corner; `None` beside what is masked, and where all is alike.
+/// The brightness around a corner; `None` beside masked cells, and where the brightness is even.
 fn patch(brightness: &[Option<f32>], width: usize, [x, y]: [usize; 2]) -> Option<[f32; VALUES]> {
     let mut values = [0.0; VALUES];
     for (i, value) in values.iter_mut().enumerate() {
