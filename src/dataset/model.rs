@@ -150,7 +150,7 @@ impl Model {
     }
 }
 
-/// What a dataset itself says a photograph is for: one thing, several, or nothing.
+/// The parts (training, validation, test) to which a dataset assigns a photograph: one, several, or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Parts {
     pub(super) train: bool,
@@ -163,7 +163,7 @@ impl Parts {
     pub(super) const VAL: Self = Self { train: false, val: true, test: false };
     pub(super) const TEST: Self = Self { train: false, val: false, test: true };
 
-    /// What both say.
+    /// The parts of both.
     pub(super) fn and(self, other: Self) -> Self {
         Self { train: self.train || other.train, val: self.val || other.val, test: self.test || other.test }
     }
