@@ -77,8 +77,8 @@ impl Subgroup {
     }
 }
 
-/// When kernels reach their buffers by address rather than through descriptors. On processors both give the same bits; a compiler for a GPU
-/// may contract operations differently in each module.
+/// When kernels reach their buffers by address rather than through descriptors. On processors both give the same bits;
+/// a compiler for a GPU may contract operations differently in each module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Addresses {
     /// Never: no kernel can use a buffer that is larger than one descriptor's range.

@@ -136,9 +136,9 @@ pub const EARLY_ALPHA_MIN: f32 = 1.0 / 64.0;
 /// constant's and the product's, and the root's), q 5u (constant, product, division, p); the difference, the product
 /// and the sum of x add 3u, the products and the sum at the end 2u. So its error is at most u (2 |x| (5 |p dx| + 8 |q
 /// dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate|
-/// |slope| for the rounding of the differences, which is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times what an approximation of degree 5 may
-/// have), the product with the opacity u. Transmittance collects the errors of its factors, d alpha / (1 - alpha),
-/// and 2u a step.
+/// |slope| for the rounding of the differences, which is u relative to the coordinate, not to the difference. exp2 adds
+/// 2^-21 (four times what an approximation of degree 5 may have), the product with the opacity u. Transmittance
+/// collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
     let least = f64::from(TRANSMITTANCE_MIN);
