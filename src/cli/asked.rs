@@ -94,6 +94,9 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     }
     let command = Settings::augment_args(Command::new("train"));
     let mut spelled = text.to_owned();
+    for option in OF_OTHER_COMMANDS {
+        spelled = spelled.replace(&format!("`{option}`"), &format!("--{option}"));
+    }
     for (_, key) in Settings::all_keys() {
         let option = command.get_arguments().any(|arg| arg.get_long() == Some(key.name.as_str()));
         let by = if option { "--" } else { "--set " };
@@ -101,6 +104,9 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     }
     Cow::Owned(spelled)
 }
+
+/// Settings of `eval` and `stereo` that the library's texts speak of.
+const OF_OTHER_COMMANDS: [&str; 7] = ["width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
 
 /// What to say of an option that a command does not have and that is a key of the settings, or was an option once.
 pub(crate) fn no_option(name: &str) -> Option<String> {

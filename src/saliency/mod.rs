@@ -37,7 +37,6 @@ mod replay_buffer;
 mod resample;
 mod settings;
 mod spectrum;
-mod split;
 
 pub use cache::Cache;
 pub use curve::{Agreement, Curve, agreement, spaced};
@@ -49,7 +48,6 @@ pub use losses::{Target, composite, cross_entropy};
 pub use map::Map;
 pub use mask::SoftMask;
 pub use network::{Network, PARAMETERS};
-pub use plane::Plane;
+pub use plane::{Plane, split};
 pub use settings::{Border, Settings};
 pub use spectrum::Spectrum;
-pub use split::split;
