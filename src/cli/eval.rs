@@ -15,11 +15,11 @@ use psrgs_vk::train::{View, prepare};
 
 use super::colour::Colour;
 use super::console::{self, Console};
-use super::drawing::DrawingArgs;
 use super::exit::Failure;
 use super::exposure_args::{self, ExposureArgs};
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
+use super::model_file::DrawingArgs;
 use super::model_file::{Drawn, ModelFile};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;

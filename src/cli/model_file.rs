@@ -1,5 +1,7 @@
 //! A model given on the command line, placed in a dataset's scene and drawn from its cameras.
 
+use clap::builder::PossibleValuesParser;
+use psrgs_vk::raster::ShStorage;
 use std::path::Path;
 
 use psrgs_vk::format::{FrameFile, ply};
@@ -12,7 +14,6 @@ use psrgs_vk::vk::{self, Gpu};
 
 use super::colour::Colour;
 use super::console::Console;
-use super::drawing::DrawingArgs;
 use super::exit::Failure;
 use super::model_frame::{FrameArgs, ModelFrame};
 use super::run_folder::MODEL;
@@ -165,5 +166,21 @@ impl Drawn {
                 model.display()
             ));
         }
+    }
+}
+
+/// What pictures may lose to be drawn faster.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Shortcuts")]
+pub(crate) struct DrawingArgs {
+    /// Bits in which the numbers of spherical harmonics are stored on the device
+    #[arg(long, value_name = "BITS", default_value = "32", value_parser = PossibleValuesParser::new(["16", "32"]))]
+    sh_bits: String,
+}
+
+impl DrawingArgs {
+    /// How spherical harmonics are stored.
+    pub(crate) fn sh(&self) -> ShStorage {
+        if self.sh_bits == "16" { ShStorage::Half } else { ShStorage::Full }
     }
 }

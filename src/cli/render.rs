@@ -9,8 +9,8 @@ use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice};
 
 use super::colour::Colour;
 use super::console::Console;
-use super::drawing::DrawingArgs;
 use super::exit::Failure;
+use super::model_file::DrawingArgs;
 use super::model_file::{ModelFile, Set};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;

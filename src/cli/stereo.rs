@@ -21,7 +21,6 @@ use psrgs_vk::train::{HostMemory, shares_memory};
 use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
-use super::depths::without_depth;
 use super::exit::Failure;
 use super::{device, output_guard, progress};
 
@@ -311,4 +310,17 @@ fn compare(
         ));
     }
     Ok(())
+}
+
+/// Of which photographs no depth is known, a line for each reason.
+pub(crate) fn without_depth(skipped: &[Skipped], console: &Console) {
+    for why in WithoutDepth::ALL {
+        let mut names = skipped.iter().filter(|skipped| skipped.why == why).map(|skipped| &skipped.name);
+        let Some(first) = names.next() else { continue };
+        let more = match names.count() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        console.warn(format_args!("no depth is known of '{first}'{more}: {why}"));
+    }
 }

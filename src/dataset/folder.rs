@@ -1,6 +1,6 @@
 //! The folder of photographs, among `images`, `images_2`, `images_4` and so on.
 
-use super::paths::is_hidden;
+use super::names::is_hidden;
 use std::collections::HashSet;
 use std::fs;
 use std::io::ErrorKind;

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::paths::is_hidden;
+use super::names::is_hidden;
 
 /// How much of a file is looked at to tell what it is.
 const BEGINNING: u64 = 4096;

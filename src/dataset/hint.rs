@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use super::folder::holds_pictures;
 use super::foreign;
 use super::model::Format;
-use super::paths::is_hidden;
+use super::names::is_hidden;
 use crate::format;
 
 /// Entries of a folder that are looked at.

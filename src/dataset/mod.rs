@@ -25,7 +25,6 @@ mod nerfstudio;
 mod numeric_limits;
 mod opendronemap;
 mod opensfm;
-mod paths;
 mod photograph;
 mod picture_file;
 mod picture_size;

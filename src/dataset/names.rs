@@ -9,8 +9,6 @@ use std::path::{Component, Path};
 
 use unicode_normalization::{UnicodeNormalization as _, is_nfc};
 
-use super::paths::{is_hidden, stays_inside};
-
 /// Folders inside folders are listed to this depth: links may lead round in circles.
 const DEEPEST: usize = 12;
 /// Files that are listed at most.
@@ -392,6 +390,16 @@ pub(crate) fn made_safe(name: &str) -> String {
     let plain = |part: &&String| Path::new(part).components().all(|c| matches!(c, Component::Normal(_)));
     let parts: Vec<&str> = name.parts.iter().filter(plain).map(String::as_str).collect();
     parts.join("/")
+}
+
+/// Whether a name stays inside the folder it is looked up in.
+pub(super) fn stays_inside(name: &str) -> bool {
+    Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
+}
+
+/// Whether a file or folder is hidden, as what macOS leaves beside each file of a foreign disk is (`._a.jpg`).
+pub(super) fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 #[cfg(test)]

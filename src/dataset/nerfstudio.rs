@@ -16,10 +16,11 @@ use super::json::Json;
 use super::lens::{Distortion, Lens, names};
 use super::model::Parts;
 use super::model::{Format, Model, Shot};
+use super::names::stays_inside;
 use super::names::{self as files, Found, Names, Renamed};
 use super::points_ply::Points;
 use super::split_lists::SplitLists;
-use super::{Tracks, Warning, folder, paths, picture_file, points_ply, rotation};
+use super::{Tracks, Warning, folder, picture_file, points_ply, rotation};
 use crate::format::{Error as FileError, Tally};
 
 const FILE: &str = "transforms.json";
@@ -198,7 +199,7 @@ fn points_file(dataset: &Path, read: &Read, path: &str, warnings: &mut Vec<Warni
     let found = Names::look_up(dataset, &[vec![path.to_owned()]], is_cloud).pop().unwrap_or(Found::Missing);
     let Some(file) = found.file() else {
         // What is there and no file is told by who opens files.
-        if paths::stays_inside(path) && folder::exists(&dataset.join(path))? {
+        if stays_inside(path) && folder::exists(&dataset.join(path))? {
             return Ok(dataset.join(path));
         }
         let nearest = files::missing(path, &found, dataset, is_cloud);
@@ -223,7 +224,7 @@ fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<
     // Sizes may be asked of the photographs: of no other files.
     let size = || match found.file() {
         Some(file) => Ok(picture_file::header(&dataset.join(file))?.size),
-        None if paths::stays_inside(path) && folder::exists(&dataset.join(path))? => {
+        None if stays_inside(path) && folder::exists(&dataset.join(path))? => {
             Ok(picture_file::header(&dataset.join(path))?.size)
         }
         None => {

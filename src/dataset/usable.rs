@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 
 use super::error::Error;
 use super::model::Model;
-use super::{View, Warning, names, numeric_limits, paths};
+use super::{View, Warning, names, numeric_limits};
 use crate::format::{Error as FileError, Tally};
 use crate::scene::Frame;
 
@@ -29,7 +29,7 @@ pub(super) fn names(model: &mut Model, strict: bool) -> Result<(), Error> {
 
 /// Names that lead out of the folder become those of results: of them the part that stays inside.
 fn made_safe(model: &mut Model) -> Result<(), Error> {
-    let outside = |name: &str| !paths::stays_inside(name) || names::leads_out(name);
+    let outside = |name: &str| !names::stays_inside(name) || names::leads_out(name);
     if model.shots.iter().all(|shot| !outside(&shot.name)) {
         return Ok(());
     }

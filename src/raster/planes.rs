@@ -1,8 +1,8 @@
 //! The model's attribute planes on the device, and everything that has the same rows (gradients, moments).
 
 use half::f16;
+use serde::{Deserialize, Serialize};
 
-use super::sh_storage::ShStorage;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
@@ -256,4 +256,25 @@ pub fn planes_of(gaussians: &Gaussians) -> [&[f32]; 8] {
 pub fn gaussians_of(planes: [Vec<f32>; 8], ids: Vec<u32>) -> Gaussians {
     let [means, quats, scales, opacities, a, b, c, d] = planes;
     Gaussians { means, quats, scales, opacities, sh: [a, b, c, d], ids }
+}
+
+/// How the numbers of spherical harmonics are stored on the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ShStorage {
+    /// In 32 bits.
+    #[default]
+    Full,
+    /// In half floats, which take half the memory: for pictures, training needs all bits.
+    Half,
+}
+
+impl ShStorage {
+    /// Bits of a number.
+    pub fn bits(self) -> u32 {
+        match self {
+            Self::Full => 32,
+            Self::Half => 16,
+        }
+    }
 }

@@ -3,8 +3,8 @@
 use super::live::LiveModel;
 use super::picture::Picture;
 use super::planes::Planes;
+use super::planes::ShStorage;
 use super::renderer::{Renderer, Shot};
-use super::sh_storage::ShStorage;
 use super::size::{Size, most_pairs};
 use super::target::Target;
 use super::tiles::DEPTH_BITS;

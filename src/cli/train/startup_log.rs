@@ -9,8 +9,8 @@ use psrgs_vk::train::{Estimate, Input, MemoryPlan, Settings, StereoReport, chose
 use psrgs_vk::vk::Gpu;
 
 use crate::cli::console::Console;
-use crate::cli::depths::without_depth;
 use crate::cli::progress::duration;
+use crate::cli::stereo::without_depth;
 
 /// Steps of a training from which on a few more are taken before it to tell its time.
 const WORTH_TIMING: u32 = 1000;

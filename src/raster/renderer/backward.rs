@@ -6,7 +6,7 @@ use crate::pass::turns::per_turn;
 use crate::pass::{adam, alpha_min, project_backward, project_backward_adam, slot_sum};
 use crate::raster::pass_select;
 use crate::raster::planes::Planes;
-use crate::raster::sh_storage::ShStorage;
+use crate::raster::planes::ShStorage;
 use crate::raster::size::Size;
 use crate::raster::target::Target;
 use crate::raster::tiles::Lists;
