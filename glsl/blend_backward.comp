@@ -34,7 +34,7 @@
 // Sums over the pixels of one thread: of v = dL/d(exponent, base e) times 1, dy, dy^2, and the blended channels.
 struct Sums {
     vec3 v;
-    vec3 color;
+    vec3 colour;
     vec4 aux;
     vec2 abs_mean;
 };
@@ -46,7 +46,7 @@ void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float 
         step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s, exponent(roots), reached);
     const float v_dy = share.v * dy;
     sums.v += vec3(share.v, v_dy, v_dy * dy);
-    sums.color += share.weight * pixel.grad;
+    sums.colour += share.weight * pixel.grad;
     if (AUX != 0u) sums.aux += share.weight * pixel.grad_aux;
     if (ABS != 0u) sums.abs_mean += abs(share.v * vec2(s.p * roots.x, s.q * roots.x + s.r * roots.y));
     if (COUNT != 0u) {
@@ -135,13 +135,13 @@ void main() {
                 vec3 conic;
                 columns(sums, s, dx, along, mean_x, mean_y, conic);
                 const float opacity = sums.v.x * subgroup_shuffle(mine_inverse, k);
-                const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.color.rg), lane);
+                const float first = fold8(vec4(mean_x, mean_y, conic.xy), vec4(conic.z, opacity, sums.colour.rg), lane);
                 const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
                 float second;
                 if (AUX != 0u) {
-                    second = fold8(vec4(sums.color.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
+                    second = fold8(vec4(sums.colour.b, sums.aux.x, abs_mean), vec4(sums.aux.yzw, 0.0), lane);
                 } else {
-                    second = fold(sums.color.b, 0.0, lane, 1u);
+                    second = fold(sums.colour.b, 0.0, lane, 1u);
                     second = fold(second, ABS != 0u ? fold(abs_mean.x, abs_mean.y, lane, 1u) : 0.0, lane, 2u);
                     second += subgroup_shuffle(second, lane ^ 4u);
                 }
@@ -253,14 +253,14 @@ bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
     Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
     blend_back(pixel, sums, s, along, center.y - s.y, place);
 #ifdef APART
-    if (!subgroup_any(sums.v.x != 0.0 || sums.color != vec3(0.0) || sums.aux != vec4(0.0))) return false;
+    if (!subgroup_any(sums.v.x != 0.0 || sums.colour != vec3(0.0) || sums.aux != vec4(0.0))) return false;
 #endif
     float mean_x, mean_y;
     vec3 conic;
     columns(sums, s, dx, along, mean_x, mean_y, conic);
     const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
     add_up(row, float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
-        sums.color.r, sums.color.g, sums.color.b, sums.aux.x, abs_mean.x, abs_mean.y,
+        sums.colour.r, sums.colour.g, sums.colour.b, sums.aux.x, abs_mean.x, abs_mean.y,
         sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
     return true;
 }

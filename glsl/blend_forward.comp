@@ -30,15 +30,15 @@ layout(set = 0, binding = 8) buffer Weights { uint weights[]; };
 Splat load_splat(uint i) {
     const vec4 p = LOAD4(splat2d, 3u * i);
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
-    const vec4 color = LOAD4(splat2d, 3u * i + 2u);
+    const vec4 colour = LOAD4(splat2d, 3u * i + 2u);
     const vec3 factor = conic_factor(p.z, p.w, q.w);
-    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // A pixel on its way through the list. Its transmittance is kept with a minus sign once it has stopped.
 struct Pixel {
     float transmittance;
-    vec3 color;
+    vec3 colour;
     vec4 aux;
     uint last;
 };
@@ -52,7 +52,7 @@ float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
     const float next = attenuate(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
     const float weight = mix(0.0, alpha * pixel.transmittance, goes_on);
-    pixel.color += weight * s.color;
+    pixel.colour += weight * s.colour;
     if (AUX != 0u) pixel.aux += weight * vec4(s.depth, s.normal);
     pixel.last = mix(pixel.last, place, weight > 0.0);
     if (COUNT != 0u) {
@@ -72,7 +72,7 @@ void keep_weight(uint splat, float weight) {
 void store(Pixel pixel, uvec2 at) {
     const uint k = at.y * push.width + at.x;
     const float transmittance = abs(pixel.transmittance);
-    image[k] = vec4(pixel.color + transmittance * vec3(push.red, push.green, push.blue), transmittance);
+    image[k] = vec4(pixel.colour + transmittance * vec3(push.red, push.green, push.blue), transmittance);
     if (AUX != 0u) aux_image[k] = pixel.aux;
     last_places[k] = pixel.last;
 }

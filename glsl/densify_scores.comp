@@ -27,7 +27,7 @@ void main() {
     const uint row = uint(clamp(mean.y, 0.0, float(push.height - 1u)));
     const uint k = row * push.width + column;
     const Seen seen = photograph_at(k);
-    const vec3 d = abs(LOAD4(image, k).rgb - seen.color);
+    const vec3 d = abs(LOAD4(image, k).rgb - seen.colour);
     const vec2 absolute = LOAD4(grad2d, 3u * i + 2u).zw * (0.5 * vec2(float(push.width), float(push.height)));
     vec2 s = scores[i];
     if (push.masked != 0u) s.x += mask[k] * sqrt(dot(absolute, absolute));

@@ -23,7 +23,7 @@ layout(set = 0, binding = 6) writeonly buffer Parts { vec4 parts[]; };
 #include "mask.glsl"
 #include "photograph.glsl"
 
-float luma_at(uint x, uint y) { return luma(photograph_at(y * push.width + x).color); }
+float luma_at(uint x, uint y) { return luma(photograph_at(y * push.width + x).colour); }
 
 // Half the differences of the neighbours, a pixel of the border being its own neighbour.
 float edge_at(uvec2 at) {

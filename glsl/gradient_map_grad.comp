@@ -32,7 +32,7 @@ vec4 residual(ivec2 at) {
     const uint k = mix(0u, place(at), there);
     const Seen seen = photograph_at(k);
     const bvec2 all_of = bvec2(there, seen.counts);
-    return mix(vec4(0.0), vec4(LOAD4(image, k).rgb - seen.color, 1.0), bvec4(all(all_of)));
+    return mix(vec4(0.0), vec4(LOAD4(image, k).rgb - seen.colour, 1.0), bvec4(all(all_of)));
 }
 
 vec3 step_to(vec4 from, vec4 to) { return from.w * to.w * (to.rgb - from.rgb); }

@@ -17,7 +17,7 @@ layout(set = 0, binding = 2) writeonly buffer Maps { vec4 maps[]; };
 // Luma of render and photograph.
 vec2 lumas(uint k) {
     const Seen seen = photograph_at(k);
-    const float wanted = luma(seen.color);
+    const float wanted = luma(seen.colour);
     return vec2(seen.counts ? luma(LOAD4(image, k).rgb) : wanted, wanted);
 }
 

@@ -54,7 +54,7 @@ void main() {
         if (column < push.width && row < push.height) {
             const uint k = row * push.width + column;
             const Seen seen = photograph_at(k);
-            const vec3 y = seen.color;
+            const vec3 y = seen.colour;
             const vec3 x = seen.counts ? LOAD4(image, k).rgb : y;
             const vec3 d = x - y;
             sum += abs(d.x) + abs(d.y) + abs(d.z);

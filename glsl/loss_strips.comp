@@ -49,7 +49,7 @@ Moments moments_at(uint column, uint row) {
         const uint k = row * push.width + column;
         const Seen seen = photograph_at(k);
         moments.counts = seen.counts;
-        y = seen.color;
+        y = seen.colour;
         x = seen.counts ? LOAD4(image, k).rgb : y;
     }
 #ifdef APART

@@ -25,7 +25,7 @@ void main() {
         for (uint x = 0u; x < push.factor; ++x) {
             const Seen seen = photograph_at((corner.y + y) * push.width + corner.x + x);
             if (seen.counts) {
-                sum += seen.color;
+                sum += seen.colour;
                 ++counted;
             }
         }

@@ -121,7 +121,7 @@ fn colmap_text() {
     let root = tempfile::tempdir().expect("temporary folder");
     folder.write(root.path(), &folder.text());
     let whole = load(root.path()).expect("loads");
-    let seen = |dataset: &Dataset| dataset.points.iter().map(|p| (p.position, p.color)).collect::<Vec<_>>();
+    let seen = |dataset: &Dataset| dataset.points.iter().map(|p| (p.position, p.colour)).collect::<Vec<_>>();
     let same = |dataset: &Dataset| dataset.views == whole.views && seen(dataset) == seen(&whole);
     for (name, bytes) in folder.text() {
         let file = root.path().join("sparse/0").join(name);

@@ -33,7 +33,7 @@ fn loss(image: &Image, g: &ImageGradient) -> f64 {
         a.as_flattened().iter().zip(b.as_flattened()).map(|(x, y)| x * y).sum()
     };
     let scalar = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(x, y)| x * y).sum() };
-    dot(&image.color, &g.color)
+    dot(&image.colour, &g.colour)
         + scalar(&image.transmittance, &g.transmittance)
         + scalar(&image.depth, &g.depth)
         + dot(&image.normal, &g.normal)
@@ -51,7 +51,7 @@ fn random_gradient(random: &mut Random, pixels: usize, what: Seen) -> ImageGradi
     let mut g = ImageGradient::zeros(pixels);
     for i in 0..pixels {
         match what {
-            Seen::Color => g.color[i] = vector(random),
+            Seen::Color => g.colour[i] = vector(random),
             Seen::DepthAndNormal => {
                 g.depth[i] = random.symmetric();
                 g.normal[i] = vector(random);
@@ -119,14 +119,14 @@ fn settings(sh_degree: u32, antialias: bool) -> Settings {
 }
 
 #[test]
-fn brute_force_color_gradients_of_every_sh_degree() {
+fn brute_force_colour_gradients_of_every_sh_degree() {
     for degree in 0..=3 {
         brute_force_against_differences(settings(degree, false), Seen::Color, 1000 * u64::from(degree));
     }
 }
 
 #[test]
-fn brute_force_color_gradients_with_antialiasing() {
+fn brute_force_colour_gradients_with_antialiasing() {
     brute_force_against_differences(settings(3, true), Seen::Color, 5000);
 }
 
@@ -140,7 +140,7 @@ fn brute_force_depth_normal_and_transmittance_gradients() {
 
 /// Everything the projection outputs that has a gradient, in the order of `grad2d` and then the normal.
 fn outputs(p: &Projected<f64>) -> Vec<f64> {
-    let ([x, y], [a, b, c], [red, green, blue]) = (p.mean, p.conic, p.color);
+    let ([x, y], [a, b, c], [red, green, blue]) = (p.mean, p.conic, p.colour);
     let mut out = vec![x, y, a, b, c, p.opacity, red, green, blue, p.depth];
     out.extend(p.normal);
     out
@@ -150,7 +150,7 @@ fn outputs(p: &Projected<f64>) -> Vec<f64> {
 fn state(splat: &Splat<f64>, view: &View<f64>) -> (bool, [bool; 2], bool, [bool; 3]) {
     let (_, e) = psrgs_vk::twin::project::geometry(splat, view);
     match project(splat, view, None) {
-        Ok(p) => (true, e.clamped, e.floored, p.color.map(|c| c > 0.0)),
+        Ok(p) => (true, e.clamped, e.floored, p.colour.map(|c| c > 0.0)),
         Err(_) => (false, e.clamped, e.floored, [false; 3]),
     }
 }
@@ -203,7 +203,7 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
             } else {
                 g.normal[column - 10] = 1.0
             }
-            let got = project_backward(&splat, &view, here.color, &g).to_array();
+            let got = project_backward(&splat, &view, here.colour, &g).to_array();
             let want: Vec<f64> = slopes.iter().map(|outputs| outputs[column]).collect();
             for (name, family) in FAMILIES {
                 let scale = want[family.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -301,14 +301,14 @@ fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
         let lifted = |moved: &Splat<f64>| {
             let mut moved = moved.clone();
             moved.sh[0].iter_mut().for_each(|dc| *dc += lift);
-            project(&moved, &view, None).map_or(vec![], |p| p.color.to_vec())
+            project(&moved, &view, None).map_or(vec![], |p| p.colour.to_vec())
         };
         for (channel, sign) in (0..3).flat_map(|channel| [(channel, 1.0), (channel, -1.0)]) {
-            let lit = here.color[channel] > 0.0;
+            let lit = here.colour[channel] > 0.0;
             clamped += usize::from(!lit);
             let mut g = Grad2d { row: [0.0; 12], normal: [0.0; 3] };
             g.row[6 + channel] = sign;
-            let got = project_backward(&splat, &view, here.color, &g).to_array();
+            let got = project_backward(&splat, &view, here.colour, &g).to_array();
             let passes = lit || black_learns && sign < 0.0;
             for (k, got) in got.into_iter().enumerate() {
                 let slope = difference(&splat, k, 1e-4, &mut |moved| lifted(moved))[channel];
@@ -363,8 +363,8 @@ fn reference_clamp_changes_only_gradients_of_clamped_means() {
         let splat = splats::spread(&mut random, &camera, 2.2);
         let Ok(p) = project(&splat, &honest, None) else { continue };
         let (_, e) = psrgs_vk::twin::project::geometry(&splat, &honest);
-        let a = project_backward(&splat, &honest, p.color, &g);
-        let b = project_backward(&splat, &quirk, p.color, &g);
+        let a = project_backward(&splat, &honest, p.colour, &g);
+        let b = project_backward(&splat, &quirk, p.colour, &g);
         assert_eq!((a.quat, a.log_scale, a.logit), (b.quat, b.log_scale, b.logit));
         assert_eq!(a.mean != b.mean, e.clamped != [false; 2]);
         differed += usize::from(a.mean != b.mean);
@@ -391,7 +391,7 @@ fn projection_twin_agrees_with_the_brute_force_renderer() {
         for (i, splat) in splats.iter().enumerate() {
             let Ok(p) = project(splat, &view, None) else { continue };
             let grad = Grad2d { row: want.grad2d[i], normal: want.normals[i] };
-            let got = project_backward(splat, &view, p.color, &grad).to_array();
+            let got = project_backward(splat, &view, p.colour, &grad).to_array();
             let want = want.splats[i].to_array();
             touched += usize::from(want.iter().any(|v| *v != 0.0));
             for (name, family) in FAMILIES {
@@ -437,7 +437,7 @@ fn clamped_alpha_passes_no_gradient_and_stays_finite_in_a_stack() {
     let camera = camera(5, 5);
     let settings = settings(0, false);
     let mut g = ImageGradient::zeros(25);
-    g.color[12] = [1.0, -0.5, 0.25];
+    g.colour[12] = [1.0, -0.5, 0.25];
     let one = reference::backward(&[centred(&camera, 0.999, 2.0)], &camera, &settings, &g);
     assert_eq!((one.splats[0].logit, one.splats[0].mean[0]), (0.0, 0.0));
     assert!(one.splats[0].sh[0][0] > 0.0);

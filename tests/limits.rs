@@ -310,7 +310,7 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
         let mut seen = 0;
         for (x, y) in crops {
             let want = reference::render(&splats, &crop(&camera, x, y, 40, 30), &wanted);
-            for (i, w) in want.color.iter().enumerate().filter(|(i, _)| want.margin[*i] > 4e-6) {
+            for (i, w) in want.colour.iter().enumerate().filter(|(i, _)| want.margin[*i] > 4e-6) {
                 let (px, py) = (x + i as u32 % 40, y + i as u32 / 40);
                 let at = 4 * (py * width + px) as usize;
                 let error = (0..3).map(|c| (f64::from(picture.rgbt[at + c]) - w[c]).abs()).fold(0.0, f64::max);
@@ -345,7 +345,7 @@ fn one_splat_is_drawn_and_trained() {
     let mut viewer = Viewer::new(&gpu);
     let planes = viewer.upload(&model).unwrap();
     let picture = viewer.render(&planes, 1, &shot, false).unwrap();
-    for (i, w) in want.color.iter().enumerate().filter(|(i, _)| want.margin[*i] > 1e-6) {
+    for (i, w) in want.colour.iter().enumerate().filter(|(i, _)| want.margin[*i] > 1e-6) {
         let got = &picture.rgbt[4 * i..4 * i + 3];
         assert!(got.iter().zip(w).all(|(g, w)| (f64::from(*g) - w).abs() < 2e-5), "pixel {i}: {got:?} against {w:?}");
     }

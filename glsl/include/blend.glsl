@@ -34,7 +34,7 @@ struct Splat {
     float p, q, r;
     float opacity;
     float depth;
-    vec3 color;
+    vec3 colour;
     vec3 normal;
 };
 

@@ -37,9 +37,9 @@ const float TWO_LN_2 = 1.38629436;
 Splat load_splat(uint i) {
     const vec4 p = LOAD4(splat2d, 3u * i);
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
-    const vec4 color = LOAD4(splat2d, 3u * i + 2u);
+    const vec4 colour = LOAD4(splat2d, 3u * i + 2u);
     const vec3 factor = conic_factor(p.z, p.w, q.w);
-    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, color.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
 // The row that the sums of a pair go to: its slot's, or its splat's.
@@ -130,7 +130,7 @@ Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 g
     const float alpha = min(unclamped, ALPHA_MAX);
     transmittance = transmittance / (1.0 - alpha);
     const float weight = alpha * transmittance;
-    float here = dot(s.color, grad);
+    float here = dot(s.colour, grad);
     if (AUX != 0u) here += dot(vec4(s.depth, s.normal), grad_aux);
     const float difference = here - behind;
     behind += alpha * difference;

@@ -43,9 +43,9 @@ Splat shuffled(Splat mine, uint k) {
     s.q = subgroup_shuffle(mine.q, k);
     s.r = subgroup_shuffle(mine.r, k);
     s.opacity = subgroup_shuffle(mine.opacity, k);
-    s.color.x = subgroup_shuffle(mine.color.x, k);
-    s.color.y = subgroup_shuffle(mine.color.y, k);
-    s.color.z = subgroup_shuffle(mine.color.z, k);
+    s.colour.x = subgroup_shuffle(mine.colour.x, k);
+    s.colour.y = subgroup_shuffle(mine.colour.y, k);
+    s.colour.z = subgroup_shuffle(mine.colour.z, k);
     if (AUX != 0u) {
         s.depth = subgroup_shuffle(mine.depth, k);
         s.normal.x = subgroup_shuffle(mine.normal.x, k);

@@ -4,6 +4,6 @@
 
 const vec3 LUMA = vec3(0.2126, 0.7152, 0.0722);
 
-float luma(vec3 color) { return dot(color, LUMA); }
+float luma(vec3 colour) { return dot(colour, LUMA); }
 
 #endif

@@ -8,7 +8,7 @@
 layout(constant_id = 2) const uint PHOTOGRAPH_BITS = 8u;
 
 struct Seen {
-    vec3 color;
+    vec3 colour;
     bool counts;
 };
 

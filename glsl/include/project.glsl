@@ -45,19 +45,19 @@ void project_splat(Camera camera, uint i) {
             const uint degree = i < FULL_ROWS ? push.sh_degree : min(push.sh_degree, 1u);
             const vec3 dir = normalize(mean - camera.center);
             const uint s = 3u * i;
-            vec3 color = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD_SH(sh0, s), LOAD_SH(sh0, s + 1u), LOAD_SH(sh0, s + 2u));
+            vec3 colour = vec3(0.5) + sh_sum(sh_basis0(dir, degree), LOAD_SH(sh0, s), LOAD_SH(sh0, s + 1u), LOAD_SH(sh0, s + 2u));
             if (degree >= 2u) {
-                color += sh_sum(sh_basis1(dir), LOAD_SH(sh1, s), LOAD_SH(sh1, s + 1u), LOAD_SH(sh1, s + 2u));
-                color += sh_sum(sh_basis2(dir, degree), LOAD_SH(sh2, s), LOAD_SH(sh2, s + 1u), LOAD_SH(sh2, s + 2u));
+                colour += sh_sum(sh_basis1(dir), LOAD_SH(sh1, s), LOAD_SH(sh1, s + 1u), LOAD_SH(sh1, s + 2u));
+                colour += sh_sum(sh_basis2(dir, degree), LOAD_SH(sh2, s), LOAD_SH(sh2, s + 1u), LOAD_SH(sh2, s + 2u));
             }
-            if (degree >= 3u) color += sh_sum(sh_basis3(dir), LOAD_SH(sh3, s), LOAD_SH(sh3, s + 1u), LOAD_SH(sh3, s + 2u));
-            bad = !finite(color);
+            if (degree >= 3u) colour += sh_sum(sh_basis3(dir), LOAD_SH(sh3, s), LOAD_SH(sh3, s + 1u), LOAD_SH(sh3, s + 2u));
+            bad = !finite(colour);
             if (bad) {
                 tiles = 0u;
             } else {
                 splat2d[s] = vec4(at, e.conic.xy);
                 splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, e.rest);
-                splat2d[s + 2u] = vec4(max(color, vec3(0.0)), 0.0);
+                splat2d[s + 2u] = vec4(max(colour, vec3(0.0)), 0.0);
                 if (AUX != 0u) {
                     float side;
                     normals[i] = vec4(splat_normal(camera, p, e.rot, shortest_axis(log_scale), side), 0.0);

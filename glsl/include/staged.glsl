@@ -10,8 +10,8 @@ shared vec4 staged_normal[BATCH];  // where AUX
 
 void stage(uint k, Splat s) {
     staged_place[k] = vec4(s.x, s.y, s.p, s.q);
-    staged_look[k] = vec4(s.r, s.opacity, s.color.rg);
-    staged_rest[k] = vec2(s.color.b, s.depth);
+    staged_look[k] = vec4(s.r, s.opacity, s.colour.rg);
+    staged_rest[k] = vec2(s.colour.b, s.depth);
     if (AUX != 0u) staged_normal[k] = vec4(s.normal, 0.0);
 }
 

@@ -14,7 +14,8 @@ use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::stereo::{
-    self, Accuracy, InitialPlanes, Known, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, fuse,
+    self, Accuracy, InitialPlanes, Known, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, Skipped,
+    WithoutDepth, fuse,
 };
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
@@ -153,7 +154,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let points = Cloud {
         positions: cloud.iter().map(|p| frame.to_dataset(p.position)).collect(),
         normals: cloud.iter().map(|p| p.normal).collect(),
-        colors: cloud.iter().map(|p| p.color).collect(),
+        colours: cloud.iter().map(|p| p.colour).collect(),
         ..Cloud::default()
     };
     points.write(&args.out.join("fused.ply"))?;

@@ -44,7 +44,7 @@ impl NoColours {
     }
 
     pub(super) fn of_points(points: &[Point]) -> Option<Self> {
-        Self::of_colours(points.iter().map(|p| p.color))
+        Self::of_colours(points.iter().map(|p| p.colour))
     }
 }
 

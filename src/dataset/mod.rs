@@ -275,7 +275,7 @@ impl Dataset {
 
     /// The first Gaussians in scene coordinates, one per point, in the order of the points' ids.
     pub fn first_gaussians(&self) -> Result<Gaussians, InitError> {
-        let points: Vec<_> = self.points.iter().map(|p| (p.position, p.color)).collect();
+        let points: Vec<_> = self.points.iter().map(|p| (p.position, p.colour)).collect();
         init::from_points(&points, &self.frame)
     }
 

@@ -83,7 +83,8 @@ enum RotationEntry {
 #[derive(Deserialize)]
 struct PointEntry {
     coordinates: [f64; 3],
-    color: Option<[f64; 3]>,
+    #[serde(rename = "color")]
+    colour: Option<[f64; 3]>,
 }
 
 /// A lens and what it is called, by the camera's name; with what is wrong where it cannot be read.
@@ -195,13 +196,13 @@ fn shot(json: &Json, name: &str, entry: ShotEntry, lenses: &Lenses) -> Result<Sh
 
 /// The points by their numbers, and why they have no colours where they have none.
 fn points(entries: &[(String, PointEntry)]) -> (Vec<Point>, Option<NoColours>) {
-    let all: Option<Vec<[f64; 3]>> = entries.iter().map(|(_, entry)| entry.color).collect();
+    let all: Option<Vec<[f64; 3]>> = entries.iter().map(|(_, entry)| entry.colour).collect();
     let read = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
     let colours = read.map(|(colours, _)| colours);
     let point = |(i, (id, entry)): (usize, &(String, PointEntry))| {
         let id = id.parse().unwrap_or(i as u64);
-        let color = colours.as_ref().and_then(|colours| colours.get(i)).copied().unwrap_or(GREY);
-        Point { id, position: entry.coordinates, color, error: 0.0, track: 0 }
+        let colour = colours.as_ref().and_then(|colours| colours.get(i)).copied().unwrap_or(GREY);
+        Point { id, position: entry.coordinates, colour, error: 0.0, track: 0 }
     };
     let mut points: Vec<Point> = entries.iter().enumerate().map(point).collect();
     points.sort_by_key(|p| p.id);

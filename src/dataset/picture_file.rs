@@ -90,8 +90,8 @@ fn limits(needed: u64) -> Limits {
 }
 
 /// The kind of numbers of a decoded picture.
-pub(super) fn samples(color: image::ColorType) -> Samples {
-    match color.bytes_per_pixel() / color.channel_count().max(1) {
+pub(super) fn samples(colour: image::ColorType) -> Samples {
+    match colour.bytes_per_pixel() / colour.channel_count().max(1) {
         1 => Samples::Bits8,
         2 => Samples::Bits16,
         _ => Samples::Float,

@@ -25,8 +25,8 @@ const EXR_ROWS: u64 = 256;
 pub(super) fn stored_bits(begin: &[u8]) -> u64 {
     match (begin.strip_prefix(PNG), begin) {
         // Sides, bits of a channel, kind of colour.
-        (Some([_, _, _, _, _, _, _, _, depth, color, ..]), _) => {
-            let channels = match color {
+        (Some([_, _, _, _, _, _, _, _, depth, colour, ..]), _) => {
+            let channels = match colour {
                 2 => 3,
                 4 => 2,
                 6 => 4,

@@ -21,9 +21,9 @@ pub(super) struct Points {
 
 /// The points of a cloud.
 pub(super) fn read(file: &Path, strict: bool) -> Result<Points, Error> {
-    let (Cloud { positions, colors, unknown, .. }, left_out) = Cloud::read_with(file, strict)?;
-    let colourless = colors.is_empty().then(|| NoColours::with_properties(&unknown));
-    let color = |i: usize| colors.get(i).copied().unwrap_or(GREY);
-    let point = |(i, position)| Point { id: i as u64, position, color: color(i), error: 0.0, track: 0 };
+    let (Cloud { positions, colours, unknown, .. }, left_out) = Cloud::read_with(file, strict)?;
+    let colourless = colours.is_empty().then(|| NoColours::with_properties(&unknown));
+    let colour = |i: usize| colours.get(i).copied().unwrap_or(GREY);
+    let point = |(i, position)| Point { id: i as u64, position, colour: colour(i), error: 0.0, track: 0 };
     Ok(Points { list: positions.into_iter().enumerate().map(point).collect(), colourless, left_out })
 }

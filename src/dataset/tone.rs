@@ -95,9 +95,9 @@ impl Tone {
         let table: Vec<u16> = (0..=u16::MAX).map(|v| code(f64::from(v) / white, linear)).collect();
         let over = |v: u16| f64::from(v) > white;
         let mut clipped = 0;
-        let mut of = |pixel: &mut [u16], colors: usize| {
-            clipped += u64::from(pixel[..colors].iter().any(|v| over(*v)));
-            pixel[..colors].iter_mut().for_each(|v| *v = table[usize::from(*v)]);
+        let mut of = |pixel: &mut [u16], colours: usize| {
+            clipped += u64::from(pixel[..colours].iter().any(|v| over(*v)));
+            pixel[..colours].iter_mut().for_each(|v| *v = table[usize::from(*v)]);
         };
         let image = if image.color().has_alpha() {
             let mut rgba = image.into_rgba16();

@@ -69,7 +69,7 @@ fn catmull_rom(x: f64) -> f64 {
 
 fn weighted<T: Sample>(photograph: &[T], width: usize, columns: &Taps, rows: &Taps) -> [T; 4] {
     // Sums of the weights, of weight times alpha, of colours with either.
-    let (mut whole, mut opaque, mut colors, mut all_colors) = (0.0_f32, 0.0_f32, [0.0_f32; 3], [0.0_f32; 3]);
+    let (mut whole, mut opaque, mut colours, mut all_colours) = (0.0_f32, 0.0_f32, [0.0_f32; 3], [0.0_f32; 3]);
     for (k, down) in rows.weights.iter().enumerate() {
         let start = 4 * ((rows.first + k) * width + columns.first);
         let line = photograph.get(start..).unwrap_or_default();
@@ -79,13 +79,13 @@ fn weighted<T: Sample>(photograph: &[T], width: usize, columns: &Taps, rows: &Ta
             whole += weight;
             opaque += alpha;
             for c in 0..3 {
-                colors[c] += alpha * pixel[c].number();
-                all_colors[c] += weight * pixel[c].number();
+                colours[c] += alpha * pixel[c].number();
+                all_colours[c] += weight * pixel[c].number();
             }
         }
     }
     // Almost nothing opaque: a quotient of two small numbers would be no colour.
-    let (sums, by) = if opaque > 0.01 * whole { (colors, opaque) } else { (all_colors, whole) };
+    let (sums, by) = if opaque > 0.01 * whole { (colours, opaque) } else { (all_colours, whole) };
     let [r, g, b] = sums.map(|sum| T::rounded(sum / by));
     [r, g, b, T::rounded(T::WHITE * opaque / whole)]
 }

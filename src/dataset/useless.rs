@@ -172,7 +172,7 @@ mod tests {
     }
 
     fn judged(cameras: &[Camera], positions: impl Iterator<Item = [f64; 3]>) -> Option<UselessPoints> {
-        let point = |(id, position)| Point { id, position, color: [0; 3], error: 0.0, track: 0 };
+        let point = |(id, position)| Point { id, position, colour: [0; 3], error: 0.0, track: 0 };
         judge("points".into(), cameras, &(0..).zip(positions).map(point).collect::<Vec<_>>())
     }
 

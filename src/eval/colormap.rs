@@ -1,6 +1,6 @@
 //! Colour maps whose lightness rises evenly, so that equal steps look equal and order survives grey print.
 //!
-//! Both are paths in OKLab (Björn Ottosson, "A perceptual color space for image processing", 2020), brought into sRGB
+//! Both are paths in OKLab (Björn Ottosson, "A perceptual colour space for image processing", 2020), brought into sRGB
 //! by lowering the chroma where needed.
 
 /// A map from [0, 1] to sRGB.
@@ -34,7 +34,7 @@ impl Colormap {
     }
 
     /// The colour at t; values outside [0, 1] count as the nearer end, not-a-number as 0.
-    pub fn color(&self, t: f32) -> [u8; 3] {
+    pub fn colour(&self, t: f32) -> [u8; 3] {
         let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
         self.table[(t * (STEPS - 1) as f32).round() as usize]
     }
@@ -90,12 +90,12 @@ mod tests {
     fn brightness_rises() {
         for map in [Colormap::depth(), Colormap::error()] {
             for k in 0..16 {
-                let (a, b) = (map.color(k as f32 / 16.0), map.color((k + 1) as f32 / 16.0));
+                let (a, b) = (map.colour(k as f32 / 16.0), map.colour((k + 1) as f32 / 16.0));
                 assert!(luminance(a) < luminance(b), "{k}: {a:?} {b:?}");
             }
-            assert_eq!(map.color(-3.0), map.color(0.0));
-            assert_eq!(map.color(f32::INFINITY), map.color(1.0));
-            assert_eq!(map.color(f32::NAN), map.color(0.0));
+            assert_eq!(map.colour(-3.0), map.colour(0.0));
+            assert_eq!(map.colour(f32::INFINITY), map.colour(1.0));
+            assert_eq!(map.colour(f32::NAN), map.colour(0.0));
         }
         // White and a primary from the definition of the space.
         for v in linear_srgb(1.0, 0.0, 0.0) {

@@ -117,7 +117,7 @@ pub struct Renderer {
     /// See [`Layout`]; the gradients of the projected splats begin it.
     early: Buffer,
     plan: Pipeline,
-    color: Channels,
+    colour: Channels,
     all: Channels,
     backward: Option<Backward>,
     splat_capacity: u32,
@@ -163,7 +163,7 @@ impl Renderer {
             lists,
             early,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
-            color: channels(false)?,
+            colour: channels(false)?,
             all: channels(size.aux)?,
             backward,
             splat_capacity: size.splats,
@@ -282,7 +282,7 @@ impl Renderer {
         let aux = aux && self.with_aux;
         match shot.projection.alpha_cutoff {
             cutoff @ Some(_) => Channels::new(&self.gpu, self.variants, cutoff, aux, self.counts),
-            None => Ok(if aux { &self.all } else { &self.color }.clone()),
+            None => Ok(if aux { &self.all } else { &self.colour }.clone()),
         }
     }
 

@@ -56,9 +56,9 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
         let shared: Vec<(usize, usize)> = sharing.take(most).collect();
         (shared.len() < most).then(|| {
             let (position, normal) = in_space(&view.camera, [u, v], 1.0 / q, continued.normal(u, v, q));
-            let color = view.colours.get(pixel).copied().unwrap_or([128; 3]);
+            let colour = view.colours.get(pixel).copied().unwrap_or([128; 3]);
             let normal = normal.as_vec3().to_array();
-            Alone { pixel, point: FusedPoint { position: position.to_array(), normal, color, pixels: 1 }, shared }
+            Alone { pixel, point: FusedPoint { position: position.to_array(), normal, colour, pixels: 1 }, shared }
         })
     };
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()

@@ -17,7 +17,7 @@ pub struct FusedPoint {
     /// Unit normal in the axes of the views' coordinates.
     pub normal: [f32; 3],
     /// 8-bit colour; grey where the views have none.
-    pub color: [u8; 3],
+    pub colour: [u8; 3],
     /// Pixels that it was made of.
     pub pixels: u32,
 }
@@ -26,7 +26,7 @@ pub struct FusedPoint {
 struct Lifted {
     position: DVec3,
     normal: DVec3,
-    color: [f64; 3],
+    colour: [f64; 3],
 }
 
 /// Makes one point of pixels of different views that show the same place: by the rules that views agree by, and by
@@ -90,7 +90,7 @@ fn seen_at(link: &Homography, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Op
 fn lifted(view: &View, prior: &Prior, pixel: usize) -> Lifted {
     let (u, v) = middle(prior, pixel);
     let (position, normal) = in_space(&view.camera, [u, v], f64::from(prior.depth[pixel]), prior.normals[pixel]);
-    Lifted { position, normal, color: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
+    Lifted { position, normal, colour: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
 }
 
 /// The place in space of a place in a picture at a depth, and its normal in the camera frame turned there.
@@ -110,7 +110,7 @@ fn merged(group: &[Lifted]) -> FusedPoint {
     FusedPoint {
         position: position.to_array(),
         normal: mean(&|p| p.normal).normalize_or_zero().as_vec3().to_array(),
-        color: mean(&|p| DVec3::from_array(p.color)).to_array().map(|c| c.round() as u8),
+        colour: mean(&|p| DVec3::from_array(p.colour)).to_array().map(|c| c.round() as u8),
         pixels: group.len() as u32,
     }
 }

@@ -156,7 +156,7 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
             }
         }
         None => {
-            let points = dataset.usable_points().iter().map(|p| (p.position, p.color));
+            let points = dataset.usable_points().iter().map(|p| (p.position, p.colour));
             match dataset.begins_at_random() {
                 true => (points.chain(dataset.random_points(settings.run.seed)).collect(), None),
                 false => (points.collect(), dataset.colourless.clone()),
@@ -177,11 +177,11 @@ type ColouredPoint = ([f64; 3], [u8; 3]);
 
 /// The points of a cloud with their colours, grey where there are none, and what is to be said of these.
 fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<ColouredPoint>, Option<Colourless>) {
-    let why = match cloud.colors.is_empty() {
+    let why = match cloud.colours.is_empty() {
         true => Some(NoColours::with_properties(&cloud.unknown)),
-        false => NoColours::of_colours(cloud.colors.iter().copied()),
+        false => NoColours::of_colours(cloud.colours.iter().copied()),
     };
-    let colours = cloud.colors.into_iter().chain(std::iter::repeat([128; 3]));
+    let colours = cloud.colours.into_iter().chain(std::iter::repeat([128; 3]));
     let points = cloud.positions.into_iter().zip(colours).collect();
     (points, why.map(|why| Colourless { file: file.to_owned(), why }))
 }

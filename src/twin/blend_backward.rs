@@ -52,7 +52,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
             let grad = [r, g, b];
             let mut transmittance = up.image[pixel][3];
             // Colour and auxiliary values behind the current splat, the background included.
-            let (mut color, mut aux) = (blend.background, [R::zero(); 4]);
+            let (mut colour, mut aux) = (blend.background, [R::zero(); 4]);
             // The gradient of the final transmittance acts like one more channel in which only the background has
             // colour.
             let mut see_through = R::one();
@@ -75,9 +75,9 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
                 let mix = |front: R, back: R| back + alpha * (front - back);
                 let sums = &mut out.rows[begin + place];
                 for k in 0..3 {
-                    grad_alpha += transmittance * (row[8 + k] - color[k]) * grad[k];
+                    grad_alpha += transmittance * (row[8 + k] - colour[k]) * grad[k];
                     sums[6 + k] += weight * grad[k];
-                    color[k] = mix(row[8 + k], color[k]);
+                    colour[k] = mix(row[8 + k], colour[k]);
                 }
                 grad_alpha -= transmittance * see_through * grad_t;
                 see_through = mix(R::zero(), see_through);

@@ -127,7 +127,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
     };
     for y in 0..blend.height {
         for x in 0..blend.width {
-            let (mut transmittance, mut color, mut aux, mut last) = (R::one(), [R::zero(); 3], [R::zero(); 4], 0);
+            let (mut transmittance, mut colour, mut aux, mut last) = (R::one(), [R::zero(); 3], [R::zero(); 4], 0);
             for (place, &splat) in blend.list(x, y).iter().enumerate() {
                 if !blend.evaluates(splat as usize, x, y) {
                     continue;
@@ -146,7 +146,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                 let most = &mut out.weights[splat as usize];
                 *most = most.max(weight);
                 for k in 0..3 {
-                    color[k] += weight * row[8 + k];
+                    colour[k] += weight * row[8 + k];
                 }
                 for (sum, value) in aux.iter_mut().zip(blend.aux_of(splat as usize)) {
                     *sum += weight * value;
@@ -155,7 +155,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                 last = place as u32 + 1;
                 out.blended += 1;
             }
-            let [r, g, b] = std::array::from_fn(|k| color[k] + transmittance * blend.background[k]);
+            let [r, g, b] = std::array::from_fn(|k| colour[k] + transmittance * blend.background[k]);
             out.image.push([r, g, b, transmittance]);
             out.aux.push(if blend.normals.is_some() { aux } else { [R::zero(); 4] });
             out.last.push(last);

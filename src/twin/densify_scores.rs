@@ -26,11 +26,11 @@ pub fn run(call: &mut TwinCall<'_>) {
     let tile_counts = call.get::<u32>(1);
     let (splat2d, grad2d, image) = (call.get::<f32>(2), call.get::<f32>(3), call.get::<[f32; 4]>(4));
     let target = call.get::<u32>(5);
-    let (colors, counted) = (unpack::<f32>(&target, bits), counting(&target, bits));
+    let (colours, counted) = (unpack::<f32>(&target, bits), counting(&target, bits));
     let (mask, mut scores) = (call.get::<f32>(6), call.get::<[f32; 2]>(7));
     for i in (0..splats).filter(|&i| tile_counts[i] > 0) {
         let k = pixel([splat2d[12 * i], splat2d[12 * i + 1]], push.width, push.height);
-        let difference: f32 = (0..3).map(|c| (image[k][c] - colors[k][c]).abs()).sum();
+        let difference: f32 = (0..3).map(|c| (image[k][c] - colours[k][c]).abs()).sum();
         let wrong = counted[k] && difference > 3.0 * push.error;
         let value = if push.masked == 0 { 0.0 } else { mask[k] };
         let half_size = [0.5 * push.width as f32, 0.5 * push.height as f32];

@@ -33,8 +33,8 @@ pub struct Scene<'a, R> {
 }
 
 /// Brightness of a colour.
-pub fn luma<R: Real>(color: [R; 3]) -> R {
-    vec3::dot(color, LUMA.map(R::of))
+pub fn luma<R: Real>(colour: [R; 3]) -> R {
+    vec3::dot(colour, LUMA.map(R::of))
 }
 
 /// Whether a depth is one.

@@ -48,7 +48,7 @@ impl<R: Real> Scene<'_, R> {
         self.mask.map_or(R::one(), |mask| mask.at([k % width, k / width], self.size()))
     }
 
-    fn color(&self, k: usize) -> [R; 3] {
+    fn colour(&self, k: usize) -> [R; 3] {
         let [r, g, b, _] = self.image[k];
         if self.counts[k] { [r, g, b] } else { self.photo[k] }
     }
@@ -69,7 +69,7 @@ impl<R: Real> Scene<'_, R> {
             }
             [gx, gy]
         };
-        let [gx, gy] = gradient(&|k| luma(self.color(k)));
+        let [gx, gy] = gradient(&|k| luma(self.colour(k)));
         let [px, py] = gradient(&|k| luma(self.photo[k]));
         [root(gx, gy), root(px, py), gx, gy]
     }

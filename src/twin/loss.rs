@@ -162,8 +162,8 @@ pub fn codes(target: &[u32], bits: u32) -> Vec<[u32; 4]> {
 /// The photograph's channels from 0 to 1.
 pub fn unpack<R: Real>(target: &[u32], bits: u32) -> Vec<[R; 3]> {
     let white = R::of(f64::from((1_u32 << bits) - 1));
-    let color = |p: [u32; 4]| std::array::from_fn(|c| R::of(f64::from(p[c])) / white);
-    codes(target, bits).into_iter().map(color).collect()
+    let colour = |p: [u32; 4]| std::array::from_fn(|c| R::of(f64::from(p[c])) / white);
+    codes(target, bits).into_iter().map(colour).collect()
 }
 
 /// Which pixels of a photograph count: those whose alpha is not 0.

@@ -5,13 +5,13 @@ use super::loss::{counting, unpack};
 use crate::pass::photograph_reduce::Push;
 
 /// The mean colour of the pixels that count among those of pixel `k` of the result; `None` where more than half do not.
-pub fn mean(colors: &[[f64; 3]], counts: &[bool], width: usize, factor: usize, k: usize) -> Option<[f64; 3]> {
+pub fn mean(colours: &[[f64; 3]], counts: &[bool], width: usize, factor: usize, k: usize) -> Option<[f64; 3]> {
     let columns = width / factor;
     let (left, top) = (k % columns * factor, k / columns * factor);
     let all = (top..top + factor).flat_map(|y| (left..left + factor).map(move |x| y * width + x));
     let counted: Vec<usize> = all.filter(|&i| counts[i]).collect();
     let enough = !counted.is_empty() && 2 * counted.len() >= factor * factor;
-    enough.then(|| std::array::from_fn(|c| counted.iter().map(|&i| colors[i][c]).sum::<f64>() / counted.len() as f64))
+    enough.then(|| std::array::from_fn(|c| counted.iter().map(|&i| colours[i][c]).sum::<f64>() / counted.len() as f64))
 }
 
 /// Adapter over raw buffers.
@@ -20,13 +20,13 @@ pub fn run(call: &mut TwinCall<'_>) {
     let bits = call.constants[0];
     let [width, height, factor] = [push.width, push.height, push.factor].map(|v| v as usize);
     let target = call.get::<u32>(0);
-    let (colors, counts) = (unpack::<f64>(&target, bits), counting(&target, bits));
+    let (colours, counts) = (unpack::<f64>(&target, bits), counting(&target, bits));
     let mut reduced = call.get::<u32>(1);
     let white = f64::from((1_u32 << bits) - 1);
     for k in 0..((width / factor) * (height / factor)).min(64 * call.groups as usize) {
-        let color = mean(&colors, &counts, width, factor, k);
-        let [r, g, b] = color.unwrap_or_default().map(|v| (v * white).round_ties_even() as u32);
-        let a = if color.is_some() { white as u32 } else { 0 };
+        let colour = mean(&colours, &counts, width, factor, k);
+        let [r, g, b] = colour.unwrap_or_default().map(|v| (v * white).round_ties_even() as u32);
+        let a = if colour.is_some() { white as u32 } else { 0 };
         if bits == 16 {
             reduced[2 * k] = r | g << 16;
             reduced[2 * k + 1] = b | a << 16;

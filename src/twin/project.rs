@@ -23,7 +23,7 @@ pub struct Projected<R> {
     /// z in the camera frame.
     pub depth: R,
     /// Colour, clamped at 0 from below.
-    pub color: [R; 3],
+    pub colour: [R; 3],
     /// Camera-frame normal.
     pub normal: [R; 3],
     /// Tiles touched; 0 where no grid was given.
@@ -34,7 +34,7 @@ impl<R: Real> Projected<R> {
     /// The row of `splat2d`.
     pub fn row(&self) -> [R; 12] {
         let o = R::zero();
-        let ([x, y], [a, b, c], [red, green, blue]) = (self.mean, self.conic, self.color);
+        let ([x, y], [a, b, c], [red, green, blue]) = (self.mean, self.conic, self.colour);
         [x, y, a, b, c, self.opacity, self.depth, self.rest, red, green, blue, o]
     }
 }
@@ -92,14 +92,14 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid
     let (dir, _) = direction(splat, view);
     let y = sh::basis(dir, view.sh_degree);
     let used = sh::coefficients(view.sh_degree);
-    let color: [R; 3] = std::array::from_fn(|c| (0..used).fold(R::of(0.5), |sum, k| sum + y[k] * splat.sh[k][c]));
-    if !finite(&color) {
+    let colour: [R; 3] = std::array::from_fn(|c| (0..used).fold(R::of(0.5), |sum, k| sum + y[k] * splat.sh[k][c]));
+    if !finite(&colour) {
         return Err(Culled::Bad);
     }
     let axis = projection::shortest_axis(splat.log_scale);
     let (normal, _) = projection::normal(view, p, &e.rot, axis);
-    let color = color.map(|v| v.max(R::zero()));
-    Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], color, normal, tiles })
+    let colour = colour.map(|v| v.max(R::zero()));
+    Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], colour, normal, tiles })
 }
 
 /// Direction from the camera centre to the splat, and the distance.

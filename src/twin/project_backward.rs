@@ -18,12 +18,12 @@ pub struct Grad2d<R> {
     pub normal: [R; 3],
 }
 
-/// Gradients of the 59 parameters of a splat that is on the image with colour `color` (0 where it was clamped; see
+/// Gradients of the 59 parameters of a splat that is on the image with colour `colour` (0 where it was clamped; see
 /// [`crate::pass::camera::Projection::black_learns`]).
-pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, color: [R; 3], g: &Grad2d<R>) -> Splat<R> {
+pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, colour: [R; 3], g: &Grad2d<R>) -> Splat<R> {
     let o = R::zero();
     let (p, e) = project::geometry(splat, view);
-    let passes = |c: usize| color[c] > o || view.black_learns && g.row[6 + c] < o;
+    let passes = |c: usize| colour[c] > o || view.black_learns && g.row[6 + c] < o;
     let g_rgb: [R; 3] = std::array::from_fn(|c| if passes(c) { g.row[6 + c] } else { o });
     let (dir, distance) = project::direction(splat, view);
     let y = sh::basis(dir, view.sh_degree);
@@ -94,10 +94,10 @@ pub fn run(call: &mut TwinCall<'_>) {
     let mut out = Gaussians::zeros(n);
     for i in (0..n).filter(|&i| tile_counts[i] != 0) {
         let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
-        let color = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
+        let colour = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
         let g = Grad2d { row: grad2d[i], normal: [x, y, z] };
         let splat = Splat::of(&model, i);
-        let mut gradient = project_backward(&splat, &view, color, &g);
+        let mut gradient = project_backward(&splat, &view, colour, &g);
         flatten(&mut gradient, splat.log_scale, f32::from_bits(call.constants[1]));
         shrink(&mut gradient, &splat.sh, view.sh_degree, f32::from_bits(call.constants[3]));
         gradient.store(&mut out, i);

@@ -241,10 +241,10 @@ impl Inputs {
             return Splat::of(&Gaussians::zeros(1), 0);
         }
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
-        let color = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
+        let colour = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
         let up = Grad2d { row: self.grad2d[i], normal: [x, y, z] };
         let view = self.view.of_row(i < self.full);
-        let mut gradient = project_backward(splat, &view, color, &up);
+        let mut gradient = project_backward(splat, &view, colour, &up);
         flatten(&mut gradient, splat.log_scale, self.flatten);
         shrink(&mut gradient, &splat.sh, view.sh_degree, self.shrink);
         gradient

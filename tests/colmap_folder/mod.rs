@@ -29,7 +29,7 @@ pub(crate) struct ImageRow {
 pub(crate) struct PointRow {
     pub(crate) id: u64,
     pub(crate) position: [f64; 3],
-    pub(crate) color: [u8; 3],
+    pub(crate) colour: [u8; 3],
     pub(crate) error: f64,
     pub(crate) track: Vec<(u32, u32)>,
 }
@@ -66,7 +66,7 @@ impl Folder {
             PointRow {
                 id: 100 - i as u64,
                 position: [offset[0] + u, offset[1] + v, offset[2] + 0.1 * u * v],
-                color: [(i * 20) as u8, 255 - (i * 20) as u8, 128],
+                colour: [(i * 20) as u8, 255 - (i * 20) as u8, 128],
                 error: 0.25 + f64::from(i) / 7.0,
                 track: (0..2 + i as u32 % 3).filter(|k| *k < names.len() as u32).map(|k| (k + 1, k)).collect(),
             }
@@ -104,7 +104,7 @@ impl Folder {
         for p in &self.points {
             points.extend(p.id.to_le_bytes());
             p.position.iter().for_each(|v| points.extend(v.to_le_bytes()));
-            points.extend(p.color);
+            points.extend(p.colour);
             points.extend(p.error.to_le_bytes());
             points.extend((p.track.len() as u64).to_le_bytes());
             for (image, keypoint) in &p.track {
@@ -142,7 +142,7 @@ impl Folder {
             format!("# 3D point list\n# Number of points: {}, mean track length: 2.5\n", self.points.len());
         for p in &self.points {
             let [x, y, z] = p.position;
-            let [r, g, b] = p.color;
+            let [r, g, b] = p.colour;
             let _ = write!(points, "{} {x} {y} {z} {r} {g} {b} {}", p.id, p.error);
             p.track.iter().for_each(|(i, k)| write!(points, " {i} {k}").expect("to memory"));
             points.push('\n');

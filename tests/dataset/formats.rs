@@ -87,7 +87,7 @@ pub(crate) fn cloud(folder: &Folder, text: bool) -> Vec<u8> {
     out.push_str("end_header\n");
     let mut out = out.into_bytes();
     for p in &folder.points {
-        let ([x, y, z], [r, g, b]) = (p.position, p.color);
+        let ([x, y, z], [r, g, b]) = (p.position, p.colour);
         if text {
             out.extend(format!("{x} {y} {z} 0 {r} {g} {b}\n").into_bytes());
         } else {
@@ -141,7 +141,7 @@ pub(crate) fn reconstruction(folder: &Folder) -> Value {
     let points: serde_json::Map<String, Value> = folder
         .points
         .iter()
-        .map(|p| (p.id.to_string(), json!({"color": p.color.map(f64::from), "coordinates": p.position})))
+        .map(|p| (p.id.to_string(), json!({"color": p.colour.map(f64::from), "coordinates": p.position})))
         .collect();
     let camera = json!({
         "projection_type": "brown", "width": 24, "height": 16,
@@ -209,7 +209,7 @@ fn all_formats_give_the_same_dataset_also_far_from_the_origin() {
             assert_eq!(dataset.points.len(), 12, "{what}");
             for found in &dataset.points {
                 let here = dataset.frame.to_scene(found.position);
-                let want = near.points.iter().find(|p| p.color == found.color).expect("a point of this colour");
+                let want = near.points.iter().find(|p| p.colour == found.colour).expect("a point of this colour");
                 for (x, y) in here.iter().zip(near.frame.to_scene(want.position)) {
                     assert!((x - y).abs() < 1e-6 * 5.0, "{what}: point at {x} instead of {y}");
                 }

@@ -101,12 +101,12 @@ impl Case {
     }
 
     /// A dataset of two photographs of this camera, the first with the colours of its pixels, the second white.
-    fn dataset(&self, color: impl Fn(usize) -> [u8; 3]) -> tempfile::TempDir {
+    fn dataset(&self, colour: impl Fn(usize) -> [u8; 3]) -> tempfile::TempDir {
         let mut folder = Folder::ring(&["a.png", "b.png"], [0.0; 3]);
         let size = SIZE.map(u64::from);
         folder.cameras = vec![CameraRow { id: 1, model: self.model, size, params: self.params.clone() }];
         let root = folder.dataset(self.params.len().is_multiple_of(2));
-        let draw = |x, y| Rgb(color((y * SIZE[0] + x) as usize));
+        let draw = |x, y| Rgb(colour((y * SIZE[0] + x) as usize));
         RgbImage::from_fn(SIZE[0], SIZE[1], draw).save(root.path().join("images/a.png")).expect("photograph");
         RgbImage::from_pixel(SIZE[0], SIZE[1], Rgb([255; 3]))
             .save(root.path().join("images/b.png"))

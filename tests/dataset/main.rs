@@ -60,7 +60,7 @@ fn binary_and_text_give_the_same_dataset() {
     assert_eq!(view.camera.rotation, [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
     assert_eq!(b.points.len(), 12);
     assert!(b.points.windows(2).all(|p| p[0].id < p[1].id), "points are in the order of their ids");
-    assert_eq!((b.points[11].color, b.points[11].track), ([0, 255, 128], 2));
+    assert_eq!((b.points[11].colour, b.points[11].track), ([0, 255, 128], 2));
     let unknown =
         |warning: &Warning| matches!(warning, Warning::UnknownObservers { points: 1, point: 89, image: 4, .. });
     assert!(matches!(b.warnings.as_slice(), [one] if unknown(one)), "{:?}", b.warnings);

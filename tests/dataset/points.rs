@@ -23,7 +23,7 @@ fn ring(names: &[&str]) -> Folder {
         PointRow {
             id: u64::from(k),
             position: [0.8 * x, 0.34 * y, 0.03 * x * y],
-            color: [4 * k, 255 - k, 128],
+            colour: [4 * k, 255 - k, 128],
             ..one.clone()
         }
     };
@@ -53,7 +53,7 @@ fn shown(input: &Input) -> Vec<[u8; 3]> {
 fn points_of_one_colour_take_the_colours_of_the_photographs() {
     let mut folder = ring(&NAMES);
     for colour in [[0; 3], [255; 3], [10, 20, 30]] {
-        folder.points.iter_mut().for_each(|point| point.color = colour);
+        folder.points.iter_mut().for_each(|point| point.colour = colour);
         let root = folder.dataset(false);
         // Held out is `a`, and seen by no training.
         write_plain(&folder, root.path(), |_, image| if image.name == "a.png" { [9; 3] } else { [200, 100, 50] });
@@ -84,7 +84,7 @@ fn colours_come_from_the_photographs_that_observe_a_point() {
     let mut folder = ring(&["a.png", "b.png", "c.png", "d.png", "e.png"]);
     for (k, point) in folder.points.iter_mut().enumerate() {
         // By turns the second image and the last, though all have the point in their picture.
-        (point.color, point.track) = ([0; 3], vec![(if k % 2 == 0 { 2 } else { 5 }, 0)]);
+        (point.colour, point.track) = ([0; 3], vec![(if k % 2 == 0 { 2 } else { 5 }, 0)]);
     }
     let root = folder.dataset(false);
     write_plain(&folder, root.path(), |i, _| [i as u8 * 50, 7, 7]);
@@ -123,7 +123,7 @@ fn colours_in_text_may_be_floats_or_words_of_16_bits() {
     let want = load(root.path()).expect("loads");
     let write = |factor: f64, digits: usize| {
         let row = |p: &PointRow| {
-            let ([x, y, z], [r, g, b]) = (p.position, p.color.map(|c| f64::from(c) * factor));
+            let ([x, y, z], [r, g, b]) = (p.position, p.colour.map(|c| f64::from(c) * factor));
             format!("{} {x} {y} {z} {r:.digits$} {g:.digits$} {b:.digits$} 0.5\n", p.id)
         };
         let text: String = folder.points.iter().map(row).collect();
@@ -132,7 +132,7 @@ fn colours_in_text_may_be_floats_or_words_of_16_bits() {
     for (factor, digits) in [(1.0, 0), (1.0, 1), (1.0 / 255.0, 4), (257.0, 0)] {
         write(factor, digits);
         let dataset = load(root.path()).expect("loads");
-        let colours = |dataset: &Dataset| dataset.points.iter().map(|p| p.color).collect::<Vec<_>>();
+        let colours = |dataset: &Dataset| dataset.points.iter().map(|p| p.colour).collect::<Vec<_>>();
         assert_eq!(colours(&dataset), colours(&want), "{factor}");
     }
     write(-3.0, 0);
@@ -150,14 +150,14 @@ fn points3d_ply_alone_is_the_cloud_of_a_colmap_model() {
         let kept = if text { "points3D.txt" } else { "points3D.bin" };
         let cloud = Cloud {
             positions: vec![[0.0, 0.5, 0.25], [1.0, 2.0, 0.5]],
-            colors: vec![[1, 2, 3], [4, 5, 6]],
+            colours: vec![[1, 2, 3], [4, 5, 6]],
             ..Cloud::default()
         };
         cloud.write(&sparse.join("points3D.ply")).expect("written");
         assert_eq!(load(root.path()).expect("loads").points, whole.points, "beside {kept} it is not read");
         fs::remove_file(sparse.join(kept)).expect("removed");
         let dataset = load(root.path()).expect("loads");
-        let read: Vec<_> = dataset.points.iter().map(|point| (point.position, point.color)).collect();
+        let read: Vec<_> = dataset.points.iter().map(|point| (point.position, point.colour)).collect();
         assert_eq!(read, [([0.0, 0.5, 0.25], [1, 2, 3]), ([1.0, 2.0, 0.5], [4, 5, 6])]);
         assert!(
             dataset.tracks.is_empty() && dataset.colourless.is_none() && dataset.warnings.is_empty(),
@@ -276,7 +276,7 @@ fn colours_of_clouds_are_read_wherever_a_cloud_is_read() {
             if settings.run.init.is_some() {
                 assert_eq!(&shown(&input(&dataset, &settings)), want, "{names} of {kind} in {place}");
             }
-            let own = dataset.points.iter().map(|point| point.color).collect::<Vec<_>>();
+            let own = dataset.points.iter().map(|point| point.colour).collect::<Vec<_>>();
             assert_eq!(dataset.colourless.is_none(), names != "intensity", "{place}");
             assert!(dataset.colourless.is_some() || &own == want, "{names} of {kind} in {place}: {own:?}");
         }

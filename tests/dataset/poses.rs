@@ -64,7 +64,7 @@ fn scene() -> Folder {
     let point = |i: u32| PointRow {
         id: u64::from(i) + 1,
         position: [f64::from(i % 5) * 0.3 - 0.6, f64::from(i / 5 % 4) * 0.3 - 0.45, f64::from(i / 20) * 0.4 - 0.4],
-        color: [(i * 4) as u8, 120, 200],
+        colour: [(i * 4) as u8, 120, 200],
         error: 0.3,
         track: (1..=VIEWS).map(|image| (image, i)).collect(),
     };

@@ -60,7 +60,7 @@ fn flight() -> Folder {
             z > 0.0 && (x / z * FOCAL).abs() < 80.0 && (y / z * FOCAL).abs() < 60.0
         };
         let track = images.iter().filter(shows).map(|image| (image.id, i)).collect();
-        PointRow { id: u64::from(i) + 1, position, color: ground([position[0], position[1]]), error: 0.3, track }
+        PointRow { id: u64::from(i) + 1, position, colour: ground([position[0], position[1]]), error: 0.3, track }
     };
     let points = (0..80 * 60).map(point).collect();
     let params = vec![FOCAL, FOCAL, 80.0, 60.0];

@@ -48,11 +48,11 @@ fn scene(case: &Case, target: &[u32], image: &Image) -> Scene<'static, f64> {
         tv_weight: 0.0,
         values: loss::values(width, height, masked),
     };
-    let row = |i: usize| [image.color[i][0], image.color[i][1], image.color[i][2], image.transmittance[i]];
+    let row = |i: usize| [image.colour[i][0], image.colour[i][1], image.colour[i][2], image.transmittance[i]];
     Scene {
         push,
         variation: false,
-        image: (0..image.color.len()).map(row).collect(),
+        image: (0..image.colour.len()).map(row).collect(),
         photo: unpack(target, 8),
         counts: counting(target, 8),
         mask: None,
@@ -63,7 +63,7 @@ fn scene(case: &Case, target: &[u32], image: &Image) -> Scene<'static, f64> {
 fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
     let image = reference::render(splats, &case.shot.camera, &case.settings);
     let scene = scene(case, target, &image);
-    let pixels = image.color.len();
+    let pixels = image.colour.len();
     let maps: Vec<_> = (0..pixels).map(|k| scene.sobel(k)).collect();
     let windows: Vec<_> =
         (0..windows(scene.push.width, scene.push.height) as usize).map(|w| scene.window(&maps, w)).collect();
@@ -71,7 +71,7 @@ fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
     let [r, m] = windows.iter().fold([0.0; 2], |[r, m], w| [r + w.row[0], m + w.row[1]]);
     let mut upstream = ImageGradient::zeros(pixels);
     for k in 0..pixels {
-        upstream.color[k] = scene.grad_row(&flows, &[r, m, 0.0, 0.0], k).1;
+        upstream.colour[k] = scene.grad_row(&flows, &[r, m, 0.0, 0.0], k).1;
     }
     reference::backward(splats, &case.shot.camera, &case.settings, &upstream).planes()
 }

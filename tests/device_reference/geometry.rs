@@ -81,7 +81,7 @@ fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [
         cosine_weight: weights.cosine,
         l1_weight: weights.l1,
     };
-    let pixels = case.image.color.len();
+    let pixels = case.image.colour.len();
     let image = &case.image;
     let scene = Scene::<f64> {
         push,

@@ -134,7 +134,7 @@ fn images_agree_with_the_brute_force_renderer() {
             let picture = viewer.render(&planes, case.model.len() as u32, &case.shot, true).unwrap();
             let aux = picture.aux.as_ref().unwrap();
             for c in 0..3 {
-                case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| picture.rgbt[4 * i + c]);
+                case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| picture.rgbt[4 * i + c]);
                 case.check("normal", tile, 1.0, |i| case.image.normal[i][c], |i| aux[4 * i + 1 + c]);
             }
             case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| picture.rgbt[4 * i + 3]);
@@ -164,7 +164,7 @@ fn pictures_are_whole_when_the_pairs_had_to_grow() {
         assert!(gpu.stats().submits > submits + 3, "nothing had to grow");
         assert!(case.image.blended.iter().sum::<u32>() > 30 * tiles * tile.size().pow(2));
         for c in 0..3 {
-            case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| picture.rgbt[4 * i + c]);
+            case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| picture.rgbt[4 * i + c]);
         }
     }
 }
@@ -268,7 +268,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
         for i in (0..decided.len()).filter(|i| decided[*i]) {
             let values: [f32; 4] = std::array::from_fn(|_| random.symmetric() as f32);
             grad_image[4 * i..4 * i + 4].copy_from_slice(&values);
-            upstream.color[i] = std::array::from_fn(|c| f64::from(values[c]));
+            upstream.colour[i] = std::array::from_fn(|c| f64::from(values[c]));
             upstream.transmittance[i] = f64::from(values[3]);
         }
         let gradients = reference::backward(&case.splats, &case.shot.camera, &case.settings, &upstream);
@@ -302,11 +302,11 @@ fn gradients_of_depth_and_normals_agree_with_brute_force() {
         for i in (0..decided.len()).filter(|i| decided[*i]) {
             let values: [f32; 8] =
                 std::array::from_fn(|c| (random.symmetric() / if c == 4 { far } else { 1.0 }) as f32);
-            let [color, aux] = [&values[..4], &values[4..]];
-            grad_image[4 * i..4 * i + 4].copy_from_slice(color);
+            let [colour, aux] = [&values[..4], &values[4..]];
+            grad_image[4 * i..4 * i + 4].copy_from_slice(colour);
             grad_aux[4 * i..4 * i + 4].copy_from_slice(aux);
-            upstream.color[i] = std::array::from_fn(|c| f64::from(color[c]));
-            upstream.transmittance[i] = f64::from(color[3]);
+            upstream.colour[i] = std::array::from_fn(|c| f64::from(colour[c]));
+            upstream.transmittance[i] = f64::from(colour[3]);
             upstream.depth[i] = f64::from(aux[0]);
             upstream.normal[i] = std::array::from_fn(|c| f64::from(aux[1 + c]));
         }

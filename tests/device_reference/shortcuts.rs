@@ -22,17 +22,17 @@ fn cut_offs_are_those_of_the_brute_force_renderer() {
     for cutoff in [1000, 64] {
         let mut differs = 0.0f64;
         for mut case in cases(200).into_iter().take(3) {
-            let before = case.image.color.clone();
+            let before = case.image.colour.clone();
             case.settings = Settings { alpha_min: f64::from(alpha_min(Some(cutoff))), ..case.settings };
             case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
-            for (a, b) in before.iter().flatten().zip(case.image.color.iter().flatten()) {
+            for (a, b) in before.iter().flatten().zip(case.image.colour.iter().flatten()) {
                 differs = differs.max((a - b).abs());
             }
             case.shot.projection.alpha_cutoff = Some(cutoff);
             for tile in SHAPES {
                 let rgbt = picture(&gpu, &case, tile);
                 for c in 0..3 {
-                    case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| rgbt[4 * i + c]);
+                    case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| rgbt[4 * i + c]);
                 }
                 case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| rgbt[4 * i + 3]);
             }
@@ -47,19 +47,19 @@ fn cut_offs_are_those_of_the_brute_force_renderer() {
 fn half_floats_of_spherical_harmonics_are_their_rounding() {
     let Some(gpu) = common::gpu() else { return };
     for mut case in cases(200).into_iter().take(4) {
-        let exact = case.image.color.clone();
+        let exact = case.image.colour.clone();
         case.model.sh.iter_mut().flatten().for_each(|v| *v = f16::from_f32(*v).to_f32());
         let rounded = case.model.clone();
         case.splats = Splat::all(&rounded);
         case.image = reference::render(&case.splats, &case.shot.camera, &case.settings);
-        assert!(exact != case.image.color);
+        assert!(exact != case.image.colour);
         for tile in SHAPES {
             let mut viewer = Viewer::with_variants(&gpu, Variants::new(tile, GradientSum::Slots));
             let mut planes = viewer.upload_with(&case.model, ShStorage::Half).unwrap();
             let n = case.model.len() as u32;
             let rgbt = viewer.render(&planes, n, &case.shot, false).unwrap().rgbt;
             for c in 0..3 {
-                case.check("colour", tile, 1.0, |i| case.image.color[i][c], |i| rgbt[4 * i + c]);
+                case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| rgbt[4 * i + c]);
             }
             assert_eq!(planes.bytes(), u64::from(n) * (4 * 11 + 2 * 48));
             planes.grow(&gpu, 2 * n).unwrap();

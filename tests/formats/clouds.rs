@@ -12,14 +12,14 @@ fn clouds_come_back_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("cloud.ply");
     let positions = vec![[5e5 + 0.1, 4.6e6 / 3.0, -0.0], [1.0, 2.0, 1e-300]];
-    let colors = vec![[0, 128, 255], [7, 8, 9]];
+    let colours = vec![[0, 128, 255], [7, 8, 9]];
     for normals in [vec![], vec![[0.6, 0.0, -0.8], [0.1, 0.2, 0.3]]] {
-        let cloud = Cloud { positions: positions.clone(), normals, colors: colors.clone(), ..Cloud::default() };
+        let cloud = Cloud { positions: positions.clone(), normals, colours: colours.clone(), ..Cloud::default() };
         cloud.write(&file).expect("written");
         assert_eq!(Cloud::read(&file).expect("read"), cloud);
         assert_eq!(read_content(&file).expect("read"), Content::Cloud(cloud));
     }
-    let wrong = Cloud { positions, normals: vec![[0.0; 3]], colors, ..Cloud::default() };
+    let wrong = Cloud { positions, normals: vec![[0.0; 3]], colours, ..Cloud::default() };
     assert!(wrong.write(&file).expect_err("does not fit").to_string().contains("1 normals"));
 }
 
@@ -63,7 +63,7 @@ fn foreign_clouds_are_read() {
     .expect("written");
     let cloud = Cloud::read(&file).expect("read");
     assert_eq!(cloud.positions, [[500_001.0, 2.5, 2.0], [500_004.0, 5.0, 5.0]]);
-    assert_eq!((cloud.colors.len(), cloud.unknown.len(), cloud.normals.len()), (0, 0, 0));
+    assert_eq!((cloud.colours.len(), cloud.unknown.len(), cloud.normals.len()), (0, 0, 0));
     fs::write(&file, format!("{head}property float x\nproperty float y\nend_header\n1 2\n3 4\n")).expect("written");
     let error = read_content(&file).expect_err("no z").to_string();
     assert!(error.contains("the property 'z' is missing"), "{error}");
@@ -129,7 +129,7 @@ fn colours_of_clouds_are_read_under_all_usual_names_and_ranges() {
     ] {
         fs::write(&file, with_properties(&properties, &rows)).expect("written");
         let cloud = Cloud::read(&file).expect("read");
-        assert_eq!(cloud.colors, want, "{properties:?}");
+        assert_eq!(cloud.colours, want, "{properties:?}");
         assert!(cloud.unknown.is_empty());
         assert!(matches!(read_content(&file).expect("read"), Content::Cloud(_)), "{properties:?}");
     }
@@ -147,9 +147,9 @@ fn colours_of_unknown_form_are_none_with_properties_named() {
     ] {
         fs::write(&file, with_properties(&properties, &[row, row])).expect("written");
         let cloud = Cloud::read(&file).expect("read");
-        assert!(cloud.colors.is_empty(), "{properties:?}");
+        assert!(cloud.colours.is_empty(), "{properties:?}");
         assert_eq!(cloud.unknown, unknown);
         cloud.write(&file).expect("written");
-        assert!(Cloud::read(&file).expect("read").colors.is_empty());
+        assert!(Cloud::read(&file).expect("read").colours.is_empty());
     }
 }

@@ -53,9 +53,9 @@ fn clamp_gradients() {
     g[48..52].copy_from_slice(&[1.0, -0.5, 0.25, 0.5]);
     let mut fainter = splat.clone();
     fainter.logit -= 0.1;
-    let fainter = Scene::new(&[fainter], camera, false).wanted().color[12];
+    let fainter = Scene::new(&[fainter], camera, false).wanted().colour[12];
     let mut scene = Scene::new(&[splat], camera, false);
-    assert_eq!(scene.wanted().color[12], fainter, "a little less opaque, it is the same colour");
+    assert_eq!(scene.wanted().colour[12], fainter, "a little less opaque, it is the same colour");
     for passes in [false, true] {
         scene.clamp_gradient_passes = passes;
         for variants in Variants::possible(&gpu) {

@@ -97,7 +97,7 @@ fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
     (0..width * height)
         .map(|pixel| {
             let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-            let (mut color, mut transmittance) = ([0.0; 3], 1.0);
+            let (mut colour, mut transmittance) = ([0.0; 3], 1.0);
             for row in &rows {
                 let d = [x - row[0], y - row[1]];
                 let power = match stage {
@@ -115,10 +115,10 @@ fn picture(scene: &Scene, stage: Option<Stage>) -> Vec<[f64; 3]> {
                     break;
                 }
                 let weight = products(products(alpha) * transmittance);
-                (0..3).for_each(|k| color[k] = products(color[k] + products(weight * row[8 + k])));
+                (0..3).for_each(|k| colour[k] = products(colour[k] + products(weight * row[8 + k])));
                 transmittance = next;
             }
-            std::array::from_fn(|k| color[k] + transmittance * f64::from(scene.shot.background[k]))
+            std::array::from_fn(|k| colour[k] + transmittance * f64::from(scene.shot.background[k]))
         })
         .collect()
 }
@@ -143,10 +143,10 @@ fn error_of_a_picture_by_stage() {
     for (name, left_out, scene) in scenes() {
         let image = scene.wanted();
         let decided = decided(&name, &image, left_out);
-        let largest = |colors: &[[f64; 3]]| {
-            let off = (0..colors.len()).filter(|i| decided[*i]);
+        let largest = |colours: &[[f64; 3]]| {
+            let off = (0..colours.len()).filter(|i| decided[*i]);
             off.flat_map(|i| (0..3).map(move |k| (i, k)))
-                .map(|(i, k)| (colors[i][k] - image.color[i][k]).abs())
+                .map(|(i, k)| (colours[i][k] - image.colour[i][k]).abs())
                 .fold(0.0f64, f64::max)
         };
         let none = largest(&picture(&scene, None));

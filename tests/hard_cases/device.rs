@@ -119,7 +119,7 @@ impl Scene {
     pub(crate) fn wanted_gradients(&self, upstream: &[f32]) -> Gradients {
         let mut g = ImageGradient::zeros(self.pixels());
         for (i, values) in upstream.chunks_exact(4).enumerate() {
-            g.color[i] = std::array::from_fn(|c| f64::from(values[c]));
+            g.colour[i] = std::array::from_fn(|c| f64::from(values[c]));
             g.transmittance[i] = f64::from(values[3]);
         }
         reference::backward(&self.splats, &self.shot.camera, &self.settings, &g)
@@ -196,7 +196,7 @@ pub(crate) fn decided(what: &str, image: &Image, most_left_out: f64) -> Vec<bool
 pub(crate) fn worst(image: &Image, decided: &[bool], got: &[f32]) -> f64 {
     let mut worst = 0.0f64;
     for i in (0..decided.len()).filter(|i| decided[*i]) {
-        let [r, g, b] = image.color[i];
+        let [r, g, b] = image.colour[i];
         for (c, want) in [r, g, b, image.transmittance[i]].into_iter().enumerate() {
             let error = (f64::from(got[4 * i + c]) - want).abs();
             worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };

@@ -103,7 +103,7 @@ fn shares(
         *free = alpha;
         transmittance = next;
     }
-    let dot = |color: [f64; 3]| (0..3).fold(0.0, |sum, k| b(sum + b(color[k] * f64::from(up[k]))));
+    let dot = |colour: [f64; 3]| (0..3).fold(0.0, |sum, k| b(sum + b(colour[k] * f64::from(up[k]))));
     let mut behind = b(dot(background.map(f64::from)) + f64::from(up[3]));
     let mut out = vec![Share::default(); rows.len()];
     for (k, (_, row)) in rows.iter().enumerate().rev().filter(|(k, _)| free[*k] > 0.0) {
@@ -142,7 +142,7 @@ fn tile_row<R: Real>(row: &[f64; 12], corner: [f64; 2], shares: &[Share], grads:
         .map(|lane| {
             let dx = R::of(corner[0] + lane as f64 + 0.5) - mx;
             let dy0 = R::of(corner[1] + 0.5) - my;
-            let (mut sums, mut colors) = ([o; 3], [o; 3]);
+            let (mut sums, mut colours) = ([o; 3], [o; 3]);
             for j in 0..SIDE {
                 let share = shares[SIDE * j + lane];
                 let (v, dy) = (R::of(share.v), dy0 + R::of(j as f64));
@@ -150,7 +150,7 @@ fn tile_row<R: Real>(row: &[f64; 12], corner: [f64; 2], shares: &[Share], grads:
                 sums[0] += v;
                 sums[1] += v * along;
                 sums[2] += v * along * along;
-                (0..3).for_each(|k| colors[k] += R::of(share.weight) * R::of(f64::from(grads[SIDE * j + lane][k])));
+                (0..3).for_each(|k| colours[k] += R::of(share.weight) * R::of(f64::from(grads[SIDE * j + lane][k])));
             }
             let [v0, v1, v2] = sums;
             let (mean, conic) = if squared {
@@ -165,7 +165,7 @@ fn tile_row<R: Real>(row: &[f64; 12], corner: [f64; 2], shares: &[Share], grads:
                 let root = p * dx * v0 + q * v1;
                 ([p * root, q * root + rest * v1], [-half * dx * dx * v0, -dx * v1, -half * v2])
             };
-            let [red, green, blue] = colors;
+            let [red, green, blue] = colours;
             [mean[0], mean[1], conic[0], conic[1], conic[2], v0 / opacity, red, green, blue]
         })
         .collect();
@@ -238,13 +238,13 @@ fn planes(scene: &Scene, upstream: &[f32], stage: Option<Stage>) -> [Vec<f64>; 8
     let zero = Splat::from_array(&[0.0; 59]);
     let mut splats = vec![zero; scene.model.len()];
     for (i, row) in &rows {
-        let color = [row[8], row[9], row[10]];
+        let colour = [row[8], row[9], row[10]];
         splats[*i] = if stage == Some(Stage::Projection) {
             let g = Grad2d { row: grads[*i].map(|v| v as f32), normal: [0.0; 3] };
-            let single = project_backward(&Splat::<f32>::of(&scene.model, *i), &push, color.map(|v| v as f32), &g);
+            let single = project_backward(&Splat::<f32>::of(&scene.model, *i), &push, colour.map(|v| v as f32), &g);
             Splat::from_array(&single.to_array().map(f64::from))
         } else {
-            project_backward(&scene.splats[*i], &exact, color, &Grad2d { row: grads[*i], normal: [0.0; 3] })
+            project_backward(&scene.splats[*i], &exact, colour, &Grad2d { row: grads[*i], normal: [0.0; 3] })
         };
     }
     Gradients { splats, grad2d: Vec::new(), normals: Vec::new() }.planes()

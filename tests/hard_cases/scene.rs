@@ -60,7 +60,7 @@ fn write(root: &Path, scale: f64, offset: [f64; 3]) {
         .map(|i| PointRow {
             id: i as u64 + 1,
             position: std::array::from_fn(|k| scale * f64::from(input.initial.means[3 * i + k]) + offset[k]),
-            color: [(i % 200) as u8 + 30, 128, 250 - (i % 200) as u8],
+            colour: [(i % 200) as u8 + 30, 128, 250 - (i % 200) as u8],
             error: 0.5,
             track: vec![(1, 0), (2, 0)],
         })

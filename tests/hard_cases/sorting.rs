@@ -26,7 +26,7 @@ fn depth_ties_and_stability() {
     assert!(scene.splats.iter().all(|s| s.mean[2] == 3.0));
     let backwards = Scene::new(&splats.iter().rev().cloned().collect::<Vec<_>>(), camera, false);
     let [image, other] = [&scene, &backwards].map(Scene::wanted);
-    let differ = image.color.iter().zip(&other.color).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-3).count();
+    let differ = image.colour.iter().zip(&other.colour).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-3).count();
     assert!(differ > 500, "the order matters in {differ} pixels only");
     for variants in Variants::possible(&gpu) {
         for (scene, image) in [(&scene, &image), (&backwards, &other)] {
@@ -35,7 +35,7 @@ fn depth_ties_and_stability() {
             // Ties count as decisions, so margins do not tell where rounding may turn over another: that shows a splat
             // of 1/255 more or less, in few pixels. A wrong order is off in most of them.
             let off: Vec<f64> = (0..scene.pixels())
-                .map(|i| (0..3).map(|c| (f64::from(first[4 * i + c]) - image.color[i][c]).abs()).fold(0.0, f64::max))
+                .map(|i| (0..3).map(|c| (f64::from(first[4 * i + c]) - image.colour[i][c]).abs()).fold(0.0, f64::max))
                 .collect();
             let (many, most) = (off.iter().filter(|e| **e > 2e-5).count(), off.iter().fold(0.0f64, |m, e| m.max(*e)));
             assert!(most < 0.01 && many * 100 < off.len(), "{variants}: {many} pixels differ, by up to {most:e}");

@@ -139,7 +139,7 @@ fn neither_masked_pixels_nor_rough_surfaces_go_on() {
     }
     let half = extend(&views, &priors, 1);
     assert!(!half.is_empty() && half.len() < whole);
-    assert!(half.iter().all(|p| u32::from(p.color[0]) >= WIDTH / 2), "colours say where a point is from");
+    assert!(half.iter().all(|p| u32::from(p.colour[0]) >= WIDTH / 2), "colours say where a point is from");
     let jitter = |p: usize| 1.0 + 0.05 * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
     let (views, priors) = self::views(&ROW, jitter);
     assert!(extend(&views, &priors, 2).is_empty(), "depths that vary by some hundredths");
@@ -179,7 +179,7 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
     }
     // To the left of the row colours are those of the left edge.
     let left = points.iter().filter(|p| p.point.position[0] < -3.3);
-    assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.color[0] < 16));
+    assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.colour[0] < 16));
     assert!(skirt(&views, &priors, 0.0).is_empty());
     // Of which little is known there is none, unless what is not known is masked.
     let (mut views, mut priors) = self::views(&ROW, |_| 1.0);

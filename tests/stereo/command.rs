@@ -72,7 +72,7 @@ fn maps_and_a_cloud_are_written_and_training_begins_with_it() {
     assert!(off[off.len() / 2] < 0.02, "{}", off[off.len() / 2]);
 
     let cloud = Cloud::read(&out.join("fused.ply")).unwrap();
-    assert_eq!((cloud.normals.len(), cloud.colors.len()), (cloud.positions.len(), cloud.positions.len()));
+    assert_eq!((cloud.normals.len(), cloud.colours.len()), (cloud.positions.len(), cloud.positions.len()));
     let ply = out.join("fused.ply");
     let model = folder.path().join("model");
     let trained = psrgs(&[

@@ -174,5 +174,5 @@ fn the_fused_cloud_lies_on_the_plane_and_has_no_point_twice() {
     let distance = mean(&|p| (DVec3::from_array(p.position) - DVec3::new(0.0, 0.0, 3.0)).dot(normal).abs());
     let degrees = mean(&|p| DVec3::from_array(p.normal.map(f64::from)).angle_between(normal).to_degrees());
     assert!(distance < 0.01 && degrees < 5.0, "{distance} units, {degrees} degrees");
-    assert!(points.iter().all(|p| p.color == [128; 3]));
+    assert!(points.iter().all(|p| p.colour == [128; 3]));
 }

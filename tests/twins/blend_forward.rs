@@ -61,7 +61,7 @@ struct Read {
 
 fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doubts: &[Doubt]) {
     let largest = |column: usize| blend.splats.iter().map(|s| s[column].abs()).fold(1.0f64, f64::max);
-    let color = [8, 9, 10].map(largest).into_iter().fold(1.0f64, f64::max);
+    let colour = [8, 9, 10].map(largest).into_iter().fold(1.0f64, f64::max);
     let mut undecided = 0;
     for (pixel, doubt) in doubts.iter().enumerate() {
         let (image, exact) = (got.image[pixel].map(f64::from), want.image[pixel]);
@@ -77,7 +77,7 @@ fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doub
             "{what}: transmittance of pixel {pixel} off by {off_t:e}"
         );
         assert!(off_t <= 1e-3 * exact[3], "{what}: transmittance of pixel {pixel} off by {off_t:e}");
-        let bound = doubt.weights * color + 2.0 * doubt.transmittance * exact[3] + 1e-7;
+        let bound = doubt.weights * colour + 2.0 * doubt.transmittance * exact[3] + 1e-7;
         for k in 0..3 {
             let off = (image[k] - exact[k]).abs();
             assert!(off <= bound, "{what}: channel {k} of pixel {pixel} off by {off:e} > {bound:e}");

@@ -7,12 +7,12 @@ use psrgs_vk::twin::Real;
 use psrgs_vk::twin::blend_forward::{Blend, TRANSMITTANCE_MIN, evaluate};
 
 /// A splat with standard deviations `sigma` (before the dilation of 0.3) along axes turned by `angle`.
-pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f64, color: [f64; 3]) -> [f32; 12] {
+pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f64, colour: [f64; 3]) -> [f32; 12] {
     let (s, c) = angle.sin_cos();
     let [u, v] = sigma.map(|x| x * x);
     let (xx, xy, yy) = (c * c * u + s * s * v + 0.3, c * s * (u - v), s * s * u + c * c * v + 0.3);
     let det = xx * yy - xy * xy;
-    let [r, g, b] = color;
+    let [r, g, b] = colour;
     [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, 0.0].map(|x| x as f32)
 }
 
@@ -38,8 +38,8 @@ impl Scene {
             .map(|i| {
                 let mean = [d.range(-4.0, width as f64 + 4.0), d.range(-4.0, height as f64 + 4.0)];
                 let sigma = [d.range(-1.0, 2.2).exp(), d.range(-1.0, 2.2).exp()];
-                let color = [d.unit(), d.unit(), d.unit()];
-                splat(mean, sigma, d.range(0.0, 3.2), d.range(0.0, most), 1.0 + i as f64 * 0.01, color)
+                let colour = [d.unit(), d.unit(), d.unit()];
+                splat(mean, sigma, d.range(0.0, 3.2), d.range(0.0, most), 1.0 + i as f64 * 0.01, colour)
             })
             .collect();
         Self { name, width, height, background: [0.2, 0.5, 0.9], splats, everywhere: false }
@@ -195,27 +195,27 @@ pub fn hard_scenes() -> Vec<Scene> {
         everywhere,
     };
     let mut draws = Random::new(5);
-    let mut color = || [draws.unit(), draws.unit(), draws.unit()];
-    let opaque = (0..50).map(|i| splat([6.3, 4.8], [2.0, 3.0], 0.4, 0.9999, 1.0 + f64::from(i), color())).collect();
-    let fog = (0..2000).map(|i| splat([5.0, 5.0], [400.0, 400.0], 0.0, 0.0043, 1.0 + f64::from(i), color())).collect();
+    let mut colour = || [draws.unit(), draws.unit(), draws.unit()];
+    let opaque = (0..50).map(|i| splat([6.3, 4.8], [2.0, 3.0], 0.4, 0.9999, 1.0 + f64::from(i), colour())).collect();
+    let fog = (0..2000).map(|i| splat([5.0, 5.0], [400.0, 400.0], 0.0, 0.0043, 1.0 + f64::from(i), colour())).collect();
     let saturated = (0..300)
         .map(|i| {
-            splat([f64::from(i % 23), f64::from(i % 17)], [9.0, 6.0], f64::from(i), 0.97, 2.0 + f64::from(i), color())
+            splat([f64::from(i % 23), f64::from(i % 17)], [9.0, 6.0], f64::from(i), 0.97, 2.0 + f64::from(i), colour())
         })
         .collect();
-    let few = (0..3).map(|i| splat([50.0, 20.0 + f64::from(i)], [1.0, 2.0], 1.0, 0.8, 3.0, color())).collect();
+    let few = (0..3).map(|i| splat([50.0, 20.0 + f64::from(i)], [1.0, 2.0], 1.0, 0.8, 3.0, colour())).collect();
     let centered = (0..12)
-        .map(|i| splat([f64::from(i) + 0.5, f64::from(i % 5) + 0.5], [1.5, 0.7], 0.7, 0.6, 1.0, color()))
+        .map(|i| splat([f64::from(i) + 0.5, f64::from(i % 5) + 0.5], [1.5, 0.7], 0.7, 0.6, 1.0, colour()))
         .collect();
     let needles = (0..20)
-        .map(|i| splat([20.0, 2.0 * f64::from(i)], [30.0, 0.05], f64::from(i) * 0.16, 0.9, 1.0, color()))
+        .map(|i| splat([20.0, 2.0 * f64::from(i)], [30.0, 0.05], f64::from(i) * 0.16, 0.9, 1.0, colour()))
         .collect();
-    let faint = (0..40).map(|i| splat([f64::from(i), 10.0], [4.0, 4.0], 0.0, 1.3 / 255.0, 1.0, color())).collect();
+    let faint = (0..40).map(|i| splat([f64::from(i), 10.0], [4.0, 4.0], 0.0, 1.3 / 255.0, 1.0, colour())).collect();
     // Pixels stop after 30 to some hundred splats, each elsewhere: inside buckets and batches, and on their borders.
     let stops = (0..300)
         .map(|i| {
             let mean = [f64::from(i * 7 % 22), f64::from(i * 5 % 18)];
-            splat(mean, [7.0, 5.0], f64::from(i), 0.25, 2.0 + f64::from(i), color())
+            splat(mean, [7.0, 5.0], f64::from(i), 0.25, 2.0 + f64::from(i), colour())
         })
         .collect();
     // Lists as long as a bucket, a batch, and one more, in tiles of 16.
@@ -225,7 +225,7 @@ pub fn hard_scenes() -> Vec<Scene> {
         .flat_map(|(tile, length)| (0..length).map(move |i| (tile, i)))
         .map(|(tile, i)| {
             let mean = [16.0 * tile as f64 + 6.0 + f64::from(i % 5), 6.0 + f64::from(i % 3)];
-            splat(mean, [1.0, 0.8], f64::from(i), 0.06, 1.0 + f64::from(i), color())
+            splat(mean, [1.0, 0.8], f64::from(i), 0.06, 1.0 + f64::from(i), colour())
         })
         .collect();
     vec![

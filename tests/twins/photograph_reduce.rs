@@ -36,10 +36,10 @@ fn one(gpu: &Gpu, random: &mut Random, [width, height, factor]: [u32; 3], bits: 
     let (device, twin) = (outcome.device::<u32>(1), outcome.twin::<u32>(1));
     let used = pixels * words;
     let (got, same) = (codes(&device[..used], bits), codes(&twin[..used], bits));
-    let (colors, counts) = (unpack::<f64>(&target, bits), counting(&target, bits));
+    let (colours, counts) = (unpack::<f64>(&target, bits), counting(&target, bits));
     let white = f64::from((1_u32 << bits) - 1);
     for (k, (device, twin)) in got.iter().zip(&same).enumerate() {
-        let want = mean(&colors, &counts, width as usize, factor as usize, k);
+        let want = mean(&colours, &counts, width as usize, factor as usize, k);
         assert_eq!(device[3] != 0, want.is_some(), "{width}x{height} by {factor}: pixel {k} counts");
         assert_eq!(device[3], twin[3]);
         for c in 0..3 {

@@ -66,8 +66,8 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
         grad_normals[i] = [g.normal[0] as f32, g.normal[1] as f32, g.normal[2] as f32, f32::NAN];
         // The twin gets what the device gets.
         let g = Grad2d { row: grad2d[i].map(f64::from), normal: [0, 1, 2].map(|k| f64::from(grad_normals[i][k])) };
-        let color = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
-        let gradient = project_backward(&splat, &view, color, &g);
+        let colour = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
+        let gradient = project_backward(&splat, &view, colour, &g);
         gradient.store(&mut want, i);
         exact.push(gradient);
     }

@@ -133,8 +133,8 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             normals[i] = std::array::from_fn(|k| if aux && k < 3 { random.symmetric() as f32 } else { f32::NAN });
             let normal = if aux { [0, 1, 2].map(|k| f64::from(normals[i][k])) } else { [0.0; 3] };
             let up = Grad2d { row: grad2d[i].map(f64::from), normal };
-            let color = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
-            let mut gradient = gradient_of(&splat, &full, color, &up);
+            let colour = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
+            let mut gradient = gradient_of(&splat, &full, colour, &up);
             add_flatness(&mut gradient, splat.log_scale, f64::from(flatten));
             add_smallness(&mut gradient, &splat.sh, full.sh_degree, f64::from(shrink));
             g = gradient.to_array();

@@ -70,7 +70,7 @@ impl Reference {
             out.left_out += chosen.len() - kept.len();
             out.pixels.push(kept.iter().map(|i| chosen[*i]).collect());
             out.images.push(Image {
-                color: kept.iter().map(|i| image.color[*i]).collect(),
+                colour: kept.iter().map(|i| image.colour[*i]).collect(),
                 transmittance: kept.iter().map(|i| image.transmittance[*i]).collect(),
                 depth: kept.iter().map(|i| image.depth[*i]).collect(),
                 normal: kept.iter().map(|i| image.normal[*i]).collect(),
@@ -94,7 +94,7 @@ impl Reference {
     /// and how many values there are.
     pub fn errors(&self, view: usize, rgbt: &[f32]) -> (f64, f64, usize) {
         let (mut largest, mut sum) = (0.0f64, 0.0);
-        for (&pixel, want) in self.pixels[view].iter().zip(&self.images[view].color) {
+        for (&pixel, want) in self.pixels[view].iter().zip(&self.images[view].colour) {
             for (k, want) in want.iter().enumerate() {
                 let error = (f64::from(rgbt[4 * pixel + k]) - want).abs();
                 largest = if error.is_nan() { f64::INFINITY } else { largest.max(error) };
@@ -123,8 +123,8 @@ impl Reference {
     pub fn gradients(&self, view: usize, upstream: &[f32]) -> Gradients {
         let pixels = &self.pixels[view];
         let mut g = ImageGradient::zeros(pixels.len());
-        for (color, &pixel) in g.color.iter_mut().zip(pixels) {
-            *color = [0, 1, 2].map(|c| f64::from(upstream[4 * pixel + c]));
+        for (colour, &pixel) in g.colour.iter_mut().zip(pixels) {
+            *colour = [0, 1, 2].map(|c| f64::from(upstream[4 * pixel + c]));
         }
         reference::backward_at(&self.splats, &self.shots[view].camera, &self.settings, &g, pixels)
     }

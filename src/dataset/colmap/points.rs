@@ -16,7 +16,7 @@ pub struct Point {
     /// Position in dataset coordinates.
     pub position: [f64; 3],
     /// 8-bit colour.
-    pub color: [u8; 3],
+    pub colour: [u8; 3],
     /// Mean reprojection error in pixels.
     pub error: f64,
     /// Number of observations.
@@ -61,7 +61,7 @@ fn read_binary(file: &Path, strict: bool) -> Result<Points, FileError> {
         for (k, value) in position.iter_mut().enumerate() {
             *value = source.f64(format_args!("{} of point {id}", VALUES[k]))?;
         }
-        let color = source.array(format_args!("colour of point {id}"))?;
+        let colour = source.array(format_args!("colour of point {id}"))?;
         // Some exporters have no error to give and write NaN: it decides nothing here.
         let error = source.f64(format_args!("error of point {id}"))?;
         let track = source.count(8, format_args!("track length of point {id}"))? as u64;
@@ -72,7 +72,7 @@ fn read_binary(file: &Path, strict: bool) -> Result<Points, FileError> {
             return Ok(None);
         }
         let observers = bytes.chunks_exact(8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        Ok(Some((Point { id, position, color, error, track }, observers)))
+        Ok(Some((Point { id, position, colour, error, track }, observers)))
     })?;
     let list: Vec<Observed> = records.into_iter().flatten().collect();
     let left_out = tally.end(file, "points", list.len())?.map(Warning::LeftOut);
@@ -120,7 +120,7 @@ fn coloured(
     };
     let mut points = Vec::with_capacity(written.len());
     for (Written { point: (mut point, observers), colour, at }, read) in written.into_iter().zip(colours) {
-        point.color = read;
+        point.colour = read;
         match colour.iter().find(|value| largest <= 255.0 && !(0.0..=255.0).contains(*value)) {
             None => points.push((point, observers)),
             Some(value) => {
@@ -156,5 +156,5 @@ fn text_point(mut line: Line<'_>) -> Result<Written, FileError> {
         observers.extend(whole::<u32>(line.word(format_args!("track of point {id}"))?));
         line.word(format_args!("track of point {id}"))?;
     }
-    Ok(Written { point: (Point { id, position, color: GREY, error, track }, observers), colour, at })
+    Ok(Written { point: (Point { id, position, colour: GREY, error, track }, observers), colour, at })
 }

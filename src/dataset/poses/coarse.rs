@@ -77,14 +77,14 @@ impl Coarse {
             let u = (camera.fx * x / z + camera.cx) / f64::from(camera.width) * width;
             let v = (camera.fy * y / z + camera.cy) / f64::from(camera.height) * height;
             let inside = z > 0.0 && (0.0..width).contains(&u) && (0.0..height).contains(&v);
-            inside.then_some((v as usize * self.size[0] as usize + u as usize, z, point.color))
+            inside.then_some((v as usize * self.size[0] as usize + u as usize, z, point.colour))
         };
         let placed: Vec<(usize, f64, [u8; 3])> = points.iter().filter_map(|point| place(&point)).collect();
         let mut nearest = vec![f64::INFINITY; self.cells.len()];
         placed.iter().for_each(|(cell, z, _)| nearest[*cell] = nearest[*cell].min(*z));
         let mut sums = vec![[0.0_f64; 4]; self.cells.len()];
-        for (cell, _, color) in placed.iter().filter(|(cell, z, _)| *z <= HIDDEN * nearest[*cell]) {
-            (0..3).for_each(|k| sums[*cell][k] += f64::from(color[k]) / 255.0);
+        for (cell, _, colour) in placed.iter().filter(|(cell, z, _)| *z <= HIDDEN * nearest[*cell]) {
+            (0..3).for_each(|k| sums[*cell][k] += f64::from(colour[k]) / 255.0);
             sums[*cell][3] += 1.0;
         }
         let both = sums.iter().zip(&self.cells).filter(|(points, cell)| points[3] > 0.0 && cell[3] > 0.0);

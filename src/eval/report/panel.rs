@@ -94,7 +94,7 @@ pub(super) fn paint(values: &[f32], size: (u32, u32), low: f32, high: f32, map: 
     RgbImage::from_fn(size.0, size.1, |x, y| {
         let at = y as usize * size.0 as usize + x as usize;
         match values.get(at) {
-            Some(v) if v.is_finite() => Rgb(map.color((v - low) / span)),
+            Some(v) if v.is_finite() => Rgb(map.colour((v - low) / span)),
             _ => Rgb([128; 3]),
         }
     })
@@ -113,7 +113,7 @@ pub(super) fn depth(map: &DepthMap) -> (RgbImage, (f32, f32)) {
 pub(super) fn gradient(map: &Colormap) -> String {
     let stops: Vec<String> = (0..=16)
         .map(|k| {
-            let [r, g, b] = map.color(k as f32 / 16.0);
+            let [r, g, b] = map.colour(k as f32 / 16.0);
             format!("#{r:02x}{g:02x}{b:02x}")
         })
         .collect();
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(range, (2.0, 4.0));
         assert_eq!(picture.get_pixel(0, 0).0, [128; 3]);
         assert_eq!(picture.get_pixel(0, 1).0, [128; 3]);
-        assert_eq!(picture.get_pixel(1, 0).0, Colormap::depth().color(0.0));
-        assert_eq!(picture.get_pixel(1, 1).0, Colormap::depth().color(1.0));
+        assert_eq!(picture.get_pixel(1, 0).0, Colormap::depth().colour(0.0));
+        assert_eq!(picture.get_pixel(1, 1).0, Colormap::depth().colour(1.0));
     }
 }

@@ -19,7 +19,7 @@ pub struct Cloud {
     /// Normals, as many as positions, or none.
     pub normals: Vec<[f32; 3]>,
     /// 8-bit colours, as many as positions, or none.
-    pub colors: Vec<[u8; 3]>,
+    pub colours: Vec<[u8; 3]>,
     /// Where there are no colours, the properties of the file in which they were not recognised.
     pub unknown: Vec<String>,
 }
@@ -95,7 +95,7 @@ impl Cloud {
             Ok(())
         })?;
         match place.and_then(|place| place.colours(vertex, &values)) {
-            Some(colors) => cloud.colors = colors,
+            Some(colours) => cloud.colours = colours,
             None => {
                 let other = vertex.properties.iter().filter(|p| !NO_COLOURS.contains(&p.name.as_str()));
                 cloud.unknown = other.map(|p| p.name.clone()).collect();
@@ -109,9 +109,9 @@ impl Cloud {
     /// Writes a binary file with coordinates in double precision.
     pub fn write(&self, file: &Path) -> Result<(), Error> {
         let n = self.positions.len();
-        let (with_normals, with_colours) = (!self.normals.is_empty(), !self.colors.is_empty());
-        if (with_colours && self.colors.len() != n) || (with_normals && self.normals.len() != n) {
-            let problem = format!("{n} positions, {} normals, {} colours", self.normals.len(), self.colors.len());
+        let (with_normals, with_colours) = (!self.normals.is_empty(), !self.colours.is_empty());
+        if (with_colours && self.colours.len() != n) || (with_normals && self.normals.len() != n) {
+            let problem = format!("{n} positions, {} normals, {} colours", self.normals.len(), self.colours.len());
             return Err(Error::Unwritable { file: file.to_owned(), what: "the points", problem });
         }
         atomic::write(file, |out| {
@@ -131,7 +131,7 @@ impl Cloud {
                 for v in self.normals.get(i).into_iter().flatten() {
                     out.write_all(&v.to_le_bytes())?;
                 }
-                if let Some(colour) = self.colors.get(i) {
+                if let Some(colour) = self.colours.get(i) {
                     out.write_all(colour)?;
                 }
             }

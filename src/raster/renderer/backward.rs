@@ -116,7 +116,7 @@ struct Form {
 
 /// Pipelines and buffers of the backward.
 pub(super) struct Backward {
-    color: Channels,
+    colour: Channels,
     /// Where the renderer has the auxiliary channels.
     all: Option<Channels>,
     form: Form,
@@ -153,7 +153,7 @@ impl Backward {
             gpu.buffer(name, if there { bytes * u64::from(count.max(1)) } else { 16 }, Memory::Device)
         };
         Ok(Self {
-            color: channels(false)?,
+            colour: channels(false)?,
             all: size.aux.then(|| channels(true)).transpose()?,
             form,
             slot_grads: rows("slot_grads", slots, 48, size.pairs)?,
@@ -165,7 +165,7 @@ impl Backward {
 
     /// The pipelines for gradients of colour alone, or of all channels.
     fn channels(&self, aux: bool) -> &Channels {
-        self.all.as_ref().filter(|_| aux).unwrap_or(&self.color)
+        self.all.as_ref().filter(|_| aux).unwrap_or(&self.colour)
     }
 }
 

@@ -117,7 +117,7 @@ fn wrong(view: &View, prior: &Prior, aux: &[f32], ratio: f64, size: (u32, u32)) 
     let on_grid = |p: &usize| (p % width).is_multiple_of(step) && (p / width).is_multiple_of(step);
     let point = |p: usize| {
         let point = lifted_pixel(view, prior, p);
-        (point.position, point.color)
+        (point.position, point.colour)
     };
     pixels.into_iter().filter(on_grid).map(point).collect()
 }

@@ -42,7 +42,7 @@ struct Image {
     /// Share of each pixel that is not masked, where any is.
     coverage: Option<Plane>,
     /// Red, green and blue, where composites are learned from.
-    colors: Vec<f32>,
+    colours: Vec<f32>,
 }
 
 /// The network, the photographs, and the masks that it has made of them.
@@ -128,8 +128,8 @@ impl SigmaTraining {
         let spectrum = Spectrum::new(&image.luma, &self.settings)?;
         let update = if self.how == SigmaLearning::Composite {
             let Some(low) = read(low)? else { return Ok(None) };
-            let [low, full] = [low, full].map(|render| image.colors_of(&render, (width, height)));
-            let renders = Renders { low: &low?, full: &full?, photograph: &image.colors };
+            let [low, full] = [low, full].map(|render| image.colours_of(&render, (width, height)));
+            let renders = Renders { low: &low?, full: &full?, photograph: &image.colours };
             self.learner.learn_from_composite(&spectrum, &renders)?
         } else {
             self.learner.learn_from_errors(&spectrum, &image.errors(&full, (width, height))?)?
@@ -201,7 +201,7 @@ impl Image {
         let masked = view.masked() > 0;
         let composite = how == SigmaLearning::Composite;
         if !masked && !composite {
-            return Ok(Self { luma, coverage: None, colors: Vec::new() });
+            return Ok(Self { luma, coverage: None, colours: Vec::new() });
         }
         let pixels = view.photograph.pixels()?;
         let rgba: Vec<f32> = match pixels.as_ref() {
@@ -214,9 +214,9 @@ impl Image {
         } else {
             None
         };
-        let mut image = Self { luma, coverage, colors: Vec::new() };
+        let mut image = Self { luma, coverage, colours: Vec::new() };
         if composite {
-            image.colors = image.colors_of(&rgba, size)?;
+            image.colours = image.colours_of(&rgba, size)?;
         }
         Ok(image)
     }
@@ -234,7 +234,7 @@ impl Image {
     }
 
     /// Red, green and blue of an image (a vec4 per pixel) at the size of the mask.
-    fn colors_of(&self, rgba: &[f32], size: (u32, u32)) -> Result<Vec<f32>, Error> {
+    fn colours_of(&self, rgba: &[f32], size: (u32, u32)) -> Result<Vec<f32>, Error> {
         let channel = |c: usize| -> Result<Plane, Error> {
             Ok(plane(rgba, size, |p| p[c].clamp(0.0, 1.0))?.resized(self.luma.width(), self.luma.height()))
         };

@@ -308,9 +308,9 @@ fn begin_on(
     let kept = spread(dataset.usable_points(), room);
     // Points without colours of their own have been given some.
     let painted = input.known.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
-    let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].color, |colour| **colour);
+    let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].colour, |colour| **colour);
     let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
-    let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.color));
+    let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.colour));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
     let geometry = &settings.geometry;
@@ -325,7 +325,7 @@ fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussian
     if points.is_empty() {
         return Ok(None);
     }
-    let coloured: Vec<_> = points.iter().map(|p| (p.point.position, p.point.color)).collect();
+    let coloured: Vec<_> = points.iter().map(|p| (p.point.position, p.point.colour)).collect();
     let normals: Vec<[f32; 3]> = points.iter().map(|p| p.point.normal).collect();
     let mut out = init::from_points(&coloured, &Frame::IDENTITY)?;
     for (scales, point) in out.scales.chunks_exact_mut(3).zip(points) {

@@ -52,7 +52,7 @@ impl Default for Settings {
 #[derive(Clone, Debug, Default)]
 pub struct Image {
     /// Colour with the background.
-    pub color: Vec<[f64; 3]>,
+    pub colour: Vec<[f64; 3]>,
     /// Final transmittance.
     pub transmittance: Vec<f64>,
     /// Sum of weight times depth.
@@ -71,7 +71,7 @@ pub struct Image {
 #[derive(Clone, Debug, Default)]
 pub struct ImageGradient {
     /// dL/d(colour).
-    pub color: Vec<[f64; 3]>,
+    pub colour: Vec<[f64; 3]>,
     /// dL/d(final transmittance), beyond what goes through the background's part of the colour.
     pub transmittance: Vec<f64>,
     /// dL/d(sum of weight times depth).
@@ -84,7 +84,7 @@ impl ImageGradient {
     /// Zeros for an image of `pixels` pixels.
     pub fn zeros(pixels: usize) -> Self {
         Self {
-            color: vec![[0.0; 3]; pixels],
+            colour: vec![[0.0; 3]; pixels],
             transmittance: vec![0.0; pixels],
             depth: vec![0.0; pixels],
             normal: vec![[0.0; 3]; pixels],

@@ -93,18 +93,18 @@ pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pi
     let mut image = Image::default();
     for (px, py) in pixels.iter().map(|pixel| centre(camera, *pixel)) {
         let (layers, t, margin) = layers(&seen, splats, settings, (px, py));
-        let mut color = settings.background.map(|b| b * t);
+        let mut colour = settings.background.map(|b| b * t);
         let (mut depth, mut normal) = (0.0, [0.0; 3]);
         for layer in &layers {
             let s = &seen[layer.at];
             let weight = layer.alpha * layer.before;
             depth += weight * s.depth;
             for k in 0..3 {
-                color[k] += weight * s.color[k];
+                colour[k] += weight * s.colour[k];
                 normal[k] += weight * s.normal[k];
             }
         }
-        image.color.push(color);
+        image.colour.push(colour);
         image.transmittance.push(t);
         image.depth.push(depth);
         image.normal.push(normal);
@@ -133,7 +133,7 @@ pub fn backward_at(
     for (pixel, at) in pixels.iter().enumerate() {
         let (px, py) = centre(camera, *at);
         let (layers, t, _) = layers(&seen, splats, settings, (px, py));
-        let (gc, gd, gn) = (g.color[pixel], g.depth[pixel], g.normal[pixel]);
+        let (gc, gd, gn) = (g.colour[pixel], g.depth[pixel], g.normal[pixel]);
         // L is linear in the weights w_i = alpha_i T_i and in the final T: with v_i = dL/dw_i and v_end = dL/dT,
         // dL/d(alpha_i) = T_i v_i - (sum over j > i of w_j v_j + T v_end) / (1 - alpha_i).
         let behind: f64 = (0..3).map(|k| gc[k] * settings.background[k]).sum::<f64>() + g.transmittance[pixel];
@@ -141,7 +141,7 @@ pub fn backward_at(
         for layer in layers.iter().rev() {
             let s = &seen[layer.at];
             let weight = layer.alpha * layer.before;
-            let value: f64 = (0..3).map(|k| gc[k] * s.color[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * s.depth;
+            let value: f64 = (0..3).map(|k| gc[k] * s.colour[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * s.depth;
             let g_alpha = layer.before * value - rest / (1.0 - layer.alpha);
             rest += weight * value;
             let row = &mut rows[s.index];

@@ -15,7 +15,7 @@ pub(super) struct Seen {
     /// With the anti-aliasing factor.
     pub(super) opacity: f64,
     pub(super) depth: f64,
-    pub(super) color: [f64; 3],
+    pub(super) colour: [f64; 3],
     pub(super) normal: [f64; 3],
     /// Condition of the mean, the conic and the depth in f32 arithmetic: error over epsilon (absolute,
     /// relative, relative).
@@ -180,15 +180,15 @@ fn principal(camera: &Camera) -> [f64; 2] {
 }
 
 /// The colour before what is below zero becomes zero.
-fn unbounded_color(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3] {
+fn unbounded_colour(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3] {
     let (dir, _) = sight(splat, camera);
-    let mut color = [0.5; 3];
+    let mut colour = [0.5; 3];
     for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(degree)) {
         for c in 0..3 {
-            color[c] += y.0 * f[c];
+            colour[c] += y.0 * f[c];
         }
     }
-    color
+    colour
 }
 
 /// Condition of the mean, the conic and the depth, see [`Seen`].
@@ -238,7 +238,7 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
     let condition = condition(splat, camera, point, &ellipsoid.axes, &ellipse);
     let q = inverse(&ellipse.after);
     let sigmoid = 1.0 / (1.0 + (-splat.logit).exp());
-    let color = unbounded_color(splat, camera, settings.sh_degree);
+    let colour = unbounded_colour(splat, camera, settings.sh_degree);
     let shortest = (1..3).fold(0, |best, k| if splat.log_scale[k] < splat.log_scale[best] { k } else { best });
     let axis = times(w, &std::array::from_fn(|i| ellipsoid.rotation[i][shortest]));
     let facing: f64 = (0..3).map(|k| axis[k] * point[k]).sum();
@@ -250,12 +250,12 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
         conic: [q[0][0], q[0][1], q[1][1]],
         opacity: sigmoid * ellipse.factor,
         depth: z,
-        color: color.map(|v| v.max(0.0)),
+        colour: colour.map(|v| v.max(0.0)),
         normal: axis.map(|v| turned * v),
         mean_condition: condition.mean,
         conic_condition: condition.conic,
         depth_condition: condition.depth,
-        parts: Parts { point, ellipsoid, ellipse, lit: color.map(|v| v > 0.0), shortest, turned, sigmoid },
+        parts: Parts { point, ellipsoid, ellipse, lit: colour.map(|v| v > 0.0), shortest, turned, sigmoid },
     })
 }
 
@@ -290,8 +290,8 @@ pub(super) fn pull_back(
         (false, true) => row[6 + c].min(0.0),
         (false, false) => 0.0,
     };
-    let g_color: [f64; 3] = std::array::from_fn(share);
-    let (sh, g_sight) = pull_back_color(splat, camera, settings.sh_degree, &g_color);
+    let g_colour: [f64; 3] = std::array::from_fn(share);
+    let (sh, g_sight) = pull_back_colour(splat, camera, settings.sh_degree, &g_colour);
     let through_camera = times(&transposed(&camera.rotation), &g_point);
     let mean = std::array::from_fn(|k| through_camera[k] + g_sight[k]);
     Splat { mean, quat, log_scale, logit, sh }
@@ -355,13 +355,18 @@ fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_norm
 }
 
 /// To the harmonics, and to the mean through the viewing direction.
-fn pull_back_color(splat: &Splat<f64>, camera: &Camera, degree: u32, g_color: &[f64; 3]) -> ([[f64; 3]; 16], [f64; 3]) {
+fn pull_back_colour(
+    splat: &Splat<f64>,
+    camera: &Camera,
+    degree: u32,
+    g_colour: &[f64; 3],
+) -> ([[f64; 3]; 16], [f64; 3]) {
     let (dir, distance) = sight(splat, camera);
     let mut sh = [[0.0; 3]; 16];
     let mut g_dir = [0.0; 3];
     for (k, (value, slope)) in harmonics(dir).iter().enumerate().take(used(degree)) {
-        sh[k] = g_color.map(|g| value * g);
-        let weight: f64 = (0..3).map(|c| splat.sh[k][c] * g_color[c]).sum();
+        sh[k] = g_colour.map(|g| value * g);
+        let weight: f64 = (0..3).map(|c| splat.sh[k][c] * g_colour[c]).sum();
         for axis in 0..3 {
             g_dir[axis] += weight * slope[axis];
         }
