@@ -19,7 +19,9 @@ pub use live::LiveModel;
 pub use memory_footprint::MemoryFootprint;
 pub use picture::Picture;
 pub use planes::ShStorage;
-pub use planes::{MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH0, UPPER, gaussians_of, grown, planes_of};
+pub use planes::{
+    MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH_HIGHER, SH0, gaussians_of, grown, planes_of,
+};
 pub use renderer::{BackwardStep, DENSITY_ENTRY, Gradients, ImageGradients, Renderer, Shot, Terms};
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};

@@ -43,7 +43,7 @@ pub struct Plane<'a> {
 }
 
 /// Index of the first plane of harmonics above degree 1 in [`PLANES`]: the groups before it have those up to degree 1.
-pub const UPPER: usize = 5;
+pub const SH_HIGHER: usize = 5;
 
 /// Eight buffers with the rows of [`PLANES`]. Cloning gives another handle to the same memory.
 ///
@@ -100,7 +100,7 @@ impl Planes {
     /// Splats that fit with harmonics above degree 1: as many as fit at all,
     /// unless these planes are [limited](Self::limited).
     pub fn full_rows(&self) -> u32 {
-        rows_at(UPPER, self.capacity, self.share)
+        rows_at(SH_HIGHER, self.capacity, self.share)
     }
 
     /// What [`crate::pass::counters::PLAIN`] has to be at least for a model of so many splats in these planes.
@@ -139,7 +139,7 @@ impl Planes {
         let capacity = capacity.max(self.capacity);
         for (k, buffer) in self.buffers.iter_mut().enumerate() {
             let bytes = row_bytes(k, self.sh) * u64::from(rows_at(k, capacity, self.share));
-            let beyond = if k >= UPPER && self.share < 1.0 { Beyond::Zero } else { Beyond::Undefined };
+            let beyond = if k >= SH_HIGHER && self.share < 1.0 { Beyond::Zero } else { Beyond::Undefined };
             *buffer = grown_with(gpu, buffer, bytes, beyond)?;
         }
         self.capacity = capacity;
@@ -156,7 +156,7 @@ impl Planes {
 
     /// Sets the harmonics above degree 1 to zero.
     pub fn clear_upper(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
-        for buffer in &self.buffers[UPPER..] {
+        for buffer in &self.buffers[SH_HIGHER..] {
             recorder.fill(buffer, 0)?;
         }
         Ok(())
@@ -170,7 +170,7 @@ impl Planes {
     /// Writes the first rows of every plane, as many as it has.
     pub fn write_rows<T: AsRef<[f32]>>(&self, gpu: &Gpu, values: &[T; 8]) -> Result<(), vk::Error> {
         for (k, values) in values.iter().map(AsRef::as_ref).enumerate().filter(|(_, values)| !values.is_empty()) {
-            let values = if k < UPPER { values } else { &values[..values.len().min(self.upper_numbers())] };
+            let values = if k < SH_HIGHER { values } else { &values[..values.len().min(self.upper_numbers())] };
             match self.halved(k) {
                 false => gpu.write(&self.buffers[k], values)?,
                 true => {
@@ -195,7 +195,7 @@ impl Planes {
         }
         for (k, plane) in out.iter_mut().enumerate() {
             let wanted = (PLANES[k].1 * splats) as usize;
-            let numbers = if k < UPPER { wanted } else { wanted.min(self.upper_numbers()) };
+            let numbers = if k < SH_HIGHER { wanted } else { wanted.min(self.upper_numbers()) };
             *plane = match self.halved(k) {
                 false => gpu.read_at(&self.buffers[k], 0, numbers)?,
                 true => {
@@ -220,7 +220,7 @@ fn half_of(value: f32) -> u16 {
 
 /// Rows of plane `k` where there is room for `capacity` splats.
 fn rows_at(k: usize, capacity: u32, share: f64) -> u32 {
-    if k < UPPER || share >= 1.0 { capacity } else { ((share * f64::from(capacity)).ceil() as u32).max(1) }
+    if k < SH_HIGHER || share >= 1.0 { capacity } else { ((share * f64::from(capacity)).ceil() as u32).max(1) }
 }
 
 /// What a larger buffer holds behind the contents of the smaller one.

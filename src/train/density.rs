@@ -15,7 +15,7 @@ use crate::pass::{
     counters, densify_axes, densify_classify, densify_finish, densify_gather, densify_limit, densify_map,
     densify_means, densify_sample, opacity_reset,
 };
-use crate::raster::UPPER;
+use crate::raster::SH_HIGHER;
 use crate::raster::scan::{Extent, Scan, Summand};
 use crate::raster::sort::Shape;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
@@ -58,7 +58,7 @@ pub struct Model<'a> {
 impl Model<'_> {
     /// Whether the rows of plane `p` move with the splats.
     fn moves(&self, p: usize) -> bool {
-        p < UPPER || !self.plain
+        p < SH_HIGHER || !self.plain
     }
 }
 

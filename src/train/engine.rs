@@ -1,11 +1,11 @@
 //! The device side of training: records an event, submits it, and later tells what came of it.
 
-mod beside;
 mod capacity;
-mod changes;
 mod cost;
-mod growth;
+mod density_step;
+mod extra_views;
 mod reports;
+mod resize;
 mod rows;
 mod step;
 mod streaming;
@@ -64,7 +64,7 @@ fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityContr
 
 /// Settings whose share of splats with all harmonics is no less than what a state has of them: since it was settled which ones have,
 /// others may have been dropped.
-fn with_room_for(state: Option<&State>, settings: &Settings) -> Settings {
+fn keep_sh_share(state: Option<&State>, settings: &Settings) -> Settings {
     let mut settings = settings.clone();
     if let Some(state) = state.filter(|state| settings.model.sh_share < 1.0 && state.splats() > 0) {
         let share = counters::full_rows(&state.counters) as f64 / f64::from(state.splats());
@@ -133,7 +133,7 @@ impl Engine {
             let (what, wanted, limit) = ("splats", u64::from(initial_splats), u64::from(most_splats));
             return Err(Error::TooMany { what, wanted, limit, remedy: "a smaller initial model" });
         }
-        let settings = &with_room_for(state.as_ref(), settings);
+        let settings = &keep_sh_share(state.as_ref(), settings);
         let needs = Needs::new(gpu, &input.outline(), settings, pacing)?;
         let first = if needs.residency == Residency::Streamed { first_views } else { &[] };
         let feed = Photographs::feed(&input.train, pacing, first);

@@ -1,13 +1,13 @@
 //! What a training is given: views with their photographs, and a first model; and whether a resumed one is given the same.
 
-mod trained_on;
+mod dataset_fingerprint;
 
-pub(super) use trained_on::PerceptualBy;
-pub use trained_on::TrainedOn;
+pub(super) use dataset_fingerprint::PerceptualBy;
+pub use dataset_fingerprint::TrainedOn;
 
 use std::sync::Arc;
 
-use super::cloud::Gate;
+use super::cloud::ProximityIndex;
 use crate::dataset::{Colourless, Depth, Pixels, Supply, Undecoded, Warning};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
@@ -61,7 +61,7 @@ pub struct Known {
     /// Where the colours of the first splats come from, where their points had none.
     pub coloured: Option<Coloured>,
     /// Where splats may grow; everywhere without.
-    pub gate: Option<Arc<Gate>>,
+    pub gate: Option<Arc<ProximityIndex>>,
     /// Splats that come when growth has ended and splats of little weight have gone: what lies where no photograph looks.
     pub skirt: Option<Arc<Gaussians>>,
     /// What is to be told of photographs that were left out, as their poses are wrong or their pixels cannot be decoded.

@@ -28,7 +28,7 @@ pub use memory::{HostMemory, HostPlan, MemoryPlan, shares_memory};
 pub use message::Message;
 pub use pacing::{Pacing, Residency};
 pub use photographs::FeedCounts;
-pub use prepare::{CloudReport, StereoReport, longer_side, splats_on_surfaces, stereo_settings, take_stereo};
+pub use prepare::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces, stereo_settings};
 pub use schedule::{Event, Kind, Schedule, StepPlan};
 pub use settings::Settings;
 pub use state::State;

@@ -1,16 +1,16 @@
 //! The photographs of a training on the device, all of them or those of the next steps: how they come there, and what is made of them.
 
 mod coarse;
-mod feed;
-mod places;
+mod prefetch;
 mod saliencies;
+mod upload_lru;
 
 pub(super) use coarse::Coarse;
-pub(super) use feed::Feed;
-pub use feed::FeedCounts;
+pub(super) use prefetch::Feed;
+pub use prefetch::FeedCounts;
 pub(super) use saliencies::Saliencies;
 
-use places::Places;
+use upload_lru::Places;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -8,7 +8,7 @@ mod stereo_cost;
 pub use super::input::Coloured;
 pub use colours::Uncoloured;
 pub use setup::{Request, Setup, SetupEvent};
-pub use stereo::{CloudReport, StereoReport, longer_side, splats_on_surfaces, take_stereo};
+pub use stereo::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces};
 pub use stereo_cost::stereo_settings;
 
 use std::collections::HashMap;

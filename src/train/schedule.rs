@@ -6,7 +6,7 @@
 //! splatting (Kerbl et al. 2023).
 
 mod band;
-mod draws;
+mod counter_rng;
 mod event;
 mod perceptual;
 mod plan;
@@ -14,12 +14,12 @@ mod propagations;
 mod rates;
 
 use super::settings::{Background, Settings, SigmaLearning};
-use draws::bounded;
+use counter_rng::bounded;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
 
 pub use band::Band;
-pub(super) use draws::{Stream, draw};
+pub(super) use counter_rng::{Stream, draw};
 pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
 pub use plan::{Adam, DensityChange, Dropped, StepPlan};

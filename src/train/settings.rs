@@ -1,11 +1,11 @@
 //! Everything that decides what a training run does, as one struct: command-line options, `settings.toml` and the library's
 //! configuration are the same fields with the same names and defaults.
 
+mod canonical;
 mod check;
 mod file;
 mod group;
 mod growth;
-mod idle;
 mod method;
 mod preset;
 mod range;

@@ -4,9 +4,9 @@
 mod checkpoint;
 mod embedded;
 mod evaluate;
+mod handle_outcome;
 mod history;
 mod host_actions;
-mod look;
 mod losses;
 mod recovery;
 mod streaming;
@@ -148,7 +148,7 @@ impl Trainer {
         }
     }
 
-    /// One turn: attend to a stop, or submit what fits, then look at the oldest event.
+    /// One turn: finish a stop, or submit what fits, then look at the oldest event.
     fn advance(&mut self) -> Result<(), Error> {
         let (stop, evaluate, last) = self.due();
         while self.has_room() && self.next <= last {
@@ -162,7 +162,7 @@ impl Trainer {
             return self.look(event, outcome);
         }
         if !evaluate {
-            return self.attend(stop);
+            return self.finish_stop(stop);
         }
         self.score(stop)
     }
@@ -250,7 +250,7 @@ impl Trainer {
         self.messages.push_back(message);
     }
 
-    fn attend(&mut self, stop: u32) -> Result<(), Error> {
+    fn finish_stop(&mut self, stop: u32) -> Result<(), Error> {
         // A training that is resumed at its end has been saved there.
         let saved = self.attended == stop;
         self.attended = stop;
@@ -278,7 +278,7 @@ impl Trainer {
     }
 
     /// Finishes what was submitted, so that the model is at a whole step; returns that step.
-    pub fn settle(&mut self) -> Result<u32, Error> {
+    pub fn drain_to_step(&mut self) -> Result<u32, Error> {
         loop {
             while let Some((event, ticket)) = self.in_flight.pop_front() {
                 let outcome = self.engine.outcome(ticket)?;
@@ -299,7 +299,7 @@ impl Trainer {
 
     /// Renders the held-out views and compares them with their photographs, 8 bits both.
     pub fn evaluate(&mut self) -> Result<crate::eval::Quality, Error> {
-        let step = self.settle()?;
+        let step = self.drain_to_step()?;
         Ok(self.quality(step, &|| false)?.unwrap_or_else(|| crate::eval::Quality::of(Vec::new())))
     }
 
@@ -319,7 +319,7 @@ impl Trainer {
 
     /// Renders the model as it is, depth and normals too.
     pub fn picture(&mut self, camera: &Camera) -> Result<Picture, Error> {
-        let step = self.settle()?;
+        let step = self.drain_to_step()?;
         let sh_degree = self.schedule.step(step.max(1)).sh_degree;
         self.engine.picture(camera, sh_degree, self.settings.model.background.evaluated(), true)
     }
@@ -336,21 +336,21 @@ impl Trainer {
 
     /// The model as it is, in scene coordinates.
     pub fn model(&mut self) -> Result<Gaussians, Error> {
-        self.settle()?;
+        self.drain_to_step()?;
         self.engine.model()
     }
 
     /// Splats with an identity below this were there at the end of the low-frequency stage; `None` where there was none, or it has not
     /// come to its end.
     pub fn constrained_below(&mut self) -> Result<Option<u32>, Error> {
-        self.settle()?;
+        self.drain_to_step()?;
         self.engine.constrained_below()
     }
 
     /// The loss of some photographs over the width of the saliency filter, by where the model as it is fails, evenly spread over those that are trained on; with
     /// their names. Nothing where no width is learned.
     pub fn sigma_curves(&mut self, most: usize) -> Result<Vec<(String, saliency::Curve)>, Error> {
-        let step = self.settle()?;
+        let step = self.drain_to_step()?;
         let plan = self.schedule.step(step.max(1));
         let background = self.settings.model.background.evaluated();
         let every = self.trained_on.names.len().div_ceil(most.max(1)).max(1);
@@ -375,13 +375,13 @@ impl Trainer {
 
     /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
     pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
-        self.settle()?;
+        self.drain_to_step()?;
         Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 
     /// The exposures that the held-out photographs are scored by; `None` where exposures are off, and the model is scored as it is.
     pub fn expected_exposures(&mut self) -> Result<Option<Exposures>, Error> {
-        self.settle()?;
+        self.drain_to_step()?;
         self.learned()
     }
 
@@ -395,7 +395,7 @@ impl Trainer {
 
     /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
     pub fn snapshot(&mut self) -> Result<Restart, Error> {
-        let step = self.settle()?;
+        let step = self.drain_to_step()?;
         let mut history = self.history.clone();
         history.rewind(step);
         let (state, variants) = (self.engine.state()?, self.engine.variants());

@@ -2,7 +2,7 @@
 
 use psrgs_vk::dataset::{Dataset, HostShare};
 use psrgs_vk::train::settings::{Density, DepthPrior};
-use psrgs_vk::train::{self, Input, StereoReport, longer_side, prepare, splats_on_surfaces, take_stereo};
+use psrgs_vk::train::{self, Input, StereoReport, compute_stereo_priors, longer_side, prepare, splats_on_surfaces};
 use psrgs_vk::vk::Gpu;
 
 use super::common;
@@ -13,7 +13,7 @@ fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool)
     let share = HostShare::unlimited();
     let initial = prepare::initial(dataset, settings).expect("points");
     let mut input = prepare::input_within(dataset, initial, share).expect("decoded");
-    let report = take_stereo(gpu, dataset, &mut input, settings, &share, begins).expect("matched");
+    let report = compute_stereo_priors(gpu, dataset, &mut input, settings, &share, begins).expect("matched");
     (report, input)
 }
 

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role, Split};
 use psrgs_vk::stereo::{InitialPlanes, MemoryEstimate, Scene, Settings, View};
 use psrgs_vk::train::settings::DepthPrior;
-use psrgs_vk::train::{self, prepare, take_stereo};
+use psrgs_vk::train::{self, compute_stereo_priors, prepare};
 use psrgs_vk::world::{LidarParams, WorldParams, generate};
 
 use super::common;
@@ -100,7 +100,7 @@ fn depths_to_train_with_do_not_depend_on_where_photographs_are() {
         let share = HostShare { keep, decoding: 1, threads };
         let initial = prepare::initial(&dataset, &settings).expect("points");
         let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
-        let report = take_stereo(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
+        let report = compute_stereo_priors(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
         (report, input.known.priors)
     };
     let kept = depths(u64::MAX, 2);

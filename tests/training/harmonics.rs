@@ -1,7 +1,7 @@
 //! Some splats alone have spherical harmonics above degree 1.
 
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{GradientSum, PLANES, UPPER, Variants, Viewer};
+use psrgs_vk::raster::{GradientSum, PLANES, SH_HIGHER, Variants, Viewer};
 use psrgs_vk::train::{Engine, Message, Pacing, Settings, State, Trainer};
 
 use super::common::{self, plane_scene};
@@ -24,7 +24,7 @@ fn limited() -> Settings {
 
 /// Rows of the upper planes that hold anything but zeros, of parameters and of moments.
 fn used(state: &State) -> Vec<bool> {
-    let planes = std::iter::once(&state.params).chain(&state.moments).flat_map(|planes| &planes[UPPER..]);
+    let planes = std::iter::once(&state.params).chain(&state.moments).flat_map(|planes| &planes[SH_HIGHER..]);
     let mut used = vec![false; state.ids.len()];
     for plane in planes {
         assert_eq!(plane.len(), 12 * state.ids.len());
@@ -94,7 +94,7 @@ fn a_live_view_of_such_a_model_is_what_it_is() {
     let mut seen = 0;
     while let Some(message) = trainer.next_message().expect("a message") {
         if let Message::Step { step: step @ (30 | 45 | 60), .. } = message {
-            trainer.settle().expect("settled");
+            trainer.drain_to_step().expect("settled");
             let shot = trainer.shot(&camera);
             let live = trainer.live_model();
             let picture = loop {
@@ -176,7 +176,7 @@ fn memory_is_that_of_the_share() {
         };
         Engine::new(&gpu, &input, &settings, variants, pacing, None).expect("an engine").memory().per_splat
     };
-    let upper = 3.0 * 4.0 * PLANES[UPPER..].iter().map(|(_, width)| f64::from(*width)).sum::<f64>();
+    let upper = 3.0 * 4.0 * PLANES[SH_HIGHER..].iter().map(|(_, width)| f64::from(*width)).sum::<f64>();
     for share in [0.0, 0.25, 0.5] {
         let saved = cost(1.0) - cost(share);
         assert!((saved - (1.0 - share) * upper).abs() < 0.01, "{share}: {saved} bytes less, of {upper}");

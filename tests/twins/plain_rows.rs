@@ -16,7 +16,7 @@ const N: usize = 300;
 /// How many rows have all harmonics: a workgroup of them and a part of one.
 const FULL: usize = 101;
 /// Planes of harmonics above degree 1, from a model's first.
-const UPPER: std::ops::Range<usize> = 5..8;
+const SH_HIGHER: std::ops::Range<usize> = 5..8;
 
 fn counts(plain: u32) -> Vec<u8> {
     let mut words: Vec<u32> = scene::counts(N).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
@@ -29,7 +29,7 @@ fn cut(buffers: &[Vec<u8>], models: &[usize], plain: u32) -> Vec<Vec<u8>> {
     let mut out = buffers.to_vec();
     out[0] = counts(plain);
     let full = N.saturating_sub(plain as usize);
-    for plane in models.iter().flat_map(|first| UPPER.map(move |k| first + k)) {
+    for plane in models.iter().flat_map(|first| SH_HIGHER.map(move |k| first + k)) {
         out[plane].truncate(48 * full);
         out[plane].extend(garbage(8));
     }
@@ -103,7 +103,7 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
             let (plane, what) =
                 (first + k, format!("{}: degree {degree} of {most}, plane {}", pass.kernel.name, first + k));
             assert_eq!(rows(&some[plane], width, 0..FULL), rows(&whole[plane], width, 0..FULL), "{what}");
-            if UPPER.contains(&k) {
+            if SH_HIGHER.contains(&k) {
                 assert_eq!(some[plane].len(), 48 * FULL + garbage(8).len(), "{what}");
                 assert_eq!(some[plane][48 * FULL..], garbage(8)[..], "{what}: beyond its rows");
             } else {

@@ -100,7 +100,7 @@ impl Running {
             }
         }
         if !self.done {
-            self.trainer.settle()?;
+            self.trainer.drain_to_step()?;
         }
         self.seconds += started.elapsed().as_secs_f64();
         Ok(())

@@ -5,17 +5,17 @@ use std::sync::Arc;
 use super::{Change, HostAction};
 use crate::raster::MEANS;
 use crate::train::Error;
-use crate::train::cloud::Gate;
+use crate::train::cloud::ProximityIndex;
 use crate::train::engine::Engine;
 use crate::train::schedule::{Event, Kind, Schedule};
 
 pub(super) struct KeepToCloud {
-    gate: Option<Arc<Gate>>,
+    gate: Option<Arc<ProximityIndex>>,
 }
 
 impl KeepToCloud {
     /// Splats grow everywhere without a `gate`.
-    pub(super) fn new(gate: Option<Arc<Gate>>) -> Self {
+    pub(super) fn new(gate: Option<Arc<ProximityIndex>>) -> Self {
         Self { gate }
     }
 }

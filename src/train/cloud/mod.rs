@@ -3,17 +3,17 @@
 //! distance and the terms of the loss are this project's).
 
 mod bounds;
-mod gate;
 mod maps;
 mod normals;
+mod proximity_index;
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 pub use bounds::Bounds;
-pub use gate::Gate;
 pub use maps::maps;
+pub use proximity_index::ProximityIndex;
 
 use super::Error;
 use crate::dataset::Dataset;

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::pass::counters;
-use crate::raster::{OPACITIES, PLANES, Planes, UPPER, most_splats, planes_of};
+use crate::raster::{OPACITIES, PLANES, Planes, SH_HIGHER, most_splats, planes_of};
 use crate::scene::{Gaussians, rows_of};
 use crate::train::Error;
 use crate::train::density::DensityRules;
@@ -28,7 +28,7 @@ pub(in crate::train) struct Appended {
 
 /// What is here is to be called when everything submitted is done, and waits.
 impl Engine {
-    /// The first rows of a plane below [`UPPER`].
+    /// The first rows of a plane below [`SH_HIGHER`].
     pub(in crate::train) fn rows(&self, plane: usize, splats: u32) -> Result<Vec<f32>, Error> {
         if splats == 0 {
             return Ok(Vec::new());
@@ -122,7 +122,7 @@ impl Engine {
         let moments = [self.optimiser.first()].into_iter().chain(self.optimiser.second());
         for planes in [&self.model].into_iter().chain(moments) {
             for (k, (_, width)) in PLANES.into_iter().enumerate() {
-                if k < UPPER {
+                if k < SH_HIGHER {
                     self.move_rows(planes, k, before, width as usize, |old| rows_of(old, width as usize, rows))?;
                 } else if let Some(full) = full {
                     let width = width as usize;

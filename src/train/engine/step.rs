@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::train::Error;
-use crate::train::learning::exposures::Turn;
+use crate::train::learning::exposures::ExposureStep;
 use crate::train::photographs::Visit;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::terms::{Phase, StepContext};
@@ -71,7 +71,7 @@ impl Engine {
             saliency: None,
             center: self.views.center(view, seen),
             exposures: self.exposures.as_ref(),
-            turn: Turn { view, pixels: 0, known, seen, rate: plan.lr_exposure },
+            turn: ExposureStep { view, pixels: 0, known, seen, rate: plan.lr_exposure },
             shown: &self.target.image,
             grad_image: self.terms.photometric.grad_image(),
             grad_aux: None,

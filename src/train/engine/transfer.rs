@@ -3,7 +3,7 @@
 use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
-use crate::raster::{LiveModel, MemoryFootprint, PLANES, Picture, Planes, Shot, UPPER, gaussians_of, planes_of};
+use crate::raster::{LiveModel, MemoryFootprint, PLANES, Picture, Planes, SH_HIGHER, Shot, gaussians_of, planes_of};
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians, rows_of};
@@ -17,7 +17,7 @@ impl Engine {
         // One plane after the other, so that the host holds none but that one twice.
         if n > 0 {
             let order = initial.morton_order();
-            let planes = if self.has_plain_splats() { UPPER } else { PLANES.len() };
+            let planes = if self.has_plain_splats() { SH_HIGHER } else { PLANES.len() };
             for (plane, rows) in self.model.layout().into_iter().zip(planes_of(initial)).take(planes) {
                 self.gpu.write(plane.buffer, &rows_of(rows, plane.floats as usize, &order))?;
             }

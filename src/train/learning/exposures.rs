@@ -8,7 +8,7 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
 /// One photograph's turn.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::train) struct Turn {
+pub(in crate::train) struct ExposureStep {
     /// The photograph.
     pub(in crate::train) view: usize,
     /// Its pixels.
@@ -54,11 +54,11 @@ impl Exposures {
         recorder.fill(&self.rows, 0)
     }
 
-    fn push(&self, turn: Turn) -> exposure::Push {
+    fn push(&self, turn: ExposureStep) -> exposure::Push {
         exposure::Push { pixels: turn.pixels, view: turn.view as u32, views: self.views }
     }
 
-    fn groups(turn: Turn) -> Groups<'static> {
+    fn groups(turn: ExposureStep) -> Groups<'static> {
         Groups::Workgroups(u64::from(exposure::parts(turn.pixels)))
     }
 
@@ -67,7 +67,7 @@ impl Exposures {
         &self,
         recorder: &mut Recorder,
         image: &Buffer,
-        turn: Turn,
+        turn: ExposureStep,
     ) -> Result<&Buffer, vk::Error> {
         let buffers = [image, &self.rows, &self.exposed];
         recorder.dispatch(&self.apply, &buffers, &self.push(turn), Self::groups(turn))?;
@@ -81,7 +81,7 @@ impl Exposures {
         recorder: &mut Recorder,
         image: &Buffer,
         grad_image: &Buffer,
-        turn: Turn,
+        turn: ExposureStep,
         once: Option<Groups<'_>>,
     ) -> Result<(), vk::Error> {
         let buffers = [image, &self.rows, grad_image, &self.parts];

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{First, StereoReport, first, grow_on, input_within, outline, take_stereo};
+use super::{First, StereoReport, compute_stereo_priors, first, grow_on, input_within, outline};
 use crate::dataset::{Dataset, Role, Warning};
 use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
@@ -153,7 +153,8 @@ impl Setup {
             tell(SetupEvent::StereoBegins { photographs });
         }
         let from_points = self.is_from_points();
-        self.depths = take_stereo(gpu, dataset, &mut self.input, &self.settings, &self.host.share, from_points)?;
+        self.depths =
+            compute_stereo_priors(gpu, dataset, &mut self.input, &self.settings, &self.host.share, from_points)?;
         self.stereo_seconds = if matches || self.depths.views > 0 { begin.elapsed().as_secs_f64() } else { 0.0 };
         tell(SetupEvent::Depths { found: &self.depths, settings: &self.settings, photographs });
         Ok(())

@@ -11,7 +11,7 @@ use crate::stereo::{
     self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, WithoutDepth, fuse,
 };
 use crate::train::Error;
-use crate::train::cloud::{self, Gate};
+use crate::train::cloud::{self, ProximityIndex};
 use crate::train::input::{self, Input, Outline};
 use crate::train::memory::MemoryPlan;
 use crate::train::pacing::Pacing;
@@ -58,7 +58,7 @@ pub struct CloudReport {
 /// Fills in the depths and normals that the settings ask for, splats on them, up to half of those there may be, and the cloud that growth keeps
 /// to. The same for the same photographs, on the same device. `dataset` is that of the input. Photographs that are not kept decoded are
 /// decoded in turns, as `share` has room for them. `begins` is false where the model comes from elsewhere.
-pub fn take_stereo(
+pub fn compute_stereo_priors(
     gpu: &Gpu,
     dataset: &Dataset,
     input: &mut Input,
@@ -175,7 +175,7 @@ fn keep_growth_to(
     training: &Settings,
 ) -> Result<CloudReport, Error> {
     let within = training.density.lidar_distance * f64::from(input.extent);
-    let gate = Gate::new(cloud, within).ok_or(Error::NoCloud)?;
+    let gate = ProximityIndex::new(cloud, within).ok_or(Error::NoCloud)?;
     let near = gate.near(&input.initial.means);
     input.known.gate = Some(Arc::new(gate));
     Ok(CloudReport {

@@ -4,7 +4,7 @@ use crate::loss::Photograph;
 use crate::raster::tiles::Lists;
 use crate::raster::{ImageGradients, Planes, Renderer, Shot, Target};
 use crate::train::density::Seen;
-use crate::train::learning::exposures::{Exposures, Turn};
+use crate::train::learning::exposures::{ExposureStep, Exposures};
 use crate::train::learning::optimiser::Stepping;
 use crate::train::schedule::StepPlan;
 use crate::vk::{self, Buffer, Groups, Recorder};
@@ -36,7 +36,7 @@ pub(in crate::train) struct StepContext<'a> {
     pub(in crate::train) center: [f32; 2],
     pub(in crate::train) exposures: Option<&'a Exposures>,
     /// The part of the view in learning exposures; the pixels are those of `shot`.
-    pub(in crate::train) turn: Turn,
+    pub(in crate::train) turn: ExposureStep,
     /// The render as the photograph would show it, once it is rendered.
     pub(in crate::train) shown: &'a Buffer,
     /// The gradient of `shown`; after the backward of the exposure that of the render.
@@ -106,7 +106,7 @@ impl<'a> StepContext<'a> {
         Stepping { plan, renderer, model, shot, stats, aux: self.grad_aux.is_some(), beside }
     }
 
-    fn turn(&self) -> Turn {
-        Turn { pixels: self.pixels(), ..self.turn }
+    fn turn(&self) -> ExposureStep {
+        ExposureStep { pixels: self.pixels(), ..self.turn }
     }
 }

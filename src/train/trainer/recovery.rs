@@ -25,7 +25,7 @@ impl Trainer {
         if self.checkpoints.is_none() {
             return error;
         }
-        let Ok(done) = self.engine.give_up_growing() else { return error };
+        let Ok(done) = self.engine.clear_overflow() else { return error };
         self.next = Event::after(done, &self.schedule);
         if self.next.kind != Kind::Step || self.next.step <= 1 {
             return error;

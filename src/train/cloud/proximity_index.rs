@@ -11,13 +11,13 @@ use rayon::prelude::*;
 const THINNED: f64 = 1.0 / 16.0;
 
 /// A cloud that tells what is within a distance of it.
-pub struct Gate {
+pub struct ProximityIndex {
     tree: ImmutableKdTree<f64, 3>,
     points: usize,
     within: f64,
 }
 
-impl Gate {
+impl ProximityIndex {
     /// For a cloud and a distance in its units; `None` without points. Points that are not finite are left out.
     pub fn new(points: &[[f64; 3]], within: f64) -> Option<Self> {
         let side = (THINNED * within).max(f64::MIN_POSITIVE);
@@ -46,9 +46,9 @@ impl Gate {
     }
 }
 
-impl fmt::Debug for Gate {
+impl fmt::Debug for ProximityIndex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gate").field("points", &self.points).field("within", &self.within).finish()
+        f.debug_struct("ProximityIndex").field("points", &self.points).field("within", &self.within).finish()
     }
 }
 
@@ -68,7 +68,7 @@ mod tests {
         let cloud: Vec<[f64; 3]> =
             (0..3000).map(|_| [0, 1, 2].map(|k| random(&mut state) * [9.0, 7.0, 0.3][k])).collect();
         let within = 0.2;
-        let gate = Gate::new(&cloud, within).expect("points");
+        let gate = ProximityIndex::new(&cloud, within).expect("points");
         let means: Vec<f32> = (0..6000).map(|k| (random(&mut state) * [10.0, 8.0, 2.0][k % 3] - 0.5) as f32).collect();
         let (mut near, mut far) = (0, 0);
         for (mean, said) in means.chunks_exact(3).zip(gate.near(&means)) {
@@ -87,9 +87,9 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_far_and_no_points_are_no_gate() {
-        assert!(Gate::new(&[], 1.0).is_none());
-        assert!(Gate::new(&[[f64::NAN, 0.0, 0.0]], 1.0).is_none());
-        let gate = Gate::new(&[[0.0; 3]; 200], 1.0).expect("a point");
+        assert!(ProximityIndex::new(&[], 1.0).is_none());
+        assert!(ProximityIndex::new(&[[f64::NAN, 0.0, 0.0]], 1.0).is_none());
+        let gate = ProximityIndex::new(&[[0.0; 3]; 200], 1.0).expect("a point");
         assert_eq!(gate.points(), 1);
         assert_eq!(gate.near(&[0.0, 0.0, 1.0, 0.0, f32::NAN, 0.0, f32::INFINITY, 0.0, 0.0]), [true, false, false]);
     }

@@ -8,7 +8,7 @@ use crate::train::Error;
 impl Engine {
     /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
     /// event done, and what grew to which capacity: nothing where splats would have to grow past what fits, which
-    /// [`Self::most_splats`] then says. On an error the training can still be saved, after [`Self::give_up_growing`].
+    /// [`Self::most_splats`] then says. On an error the training can still be saved, after [`Self::clear_overflow`].
     pub fn grow(&mut self) -> Result<(u32, Growth), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let status = words[counters::STATUS];
@@ -76,7 +76,7 @@ impl Engine {
     }
 
     /// After a failed [`Self::grow`]: clears the status, so that the state can be saved. Gives the number of the last event done.
-    pub fn give_up_growing(&mut self) -> Result<u32, Error> {
+    pub fn clear_overflow(&mut self) -> Result<u32, Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         words[counters::STATUS] = 0;
         self.gpu.write(&self.renderer.counters, &words)?;
