@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use psrgs_vk::train::cloud::{Gate, maps};
+use psrgs_vk::train::cloud::{ProximityIndex, maps};
 use psrgs_vk::train::settings::{LidarCloud, Method};
 use psrgs_vk::train::{Input, Pacing, Settings};
 
@@ -31,7 +31,7 @@ fn half(input: &mut Input, settings: &Settings) {
     };
     let cameras: Vec<_> = input.train.iter().map(reduced).collect();
     input.known.priors = maps(&cameras, &cloud).into_iter().map(Some).collect();
-    input.known.gate = Gate::new(&cloud, WITHIN).map(Arc::new);
+    input.known.gate = ProximityIndex::new(&cloud, WITHIN).map(Arc::new);
 }
 
 #[test]
