@@ -167,7 +167,7 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     let error = Trainer::new(&gpu, input, &settings(3), Pacing::default(), None).err().expect("no room");
     let text = error.to_string();
     assert!(matches!(error, Error::MemoryLimit { saved: None, .. }), "{text}");
-    for word in ["2,000 splats to begin with", "MiB", "the limit is 1.0 MiB", "--max-device-memory", "--max-side"] {
+    for word in ["2,000 splats to begin with", "MiB", "the limit is 1.0 MiB", "`max-device-memory`", "`max-side`"] {
         assert!(text.contains(word), "{text}");
     }
 }
@@ -204,7 +204,7 @@ fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
         panic!("{error}");
     };
     assert!(*what == "(splat, tile) pairs" && *wanted > 9000 && needed > room, "{error}");
-    assert!(error.to_string().contains("--resume"), "{error}");
+    assert!(error.to_string().contains("`resume`"), "{error}");
     let latest = checkpoint::latest(folder.path()).expect("readable").expect("saved");
     assert_eq!(&latest.file, file);
     let restart = Checkpointed::from_checkpoint(&latest.checkpoint).expect("whole").restart;

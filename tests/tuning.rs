@@ -105,7 +105,7 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
     let file = folder.path().join("file");
     fs::write(&file, "").expect("written");
     let got = tune::tuned(&gpu, &input(), &auto, Some(&file.join("below"))).expect("a choice");
-    assert!(timed(&got) && got.warning.expect("a warning").contains("forms"));
+    assert!(timed(&got) && got.warning.expect("a warning").contains("variants could not be kept"));
 }
 
 #[test]

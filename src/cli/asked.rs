@@ -105,8 +105,9 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     Cow::Owned(spelled)
 }
 
-/// Settings of `eval` and `stereo` that the library's texts speak of.
-const OF_OTHER_COMMANDS: [&str; 7] = ["width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
+/// What is no setting of a training and that the library's texts speak of: `resume`, and settings of `eval` and `stereo`.
+const OF_OTHER_COMMANDS: [&str; 8] =
+    ["resume", "width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
 
 /// What to say of an option that a command does not have and that is a key of the settings, or was an option once.
 pub(crate) fn no_option(name: &str) -> Option<String> {

@@ -208,6 +208,6 @@ fn which_photographs(role: dataset::Role) -> &'static str {
 
 fn where_saved(file: Option<&Path>) -> String {
     file.map_or(String::new(), |f| {
-        format!(". The training so far is saved in {}: the run can be resumed from there", f.display())
+        format!(". The training so far is saved in {}: `resume` goes on from there", f.display())
     })
 }
