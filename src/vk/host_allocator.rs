@@ -51,7 +51,7 @@ pub struct MemoryBlock {
 /// pointer that [`Self::map`] gives is that of the block's first byte and valid until the block is freed.
 pub unsafe trait HostAllocator: Send + Sync {
     /// Memory for one buffer. `VK_ERROR_OUT_OF_DEVICE_MEMORY` and `VK_ERROR_OUT_OF_HOST_MEMORY` become
-    /// [`Error::OutOfDeviceMemory`].
+    /// [`super::Error::OutOfDeviceMemory`].
     fn allocate(&self, request: &MemoryRequest<'_>) -> std::result::Result<MemoryBlock, vk::Result>;
 
     /// Where the host sees a block; asked once for each block that is not [`Memory::Device`], right after it was given.
