@@ -306,15 +306,14 @@ impl Trainer {
     fn quality(&mut self, step: u32, given_up: &dyn Fn() -> bool) -> Result<Option<crate::eval::Quality>, Error> {
         let plan = self.schedule.step(step.max(1));
         let exposures = self.learned()?;
-        evaluate::quality(
-            &mut self.engine,
-            &self.held_out,
-            &self.truth,
-            plan.sh_degree,
-            self.settings.model.background.evaluated(),
-            exposures.as_ref(),
-            given_up,
-        )
+        let held_out = evaluate::HeldOut {
+            views: &self.held_out,
+            photographs: &self.truth,
+            sh_degree: plan.sh_degree,
+            background: self.settings.model.background.evaluated(),
+            exposures: exposures.as_ref(),
+        };
+        evaluate::quality(&mut self.engine, &held_out, given_up)
     }
 
     /// Renders the model as it is, depth and normals too.

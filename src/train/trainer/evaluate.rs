@@ -10,17 +10,25 @@ use crate::train::engine::Engine;
 use crate::train::input::View;
 use crate::train::photographs::Feed;
 
-/// Renders every view, exposed as is expected of its photograph, and compares it with that, both rounded to 8 bits. Nothing where `given_up`
-/// says so on the way.
+/// Held-out photographs, and how the model is drawn beside them.
+pub(super) struct HeldOut<'a> {
+    pub(super) views: &'a [View],
+    pub(super) photographs: &'a Feed,
+    pub(super) sh_degree: u32,
+    /// Colour behind the splats.
+    pub(super) background: [f32; 3],
+    /// Exposures of the training photographs, from which those of held-out photographs are expected.
+    pub(super) exposures: Option<&'a Exposures>,
+}
+
+/// Renders every view, exposed as is expected of its photograph, and compares the render with the photograph, both rounded to 8 bits.
+/// `None` if `given_up` says so on the way.
 pub(super) fn quality(
     engine: &mut Engine,
-    views: &[View],
-    photographs: &Feed,
-    sh_degree: u32,
-    background: [f32; 3],
-    exposures: Option<&Exposures>,
+    held_out: &HeldOut<'_>,
     given_up: &dyn Fn() -> bool,
 ) -> Result<Option<Quality>, Error> {
+    let HeldOut { views, photographs, sh_degree, background, exposures } = *held_out;
     let mut images = Vec::with_capacity(views.len());
     for (i, view) in views.iter().enumerate() {
         if given_up() {
