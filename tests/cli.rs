@@ -282,13 +282,27 @@ fn a_key_that_is_set_wins_over_method_and_file() {
 }
 
 #[test]
+fn a_key_that_is_set_wins_over_the_environment() {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
+    program.args(["train", "fox", "--print-settings", "--set", "device=lavapipe"]).env("PSRGS_DEVICE", "elsewhere");
+    let output = program.output().expect("the command starts");
+    let settings: toml::Table = stdout(&output).parse().expect("a settings file");
+    assert_eq!(settings["device"]["device"].as_str(), Some("lavapipe"), "{}", stderr(&output));
+}
+
+#[test]
 fn unknown_keys_and_former_options_name_the_key_to_use() {
     fails(&["train", "fox", "--set", "sample-rat=1"], 2, &["sample-rat", "sample-rate"]);
     fails(&["train", "fox", "--set", "sample-rate=much"], 2, &["sample-rate", "much"]);
     fails(&["train", "fox", "--set", "sample-rate=2"], 2, &["sample-rate", "from 0 to 1"]);
     fails(&["train", "fox", "--sample-rate", "0.3"], 2, &["--set sample-rate=VALUE"]);
-    fails(&["train", "fox", "--fast"], 2, &["--fast", "--set moment-bits=16"]);
+    fails(&["train", "fox", "--fast"], 2, &["--fast", "--moment-bits 16"]);
     fails(&["train", "fox", "--moment-bits", "24"], 2, &["moment-bits", "16 or 32"]);
+    for gone in ["beta2-scaling", "coarse-spectrum", "prune-distance", "exponential"] {
+        fails(&["train", "fox", &format!("--{gone}=1")], 2, &[gone, "leave it out"]);
+        fails(&["train", "fox", "--set", &format!("{gone}=1")], 2, &[gone, "gone", "leave it out"]);
+    }
+    fails(&["render", "x.ply", "--cameras", "fox", "--iterations", "5"], 2, &["unexpected argument '--iterations'"]);
     fails(&["train", "fox", "--nonsense"], 2, &["--nonsense"]);
 }
 

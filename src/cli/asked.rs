@@ -47,8 +47,12 @@ impl Asked {
         let mut settings = self.settings.clone();
         let mut keys = BTreeSet::new();
         for Assignment { key, value } in &self.set {
-            if named(matches, key) || !keys.insert(key.clone()) {
+            // What the environment says is no second time: the command line wins over the environment.
+            if source(matches, key) == Some(ValueSource::CommandLine) || !keys.insert(key.clone()) {
                 return Err(Failure::Usage(format!("--set {key}: this key is given twice")).into());
+            }
+            if let Some(instead) = removed(key) {
+                return Err(Failure::Usage(format!("--set {key}: this key is gone: {instead}")).into());
             }
             settings.set(key, value)?;
         }
@@ -109,29 +113,38 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
 const OF_OTHER_COMMANDS: [&str; 8] =
     ["resume", "width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
 
-/// What to say of an option that a command does not have and that is a key of the settings, or was an option once.
-pub(crate) fn no_option(name: &str) -> Option<String> {
+/// What to say of an option that a command does not have and that was an option once, or is a key of the settings where
+/// the command has `--set`.
+pub(crate) fn no_option(name: &str, has_set: bool) -> Option<String> {
     let key = name.trim_start_matches('-').split('=').next().unwrap_or_default();
-    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == key) {
+    if let Some(instead) = removed(key) {
         return Some(format!("--{key} is no option any more: {instead}"));
     }
-    let known = Settings::all_keys().into_iter().any(|(_, known)| known.name == key);
+    let known = has_set && Settings::all_keys().into_iter().any(|(_, known)| known.name == key);
     known.then(|| format!("--{key} is no option but a key of the settings: --set {key}=VALUE"))
 }
 
-/// Options of earlier versions that are no key either, and what to do in their place.
-const REMOVED: [(&str, &str); 9] = [
+/// What to do in the place of an option or key that is gone.
+fn removed(key: &str) -> Option<&'static str> {
+    REMOVED.iter().find(|(removed, _)| *removed == key).map(|(_, instead)| *instead)
+}
+
+/// Options and keys of earlier versions, and what to do in their place.
+const REMOVED: [(&str, &str); 12] = [
     (
         "alpha-cutoff",
         "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a \
          training",
     ),
     ("backward", "leave it out: threads own pixels in every variant"),
+    ("beta2-scaling", "leave it out: Adam forgets squared gradients as published in runs of any length"),
+    ("coarse-spectrum", "leave it out: --set coarse-steps=SHARE is the share of coarse steps"),
     ("culling", "leave it out: pixel tiles always leave out what does not show in a block, with the same picture"),
     ("exponential", "leave it out: blending takes the exact exponential"),
-    ("fast", "--set moment-bits=16 has what it saved in memory"),
+    ("fast", "--moment-bits 16 saves as much memory"),
     ("sh-every", "leave it out: view-dependent colours take every step"),
-    ("sh-rate", "leave it out: --set lr-sh-rest=VALUE is the learning rate of view-dependent colours"),
+    ("sh-rate", "leave it out: --lr-sh-rest RATE is the learning rate of view-dependent colours"),
+    ("prune-distance", "leave it out: --prune-weight W drops splats of little weight"),
     ("splat-order", "leave it out: splats always lie along Morton's curve, and the result is the same"),
     ("transmittance-cutoff", "leave it out: a pixel always ends at a transmittance of 1/10000"),
 ];
@@ -166,10 +179,11 @@ mod tests {
 
     #[test]
     fn a_former_option_names_what_to_use() {
-        assert!(no_option("--sample-rate").unwrap().contains("--set sample-rate=VALUE"));
-        assert!(no_option("--stereo-side=80").unwrap().contains("--set stereo-side=VALUE"));
-        assert!(no_option("--fast").unwrap().contains("moment-bits"));
-        assert_eq!(no_option("--nonsense"), None);
+        assert!(no_option("--sample-rate", true).unwrap().contains("--set sample-rate=VALUE"));
+        assert!(no_option("--stereo-side=80", true).unwrap().contains("--set stereo-side=VALUE"));
+        assert!(no_option("--fast", false).unwrap().contains("moment-bits"));
+        assert_eq!(no_option("--nonsense", true), None);
+        assert_eq!(no_option("--sample-rate", false), None, "a command without --set");
     }
 
     #[test]

@@ -128,7 +128,7 @@ pub(crate) fn main() -> ExitCode {
 fn wrong_arguments(error: &clap::Error) -> ! {
     if let Some(clap::error::ContextValue::String(name)) = error.get(clap::error::ContextKind::InvalidArg)
         && error.kind() == clap::error::ErrorKind::UnknownArgument
-        && let Some(remedy) = asked::no_option(name)
+        && let Some(remedy) = asked::no_option(name, has_set())
     {
         console::error(&remedy, &[]);
         std::process::exit(error.exit_code())
@@ -139,6 +139,12 @@ fn wrong_arguments(error: &clap::Error) -> ! {
         std::process::exit(error.exit_code())
     }
     error.exit()
+}
+
+/// Whether the command that is run has `--set`.
+fn has_set() -> bool {
+    let word = std::env::args_os().skip(1).find(|word| !word.to_string_lossy().starts_with('-'));
+    word.is_some_and(|word| word == "train" || word == "bench")
 }
 
 /// That the validation layer, where it was asked to watch, has had nothing to say until all was closed.
