@@ -1,4 +1,4 @@
-//! Why there is nothing to report.
+//! Errors of a benchmark.
 
 use crate::{train, vk};
 
@@ -12,7 +12,7 @@ pub enum Error {
     /// A training step failed.
     #[error(transparent)]
     Train(#[from] train::Error),
-    /// What was timed is no computation worth timing.
+    /// The timed work was not the work of a real training.
     #[error("the results are not live, so the times say nothing: {0}")]
     NotLive(String),
     /// The queue takes no timestamps.
@@ -21,7 +21,7 @@ pub enum Error {
         /// Name of the device.
         device: String,
     },
-    /// Nothing would be timed.
+    /// No step is to be timed.
     #[error("at least one step has to be timed")]
     NoSteps,
 }

@@ -1,4 +1,4 @@
-//! The steps that are timed.
+//! Times training steps.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -19,30 +19,30 @@ use crate::train::settings::Shortcuts;
 use crate::train::{self, Engine, Event, Input, Kind, Outcome, Pacing, Schedule, Settings, StepPlan};
 use crate::vk::{Described, Gpu, PassTime, Recorder, Stats, Ticket};
 
-/// Views that are looked at in turn, at most: few, so that each comes up several times and its loss has to fall.
+/// Most views in a benchmark. They are few so that each view comes up several times and its loss has to fall.
 const MOST_VIEWS: usize = 8;
 
-/// How much is measured.
+/// What is measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Steps before timing begins.
+    /// Steps before timing.
     pub warm_up: u32,
-    /// Steps that are timed as a whole, and as many after them with timestamps.
+    /// Steps timed as a whole. As many steps follow that are timed pass by pass.
     pub steps: u32,
-    /// Longer side of the pictures in pixels, where that is more than the photographs have: they are enlarged.
+    /// Longer side of the views in pixels. Photographs with a shorter one are enlarged.
     pub side: Option<u32>,
-    /// Bytes of each of two buffers, of which one is copied to the other to measure the bandwidth.
+    /// Bytes of each of the two buffers whose copy measures the bandwidth.
     pub copy_bytes: u64,
 }
 
-/// Bytes to copy that are more than caches hold.
+/// Bytes to copy: more than caches hold.
 pub const COPY_BYTES: u64 = 256 << 20;
 
-/// Times training steps of `settings` without density control, every band of the spherical harmonics in use from the
-/// first step. Up to 8 of the training views, spread over all of them, are looked at in turn.
+/// Times training steps of `settings` without density control. Every band of the spherical harmonics is in use from the
+/// first step. Up to 8 training views, spread evenly over all of them, take turns.
 ///
-/// Fails with [`Error::NotLive`] when a view has no visible splats or no pairs, when nothing is blended, or when the
-/// mean loss of the last look at each view is not below that of the first.
+/// Fails with [`Error::NotLive`] when a view has no visible splats or no pairs, when no splat is blended, or when the
+/// mean loss does not fall from the first pass over the views to the last.
 pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Options) -> Result<Report, Error> {
     if options.steps == 0 {
         return Err(Error::NoSteps);
@@ -52,14 +52,14 @@ pub fn measure(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Optio
         return Err(Error::NoTimestamps { device: caps.device.clone() });
     }
     let rates = Rates::measure(gpu, train::chosen_variants(gpu, settings)?, options.copy_bytes)?;
-    // What the rates were measured with is no part of what a step needs.
+    // The buffers that measured the rates do not count as memory of a step.
     gpu.restart_peak();
     let mut run = Run::new(gpu, &mut input, settings, options)?;
     run.follow()?;
     run.report(&input, rates)
 }
 
-/// The commands of a step in the middle of such a run.
+/// The recorded commands of one step of a benchmark.
 pub fn commands(gpu: &Gpu, mut input: Input, settings: &Settings, options: &Options) -> Result<Vec<Described>, Error> {
     let mut run = Run::new(gpu, &mut input, settings, options)?;
     while run.next - run.begin < 2 * run.views.max(4) as u32 {
@@ -76,14 +76,14 @@ impl Options {
     }
 }
 
-/// A step that was looked at.
-struct Sample {
+/// A step whose outcome is known.
+struct TimedStep {
     outcome: Outcome,
     passes: Vec<PassTime>,
     wall: Duration,
 }
 
-impl Sample {
+impl TimedStep {
     fn counter(&self, index: usize) -> u32 {
         self.outcome.counters.get(index).copied().unwrap_or(0)
     }
@@ -98,18 +98,18 @@ struct Run<'a> {
     views: usize,
     depth: usize,
     options: &'a Options,
-    /// First step that counts: a step that overflowed a buffer and those before it do not.
+    /// First step that counts: steps up to the last overflow of a buffer do not.
     begin: u32,
     next: u32,
     in_flight: VecDeque<Ticket>,
     looked: Instant,
-    samples: Vec<Sample>,
-    /// Before and after the steps without timestamps.
+    samples: Vec<TimedStep>,
+    /// Statistics before and after the steps without timestamps.
     stats: [Stats; 2],
 }
 
 impl<'a> Run<'a> {
-    /// Thins out the views of `input` and enlarges them where that is asked for.
+    /// Keeps some views of `input` and enlarges them to the asked side.
     fn new(gpu: &'a Gpu, input: &mut Input, settings: &Settings, options: &'a Options) -> Result<Self, Error> {
         let all = input.train.len();
         let views = all.min(MOST_VIEWS).min((options.total() / 2).max(1) as usize);
@@ -128,10 +128,10 @@ impl<'a> Run<'a> {
         }
         let mut settings = settings.clone();
         settings.density.no_densify = true;
-        // The end of a run has no optimiser step.
+        // No step of the benchmark is the last of its run: the last one has no optimiser step.
         settings.run.iterations = settings.run.iterations.max(2 * options.total() + 100);
         let variants = train::chosen_variants(gpu, &settings)?;
-        // No growth of the set of splats is to come.
+        // The set of splats does not grow.
         let pacing = Pacing { splat_capacity: input.initial.len() as u32, ..Pacing::default() };
         Ok(Run {
             gpu,
@@ -169,8 +169,8 @@ impl<'a> Run<'a> {
         Ok(self.engine.submit_recorded(recorder)?)
     }
 
-    /// Warm-up, steps without timestamps, steps with: submitted ahead and looked at later, as in training. In this
-    /// order, because reading timestamps waits for the whole queue on lavapipe.
+    /// Warm-up, steps without timestamps, steps with timestamps: submitted ahead and awaited later, as in training. The
+    /// steps with timestamps come last because reading timestamps waits for the whole queue on lavapipe.
     fn follow(&mut self) -> Result<(), Error> {
         let plain = self.options.warm_up..self.options.warm_up + self.options.steps;
         let total = self.options.total();
@@ -209,11 +209,11 @@ impl<'a> Run<'a> {
         let wall = now - self.looked;
         self.looked = now;
         let passes = self.gpu.timings(ticket)?.unwrap_or_default();
-        self.samples.push(Sample { outcome, passes, wall });
+        self.samples.push(TimedStep { outcome, passes, wall });
         Ok(())
     }
 
-    /// Whether the step was lost to a buffer that was too small. It is larger then, and the lost step is next.
+    /// Whether a buffer was too small for the step. Then the buffer has grown, and the step is repeated.
     fn grown(&mut self, outcome: &Outcome) -> Result<bool, Error> {
         if outcome.counters[counters::STATUS] == 0 {
             return Ok(false);
@@ -271,8 +271,8 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// That the device computed what it is meant to.
-    fn live(&self, samples: &[Sample]) -> Result<Loss, Error> {
+    /// Checks that the steps did the work of a real training.
+    fn live(&self, samples: &[TimedStep]) -> Result<Loss, Error> {
         for (what, index) in [("visible splat", counters::VISIBLE), ("(splat, tile) pair", counters::PAIRS)] {
             let without = samples.iter().filter(|s| s.counter(index) == 0).count();
             if without > 0 {
@@ -280,7 +280,7 @@ impl<'a> Run<'a> {
                 return Err(Error::NotLive(format!("{without} of {all} steps had not one {what}")));
             }
         }
-        let mean = |samples: &[Sample]| {
+        let mean = |samples: &[TimedStep]| {
             samples.iter().map(|s| f64::from(s.outcome.loss)).sum::<f64>() / samples.len().max(1) as f64
         };
         let seen = self.views.min(samples.len());
@@ -298,7 +298,7 @@ impl<'a> Run<'a> {
         )))
     }
 
-    fn work(&self, input: &Input, samples: &[Sample]) -> Work {
+    fn work(&self, input: &Input, samples: &[TimedStep]) -> Work {
         let mean = |index| samples.iter().map(|s| f64::from(s.counter(index))).sum::<f64>() / samples.len() as f64;
         let variants = self.engine.variants();
         let side = variants.tile.size();
@@ -328,8 +328,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Most device memory in use during a density change, growth of the buffers included where it needs some. The model
-    /// is another one afterwards.
+    /// Most device memory in use during a density change, with the growth of buffers where the change needs it. Changes
+    /// the model.
     fn density_peak(&mut self) -> Result<u64, Error> {
         self.gpu.restart_peak();
         loop {
@@ -347,7 +347,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Looks at each view once more with passes that count, one step after the other.
+    /// Renders each view once more with passes that count splats per pixel, one view after the other.
     fn count(&mut self, pixels: f64) -> Result<Option<PerPixel>, Error> {
         self.engine.count_pixel_splats()?;
         let side = u64::from(self.engine.variants().tile.size());

@@ -4,12 +4,12 @@ use crate::raster::sort::{Digits, Shape};
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
 use crate::raster::{GradientSum, PLANES, Variants};
 
-/// Means over the timed steps of what the passes work on.
+/// Mean amounts of work per timed step.
 #[derive(Clone, Copy, Debug)]
 pub struct Work {
     /// Splats of the model.
     pub splats: f64,
-    /// Of these, on screen.
+    /// Splats on screen.
     pub visible: f64,
     /// (splat, tile) pairs.
     pub pairs: f64,
@@ -17,23 +17,23 @@ pub struct Work {
     pub pixels: f64,
     /// Tiles of a view.
     pub tiles: f64,
-    /// Splats that the buffers hold.
+    /// Splats that fit into the buffers.
     pub splat_capacity: f64,
-    /// Pairs that the buffers hold.
+    /// (splat, tile) pairs that fit into the buffers.
     pub pair_capacity: f64,
-    /// Most words that are summed in one pass.
+    /// Most words that one pass sums.
     pub most_at_once: u64,
-    /// Tiles that the buffers hold.
+    /// Tiles that fit into the buffers.
     pub tile_capacity: f64,
     /// Degree of the spherical harmonics in use.
     pub sh_degree: u32,
-    /// Whether only the splats on the image take a step.
+    /// Whether only the visible splats take an optimiser step.
     pub listed: bool,
     /// Words in which the optimiser keeps both moments of a parameter: 2, or 1 where they are packed.
     pub moment_words: u32,
-    /// Forms of the passes.
+    /// Variants of the passes.
     pub variants: Variants,
-    /// Form of the sorts.
+    /// Variant of the sorts.
     pub shape: Shape,
     /// Digits of the sort by depth.
     pub depth: Digits,
@@ -54,7 +54,7 @@ pub(super) fn parameters() -> f64 {
 }
 
 impl Work {
-    /// Groups of spherical harmonics that are looked at.
+    /// Groups of spherical harmonics in use.
     fn sh_groups(&self) -> f64 {
         match self.sh_degree {
             0 | 1 => 1.0,
@@ -63,8 +63,8 @@ impl Work {
         }
     }
 
-    /// Floats of a splat that the fused optimiser step touches, in the mean over steps: those of harmonics above the
-    /// degree in use it leaves out, by rows of four.
+    /// Floats of a splat that the fused optimiser step touches, as a mean over steps. Harmonics above the degree in use
+    /// are left out by rows of four.
     pub(super) fn stepped(&self) -> f64 {
         let harmonics = match self.sh_degree {
             0 => 4.0,
@@ -75,12 +75,12 @@ impl Work {
         GEOMETRY / 4.0 + harmonics
     }
 
-    /// Splats that take a step.
+    /// Splats that take an optimiser step.
     pub(super) fn splats_stepped(&self) -> f64 {
         if self.listed { self.visible } else { self.splats }
     }
 
-    /// Over all digits of both sorts: words of keys, and words of the tables of digit counts.
+    /// Words of keys and words of digit count tables, summed over all digits of both sorts.
     fn sorted(&self) -> (f64, f64) {
         let one = |keys: f64, digits: Digits| {
             let passes = f64::from(digits.passes);
@@ -91,7 +91,7 @@ impl Work {
         (a.0 + b.0, a.1 + b.1)
     }
 
-    /// Words that go through prefix sums in one pass, and in three: splats, visible splats, tables.
+    /// Words in prefix sums of one pass and of three: splats, visible splats, tables.
     fn summed(&self) -> [f64; 2] {
         let table = |keys: f64, digits: Digits| {
             f64::from(digits.passes) * (keys / f64::from(self.shape.block())).ceil() * f64::from(digits.rows())
@@ -109,9 +109,9 @@ impl Work {
     }
 }
 
-/// Bytes that all dispatches of a pass in one step read and write, each element counted once per thread or workgroup
-/// that needs it, caches left aside; `None` for passes of a fixed few bytes. N splats, V visible, P pairs, g groups of
-/// spherical harmonics in use:
+/// Bytes that all dispatches of a pass read and write in one step. Each element counts once per thread or workgroup
+/// that needs it; caches are ignored. `None` for passes that move a fixed few bytes. N splats, V visible, P pairs, g
+/// groups of spherical harmonics in use:
 ///
 /// | pass | bytes |
 /// |---|---|
@@ -143,7 +143,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let parameters = parameters();
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     let [at_once, in_blocks] = work.summed();
-    // Longer names before those they begin with.
+    // A longer name stands before a name that it begins with.
     let families: [(&str, f64); 23] = [
         (
             "project_backward_adam",

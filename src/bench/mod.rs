@@ -1,4 +1,4 @@
-//! Where the time of a training step goes: timestamps around every pass of warm steps, and what those passes worked on.
+//! Where the time of a training step goes: timestamps around every pass of warm steps, and the work of those passes.
 
 mod error;
 mod measure;

@@ -4,16 +4,16 @@ use crate::raster::{MEANS, OPACITIES, PLANES, SCALES, gaussians_of, planes_of};
 use crate::scene::Gaussians;
 use crate::twin::random;
 
-/// Keeps these draws apart from those of density control.
+/// Seed stream of this module, apart from that of density control.
 const STREAM: u32 = 0x6265_6e63;
 
-/// `splats` splats that cover about what `from` covers, for timing at any size.
+/// Makes `splats` splats that cover about the same area as `from`, for timing at any size.
 ///
-/// More than there are: the splats are repeated in turn, the first round in place, every later copy moved by a normal
-/// deviate of its own standard deviations. Fewer: every so manieth is kept. Points lie on surfaces, so standard
-/// deviations are multiplied by sqrt(old number / new number): the area that the splats cover, and with it the blended
-/// splats per pixel, stays about the same until splats become smaller than a pixel. Everything else is copied. A
-/// function of its arguments alone.
+/// Above the size of `from`, its splats are repeated in turn: the first round in place, every later copy moved by a
+/// normal deviate of its own standard deviations. Below that size, splats are kept at even intervals. Points lie on
+/// surfaces, so standard deviations are multiplied by sqrt(old number / new number). The covered area, and with it the
+/// number of blended splats per pixel, stays about the same until splats become smaller than a pixel. Everything else
+/// is copied. The result depends on the arguments alone.
 pub fn resized(from: &Gaussians, splats: u32, seed: u64) -> Gaussians {
     let (n, m) = (splats as usize, from.len());
     if m == 0 {
@@ -38,7 +38,7 @@ pub fn resized(from: &Gaussians, splats: u32, seed: u64) -> Gaussians {
     gaussians_of(planes, (0..splats).collect())
 }
 
-/// The deviate `z` of a splat: along its axes, times its standard deviations.
+/// The normal deviate `z` in the splat's axes, scaled by its standard deviations, as an offset in the world.
 fn offset(quat: &[f32], log_scales: &[f32], z: [f64; 3]) -> [f64; 3] {
     let q = glam::DQuat::from_xyzw(quat[1].into(), quat[2].into(), quat[3].into(), quat[0].into());
     let along = glam::DVec3::from_array(std::array::from_fn(|k| f64::from(log_scales[k]).exp() * z[k]));

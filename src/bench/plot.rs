@@ -1,13 +1,13 @@
-//! How time and memory grow: log-log plots of several benchmarks as one SVG, and their slopes.
+//! Growth of time and memory: log-log plots of several benchmarks as one SVG, and their slopes.
 
 use std::fmt::Write;
 
 use crate::format::markup::escape;
 
-/// Something measured at several sizes.
+/// A quantity measured at several sizes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// What, with its unit.
+    /// Name of the quantity, with its unit.
     pub name: String,
     /// Size and value, both positive.
     pub points: Vec<(f64, f64)>,
@@ -20,9 +20,8 @@ const RIGHT: f64 = 18.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 46.0;
 
-/// Slope of the line of least squares through the logarithms of the points whose size is at least a tenth of the
-/// largest: 1 where values grow in proportion to sizes. Smaller sizes are left aside because what costs the same at
-/// every size hides the growth there.
+/// Least-squares slope of the logarithms over the sizes of at least a tenth of the largest: 1 where values grow in
+/// proportion to size. At smaller sizes fixed costs hide the growth.
 pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
     let largest = points.iter().map(|p| p.0).fold(0.0, f64::max);
     let logs: Vec<(f64, f64)> =
@@ -89,7 +88,7 @@ fn panel(out: &mut String, sizes: &str, series: &Series) {
         HEIGHT - 8.0,
         escape(sizes)
     );
-    // In proportion to the size, back from the largest as far as the panel goes.
+    // The line of slope 1, from the largest size back to the edge of the panel.
     let from = first.0.max(last.0 * 10f64.powf(y0) / last.1);
     let _ = write!(
         out,
@@ -141,7 +140,7 @@ mod tests {
             let found = slope(&points(power)).expect("a slope");
             assert!((found - power).abs() < 1e-9, "{found} for {power}");
         }
-        // A cost of its own at the small end does not count.
+        // A fixed cost at small sizes does not count.
         let mut flat = points(1.0);
         flat[0].1 = 1e9;
         assert!((slope(&flat).expect("a slope") - 1.0).abs() < 1e-9);

@@ -1,20 +1,21 @@
 //! Median and quartiles.
 
-/// A sample in four numbers.
+/// Quartiles and mean of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Quartiles {
-    /// A quarter of the sample is below.
+    /// First quartile.
     pub q1: f64,
-    /// Half of it is.
+    /// Median.
     pub median: f64,
-    /// Three quarters are.
+    /// Third quartile.
     pub q3: f64,
-    /// The arithmetic mean: what counts where steps differ by design.
+    /// Arithmetic mean: the figure that matters where steps differ by design.
     pub mean: f64,
 }
 
 impl Quartiles {
-    /// Of a sample in any order, linear between its values (Hyndman and Fan's type 7); zeros for an empty one.
+    /// Quartiles of a sample in any order, linear between its values (Hyndman and Fan's type 7); zeros for an empty
+    /// sample.
     pub fn of(sample: impl IntoIterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = sample.into_iter().collect();
         sorted.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! How fast the device moves bytes and calculates: what floors are reckoned with.
+//! Rates at which the device moves bytes and calculates, for the floors of the passes.
 
 use serde::Serialize;
 
@@ -8,23 +8,23 @@ use crate::raster::{TileShape, Variants};
 use crate::twin::probe::chains;
 use crate::vk::{Gpu, Groups, Memory, PassTime, Recorder};
 
-/// Repetitions, of which the fastest counts.
+/// Repetitions; the fastest counts.
 const ROUNDS: usize = 5;
-/// Turns of the loop of a thread.
+/// Iterations of each thread's loop.
 const TURNS: u32 = 512;
-/// Nanoseconds that a dispatch has to take, so that its start and end do not count.
+/// Least nanoseconds of a timed dispatch, so that its start and end do not matter.
 const LONG_ENOUGH: f64 = 2e7;
-/// Most workgroups that are tried.
+/// Most workgroups of a dispatch.
 const MOST_GROUPS: u64 = 1 << 22;
 
-/// Measured on the device that runs the steps, right before them.
+/// Rates measured on the device right before the steps.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Rates {
-    /// Bytes of each of the two buffers of the copies.
+    /// Bytes of each buffer of the copies.
     pub copied_bytes: u64,
-    /// A kernel that copies 16 bytes at a time: bytes read and bytes written, 10^9 per second.
+    /// Copy by a kernel, 16 bytes at a time: bytes read plus bytes written, 10^9 per second.
     pub copy_kernel_gb_per_s: f64,
-    /// The device's own copy of buffers, counted likewise.
+    /// Copy by the device's command: bytes read plus bytes written, 10^9 per second.
     pub copy_buffer_gb_per_s: f64,
     /// Additions and multiplications in dependent pairs on registers, 10^9 per second: twice the multiply-adds.
     pub gops_per_s: f64,
@@ -33,12 +33,12 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Measures them; takes about a second. `variants` tells what a workgroup is; `bytes` are copied,
-    /// or as many as the device binds.
+    /// Measures the rates in about a second. `variants` decide the size of a workgroup. Copies `bytes`, or as many as a
+    /// binding of the device holds.
     pub fn measure(gpu: &Gpu, variants: Variants, bytes: u64) -> Result<Rates, Error> {
         let copied_bytes = bytes.min(gpu.caps().limits.storage_range) / 16 * 16;
         let [copy_kernel_gb_per_s, copy_buffer_gb_per_s] = copies(gpu, copied_bytes)?;
-        // As the blending passes have them: a processor's subgroup, a GPU's tile.
+        // The workgroups of the blending passes: a subgroup on a CPU, a tile on a GPU.
         let local_size = if variants.tile == TileShape::Column { 8 } else { 256 };
         let multiply_adds = calculations(gpu, &probe::MULTIPLY_ADD, local_size, |x| x * f64::from(A) + f64::from(B))?;
         Ok(Rates {
@@ -50,17 +50,17 @@ impl Rates {
         })
     }
 
-    /// The faster of the copies, bytes per second.
+    /// Bandwidth of the faster copy, bytes per second.
     pub fn bandwidth(&self) -> f64 {
         1e9 * self.copy_kernel_gb_per_s.max(self.copy_buffer_gb_per_s)
     }
 }
 
-/// A multiply-add of the probe: its values come to 1.5.
+/// Factor and summand of the probe's multiply-add. The results converge to 1.5.
 const A: f32 = 0.5;
 const B: f32 = 0.75;
 
-/// Nanoseconds of what `record` records as a single command.
+/// Nanoseconds of the commands that `record` records.
 fn time(gpu: &Gpu, record: impl FnOnce(&mut Recorder) -> Result<(), crate::vk::Error>) -> Result<f64, Error> {
     let mut recorder = gpu.recorder("probe")?;
     recorder.profile(true);
@@ -71,14 +71,14 @@ fn time(gpu: &Gpu, record: impl FnOnce(&mut Recorder) -> Result<(), crate::vk::E
     Ok(times.iter().map(|t| t.ns).sum())
 }
 
-/// The shortest of several.
+/// The shortest time of several runs.
 fn shortest(mut run: impl FnMut() -> Result<f64, Error>) -> Result<f64, Error> {
     let times = (0..ROUNDS).map(|_| run()).collect::<Result<Vec<f64>, Error>>()?;
     let least = times.into_iter().fold(f64::INFINITY, f64::min);
     if least > 0.0 { Ok(least) } else { Err(Error::NotLive("a probe of the device took no time at all".into())) }
 }
 
-/// Of the kernel and of the device's command, 10^9 bytes per second.
+/// Rates of the kernel's copy and of the device's copy command, 10^9 bytes per second.
 fn copies(gpu: &Gpu, bytes: u64) -> Result<[f64; 2], Error> {
     let source = gpu.buffer("probe_source", bytes, Memory::Device)?;
     let target = gpu.buffer("probe_target", bytes, Memory::Device)?;
@@ -86,7 +86,7 @@ fn copies(gpu: &Gpu, bytes: u64) -> Result<[f64; 2], Error> {
     let push = CopyPush { count: (bytes / 16) as u32 };
     let groups = Groups::Workgroups(u64::from(push.count.div_ceil(COPY_GROUPS)));
     let speed = |ns: f64| 2.0 * bytes as f64 / ns;
-    // Written first: pages that nobody wrote may all be the same one.
+    // Memory is written first: pages never written may share one physical page.
     const WORD: u32 = 0x5eed_c0de;
     let mut recorder = gpu.recorder("probe")?;
     recorder.fill(&source, WORD)?;
@@ -101,7 +101,7 @@ fn copies(gpu: &Gpu, bytes: u64) -> Result<[f64; 2], Error> {
     Ok([speed(kernel), speed(buffer)])
 }
 
-/// Operations of a probe, 10^9 per second.
+/// Rate of the operations of a probe, 10^9 per second.
 fn calculations(gpu: &Gpu, pass: &crate::pass::Pass, local_size: u32, step: fn(f64) -> f64) -> Result<f64, Error> {
     let pipeline = gpu.pipeline(&pass.kernel, &[("LOCAL_SIZE", local_size)])?;
     let sums = gpu.buffer("probe_sums", 4 * u64::from(local_size), Memory::Device)?;

@@ -1,4 +1,4 @@
-//! What a benchmark tells; the field names are the keys of its JSON.
+//! The results of a benchmark. Field names are the keys of its JSON.
 
 use super::roofline::PerPixel;
 use serde::Serialize;
@@ -9,39 +9,39 @@ use super::roofline::Floors;
 use crate::raster::Variants;
 use crate::train::MemoryCost;
 
-/// A benchmark. Times in milliseconds.
+/// The results of a benchmark. Times are in milliseconds.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Where it ran.
+    /// The device that ran the steps.
     pub device: DeviceName,
-    /// Forms of the passes.
+    /// Variants of the passes.
     pub variants: Variants,
-    /// How fast the device moves bytes and calculates.
+    /// Rates at which the device moves bytes and calculates.
     pub rates: Rates,
-    /// Steps before timing began.
+    /// Steps before timing.
     pub warm_up: u32,
-    /// Steps timed as a whole, and as many pass by pass.
+    /// Steps timed as a whole. As many more were timed pass by pass.
     pub steps: u32,
-    /// What a step worked on.
+    /// Work of a step.
     pub workload: Workload,
-    /// That it was live.
+    /// Loss, which shows that the steps trained.
     pub loss: Loss,
-    /// A step on the device: sum of its passes.
+    /// A step on the device: the sum of its passes.
     pub device_ms: Quartiles,
-    /// From the end of one step to the end of the next as the host sees it, steps in flight as in training,
-    /// no timestamps.
+    /// From the end of one step to the end of the next on the host's clock, with steps in flight as in training and
+    /// without timestamps.
     pub wall_ms: Quartiles,
-    /// What the host did per step.
+    /// Work of the host per step.
     pub per_step: PerStep,
-    /// Every pass, by time.
+    /// Every pass, the longest first.
     pub passes: Vec<PassRow>,
-    /// Passes by what they are for, by time.
+    /// Stages of a step, the longest first.
     pub stages: Vec<StageRow>,
-    /// Most device memory in use at a time, without the counting of pixel-splats.
+    /// Peak device memory, without the passes that count splats per pixel.
     pub peak_device_bytes: u64,
-    /// What the buffers cost by splats, pairs and pixels.
+    /// Memory of the buffers per splat, pair and pixel.
     pub memory: MemoryCost,
-    /// Most device memory in use during a density change, and growth where the change needs some.
+    /// Peak device memory during a density change, with the growth of buffers where the change needs it.
     pub density_peak_bytes: u64,
 }
 
@@ -58,12 +58,12 @@ pub struct DeviceName {
     pub api: String,
 }
 
-/// What a step worked on; means over the timed steps where it varies.
+/// Work of a step, as means over the timed steps where it varies.
 #[derive(Clone, Debug, Serialize)]
 pub struct Workload {
-    /// Views that were looked at in turn.
+    /// Views that took turns.
     pub views: usize,
-    /// Width and height of the first of them.
+    /// Width and height of the first view in pixels.
     pub size: [u32; 2],
     /// Pixels of a view.
     pub pixels: f64,
@@ -84,13 +84,13 @@ pub struct Workload {
 /// Mean losses over the same views.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Loss {
-    /// When each was looked at for the first time.
+    /// Mean loss of the first pass over the views.
     pub first_pass: f64,
-    /// For the last time.
+    /// Mean loss of the last pass over the views.
     pub last_pass: f64,
 }
 
-/// What the host handed over and waited for, per step without timestamps.
+/// Commands and waits of the host per step without timestamps.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PerStep {
     /// Dispatches.
@@ -99,13 +99,13 @@ pub struct PerStep {
     pub transfers: f64,
     /// Pipeline barriers.
     pub barriers: f64,
-    /// Buffer ranges in them.
+    /// Buffer ranges in the barriers.
     pub buffer_barriers: f64,
-    /// Queue submits.
+    /// Queue submissions.
     pub submits: f64,
     /// Waits that left the device without work.
     pub host_waits: f64,
-    /// Waits for an earlier step, to bound the queue.
+    /// Waits for an earlier step that bound the length of the queue.
     pub pacing_waits: f64,
 }
 
@@ -114,31 +114,31 @@ pub struct PerStep {
 pub struct PassRow {
     /// Name of the kernel, or `clear`, `copy`.
     pub pass: String,
-    /// What it is for.
+    /// Stage of the step.
     pub stage: &'static str,
     /// Dispatches (or transfers) in a step.
     pub calls: f64,
-    /// Their time together.
+    /// Time of all dispatches.
     pub ms: Quartiles,
-    /// Of the device time of all steps.
+    /// Share of the device time of all steps.
     pub share: f64,
-    /// Bytes moved by design; none for passes of a fixed few bytes.
+    /// Bytes moved by design; none for passes that move a fixed few bytes.
     pub bytes: Option<f64>,
-    /// These over the median time, 10^9 bytes per second.
+    /// Bytes over the median time, 10^9 bytes per second.
     pub gb_per_s: Option<f64>,
-    /// What the pass takes at least.
+    /// Least times of the pass.
     pub floors: Floors,
     /// The median time over the larger floor.
     pub over_floor: Option<f64>,
 }
 
-/// All passes of one purpose in a step.
+/// All passes of one stage in a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageRow {
-    /// What they are for.
+    /// Name of the stage.
     pub stage: &'static str,
-    /// Their time together.
+    /// Time of all its passes.
     pub ms: Quartiles,
-    /// Of the device time of all steps.
+    /// Share of the device time of all steps.
     pub share: f64,
 }

@@ -1,5 +1,4 @@
-//! What a pass takes at least: the bytes it must move at the device's bandwidth,
-//! the arithmetic it must do at the device's rate.
+//! Least times (floors) of a pass: its bytes at the device's bandwidth, and its arithmetic at the device's rate.
 
 use serde::Serialize;
 
@@ -15,7 +14,7 @@ pub struct Arithmetic {
     pub exp2: f64,
 }
 
-/// Both floors of a pass, milliseconds.
+/// Both floors of a pass in milliseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Floors {
     /// Bytes moved by design over the bandwidth of a copy.
@@ -34,18 +33,17 @@ impl Floors {
         }
     }
 
-    /// The larger.
+    /// The larger floor.
     pub fn larger(&self) -> Option<f64> {
         [self.bytes_ms, self.arithmetic_ms].into_iter().flatten().reduce(f64::max)
     }
 }
 
-/// Arithmetic of all dispatches of a pass in one step; `None` where it is next to nothing beside the bytes,
-/// or not known.
+/// Arithmetic of all dispatches of a pass in one step; `None` where it is negligible beside the bytes, or not known.
 ///
-/// An evaluation is one splat looked at for one pixel that has not stopped: `splats_per_pixel` counts them, and which
-/// were blended. What is shared by the pixels of a thread (such as dx) and what moves data (shuffles,
-/// sums over threads) is left aside.
+/// An evaluation is one splat tested at one pixel that has not stopped. `splats_per_pixel` counts the evaluations, and
+/// those that were blended. Values shared by the pixels of a thread (such as dx) and data movement (shuffles, sums over
+/// threads) are left out.
 ///
 /// | pass | operations |
 /// |---|---|
@@ -75,8 +73,8 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
         _ if is("loss_strips") => plain(700.0 * work.pixels),
         _ if is("loss_grad") => plain(180.0 * work.pixels),
         _ if is("project_backward_adam") => {
-            // Those that make up for missed steps do so in twelve operations,
-            // of which one is a root and one a division.
+            // Parameters that make up for missed steps take twelve more operations, among them one root and one
+            // division.
             let of_parameter = if work.listed { 27.0 } else { 15.0 };
             plain(900.0 * work.visible + of_parameter * work.stepped() * work.splats_stepped())
         }
@@ -91,12 +89,12 @@ pub fn arithmetic(pass: &str, work: &Work, per_pixel: Option<&PerPixel>) -> Opti
 /// Mean numbers of splats per pixel.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PerPixel {
-    /// Looked at by the forward.
+    /// Evaluated by the forward pass.
     pub forward_evaluated: f64,
-    /// Blended by the forward.
+    /// Blended by the forward pass.
     pub forward_blended: f64,
-    /// Looked at by the backward.
+    /// Evaluated by the backward pass.
     pub backward_evaluated: f64,
-    /// Given a gradient by the backward.
+    /// Given a gradient by the backward pass.
     pub backward_blended: f64,
 }

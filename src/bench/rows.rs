@@ -1,4 +1,4 @@
-//! Timestamps into rows.
+//! Rows of a report from timestamps.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use super::roofline::PerPixel;
 use super::{Error, Quartiles};
 use crate::vk::PassTime;
 
-/// What a pass is for (the fused step is both the projection's backward and the optimiser); everything not named is
-/// bookkeeping (plans, clears, copies, the end of a step).
+/// Stage of each pass, by the start of its name. The fused step is both the projection's backward and the optimiser.
+/// Every other pass is bookkeeping (plans, clears, copies, the end of a step).
 const STAGES: [(&str, &str); 14] = [
     ("project_backward_adam", "optimiser"),
     ("project_backward", "projection backward"),
@@ -33,7 +33,7 @@ fn stage(pass: &str) -> &'static str {
     STAGES.iter().find(|(family, _)| pass.starts_with(family)).map_or("bookkeeping", |(_, stage)| stage)
 }
 
-/// Milliseconds per step of everything with the same key, and commands in all.
+/// Milliseconds per step of all commands with the same key, and the number of these commands.
 type Sums<K> = BTreeMap<K, (Vec<f64>, u64)>;
 
 fn sums<'a, K: Ord>(steps: &'a [&'a [PassTime]], key: impl Fn(&'a str) -> K) -> Sums<K> {
@@ -48,7 +48,7 @@ fn sums<'a, K: Ord>(steps: &'a [&'a [PassTime]], key: impl Fn(&'a str) -> K) -> 
     out
 }
 
-/// The rows of passes and stages, the longest first, and the whole step. `steps` holds the times of each step.
+/// The rows of passes and stages, the longest first, and the whole step. `steps` holds the pass times of each step.
 pub(super) fn rows(
     steps: &[&[PassTime]],
     work: &Work,

@@ -1,4 +1,4 @@
-//! How many keys per second the radix sort takes.
+//! Keys per second of the radix sort.
 
 use serde::Serialize;
 
@@ -7,30 +7,30 @@ use crate::pass::counters;
 use crate::raster::sort::{Keys, RadixSort, Shape};
 use crate::vk::{Gpu, Memory, PassTime};
 
-/// A benchmark of the sort.
+/// Results of a benchmark of the sort.
 #[derive(Clone, Debug, Serialize)]
 pub struct SortReport {
-    /// Keys, each with a value: both words of 32 bits.
+    /// Number of keys. Each key and each value has 32 bits.
     pub keys: u32,
-    /// Bits sorted by.
+    /// Bits of the keys that the sort compares.
     pub bits: u32,
-    /// Form of the passes.
+    /// Variant of the passes.
     pub shape: String,
     /// Dispatches of a sort.
     pub dispatches: usize,
-    /// All of them on the device, milliseconds.
+    /// Time of all dispatches on the device, milliseconds.
     pub ms: Quartiles,
-    /// The same pass by pass: the name, and milliseconds of all its dispatches in the last sort.
+    /// Milliseconds of each pass over all its dispatches in the last sort, by name.
     pub passes: Vec<(String, f64)>,
     /// Keys over the median time, 10^9 per second.
     pub gkeys_per_s: f64,
-    /// Device memory in use at most, bytes.
+    /// Peak device memory in bytes.
     pub peak_device_bytes: u64,
 }
 
-/// Sorts `keys` random keys with their places as values by their lowest `bits` bits, `rounds` times from the same
-/// start, and checks the last result on the host: it ascends, equal keys have ascending values,
-/// and every value names its key.
+/// Sorts `keys` random keys by their lowest `bits` bits, with their positions as values, `rounds` times from the same
+/// start. Checks the last result on the host: keys ascend, equal keys have ascending values, and every value gives the
+/// position of its key.
 pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
     let bits = bits.clamp(1, 32);
     let n = u64::from(keys);
@@ -47,7 +47,7 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
     gpu.write(&counts, &[0u32; counters::COUNT])?;
 
     let (mut ms, mut passes, mut dispatches, mut side) = (Vec::new(), Vec::new(), 0, 0);
-    // The first round is to warm up.
+    // The first round is a warm-up.
     for round in 0..=rounds.max(1) {
         gpu.write(&val_sides[0], &places)?;
         let mut recorder = gpu.recorder("sort")?;
@@ -99,14 +99,14 @@ fn by_pass(times: &[PassTime]) -> Vec<(String, f64)> {
     sums
 }
 
-/// A permutation of the words (finaliser of MurmurHash3), so that keys are spread evenly and few are equal.
+/// A permutation of the words (finaliser of MurmurHash3): spreads the keys evenly.
 fn hash(mut x: u32) -> u32 {
     x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
     x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
     x ^ (x >> 16)
 }
 
-/// That `keys` and `vals` are `given` sorted.
+/// Checks that `keys` and `vals` are `given` in sorted order.
 fn check(given: &[u32], keys: &[u32], vals: &[u32], bits: u32) -> Result<(), Error> {
     let mask = ((1u64 << bits) - 1) as u32;
     let sorted = |i: usize| {

@@ -1,4 +1,4 @@
-//! Larger pictures than there are photographs of.
+//! Views larger than their photographs.
 
 use image::RgbaImage;
 use image::imageops::{FilterType, resize};
@@ -6,8 +6,8 @@ use image::imageops::{FilterType, resize};
 use crate::dataset::{self, Pixels};
 use crate::train::View;
 
-/// Enlarges a view whose longer side is shorter than `side` pixels, linearly between its pixels: nothing new is to be
-/// seen in it, but every pass has as much to do as with a photograph of that size.
+/// Enlarges a view whose longer side is shorter than `side` pixels, linearly between pixels. The view shows no new
+/// detail, but every pass has the work of a photograph of that size.
 pub(super) fn enlarge(view: &mut View, side: u32) -> Result<(), dataset::Error> {
     let (width, height) = (view.camera.width, view.camera.height);
     let longer = width.max(height);

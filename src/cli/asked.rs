@@ -1,4 +1,4 @@
-//! Settings as the options of a command line give them, and which of them were named.
+//! Settings from the options of a command line, and which keys were named.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -42,12 +42,12 @@ pub(crate) struct Asked {
 }
 
 impl Asked {
-    /// The settings with what `--set` says, and the keys that were named in either way.
+    /// The settings with the values of `--set`, and the keys named by options or by `--set`.
     pub(crate) fn settings<'a>(&self, matches: &'a ArgMatches) -> anyhow::Result<(Settings, Named<'a>)> {
         let mut settings = self.settings.clone();
         let mut keys = BTreeSet::new();
         for Assignment { key, value } in &self.set {
-            // What the environment says is no second time: the command line wins over the environment.
+            // The environment is no repetition: the command line wins over it.
             if source(matches, key) == Some(ValueSource::CommandLine) || !keys.insert(key.clone()) {
                 return Err(Failure::Usage(format!("--set {key}: this key is given twice")).into());
             }
@@ -60,38 +60,38 @@ impl Asked {
     }
 }
 
-/// Which keys were named on the command line or in the environment.
+/// The keys named on the command line or in the environment.
 pub(crate) struct Named<'a> {
     matches: &'a ArgMatches,
     keys: BTreeSet<String>,
 }
 
 impl Named<'_> {
-    /// Whether the value of `key` was named: methods, presets and files leave it alone.
+    /// Whether the value of `key` was named. Methods, presets and files do not change a named value.
     pub(crate) fn has(&self, key: &str) -> bool {
         self.keys.contains(key) || named(self.matches, key)
     }
 
-    /// Whether it was named among the options, whatever the environment says.
+    /// Whether the key was named as an option on the command line.
     pub(crate) fn is_option(&self, key: &str) -> bool {
         self.keys.contains(key) || source(self.matches, key) == Some(ValueSource::CommandLine)
     }
 }
 
-/// Whether an option was given by name, on the command line or in the environment.
+/// Whether an option was given by name on the command line or in the environment.
 pub(crate) fn named(matches: &ArgMatches, key: &str) -> bool {
     matches!(source(matches, key), Some(ValueSource::CommandLine | ValueSource::EnvVariable))
 }
 
-/// Where the value of an option comes from.
+/// Where an option's value comes from.
 fn source(matches: &ArgMatches, key: &str) -> Option<ValueSource> {
     let id = key.replace('-', "_");
-    // Not every command has every option.
+    // A command may lack the option.
     if matches.try_contains_id(&id).is_ok() { matches.value_source(&id) } else { None }
 }
 
-/// A text of the library with settings, which stand in it as `key`, spelled as the command line has them: `--key`, or
-/// `--set key` where there is no such option.
+/// A text of the library with its settings spelled for the command line: `key` becomes `--key`, or `--set key` where no
+/// option has that name.
 pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     if !text.contains('`') {
         return Cow::Borrowed(text);
@@ -109,12 +109,13 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
     Cow::Owned(spelled)
 }
 
-/// What is no setting of a training and that the library's texts speak of: `resume`, and settings of `eval` and `stereo`.
+/// Words between backticks in the library's texts that are options but no settings of a training: `resume`, and
+/// settings of `eval` and `stereo`.
 const OF_OTHER_COMMANDS: [&str; 8] =
     ["resume", "width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
 
-/// What to say of an option that a command does not have and that was an option once, or is a key of the settings where
-/// the command has `--set`.
+/// A message for an option that a command lacks: the option was removed, or is a key of the settings and the command
+/// has `--set`.
 pub(crate) fn no_option(name: &str, has_set: bool) -> Option<String> {
     let key = name.trim_start_matches('-').split('=').next().unwrap_or_default();
     if let Some(instead) = removed(key) {
@@ -124,12 +125,12 @@ pub(crate) fn no_option(name: &str, has_set: bool) -> Option<String> {
     known.then(|| format!("--{key} is no option but a key of the settings: --set {key}=VALUE"))
 }
 
-/// What to do in the place of an option or key that is gone.
+/// What to use instead of a removed option or key.
 fn removed(key: &str) -> Option<&'static str> {
     REMOVED.iter().find(|(removed, _)| *removed == key).map(|(_, instead)| *instead)
 }
 
-/// Options and keys of earlier versions, and what to do in their place.
+/// Options and keys of earlier versions, and what to use instead.
 const REMOVED: [(&str, &str); 12] = [
     (
         "alpha-cutoff",

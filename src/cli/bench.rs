@@ -1,4 +1,4 @@
-//! `psrgs-vk bench`: where the time of a step goes.
+//! `psrgs-vk bench`: times the passes of training steps.
 
 mod listing;
 mod pareto;
@@ -110,16 +110,16 @@ pub(crate) struct Args {
     pub(crate) stepping: SteppingVariants,
 }
 
-/// What the JSON holds: how it was made, and the results.
+/// The JSON file: how the results were made, and the results.
 #[derive(serde::Serialize)]
-struct Made<'a, R> {
+struct ResultFile<'a, R> {
     command: String,
     version: &'static str,
-    /// The commit that was built, where the build was told.
+    /// The commit of the build, where the build knows it.
     commit: Option<&'static str>,
-    /// Whether the build has debug assertions: the host's share of a step is slower then.
+    /// Whether the build has debug assertions, which slow down the host.
     debug_assertions: bool,
-    /// Whether the validation layer watched: times say nothing then.
+    /// Whether the validation layer was on. Its times say nothing.
     validated: bool,
     #[serde(flatten)]
     report: &'a R,
@@ -144,7 +144,7 @@ impl Args {
         Ok(settings)
     }
 
-    /// What the steps are taken on.
+    /// The photographs and splats of the steps.
     fn input(&self, data: &Path, settings: &Settings, console: &Console) -> anyhow::Result<Input> {
         let dataset = Dataset::load(data, &prepare::load_options_of(settings))?;
         let mut initial = prepare::initial(&dataset, settings)?;
@@ -163,7 +163,7 @@ impl Args {
         })
     }
 
-    /// The device, without what only tests need: guards and checks would be timed too.
+    /// The device without guards and checks for tests: they would be timed too.
     fn open(&self, console: &Console) -> anyhow::Result<Gpu> {
         let mut options = device::options(&self.device, self.validate)?;
         options.canaries = self.validate;
@@ -208,13 +208,13 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     let variants = chosen_variants(&gpu, &settings)?;
     console.say(MemoryPlan::new(&gpu, &input, &settings, variants, pacing, pacing.splat_capacity)?);
     let measured = bench::measure(&gpu, input, &settings, &options);
-    // First, because it may be why nothing could be measured.
+    // Validation comes first because a message may say why the steps were not live.
     if args.validate {
         clean(&gpu)?;
     }
     let report = measured.map_err(failure)?;
     if args.validate {
-        console.say("validation: not one message; the times below are those under the layer");
+        console.say("validation: no messages; the times below are those under the layer");
     }
     if let Some(file) = &args.json {
         write(file, &report, args.validate)?;
@@ -222,7 +222,7 @@ fn steps(args: &Args, data: &Path, console: &Console) -> anyhow::Result<()> {
     console::print(&table::text(&report))
 }
 
-/// That neither the layer nor the guards have anything to say.
+/// Checks that neither the validation layer nor the guards found anything.
 fn clean(gpu: &Gpu) -> anyhow::Result<()> {
     let messages = gpu.validation_messages();
     if let Some(first) = messages.first() {
@@ -231,7 +231,7 @@ fn clean(gpu: &Gpu) -> anyhow::Result<()> {
     gpu.check_canaries().map_err(|error| Failure::Check(error.to_string()).into())
 }
 
-/// Errors of the layers below are handed on bare, for their exit codes.
+/// Errors of the layers below are passed on without context, for their exit codes.
 fn failure(error: bench::Error) -> anyhow::Error {
     match error {
         bench::Error::Train(error) => error.into(),
@@ -242,7 +242,7 @@ fn failure(error: bench::Error) -> anyhow::Error {
 }
 
 fn write<R: serde::Serialize>(file: &Path, report: &R, validated: bool) -> anyhow::Result<()> {
-    let made = Made {
+    let made = ResultFile {
         command: std::iter::once("psrgs-vk".into()).chain(std::env::args().skip(1)).collect::<Vec<_>>().join(" "),
         version: env!("CARGO_PKG_VERSION"),
         commit: option_env!("PSRGS_COMMIT"),

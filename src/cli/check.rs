@@ -1,4 +1,4 @@
-//! `psrgs-vk check`: what a dataset holds, and what is wrong with it, before anything is trained.
+//! `psrgs-vk check`: the contents and the problems of a dataset, before a training.
 
 mod training;
 
@@ -65,38 +65,38 @@ pub(crate) struct Args {
 
 /// What `--json` prints.
 #[derive(serde::Serialize)]
-struct Found {
+struct Report {
     format: Format,
     photographs: usize,
     train: usize,
     held_out: usize,
     folder: Option<PathBuf>,
     cameras: Vec<CameraGroup>,
-    /// What is done with photographs of more than 8 bits per channel.
+    /// How photographs of more than 8 bits per channel are treated.
     deep: Vec<String>,
     points: usize,
-    /// Of the training cameras, in the dataset's units.
+    /// Extent of the training cameras in the dataset's units.
     extent: f64,
     center: [f64; 3],
-    /// Where on Earth the coordinates are.
+    /// Where on Earth the coordinates lie.
     coordinates: Option<Coordinates>,
     masks: Option<usize>,
-    /// What is to be known of the masks, and is no problem.
+    /// Remarks on the masks that are no problems.
     mask_notes: Vec<String>,
-    /// Medians over the views.
+    /// Median over the views.
     points_in_view: Option<f64>,
     overlap: Option<f64>,
-    /// Bytes of the photographs to train on, decoded.
+    /// Bytes of the decoded training photographs.
     photograph_bytes: u64,
     preset: Option<Preset>,
     method: Method,
     iterations: u32,
-    /// What training takes, where there is a device.
+    /// Memory and time of the training, where a device can be opened.
     training: Option<Training>,
     problems: Vec<String>,
 }
 
-/// Views of one lens at one size.
+/// Views with one lens and one size.
 #[derive(serde::Serialize)]
 struct CameraGroup {
     model: String,
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     let preset = presets::apply(&mut settings, |key| named(matches, key))?;
     args.method.apply(&mut settings, |key| named(matches, key));
     if args.method == Method::Rsgs {
-        // Whichever cloud it is, the training takes about the same.
+        // Either cloud takes about the same memory and time.
         settings.density.lidar = Some(LidarCloud::Mvs);
     }
     settings.check()?;
@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     let (mut dataset, missing) = match Dataset::load(&args.data, &options) {
         Ok(dataset) => (dataset, None),
         Err(error @ (dataset::Error::MissingPhotographs { .. } | dataset::Error::NoPhotographs { .. })) => {
-            // The poses can be told of without them.
+            // The poses can be checked without photographs.
             options.photographs = false;
             (Dataset::load(&args.data, &options)?, Some(error))
         }
@@ -144,7 +144,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     if let Some(preset) = preset {
         console.say(preset);
     }
-    // The error of the command is said last, and not here too.
+    // The command's own error is printed last, so the text leaves it out.
     let said = usize::from(missing.is_some());
     let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { told(&found, said) };
     console::print(&text)?;
@@ -156,7 +156,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     }
 }
 
-/// What shows when photographs are decoded.
+/// Findings from decoding the photographs.
 #[derive(Default)]
 struct Decoded {
     problems: Vec<String>,
@@ -164,8 +164,8 @@ struct Decoded {
 }
 
 impl Decoded {
-    /// Decodes the photographs, of which none is kept, and leaves a few out that cannot be. Gives what keeps a training
-    /// from beginning with them: that more cannot be decoded, or that all are masked.
+    /// Decodes the photographs without keeping them, and leaves out a few that cannot be decoded. Returns the error
+    /// that prevents a training: too many cannot be decoded, or all are masked.
     fn look_at(&mut self, dataset: &mut Dataset, settings: &Settings) -> Option<anyhow::Error> {
         self.taken_in(dataset, settings).err()
     }
@@ -197,7 +197,7 @@ impl Decoded {
         }
     }
 
-    /// Of masks some are no problem.
+    /// Sorts warnings into problems and remarks: some warnings about masks are no problems.
     fn take_warnings(&mut self, warnings: Vec<Warning>) {
         for warning in warnings {
             match &warning {
@@ -214,7 +214,7 @@ impl Decoded {
     }
 }
 
-/// What is to be said of photographs that the colours of the points do not fit.
+/// Problems of photographs that do not fit the colours of the points.
 fn wrong_poses(
     dataset: &Dataset,
     role: Role,
@@ -243,10 +243,10 @@ impl Args {
     }
 }
 
-/// What a group has in common: model, whether it is undistorted, size on disk and size.
+/// What the views of a group share: lens model, whether it is undistorted, size on disk and size in use.
 type Key<'a> = (&'a str, bool, (u32, u32), (u32, u32));
 
-fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Found {
+fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Report {
     let sights = dataset.sights();
     let mut groups: BTreeMap<Key<'_>, usize> = BTreeMap::new();
     for view in &dataset.views {
@@ -260,7 +260,7 @@ fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Found {
         size,
         views,
     };
-    Found {
+    Report {
         format: dataset.format,
         photographs: dataset.views.len(),
         train: dataset.views_of(Role::Train).count(),
@@ -290,8 +290,8 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// As text, without the first `said` problems.
-fn told(found: &Found, said: usize) -> String {
+/// The report as text, without the first `said` problems.
+fn told(found: &Report, said: usize) -> String {
     let mut rows: Vec<(&str, String)> = vec![("format", found.format.to_string())];
     let folder = found.folder.as_ref().map(|f| format!(", in {}", f.display())).unwrap_or_default();
     let counts = [found.photographs, found.train, found.held_out].map(grouped);

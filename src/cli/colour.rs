@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Red, green and blue from 0 to 1, with the word it was given as.
+/// Red, green and blue from 0 to 1, and the word that the user gave.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Colour {
     pub(crate) rgb: [f32; 3],
@@ -14,7 +14,7 @@ impl FromStr for Colour {
     type Err = String;
     fn from_str(word: &str) -> Result<Self, String> {
         let hex = |digits: &str| -> Option<[f32; 3]> {
-            // Digits alone: `from_str_radix` would take a sign.
+            // Digits only: `from_str_radix` would accept a sign.
             let sound = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
             let bits = u32::from_str_radix(digits, 16).ok().filter(|_| sound)?;
             Some([16, 8, 0].map(|shift| (bits >> shift & 255) as f32 / 255.0))

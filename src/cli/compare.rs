@@ -1,4 +1,4 @@
-//! `psrgs-vk compare`: trains every method on every scene, and writes what they come to.
+//! `psrgs-vk compare`: trains every method on every scene and tabulates the results.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -77,9 +77,9 @@ pub(crate) struct Args {
     options: Vec<String>,
 }
 
-/// How long a run has taken, beside its metrics.
+/// File with the seconds of a run, beside its metrics.
 const SECONDS: &str = "process_seconds.txt";
-/// What a run was asked for, beside its metrics.
+/// File with the options of a run, beside its metrics.
 const OPTIONS: &str = "options.txt";
 
 pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyhow::Result<()> {
@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
             one.seconds
         ));
         finished.push(one);
-        // After every run, so that what is there can be looked at.
+        // Tables are written after every run, so that the user can look at them.
         write(args, &finished)?;
     }
     console::print(&markdown(&finished))?;
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
     Ok(())
 }
 
-/// The runs in their order: 3dgs before those whose splats are counted by it.
+/// The runs in order: 3dgs comes before runs whose number of splats depends on it.
 fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
     let labels: Vec<Row> = match &args.ablate {
         Some(method) => ablate::rows(method)?,
@@ -153,7 +153,7 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
                     "rsgs" => with_cloud(label, options, args.lidar.clone().unwrap_or_else(|| cloud_of(data))),
                     _ => (label.clone(), options.clone()),
                 };
-                // 3dgs itself has all of its own splats.
+                // 3dgs has 100 percent of its own splats anyway.
                 for size in sizes.filter(|size| !(method == "3dgs" && *size == Size::Percent(100))) {
                     runs.push(Run {
                         scene: scene.clone(),
@@ -171,13 +171,13 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
     Ok(runs)
 }
 
-/// The laser scan that lies in a dataset, or else the surfaces of stereo.
+/// The laser scan in the dataset's folder, else the surfaces of stereo.
 fn cloud_of(data: &Path) -> LidarCloud {
     let files = ["lidar.las", "lidar.laz", "lidar.ply"].map(|name| data.join(name));
     files.into_iter().find(|file| file.is_file()).map_or(LidarCloud::Mvs, LidarCloud::File)
 }
 
-/// A row of rsgs, which says where there was no laser scan.
+/// A row of rsgs. Its label says where no laser scan was found.
 fn with_cloud(label: &str, options: &[String], cloud: LidarCloud) -> (String, Vec<String>) {
     let mut settings = Settings::of_method(Method::Rsgs);
     let with = options.iter().cloned().chain(["--lidar".to_owned(), cloud.to_string()]).collect();
@@ -187,7 +187,7 @@ fn with_cloud(label: &str, options: &[String], cloud: LidarCloud) -> (String, Ve
     (format!("{label}{note}"), with)
 }
 
-/// What `train` is asked for: all but where the results go.
+/// The options of `train` for a run, without the folder of its results.
 fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<String>> {
     let mut options: Vec<String> =
         ["--preset", "standard", "--scale-schedule", "--tune", "off", "--eval-every", "0"].map(String::from).into();
@@ -205,13 +205,13 @@ fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<
     Ok(options)
 }
 
-/// A run in words: its dataset and its options.
+/// A run in words: dataset and options.
 fn asked(run: &Run, options: &[String]) -> String {
     let data = run.data.canonicalize().unwrap_or_else(|_| run.data.clone());
     format!("{} {}", data.display(), options.join(" "))
 }
 
-/// A run that is there already was asked for the same: its results would be taken for those of another.
+/// Refuses the folder of a finished run with another dataset or other options.
 fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()> {
     let (Ok(before), now) = (fs::read_to_string(at.join(OPTIONS)), asked(run, options)) else { return Ok(()) };
     if before.trim_end() == now {
@@ -226,7 +226,7 @@ fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()
     .into())
 }
 
-/// One training in a process of its own, whose seconds are all of its seconds.
+/// Trains in a process of its own, so that the run's seconds include everything.
 fn train(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("this program has no file")?;
     let mut command = Command::new(program);
@@ -258,7 +258,7 @@ fn train(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> any
     }
 }
 
-/// The splats that a share of those of 3dgs comes to.
+/// The number of splats that a share of those of 3dgs comes to.
 fn allowed(run: &Run, share: u32, finished: &[Finished]) -> anyhow::Result<u64> {
     let same = |f: &&Finished| {
         let of = &f.run;

@@ -1,5 +1,4 @@
-//! Telling that pipelines are being compiled: at a first start a driver may take minutes,
-//! during which nothing else is said.
+//! Progress messages while pipelines are compiled. At the first start a driver may take minutes.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -9,25 +8,25 @@ use psrgs_vk::vk::{Gpu, PipelineEvent};
 
 use super::console::Console;
 
-/// Nothing is said of less than this.
+/// Compilation time below which nothing is said.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// A line at least this often.
+/// Longest time between two messages while pipelines are compiled.
 const OFTEN: Duration = Duration::from_secs(10);
-/// How often is looked.
+/// Polling interval.
 const TICK: Duration = Duration::from_millis(200);
-/// Pipelines that take longer are named to those who want to know more.
+/// Pipelines that take longer are named at the verbose level.
 const LONG: Duration = Duration::from_millis(500);
 
-/// What is known, and what was said of it.
+/// State of the compilation, and what was said about it.
 #[derive(Debug, Default)]
 struct Compiling {
     made: u32,
-    /// Time spent on those that are made.
+    /// Total time of the finished pipelines.
     spent: Duration,
     now: Option<(&'static str, Instant)>,
-    /// The time spent that was last told.
+    /// The total time in the last message.
     told: Option<Duration>,
-    /// The time spent when they were last said to be there.
+    /// The total time when the pipelines were last said to be compiled.
     closed: Duration,
     ended: Option<Instant>,
 }
@@ -46,7 +45,7 @@ impl Compiling {
         }
     }
 
-    /// What is to be said at a moment, if anything.
+    /// The message that is due at a moment, if any.
     fn line(&mut self, at: Instant) -> Option<String> {
         let running = self.now.map_or(Duration::ZERO, |(_, since)| at.saturating_duration_since(since));
         let spent = self.spent + running;
@@ -74,11 +73,11 @@ fn lock(state: &Mutex<Compiling>) -> MutexGuard<'_, Compiling> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on tells of pipelines that take their time, as long as the device is open.
+/// From now on reports slow pipelines, as long as the device is open.
 pub(crate) fn tell(gpu: &Gpu, console: &Console) {
     let state = Arc::new(Mutex::new(Compiling::default()));
     let (watched, said) = (Arc::downgrade(&state), console.clone());
-    // It ends at the first look after the device is closed. Where no thread can be had, nothing is told.
+    // The thread ends at its first poll after the device is closed. If no thread can be started, nothing is reported.
     let _ = thread::Builder::new().name("pipelines".into()).spawn(move || {
         while let Some(state) = watched.upgrade() {
             let line = lock(&state).line(Instant::now());
@@ -114,7 +113,7 @@ mod tests {
             state.note(PipelineEvent::Made { kernel: "blend", took: Duration::from_secs_f64(to - from) }, at(to));
             told
         };
-        // Quick ones, far apart: nothing is said until they add up to a second.
+        // Quick pipelines, far apart: nothing is said until they add up to a second.
         for i in 0..9 {
             assert!(make(&mut state, f64::from(i) * 5.0, f64::from(i) * 5.0 + 0.1).is_empty());
             assert_eq!(state.line(at(f64::from(i) * 5.0 + 3.0)), None);

@@ -1,4 +1,4 @@
-//! `psrgs-vk completions SHELL`.
+//! `psrgs-vk completions SHELL`: completion scripts.
 
 use super::console;
 

@@ -1,4 +1,4 @@
-//! What the commands say: results on standard output, everything else on standard error.
+//! Output of the commands: results on standard output, everything else on standard error.
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal as _, Write as _};
@@ -13,18 +13,18 @@ use super::asked::as_options;
 use super::exit::Failure;
 use super::plain;
 
-/// How much is said.
+/// How much is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
     /// Warnings and errors.
     Quiet,
-    /// What a user wants to know.
+    /// Messages for every user.
     Normal,
-    /// What helps to find out why.
+    /// Details for finding out why.
     Verbose,
 }
 
-/// Standard error, as loud as asked for.
+/// Standard error with a level.
 #[derive(Clone, Debug)]
 pub(crate) struct Console {
     level: Level,
@@ -37,12 +37,12 @@ impl Console {
         Self { level, terminal: io::stderr().is_terminal(), watched: Arc::default() }
     }
 
-    /// From now on listens to what the validation layer says of a device.
+    /// From now on collects the messages of a device's validation layer.
     pub(crate) fn watch(&self, messages: Messages) {
         self.watched.lock().unwrap_or_else(PoisonError::into_inner).push(messages);
     }
 
-    /// What was said of all devices that were watched, when all should be closed.
+    /// The messages of all watched devices. Call this function after all devices are closed.
     pub(crate) fn messages_of_devices(&self) -> Vec<String> {
         let watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
         let open = watched.iter().filter(|messages| !messages.is_closed());
@@ -50,7 +50,7 @@ impl Console {
         watched.iter().flat_map(Messages::all).chain(open).collect()
     }
 
-    /// Whether a progress bar makes sense.
+    /// Whether a progress bar can be drawn.
     pub(crate) fn draws(&self) -> bool {
         self.terminal && self.level >= Level::Normal
     }
@@ -72,18 +72,18 @@ impl Console {
     }
 }
 
-/// A closed standard error is no reason to stop a training run, so the outcome of writing is dropped.
+/// A closed standard error must not stop a training, so write errors are dropped.
 fn line(text: &dyn Display) {
     let _ = writeln!(io::stderr(), "{}", plain::message(&as_options(&text.to_string())));
 }
 
-/// Says something and waits no longer than this until it is said: a terminal that is gone answers with an error, and a
-/// reader that reads no more not at all.
+/// Prints a text and waits for at most `longest`. A closed terminal answers with an error, and a reader that has
+/// stopped reading does not answer at all.
 pub(crate) fn say_within(text: String, longest: Duration) {
     let (said, heard) = mpsc::channel();
     let say = move || {
         line(&text);
-        // Nobody may wait any more.
+        // The receiver may have given up.
         let _ = said.send(());
     };
     if thread::Builder::new().name("words".to_owned()).spawn(say).is_ok() && !longest.is_zero() {
@@ -91,7 +91,7 @@ pub(crate) fn say_within(text: String, longest: Duration) {
     }
 }
 
-/// Says why the command failed, at every level.
+/// Prints why the command failed, at every level.
 pub(crate) fn error(text: impl Display, remedies: &[String]) {
     line(&format_args!("psrgs-vk: {text}"));
     for remedy in remedies {
@@ -106,12 +106,12 @@ pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     written.context(Failure::Output("standard output".to_owned()))
 }
 
-/// Whether the reader of standard output went away, as `head` does: that is how the user wanted it.
+/// Whether the reader of standard output has closed it, as `head` does. The user wanted that.
 pub(crate) fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// Rows as text in columns: the first row is the header; columns that hold only numbers are right-aligned.
+/// Rows as aligned text. The first row is the header. Columns that hold only numbers are right-aligned.
 pub(crate) fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let cell = |row: &Vec<String>, c: usize| row.get(c).cloned().unwrap_or_default();

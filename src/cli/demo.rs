@@ -1,4 +1,4 @@
-//! `psrgs-vk demo`: a made-up aerial scene of known geometry, trained.
+//! `psrgs-vk demo`: a synthetic aerial scene of known geometry, and a training on it.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -15,7 +15,7 @@ use super::progress::{counter, duration};
 use super::train;
 use psrgs_vk::numbers::counted;
 
-/// Folder of the trained model inside the scene's.
+/// Folder of the trained model inside the scene's folder.
 const TRAINED: &str = "trained";
 
 /// Make a small aerial scene of known geometry, train on it and leave a report
@@ -64,7 +64,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     let params = args.world.params()?;
     if !args.no_train {
-        // Before the minutes that the scene takes.
+        // Fails before the minutes that the scene takes.
         device::probe(&args.device)?;
     }
     make(args, &params, console)?;
@@ -121,7 +121,7 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     settings.run.scale_schedule = true;
     settings.run.seed = seed;
     settings.run.eval_every = (args.iterations / 10).max(1);
-    // More would show on pictures of this size as time, hardly as quality.
+    // On images of this size more splats cost time and hardly add quality.
     settings.density.max_splats = Some(args.max_splats);
     settings.device = args.device.clone();
     settings.host = args.host.clone();

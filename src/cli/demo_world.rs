@@ -7,10 +7,10 @@ use psrgs_vk::world::{CameraKind, Effect, Effects, WorldParams};
 
 use super::exit::Failure;
 
-/// Photographs of the demo.
+/// Default number of photographs.
 const IMAGES: u32 = 64;
 
-/// Parameters of a world by name; what is not given is as in `--world`, or as usual.
+/// Parameters of a world by name. Parameters that are not given come from `--world`, else from the defaults.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Scene")]
 pub(super) struct WorldArgs {
@@ -68,7 +68,7 @@ pub(super) struct WorldArgs {
 }
 
 impl WorldArgs {
-    /// The parameters: those of the file, then the effects by list, then the numbers by name.
+    /// The parameters: first those of the file, then the list of effects, then the numbers by name.
     pub(super) fn params(&self) -> anyhow::Result<WorldParams> {
         let mut p = match &self.world {
             Some(file) => {

@@ -9,7 +9,7 @@ use super::compiling;
 use super::console::Console;
 use super::driver_hint;
 
-/// What the options and the environment ask for; options win.
+/// Options for opening the device, from the command line and the environment. The command line wins.
 pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> anyhow::Result<OpenOptions> {
     let mut options = OpenOptions::from_env()?;
     if choice.device.is_some() {
@@ -24,18 +24,18 @@ pub(crate) fn options(choice: &DeviceChoice, validate: bool) -> anyhow::Result<O
     Ok(options)
 }
 
-/// Whether the device can be opened at all.
+/// Fails where the device cannot be opened.
 pub(crate) fn probe(choice: &DeviceChoice) -> anyhow::Result<()> {
     Gpu::open(&options(choice, false)?)?;
     Ok(())
 }
 
-/// Opens the device and says which it is.
+/// Opens the device and prints its name.
 pub(crate) fn open(choice: &DeviceChoice, validate: bool, console: &Console) -> anyhow::Result<Gpu> {
     open_with(&options(choice, validate)?, console)
 }
 
-/// The same with options of the caller's.
+/// Opens the device with the caller's options and prints its name.
 pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Result<Gpu> {
     let gpu = Gpu::open(options)?;
     if options.validation != Validation::Off {
@@ -56,7 +56,7 @@ pub(crate) fn open_with(options: &OpenOptions, console: &Console) -> anyhow::Res
     Ok(gpu)
 }
 
-/// Where compiled pipelines and chosen variants are kept between runs.
+/// Folder for compiled pipelines and chosen variants, kept between runs.
 pub(crate) fn cache_folder() -> Option<PathBuf> {
     OpenOptions::from_env().ok()?.pipeline_cache
 }

@@ -12,7 +12,7 @@ const RIGHT: f64 = 24.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 52.0;
 
-/// An axis from numbers to places: logarithmic where all numbers are positive and differ by more than a factor of 8.
+/// An axis. Logarithmic where all values are positive and differ by more than a factor of 8.
 struct Axis {
     low: f64,
     high: f64,
@@ -24,7 +24,7 @@ impl Axis {
         let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let logarithmic = least > 0.0 && most > 8.0 * least;
         let (low, high) = if logarithmic { (least.log10(), most.log10()) } else { (least, most) };
-        // What hardly differs is not drawn as if it did.
+        // The margin keeps small differences from filling the panel.
         let margin = ((high - low) * 0.08).max(if logarithmic { 0.1 } else { 0.05 * high.abs().max(1e-30) });
         let floor = if logarithmic || least < 0.0 { f64::NEG_INFINITY } else { 0.0 };
         Self { low: (low - margin).max(floor), high: high + margin, logarithmic }
@@ -35,7 +35,7 @@ impl Axis {
         (v - self.low) / (self.high - self.low)
     }
 
-    /// Five places with what stands there.
+    /// Five positions with their labels.
     fn ticks(&self) -> Vec<(f64, String)> {
         let at = |k: u32| self.low + (self.high - self.low) * f64::from(k) / 4.0;
         let text = |v: f64| match self.logarithmic {
@@ -47,8 +47,8 @@ impl Axis {
     }
 }
 
-/// Panels side by side: time to the right, error upwards, settings by their numbers in the table; what is dominated is
-/// hollow, the default a square; a line joins the front.
+/// Panels side by side: time to the right, error upwards, settings by their number in the table. Dominated settings are
+/// hollow, the default is a square, and a line joins the front.
 pub fn svg(tables: &[Table]) -> String {
     let width = WIDTH * tables.len().max(1) as f64;
     let mut out = format!(

@@ -7,8 +7,8 @@ use crate::pass::counters;
 use crate::raster::{self, GradientSum, ImageGradients, Planes, Renderer, Size, Target, Variants, Viewer};
 use crate::vk::{Gpu, Memory};
 
-/// Gradients of the first view of the reference by every variant that the device can run, `rounds` times in turn after
-/// one that does not count.
+/// Gradients of the first view of the reference by every variant that the device can run. All variants run in turn for
+/// `rounds` timed rounds after an untimed one.
 pub fn gradients(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, Error> {
     let upstream = reference.upstream(0);
     let want = reference.gradients(0, &upstream).planes();
@@ -76,7 +76,7 @@ fn options(form: Variants) -> String {
         .join(" ")
 }
 
-/// A renderer with all that a backward needs.
+/// A renderer with the buffers of a backward pass.
 struct Run {
     variants: Variants,
     pairs: u32,
@@ -101,7 +101,7 @@ impl Run {
         })
     }
 
-    /// Gradients of the planes, and the milliseconds on the device.
+    /// Gradients of the planes, and their time on the device in milliseconds.
     fn once(&mut self, gpu: &Gpu, reference: &Reference) -> Result<([Vec<f32>; 8], f64), Error> {
         let n = reference.model.len() as u32;
         let shot = &reference.shots[0];
@@ -151,7 +151,7 @@ impl Run {
     }
 }
 
-/// The largest relative error (norm) of a plane, and 1 - cosine of all planes, each divided by its norm.
+/// The largest relative error of a plane (by norm), and 1 - cosine over all planes, each plane divided by its norm.
 fn compared(got: &[Vec<f32>; 8], want: &[Vec<f64>; 8]) -> (f64, f64) {
     let (mut worst, mut cosine, mut planes) = (0.0f64, 0.0, 0.0);
     for (got, want) in got.iter().zip(want) {

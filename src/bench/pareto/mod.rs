@@ -1,5 +1,4 @@
-//! Speed against error: what settings cost in time and in accuracy, measured in turn on the same work, and which of
-//! them are worth having.
+//! Time against error of settings, measured in turn on the same work, and which settings are worth having.
 
 mod chart;
 mod gradients;
@@ -19,55 +18,55 @@ pub use trainings::{Scored, TrainingKnob, training_knobs, trainings};
 
 use serde::Serialize;
 
-/// Times that differ by less than this share are taken for the same, and by less than those of the default and its
-/// repetitions.
+/// Times that differ by less than this share count as equal. So do times that differ by less than those of the default
+/// and its repetitions.
 const SAME_TIME: f64 = 0.05;
-/// What the repetition of the default is called.
+/// Name of the default's repetition.
 const AGAIN: &str = "default, again";
 
 /// One way to do a piece of work.
 #[derive(Clone, Debug, Serialize)]
 pub struct Setting {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// The options that choose it; empty where there are none.
+    /// Options that choose the setting; empty for none.
     pub options: String,
-    /// Whether it is what happens unless another is asked for.
+    /// Whether this is the default.
     pub default: bool,
-    /// Whether it does what the default does, to the last bit and in the same form: another measurement of the same.
+    /// Whether the setting gives the default's bits with the default's variants, and so repeats its measurement.
     pub repeats: bool,
-    /// Whether it gives the same bits every time. What does not cannot dominate what does.
+    /// Whether every run gives the same bits. A setting that does not cannot dominate one that does.
     pub reproducible: bool,
     /// Time, in the unit of the table.
     pub time: f64,
-    /// Error, in the unit of the table: smaller is better. `None` where there is none to tell.
+    /// Error in the unit of the table; smaller is better. `None` where the setting has no error.
     pub error: Option<f64>,
-    /// Further numbers by the table's columns.
+    /// Further numbers, one per column of the table.
     pub more: Vec<f64>,
-    /// Whether another setting is better in one of time and error and as good in the other, and as reproducible.
+    /// Whether another setting is better in time or error, as good in the other, and as reproducible.
     pub dominated: bool,
 }
 
 /// Settings compared on the same work.
 #[derive(Clone, Debug, Serialize)]
 pub struct Table {
-    /// What work.
+    /// The work.
     pub title: String,
-    /// What the time is of, with its unit.
+    /// Name of the time, with its unit.
     pub time: String,
-    /// What the error is, with its unit.
+    /// Name of the error, with its unit.
     pub error: String,
-    /// Errors that differ by less are taken for the same: a share of the smaller, or this much, whichever is more.
+    /// Errors count as equal below the larger of two differences: a share of the smaller error, and an absolute one.
     pub same_error: (f64, f64),
     /// Names of the further numbers.
     pub columns: Vec<String>,
-    /// The settings in the order in which they were measured.
+    /// The settings in the order of measurement.
     pub settings: Vec<Setting>,
 }
 
 impl Table {
-    /// Marks what another setting dominates. Times within 5 % of each other, or within what the default and its
-    /// repetitions differ by, and errors within [`Self::same_error`] count as the same.
+    /// Marks dominated settings. Times count as equal within 5 % or within the spread of the default and its
+    /// repetitions, and errors within [`Self::same_error`].
     pub fn mark(&mut self) {
         let (share, least) = self.same_error;
         let noise = 1.0 + self.noise().max(SAME_TIME);
@@ -86,20 +85,20 @@ impl Table {
         self.settings.iter_mut().zip(dominated).for_each(|(setting, d)| setting.dominated = d);
     }
 
-    /// By which share the times of the default and its repetitions differ.
+    /// Relative spread of the times of the default and its repetitions.
     fn noise(&self) -> f64 {
         let times = || self.settings.iter().filter(|s| s.default || s.repeats).map(|s| s.time);
         let (least, most) = (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max));
         if most > least { most / least - 1.0 } else { 0.0 }
     }
 
-    /// The default, where it is dominated.
+    /// The default if it is dominated.
     pub fn default_off_the_front(&self) -> Option<&Setting> {
         self.settings.iter().find(|s| s.default && s.dominated)
     }
 }
 
-/// The least of a sample: what the work takes where nothing else is done meanwhile.
+/// The smallest time: that of the work without other load on the machine.
 fn least(times: Vec<f64>) -> f64 {
     times.into_iter().fold(f64::INFINITY, f64::min)
 }

@@ -1,4 +1,4 @@
-//! Tables and plots as a page that stands for itself.
+//! Tables and plots as one HTML page without outside requests.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::chart::svg;
 use super::{Table, table::number};
 use crate::format::markup::escape;
 
-/// HTML without outside requests. `about` tells what was measured where.
+/// The page. `about` says what was measured, and where.
 pub fn page(about: &str, tables: &[Table]) -> String {
     let mut out = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Speed against error</title><style>body{{font:15px/1.45 \

@@ -1,4 +1,4 @@
-//! Single pictures: time on the device against the error of colours.
+//! Single renders: time on the device against the error of colours.
 
 use super::super::Error;
 use super::{AGAIN, Reference, Setting, Table};
@@ -6,8 +6,8 @@ use crate::raster::tiles::DEPTH_BITS;
 use crate::raster::{Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
 use crate::vk::{self, Gpu};
 
-/// A way to draw.
-struct Form {
+/// A way to render.
+struct DrawingForm {
     name: String,
     options: String,
     variants: Variants,
@@ -16,10 +16,10 @@ struct Form {
     sh: ShStorage,
 }
 
-/// Every variant that the device can run, and what is left out or rounded in the default one.
-fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
+/// Every variant that the device can run, and the default with less precision or fewer terms.
+fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<DrawingForm> {
     let variants = Variants::choose(gpu, false);
-    let plain = |name: String, variants| Form {
+    let plain = |name: String, variants| DrawingForm {
         name,
         options: String::new(),
         variants,
@@ -33,25 +33,29 @@ fn forms(gpu: &Gpu, sh_degree: u32) -> Vec<Form> {
         (TileShape::Pixel, "tiles of 16x16, a thread per pixel", "--tile-shape pixel"),
     ] {
         if tile != variants.tile {
-            all.push(Form { options: options.into(), ..plain(name.into(), Variants { tile, ..variants }) });
+            all.push(DrawingForm { options: options.into(), ..plain(name.into(), Variants { tile, ..variants }) });
         }
     }
     for bits in [24, 16, 12] {
-        all.push(Form { depth_bits: bits, ..plain(format!("depths sorted by {bits} bits"), variants) });
+        all.push(DrawingForm { depth_bits: bits, ..plain(format!("depths sorted by {bits} bits"), variants) });
     }
-    all.push(Form {
+    all.push(DrawingForm {
         sh: ShStorage::Half,
         options: "--sh-bits 16".into(),
         ..plain("spherical harmonics of 16 bits".into(), variants)
     });
     for degree in 0..sh_degree {
-        all.push(Form { sh_degree: degree, ..plain(format!("spherical harmonics to degree {degree}"), variants) });
+        all.push(DrawingForm {
+            sh_degree: degree,
+            ..plain(format!("spherical harmonics to degree {degree}"), variants)
+        });
     }
     all.push(plain(AGAIN.into(), variants));
     all
 }
 
-/// Draws every view of the reference in every form, `rounds` times in turn after one that does not count.
+/// Renders every view of the reference in every way. All ways run in turn for `rounds` timed rounds after an untimed
+/// one.
 pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, Error> {
     let sh_degree = reference.shots.iter().map(|shot| shot.projection.sh_degree).max().unwrap_or(0);
     let forms = forms(gpu, sh_degree);
@@ -94,7 +98,7 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
         ),
         time: "least ms per picture on the device".into(),
         error: "largest error of a colour".into(),
-        // Less than a hundredth of a step of 8 bits is nothing.
+        // An error below a hundredth of an 8-bit step counts as none.
         same_error: (0.1, 0.01 / 255.0),
         columns: vec!["mean error".into()],
         settings: Vec::new(),
@@ -116,7 +120,7 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
     Ok(table)
 }
 
-/// A picture, and the milliseconds that its passes take on the device.
+/// A render, and the time of its passes on the device in milliseconds.
 fn timed(gpu: &Gpu, viewer: &mut Viewer, planes: &Planes, splats: u32, shot: &Shot) -> Result<(Picture, f64), Error> {
     loop {
         let mut recorder = gpu.recorder("picture")?;
@@ -129,7 +133,7 @@ fn timed(gpu: &Gpu, viewer: &mut Viewer, planes: &Planes, splats: u32, shot: &Sh
     }
 }
 
-/// What a submission took on the device.
+/// Time of a submission on the device.
 pub(super) fn milliseconds(gpu: &Gpu, ticket: vk::Ticket) -> Result<f64, Error> {
     gpu.wait(ticket)?;
     let passes = gpu.timings(ticket)?.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What is compared with: views of a model, and some pixels of each by the brute-force renderer in double precision.
+//! The reference: views of a model, with some pixels of each by the brute-force renderer in double precision.
 
 use rayon::prelude::*;
 
@@ -9,8 +9,8 @@ use crate::scene::{Camera, Gaussians};
 use crate::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use crate::twin::splat::Splat;
 
-/// Pixels nearer than this to a decision that rounding may turn over are left out, in units of the decision's
-/// condition: 16 roundings to f32.
+/// Pixels this close to a decision that rounding may turn over are left out. In units of the decision's condition: 16
+/// roundings to f32.
 const BAND: f64 = 16.0 / (1u64 << 24) as f64;
 
 /// Some pixels of some views of a model, in double precision.
@@ -23,14 +23,14 @@ pub struct Reference {
     settings: Settings,
     /// Compared pixels of each view, none near a decision.
     pub pixels: Vec<Vec<usize>>,
-    /// What they are.
+    /// Reference images at the compared pixels.
     pub images: Vec<Image>,
-    /// Pixels that were looked at and left out.
+    /// Pixels left out because a decision is close.
     pub left_out: usize,
 }
 
 impl Reference {
-    /// Of `pixels` pixels of every view, drawn evenly.
+    /// A reference of `pixels` pixels of every view, spread evenly.
     pub fn new(model: Gaussians, cameras: &[Camera], sh_degree: u32, pixels: usize) -> Result<Self, Error> {
         let background = [0.0f32; 3];
         let projection = Projection {
@@ -42,7 +42,7 @@ impl Reference {
             limits: None,
             alpha_cutoff: None,
         };
-        // Cameras are rounded as the device gets them.
+        // The device gets cameras in f32.
         let shots: Vec<Shot> =
             cameras.iter().map(|camera| Shot { camera: rounded(camera), projection, background }).collect();
         let settings = Settings {
@@ -58,7 +58,7 @@ impl Reference {
             .map(|shot| {
                 let all = shot.camera.width as usize * shot.camera.height as usize;
                 let count = pixels.min(all);
-                // A stride that meets all columns.
+                // A stride that visits all columns.
                 let chosen: Vec<usize> = (0..count).map(|k| (k as u64 * 2_654_435_761 % all as u64) as usize).collect();
                 let image = reference::render_at(&splats, &shot.camera, &settings, &chosen);
                 (chosen, image)
@@ -85,13 +85,12 @@ impl Reference {
         Ok(out)
     }
 
-    /// Compared pixels in all.
+    /// Number of compared pixels of all views.
     pub fn compared(&self) -> usize {
         self.pixels.iter().map(Vec::len).sum()
     }
 
-    /// Largest and mean error of the colours of a view's compared pixels, over pixels and channels,
-    /// and how many values there are.
+    /// Largest and mean error of a view's compared pixels over pixels and channels, and the number of compared values.
     pub fn errors(&self, view: usize, rgbt: &[f32]) -> (f64, f64, usize) {
         let (mut largest, mut sum) = (0.0f64, 0.0);
         for (&pixel, want) in self.pixels[view].iter().zip(&self.images[view].colour) {
@@ -104,8 +103,8 @@ impl Reference {
         (largest, sum, 3 * self.pixels[view].len())
     }
 
-    /// A gradient of a view's image that is not zero at the compared pixels alone, by a counter: (r, g,
-    /// b, transmittance) per pixel.
+    /// Gradient of a loss by a view's image as (r, g, b, transmittance) per pixel, zero except at the compared pixels.
+    /// Its values come from a counter.
     pub fn upstream(&self, view: usize) -> Vec<f32> {
         let camera = &self.shots[view].camera;
         let mut out = vec![0.0; 4 * camera.width as usize * camera.height as usize];
@@ -119,7 +118,7 @@ impl Reference {
         out
     }
 
-    /// The gradients of the model that follow from that.
+    /// The gradients of the model for the image gradient `upstream`.
     pub fn gradients(&self, view: usize, upstream: &[f32]) -> Gradients {
         let pixels = &self.pixels[view];
         let mut g = ImageGradient::zeros(pixels.len());
@@ -130,7 +129,7 @@ impl Reference {
     }
 }
 
-/// The camera with every number rounded to f32, as the device has it.
+/// The camera with every number rounded to f32, as on the device.
 fn rounded(camera: &Camera) -> Camera {
     let round = |v: f64| f64::from(v as f32);
     let mut out = *camera;

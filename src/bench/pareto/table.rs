@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::Table;
 use crate::numbers::fraction;
 
-/// A number with as many digits as it deserves.
+/// A number with about four significant digits.
 pub(super) fn number(v: f64) -> String {
     if v == 0.0 || (0.01..1e6).contains(&v.abs()) {
         let digits = if v.abs() >= 1000.0 || v == 0.0 { 0 } else { 3 };

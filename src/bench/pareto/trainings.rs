@@ -10,17 +10,17 @@ use crate::train::settings::Growth;
 use crate::train::{Input, Message, Pacing, Settings, Trainer};
 use crate::vk::{DeviceKind, Gpu};
 
-/// Steps that a training takes before it is the next one's turn.
+/// Consecutive steps of one training before the next one takes its turn.
 const TURN: u32 = 20;
 
 /// A setting that trainings differ by.
 #[derive(Clone, Debug)]
 pub struct TrainingKnob {
-    /// What it is called.
+    /// Name.
     pub name: &'static str,
-    /// The options of `train` that choose it.
+    /// Options of `train` that choose the setting.
     pub options: &'static str,
-    /// What they mean.
+    /// Applies the options.
     pub apply: fn(&mut Settings),
 }
 
@@ -47,17 +47,18 @@ pub fn training_knobs(gpu: &Gpu) -> Vec<TrainingKnob> {
             s.stepping.gradient_sum = Some(GradientSum::Atomic);
         }));
     }
-    // On processors many times slower, to the same pictures: the tables of pictures and gradients have them there.
+    // On a CPU these tile shapes are many times slower and give the same images. The tables of pictures and gradients
+    // have their times.
     if gpu.caps().kind != DeviceKind::Cpu {
         all.push(knob("tiles of 8x8", "--tile-shape column", |s| s.blending.tile_shape = Some(TileShape::Column)));
     }
     all
 }
 
-/// What a training came to.
+/// The result of a training.
 #[derive(Clone, Debug)]
 pub struct Scored {
-    /// Seconds of its steps, evaluation left aside.
+    /// Seconds of the training steps, without evaluation.
     pub seconds: f64,
     /// Held-out PSNR in dB.
     pub psnr: f64,
@@ -71,11 +72,11 @@ pub struct Scored {
     pub variants: Variants,
 }
 
-/// A training that is on its way.
+/// A training under way.
 struct Running {
     knob: TrainingKnob,
     trainer: Trainer,
-    /// Held-out PSNR before the first step. Not the loss, which is that of reduced photographs at first.
+    /// Held-out PSNR before the first step. The loss would not do: reduced photographs come first.
     before: f64,
     seconds: f64,
     done: bool,
@@ -88,7 +89,7 @@ impl Running {
         Ok(Self { knob: knob.clone(), trainer, before, seconds: 0.0, done: false })
     }
 
-    /// Some steps, to their end on the device.
+    /// Takes one turn of steps and waits for their end on the device.
     fn go_on(&mut self) -> Result<(), Error> {
         let started = Instant::now();
         let mut steps = 0;
@@ -119,9 +120,9 @@ impl Running {
     }
 }
 
-/// Trains once with every knob, and once more with the default, which tells what two runs differ by. All are in memory
-/// at once and take their steps in turn, some at a time: what else the machine does falls on all alike. `input` makes
-/// what is trained on of settings. The results come in the order of the table.
+/// Trains once with every knob, and once more with the default to measure the spread of two runs. All trainings are in
+/// memory at once and take turns, so that other load on the machine falls on all of them alike. `input` makes the input
+/// of a training from its settings. The results have the order of the table.
 pub fn trainings(
     gpu: &Gpu,
     settings: &Settings,
@@ -134,7 +135,7 @@ pub fn trainings(
     for knob in knobs.iter().chain(&again) {
         let mut changed = settings.clone();
         (knob.apply)(&mut changed);
-        // No evaluation on the way: it would count.
+        // No evaluation between steps: its time would count.
         changed.run.eval_every = 0;
         running.push(Running::new(gpu, knob, input(&changed)?, &changed)?);
     }

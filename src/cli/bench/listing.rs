@@ -4,8 +4,8 @@ use psrgs_vk::vk::{Described, Wait};
 
 use crate::cli::console::table;
 
-/// A line per command: its number, whether a barrier stands in front of it, and what it waits for. Buffers that several
-/// commands in front of it used last are grouped by command.
+/// A line per command: its number, whether a barrier precedes it, and what it waits for. Buffers last used by the same
+/// earlier command are grouped.
 pub(super) fn text(commands: &[Described]) -> String {
     let mut rows = vec![["#", "command", "barrier", "waits for"].map(str::to_owned).to_vec()];
     for (i, command) in commands.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! `psrgs-vk bench --pareto`: what settings cost in time and in accuracy.
+//! `psrgs-vk bench --pareto`: time and error of settings.
 
 use std::path::Path;
 
@@ -17,14 +17,14 @@ use super::{Args, failure};
 use crate::cli::console::{self, Console};
 use crate::cli::exit::Failure;
 
-/// Views that pictures are compared at, at most.
+/// Most views whose renders are compared.
 const VIEWS: usize = 4;
-/// Pixels of each that are compared with double precision.
+/// Pixels of each view that are compared with double precision.
 const PIXELS: usize = 1500;
-/// Times that every picture and gradient is timed.
+/// Timed rounds of every render and gradient.
 const ROUNDS: u32 = 7;
 
-/// What the JSON holds besides how it was made.
+/// Contents of the JSON file, besides how it was made.
 #[derive(serde::Serialize)]
 struct Report<'a> {
     device: &'a str,
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, out: &Path, console: &Console) -> anyhow::Result<
     Ok(())
 }
 
-/// What is trained with: `lean`, which has every setting that is compared and no priors to wait for.
+/// The settings of the trainings: `lean` has every setting that is compared, and no priors to wait for.
 fn settings(args: &Args) -> Settings {
     let mut settings = Settings { photographs: args.photographs.clone(), ..Settings::of_method(Method::Lean) };
     settings.device = args.device.clone();
@@ -113,7 +113,7 @@ fn trainings(
     Ok((table, scored.into_iter().next().map(|one| one.model)))
 }
 
-/// Cameras of some photographs, held-out ones where there are any.
+/// Cameras of some photographs, held-out ones if there are any.
 fn cameras(dataset: &Dataset) -> Vec<Camera> {
     let of =
         |role| -> Vec<Camera> { dataset.views_of(role).filter_map(|(index, _)| dataset.scene_camera(index)).collect() };

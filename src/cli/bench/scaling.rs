@@ -1,4 +1,4 @@
-//! `psrgs-vk bench --plot`: how time and memory grow from result to result.
+//! `psrgs-vk bench --plot`: growth of time and memory over several results.
 
 use std::path::{Path, PathBuf};
 
@@ -9,15 +9,15 @@ use serde_json::Value;
 use crate::cli::console;
 use crate::cli::exit::Failure;
 
-/// What is read of a result.
-struct Read {
+/// The plotted numbers of a result.
+struct Scale {
     splats: f64,
     pixels: f64,
     step_ms: f64,
     mib: f64,
 }
 
-fn read(file: &Path) -> anyhow::Result<Read> {
+fn read(file: &Path) -> anyhow::Result<Scale> {
     let unusable =
         |why: String| Failure::Input(format!("{}: {why}; --plot wants results of `bench --json`", file.display()));
     let text = psrgs_vk::format::read_text(file).map_err(|e| unusable(format!("cannot be read: {e}")))?;
@@ -26,7 +26,7 @@ fn read(file: &Path) -> anyhow::Result<Read> {
         let number = value.pointer(pointer).and_then(Value::as_f64);
         number.ok_or_else(|| unusable(format!("has no {pointer}")))
     };
-    Ok(Read {
+    Ok(Scale {
         splats: number("/workload/splats")?,
         pixels: number("/workload/pixels")?,
         step_ms: number("/wall_ms/median")?,
@@ -35,7 +35,7 @@ fn read(file: &Path) -> anyhow::Result<Read> {
 }
 
 pub(super) fn run(picture: &Path, results: &[PathBuf]) -> anyhow::Result<()> {
-    // Who forgets it would lose the first result.
+    // Without the picture's name, the first result would be overwritten.
     if !picture.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
         return Err(Failure::Usage(format!(
             "--plot {}: the first name is that of the picture, which ends in .svg; results follow it",
@@ -43,16 +43,16 @@ pub(super) fn run(picture: &Path, results: &[PathBuf]) -> anyhow::Result<()> {
         ))
         .into());
     }
-    let mut read = results.iter().map(|file| read(file)).collect::<anyhow::Result<Vec<Read>>>()?;
-    let spread = |of: fn(&Read) -> f64| {
+    let mut read = results.iter().map(|file| read(file)).collect::<anyhow::Result<Vec<Scale>>>()?;
+    let spread = |of: fn(&Scale) -> f64| {
         let (low, high) = read.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(l, h), x| (l.min(x), h.max(x)));
         high / low
     };
     let by_splats = spread(|r| r.splats) >= spread(|r| r.pixels);
-    let size: fn(&Read) -> f64 = if by_splats { |r| r.splats } else { |r| r.pixels };
+    let size: fn(&Scale) -> f64 = if by_splats { |r| r.splats } else { |r| r.pixels };
     let what = if by_splats { "splats" } else { "pixels of a view" };
     read.sort_by(|a, b| size(a).total_cmp(&size(b)));
-    let series = |name: &str, of: fn(&Read) -> f64| Series {
+    let series = |name: &str, of: fn(&Scale) -> f64| Series {
         name: name.to_owned(),
         points: read.iter().map(|r| (size(r), of(r))).collect(),
     };

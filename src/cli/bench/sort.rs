@@ -1,4 +1,4 @@
-//! `psrgs-vk bench --sort`: keys per second.
+//! `psrgs-vk bench --sort`: keys sorted per second.
 
 use psrgs_vk::bench;
 

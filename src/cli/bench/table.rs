@@ -21,7 +21,7 @@ pub(super) fn text(report: &Report) -> String {
     text + &passes(report) + "\n" + &stages(report)
 }
 
-/// What was measured, and on which device.
+/// The measured work and the device.
 fn subject(report: &Report) -> String {
     let Report { device, workload: w, .. } = report;
     let mut text = format!(
@@ -53,7 +53,7 @@ fn subject(report: &Report) -> String {
     text
 }
 
-/// What the host records and waits for in a step, and what the steps came to.
+/// Commands and waits of the host in a step, and the loss of the steps.
 fn work_of_a_step(report: &Report) -> String {
     let Report { loss, per_step: host, .. } = report;
     format!(
@@ -76,7 +76,7 @@ fn work_of_a_step(report: &Report) -> String {
     )
 }
 
-/// The memory that splats, pairs and pixels take.
+/// Memory per splat, pair and pixel.
 fn memory(report: &Report) -> String {
     let m = report.memory;
     format!(
@@ -101,7 +101,7 @@ fn passes(report: &Report) -> String {
     };
     for pass in &report.passes {
         let mut cells = row(&pass.pass, format!("{}", pass.calls), pass.ms, percent(pass.share));
-        // Empty cells would make a column of numbers a column of words.
+        // An empty cell would left-align its column.
         cells.push(pass.bytes.map_or("-".into(), |bytes| number(bytes * 1e-6)));
         let floors = [pass.gb_per_s, pass.floors.bytes_ms, pass.floors.arithmetic_ms, pass.over_floor];
         cells.extend(floors.map(|value| value.map_or("-".into(), number)));
@@ -123,7 +123,7 @@ fn stages(report: &Report) -> String {
     table(&rows)
 }
 
-/// Three significant digits or more.
+/// A number with at least three significant digits.
 fn number(x: f64) -> String {
     match x.abs() {
         x if x >= 100.0 => format!("{x:.0}"),
@@ -137,7 +137,7 @@ fn percent(share: f64) -> String {
     format!("{}%", fraction(100.0 * share, 1))
 }
 
-/// The name of a form as settings files have it.
+/// The name of a variant as in settings files.
 fn word(form: &impl serde::Serialize) -> String {
     serde_json::to_value(form).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

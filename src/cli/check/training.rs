@@ -1,4 +1,4 @@
-//! What training a dataset takes: memory of the device and of the host, and time.
+//! Memory and time of a training on the dataset.
 
 use psrgs_vk::bench;
 use psrgs_vk::dataset::{Dataset, Role, Supply};
@@ -14,16 +14,16 @@ use psrgs_vk::vk::{self, Gpu};
 use super::super::console::Console;
 use super::super::{device, progress};
 
-/// What `--json` prints of it.
+/// The part of `--json` about the training.
 #[derive(serde::Serialize)]
 pub(super) struct Training {
     device: String,
-    /// Bytes of device memory at the start and at most, and the splats that fit.
+    /// Bytes of device memory at the start and at the peak, and the splats that fit.
     device_bytes: u64,
     device_limit: u64,
     most_splats: u32,
-    /// Bytes of host memory: what may be used, what is set aside for the training, what is kept of photographs,
-    /// what is missing.
+    /// Bytes of host memory: the budget, the part set aside for the training, the part kept for photographs, the
+    /// shortfall.
     host_budget: u64,
     host_training: u64,
     host_photographs: u64,
@@ -34,8 +34,8 @@ pub(super) struct Training {
     text: [String; 2],
 }
 
-/// Plans the training. What is wrong with it is added to the problems; an error is what keeps it from beginning. `None`
-/// where there is no device to ask.
+/// Plans the training. Adds its problems to `problems`. Fails with the error that prevents the training. `None` without
+/// a device.
 pub(super) fn plan(
     dataset: &Dataset,
     settings: &Settings,
@@ -67,7 +67,7 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     let First { splats: points, left_out, .. } = prepare::first(dataset, settings)?;
     problems.extend(left_out.map(|left_out| left_out.to_string()));
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
-    // Stereo has not been run: about as many splats as it is to add, where there are points.
+    // Stereo has not run: assume as many splats as it is to add, where points exist.
     let plan = |splats| MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats);
     let fit = plan(points.len() as u32)?.most_splats.0;
     let known = points.len() as u32;
@@ -81,7 +81,7 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     if host.short_by > 0 {
         problems.push(host.to_string());
     }
-    // Two photographs are enough for the time.
+    // Two photographs are enough to time steps.
     let views: Vec<_> = dataset.views_of(Role::Train).collect();
     let mut train = Vec::new();
     for (index, view) in [views.len() / 4, 3 * views.len() / 4].into_iter().filter_map(|at| views.get(at).copied()) {
@@ -113,7 +113,7 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     })
 }
 
-/// The surface that stereo will find, by the reconstructed points.
+/// The surface that stereo will find, estimated from the reconstructed points.
 fn surface_about(dataset: &Dataset, points: &Gaussians) -> f64 {
     let cameras: Vec<_> = dataset.views_of(Role::Train).filter_map(|(i, _)| dataset.scene_camera(i)).collect();
     let means: Vec<[f64; 3]> = points.means.chunks_exact(3).map(|m| [m[0], m[1], m[2]].map(f64::from)).collect();
@@ -121,7 +121,7 @@ fn surface_about(dataset: &Dataset, points: &Gaussians) -> f64 {
 }
 
 impl Training {
-    /// As rows of the table.
+    /// Rows of the table.
     pub(super) fn rows(&self) -> Vec<(&'static str, String)> {
         let [device, host] = &self.text;
         let plain = |text: &str| text.split_once(": ").map_or(text, |(_, rest)| rest).to_owned();

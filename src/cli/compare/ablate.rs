@@ -1,4 +1,4 @@
-//! The rows of a method without its parts.
+//! Rows of a comparison: a method without each of its parts.
 
 use clap::{Args as _, Command, FromArgMatches as _};
 use psrgs_vk::compare::{ABLATIONS, Ablation, OWN_GRAD_THRESHOLD};
@@ -8,10 +8,10 @@ use psrgs_vk::train::settings::{DepthPrior, LidarCloud, Method};
 use crate::cli::asked::Asked;
 use crate::cli::exit::Failure;
 
-/// A row: what it is called, its method, and the options that make it.
+/// A row: label, method, options.
 pub(super) type Row = (String, String, Vec<String>);
 
-/// The method itself and what it is without each of its parts, or with another form of them.
+/// The whole method, and the method without each of its parts or with a part replaced.
 pub(super) fn rows(method: &str) -> anyhow::Result<Vec<Row>> {
     let known: Method = method.parse().map_err(|error| Failure::Usage(format!("--ablate: {error}")))?;
     let whole = Settings::of_method(known);
@@ -34,18 +34,17 @@ fn options_of(ablation: &Ablation, whole: &Settings) -> Vec<String> {
     ablation.options.iter().map(one).collect()
 }
 
-/// Whether the method can have the change: no width of a filter is learned where there is no filter, say.
+/// Whether the method can be trained with the change. Without a filter, for example, no filter width can be learned.
 fn can_be_trained(changed: &Settings) -> bool {
     let mut settings = changed.clone();
     if settings.geometry.depth_prior == DepthPrior::Lidar {
-        // Which cloud it is, the comparison says.
+        // The cloud is chosen by the comparison.
         settings.density.lidar.get_or_insert(LidarCloud::Mvs);
     }
     settings.check().is_ok()
 }
 
-/// Settings with options of `train` in place of their own values. What the environment says is the same for every row,
-/// and no part of any.
+/// The settings with some options of `train` changed. The environment is ignored: it is the same for every row.
 fn with(whole: &Settings, options: &[String]) -> anyhow::Result<Settings> {
     let command = Asked::augment_args(Command::new("train").no_binary_name(true));
     let matches = command.try_get_matches_from(options)?;
@@ -61,8 +60,7 @@ mod tests {
         rows(method).expect("rows").into_iter().map(|(label, ..)| label).collect()
     }
 
-    /// What is changed and cannot be trained is left out: only where a part is nothing without another that the method
-    /// has not.
+    /// A change is left out only where the part needs another part that the method lacks.
     #[test]
     fn rows_are_left_out_for_a_reason() {
         let left_out = |method: Method| -> Vec<&str> {

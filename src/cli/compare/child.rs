@@ -1,4 +1,4 @@
-//! A training in a process of its own, which a stop of this one reaches once.
+//! A training in a child process, which gets each stop of this process exactly once.
 
 use std::io;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -7,11 +7,10 @@ use std::time::Duration;
 
 use crate::cli::interrupt::Interrupt;
 
-/// How often the child and the wish to stop are looked at.
+/// Interval at which the child and the interrupt are polled.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Runs a command to its end. Where the user wants to stop, it is asked to stop too, and waited for:
-/// it saves what it has.
+/// Runs a command to its end. On an interrupt the child is asked to stop, and this process waits while the child saves.
 pub(super) fn run(command: &mut Command, interrupt: &Interrupt) -> io::Result<ExitStatus> {
     apart(command);
     let mut child = command.stdin(Stdio::null()).spawn()?;
@@ -28,8 +27,8 @@ pub(super) fn run(command: &mut Command, interrupt: &Interrupt) -> io::Result<Ex
     }
 }
 
-/// Keeps the terminal's Ctrl-C from the child: it would get it a second time from here,
-/// and a second one ends it without saving.
+/// Moves the child to a process group of its own. Else the terminal's Ctrl-C would reach the child in addition to the
+/// signal from here, and a second signal ends the child without saving.
 #[cfg(unix)]
 fn apart(command: &mut Command) {
     use std::os::unix::process::CommandExt as _;
@@ -44,14 +43,14 @@ fn stop(child: &mut Child) -> io::Result<()> {
     use rustix::process::{Pid, Signal, kill_process};
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     match pid.map(|pid| kill_process(pid, Signal::TERM)) {
-        // It has come to its end meanwhile.
+        // The child may have ended meanwhile.
         Some(Err(rustix::io::Errno::SRCH)) | Some(Ok(())) => Ok(()),
         Some(Err(error)) => Err(error.into()),
         None => child.kill(),
     }
 }
 
-/// The console's Ctrl-C has reached it already.
+/// The console's Ctrl-C has reached the child already.
 #[cfg(not(unix))]
 fn stop(_: &mut Child) -> io::Result<()> {
     Ok(())
