@@ -133,9 +133,9 @@ fn misuse_is_refused_with_names() {
     assert!(matches!(rec.upload(&small, 60, &[0; 8]), Err(Error::BadRange { .. })));
     assert!(matches!(gpu.read_at::<u32>(&small, 0, 17), Err(Error::BadRange { .. })));
     let two = rec.dispatch(&pipeline, &[&small, &small], &push, Groups::Items(1));
-    assert!(two.unwrap_err().to_string().contains("2 buffers for 1 bindings"));
+    assert!(two.unwrap_err().to_string().contains("2 buffers given for 1 bindings"));
     let short = rec.dispatch(&pipeline, &[&small], &1_u32, Groups::Items(1));
-    assert!(short.unwrap_err().to_string().contains("4 bytes of push constants for 8"));
+    assert!(short.unwrap_err().to_string().contains("4 bytes of push constants given, 8 expected"));
     assert!(gpu.pipeline(&fill::PASS.kernel, &[("NOPE", 1)]).unwrap_err().to_string().contains("NOPE"));
     assert!(rec.is_empty());
 }

@@ -21,7 +21,7 @@ use crate::pass::plan::{self, Entry};
 use crate::pass::{alpha_min, blend_forward, constrain, counters, project};
 use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
-use crate::vk::{self, Buffer, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
+use crate::vk::{self, Buffer, BufferRange, Gpu, Groups, Memory, Pipeline, Recorder, slices};
 
 /// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because
 /// their first ones are planned with them.
@@ -144,10 +144,14 @@ impl Renderer {
         } else {
             gpu.buffer("lists", for_lists, Memory::Device)?
         };
-        let backward =
-            if size.train { Some(Backward::new(gpu, variants, &size, Part::of(&early, 0..ROW_2D * n))?) } else { None };
+        let backward = if size.train {
+            Some(Backward::new(gpu, variants, &size, BufferRange::of(&early, 0..ROW_2D * n))?)
+        } else {
+            None
+        };
         // Splats of slots are dead when gradients come to the slots.
-        let slot_splat = backward.as_ref().filter(|_| slots).map(|b| Part::of(&b.slot_grads, 0..4 * pairs.max(1)));
+        let slot_splat =
+            backward.as_ref().filter(|_| slots).map(|b| BufferRange::of(&b.slot_grads, 0..4 * pairs.max(1)));
         let lists =
             TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, size.listed)?;
         Ok(Self {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::sort::Shape;
 use super::tiles::{Capacities, DEPTH_BITS, tile_bits};
-use crate::vk::{Buffer, Gpu, Memory, Part, Result};
+use crate::vk::{Buffer, BufferRange, Gpu, Memory, Result};
 
 /// Where the tile lists keep what is dead before the backward, in bytes of one buffer:
 ///
@@ -54,16 +54,16 @@ pub(super) struct ScratchBuffers<'a> {
     /// At least as large as the layout.
     pub(super) early: &'a Buffer,
     /// With slots: a word per pair that is dead once the backward begins. Without, pairs carry the splat itself.
-    pub(super) slot_splat: Option<Part>,
+    pub(super) slot_splat: Option<BufferRange>,
 }
 
 /// Parts of a buffer.
-pub(super) fn parts(buffer: &Buffer, ranges: &[Range<u64>; 2]) -> [Part; 2] {
-    ranges.clone().map(|range| Part::of(buffer, range))
+pub(super) fn parts(buffer: &Buffer, ranges: &[Range<u64>; 2]) -> [BufferRange; 2] {
+    ranges.clone().map(|range| BufferRange::of(buffer, range))
 }
 
 /// Buffers of words.
-pub(super) fn words(gpu: &Gpu, names: [&str; 2], count: u64) -> Result<[Part; 2]> {
+pub(super) fn words(gpu: &Gpu, names: [&str; 2], count: u64) -> Result<[BufferRange; 2]> {
     let [a, b] = names.map(|name| gpu.buffer(name, 4 * count.max(1), Memory::Device));
-    Ok([Part::whole(a?), Part::whole(b?)])
+    Ok([BufferRange::whole(a?), BufferRange::whole(b?)])
 }

@@ -7,7 +7,7 @@ use crate::pass::Pass;
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::radix::{self as pass, Push};
 use crate::vk::{
-    Buffer, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result, Subgroup,
+    Buffer, BufferRange, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup,
 };
 
 /// How the passes split their work.
@@ -284,14 +284,15 @@ impl Kernels {
 pub struct RadixSort {
     passes: SortPasses,
     /// Digit counts, and their places.
-    tables: [Part; 2],
+    tables: [BufferRange; 2],
 }
 
 impl RadixSort {
     /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffers.
     pub fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<RadixSort> {
         let words = shape.table_words(most, bits);
-        let table = |what: &str| gpu.buffer(&format!("{name}.{what}"), 4 * words, Memory::Device).map(Part::whole);
+        let table =
+            |what: &str| gpu.buffer(&format!("{name}.{what}"), 4 * words, Memory::Device).map(BufferRange::whole);
         RadixSort::within(gpu, name, shape, most, bits, [table("table")?, table("places")?])
     }
 
@@ -302,7 +303,7 @@ impl RadixSort {
         shape: Shape,
         most: u64,
         bits: u32,
-        tables: [Part; 2],
+        tables: [BufferRange; 2],
     ) -> Result<RadixSort> {
         Ok(RadixSort { passes: SortPasses::new(gpu, name, shape, most, bits)?, tables })
     }

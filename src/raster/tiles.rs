@@ -9,7 +9,7 @@ use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
 use crate::pass::{alpha_min, compact, counters, emit, gather_counts, slot_sum, tile_ranges};
 use crate::scene::tile::TileGrid;
-use crate::vk::{Buffer, BufferSlice, Error, Gpu, Groups, Memory, Part, Pipeline, Recorder, Result};
+use crate::vk::{Buffer, BufferRange, BufferSlice, Error, Gpu, Groups, Memory, Pipeline, Recorder, Result};
 
 /// Bits of a depth key: depths are positive, so their sign bit is 0.
 pub(crate) const DEPTH_BITS: u32 = 31;
@@ -68,15 +68,15 @@ pub struct TileLists {
     splat_scan: Scan,
     depth_sort: RadixSort,
     tile_sort: RadixSort,
-    keys: [Part; 2],
-    vals: [Part; 2],
+    keys: [BufferRange; 2],
+    vals: [BufferRange; 2],
     /// The visible splats in the order of their index, where somebody asks for them after: the optimiser,
     /// or the sums of slots.
-    listed: Option<Part>,
+    listed: Option<BufferRange>,
     /// Whether the optimiser does.
     optimised: bool,
-    pair_keys: [Part; 2],
-    pair_vals: [Part; 2],
+    pair_keys: [BufferRange; 2],
+    pair_vals: [BufferRange; 2],
     /// Without, pairs carry the splat and not the slot.
     slots: Option<SlotBuffers>,
     tile_ranges: Buffer,
@@ -84,8 +84,8 @@ pub struct TileLists {
 
 /// What slots need beyond the pairs.
 struct SlotBuffers {
-    splat: Part,
-    offsets: Part,
+    splat: BufferRange,
+    offsets: BufferRange,
 }
 
 /// What the passes before have written.
@@ -144,7 +144,7 @@ impl TileLists {
     pub fn with_shape(gpu: &Gpu, capacities: Capacities, shape: Shape) -> Result<TileLists> {
         let early = gpu.buffer("lists", Layout::new(gpu, &capacities, shape).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
-        let slot_splat = Some(Part::whole(slot_splat));
+        let slot_splat = Some(BufferRange::whole(slot_splat));
         TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, false)
     }
 
@@ -162,7 +162,7 @@ impl TileLists {
         let [depth_tables, tile_tables, keys, vals] =
             [&layout.depth_tables, &layout.tile_tables, &layout.keys, &layout.vals]
                 .map(|ranges| parts(loan.early, ranges));
-        let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(Part::whole);
+        let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(BufferRange::whole);
         let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
         let emission = [carried, per_turn(tiles), alpha_min::constant(None)];
         Ok(TileLists {
@@ -195,7 +195,7 @@ impl TileLists {
 
     /// Bytes of its own buffers, what was lent aside.
     pub(super) fn held(&self) -> MemoryFootprint {
-        let bytes = |parts: &[Part; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
+        let bytes = |parts: &[BufferRange; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
         let listed = self.listed.as_ref().map_or(0, |part| part.slice().bytes());
         let (of_optimiser, of_slots) = if self.optimised { (listed, 0) } else { (0, listed) };
         MemoryFootprint {
@@ -253,7 +253,7 @@ impl TileLists {
             let to = [tile_counts, slots.offsets.slice()];
             self.splat_scan.record(rec, to, counts, extent, Summand::Words, NO_COUNTER)?;
         }
-        let listed = self.listed.as_ref().map_or(vals[0], Part::slice);
+        let listed = self.listed.as_ref().map_or(vals[0], BufferRange::slice);
         let bound = [splat2d, tile_counts, places, count_words, keys[0], listed];
         let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
         rec.dispatch(&self.compact, &bound, &push, inputs.groups(SPLAT_ITEMS))
@@ -266,8 +266,11 @@ impl TileLists {
         let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
         let of_visible = [sort, table, scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1), slot_sums];
         self.record_plan(rec, inputs, plan::Push::unlimited(VISIBLE, inputs.at(VISIBLE_SORT), &of_visible))?;
-        let sorted =
-            Unsorted { keys: both(&self.keys), vals: both(&self.vals), apart: self.listed.as_ref().map(Part::slice) };
+        let sorted = Unsorted {
+            keys: both(&self.keys),
+            vals: both(&self.vals),
+            apart: self.listed.as_ref().map(BufferRange::slice),
+        };
         let Unsorted { keys, vals, .. } = sorted;
         let (args, once) = (inputs.args, inputs.at(VISIBLE_ONCE));
         let extent = Keys::Counted { counter: VISIBLE, args, first: inputs.at(VISIBLE_SORT), once };
@@ -392,6 +395,6 @@ pub(crate) fn tile_bits(tiles: u64) -> u32 {
     (64 - tiles.leading_zeros()).min(32)
 }
 
-fn both(parts: &[Part; 2]) -> [BufferSlice<'_>; 2] {
+fn both(parts: &[BufferRange; 2]) -> [BufferSlice<'_>; 2] {
     [parts[0].slice(), parts[1].slice()]
 }

@@ -1,9 +1,9 @@
 //! Running on a host's device.
 //!
-//! Nothing is created behind the host's back but objects of its device (buffers, memory where the host gives no
-//! allocator, pipelines, command and descriptor pools, one timeline semaphore), nothing is destroyed that was not
-//! created here, and neither the device nor the queue is ever waited idle.
-//! All work goes to the one queue that the host names, inside its lock.
+//! The engine creates only child objects of the host's device: buffers, memory (where the host gives no allocator),
+//! pipelines, command and descriptor pools, and one timeline semaphore. The engine destroys only objects that it
+//! created, and never waits for the device or the queue to be idle. All work goes to the one queue that the host names,
+//! inside the host's lock.
 
 use super::lock::QueueLock;
 use std::ffi::CStr;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::device::{Device, Parts};
+use super::device::{Device, DeviceParts};
 use super::device_query::report;
 use super::error::{Error, Result};
 use super::features::{Features, REQUIRED};
@@ -33,36 +33,36 @@ pub struct HostDevice<'a> {
     pub physical_device: vk::PhysicalDevice,
     /// The host's device.
     pub device: vk::Device,
-    /// The Vulkan version that the instance and the device were created for; at least 1.3.
+    /// Vulkan version of the instance and the device; at least 1.3.
     pub api_version: u32,
-    /// Extensions that the host enabled, of the instance and of the device. With `VK_EXT_debug_utils` among them the
-    /// engine names its objects; see [`super::USEFUL_EXTENSIONS`] for those of the device that it can use.
+    /// Instance and device extensions that the host enabled. With `VK_EXT_debug_utils` the engine names its Vulkan
+    /// objects. [`super::USEFUL_EXTENSIONS`] lists the device extensions that the engine can use.
     pub extensions: &'a [&'a CStr],
-    /// Features that the host enabled on the device; at least [`super::required_features`]. What is not stated here, or
-    /// comes with an extension that is not stated, is not used.
+    /// Features that the host enabled on the device; at least [`super::required_features`]. The engine does not use a
+    /// feature that is missing here, or whose extension is missing in `extensions`.
     pub features: Features,
-    /// The queue to submit to; its family has compute.
+    /// The queue to submit to. Its family supports compute.
     pub queue: vk::Queue,
     /// The family of `queue`.
     pub queue_family: u32,
     /// The index of `queue` in its family.
     pub queue_index: u32,
-    /// Guards the queue; `None` when nobody else submits to it while this engine is alive.
+    /// Guards the queue; `None` when only the engine submits to the queue while the engine is alive.
     pub lock: Option<QueueLock>,
-    /// Where the memory of buffers comes from; `None` lets the engine allocate from the device.
+    /// Allocator for the memory of buffers; with `None` the engine allocates from the device.
     pub allocator: Option<Arc<dyn HostAllocator>>,
 }
 
-/// What the engine would use of a physical device, were it enabled.
+/// Features and extensions of a physical device that the engine would use if the host enables them.
 #[derive(Clone, Debug)]
 pub struct Usable {
-    /// Features, the required ones among them where the device has them.
+    /// Usable features, including the required features.
     pub features: Features,
-    /// Extensions of the device.
+    /// Usable device extensions.
     pub extensions: Vec<&'static CStr>,
 }
 
-/// The host's loader and instance, as functions to call.
+/// Loads the functions of the host's loader and instance.
 ///
 /// # Safety
 /// Loader and instance are valid.
@@ -79,9 +79,9 @@ unsafe fn loaded(
 }
 
 impl Gpu {
-    /// What the engine would use of a physical device beyond [`super::required_features`], for a host that is about to
-    /// make its device; [`Features::enable`] writes it into the structures for that.
-    /// A device that lacks what is required is told by name.
+    /// Features and extensions of a physical device that the engine would use, for a host that is about to create its
+    /// device. [`Features::enable`] writes the features into the structures for `vkCreateDevice`. Fails with
+    /// [`Error::MissingFeature`] where the device lacks one of [`super::required_features`].
     ///
     /// # Safety
     /// Loader, instance and physical device are valid, and the instance was created for Vulkan 1.1 or later.
@@ -99,18 +99,18 @@ impl Gpu {
         Ok(Usable { features: reported.features.with_extensions(&extensions), extensions })
     }
 
-    /// Runs on a device that a host has created. Of `options`, those about choosing a device and about validation do
-    /// not apply.
+    /// Opens the engine on a device that a host has created. The options for device selection and validation do not
+    /// apply.
     ///
     /// # Safety
-    /// The handles are valid and belong together, the stated extensions and features are enabled, and all of them
+    /// The handles are valid and belong together, and the stated extensions and features are enabled. The handles
     /// outlive this [`Gpu`], its clones, and every buffer, pipeline, recorder and recording made from them. The host
     /// uses the queue only inside the lock.
     pub unsafe fn adopt(host: HostDevice<'_>, options: &OpenOptions) -> Result<Gpu> {
         // SAFETY: the caller's promise: loader, instance and device are valid.
         let (entry, instance) = unsafe { loaded(host.get_instance_proc_addr, host.instance) };
         if host.api_version < vk::API_VERSION_1_3 {
-            // SAFETY: as above; a command of Vulkan 1.0.
+            // SAFETY: as above; the command belongs to Vulkan 1.0.
             let properties = unsafe { instance.get_physical_device_properties(host.physical_device) };
             let name = properties.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned());
             let (feature, needed_for) = REQUIRED[0];
@@ -134,7 +134,7 @@ impl Gpu {
         unsafe { check_queue(&instance, &host) }?;
         // SAFETY: as above.
         let raw = unsafe { ash::Device::load(instance.fp_v1_0(), host.device) };
-        let parts = Parts {
+        let parts = DeviceParts {
             entry,
             instance,
             physical: host.physical_device,
@@ -155,15 +155,15 @@ impl Gpu {
         Gpu::start(device, options)
     }
 
-    /// The semaphore whose values are the tickets, for a host to wait on.
+    /// The timeline semaphore that counts tickets, for a host to wait on.
     pub fn timeline(&self) -> vk::Semaphore {
         self.raw_timeline()
     }
 }
 
-/// A device that lacks only what its host has not enabled.
+/// Description of a device that has a feature which its host has not enabled.
 fn as_made(device: &str) -> String {
-    format!("{device}, as its host has made it,")
+    format!("{device}, as created by the host,")
 }
 
 /// # Safety
@@ -173,9 +173,9 @@ unsafe fn check_queue(instance: &ash::Instance, host: &HostDevice<'_>) -> Result
     let families = unsafe { instance.get_physical_device_queue_family_properties(host.physical_device) };
     let (family, index) = (host.queue_family, host.queue_index);
     let what = match families.get(family as usize) {
-        None => "the device has no such family",
-        Some(f) if !f.queue_flags.contains(vk::QueueFlags::COMPUTE) => "the family has no compute",
-        Some(f) if index >= f.queue_count => "the family has no such queue",
+        None => "the device has no queue family of this index",
+        Some(f) if !f.queue_flags.contains(vk::QueueFlags::COMPUTE) => "the family does not support compute",
+        Some(f) if index >= f.queue_count => "the family has no queue of this index",
         Some(_) if host.queue == vk::Queue::null() => "the handle is null",
         Some(_) => return Ok(()),
     };
@@ -183,7 +183,7 @@ unsafe fn check_queue(instance: &ash::Instance, host: &HostDevice<'_>) -> Result
 }
 
 impl Recorder {
-    /// As [`Recorder::submit`], between points of the host's timelines.
+    /// Like [`Recorder::submit`], but waits for and signals timeline semaphores of the host.
     pub fn submit_with(self, order: SubmitSync<'_>) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         gpu.submit_ordered(self, order)

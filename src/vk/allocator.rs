@@ -1,4 +1,4 @@
-//! Memory from a host's allocator, in the place of our own.
+//! Memory from a host's allocator, in place of the engine's own allocator.
 
 use super::host_allocator::{HostAllocator, MemoryBlock, MemoryRequest};
 use std::ffi::c_void;
@@ -10,16 +10,16 @@ use super::device::Device;
 use super::error::{Error, Result};
 use super::host_allocator::Memory;
 
-/// A block of a host's allocator with its address, checked.
+/// A checked block of a host's allocator, with its mapped address.
 pub(super) struct HostBlock {
     pub(super) block: MemoryBlock,
     pub(super) mapped: Option<NonNull<c_void>>,
 }
 
-// SAFETY: the pointer is an address of memory that belongs to the block alone; `Buffer` guards every access through it.
+// SAFETY: the pointer addresses memory of this block only; `Buffer` guards every access through the pointer.
 unsafe impl Send for HostBlock {}
 
-/// Asks a host's allocator, and checks that what it gives can be used.
+/// Requests a block from a host's allocator and checks that the block is usable.
 pub(super) fn ask(
     allocator: &dyn HostAllocator,
     types: &vk::PhysicalDeviceMemoryProperties,
@@ -27,18 +27,18 @@ pub(super) fn ask(
 ) -> Result<HostBlock> {
     let call = "the host's allocator";
     let block = allocator.allocate(request).map_err(|result| Error::Vulkan { call, result })?;
-    let given = Given { allocator, block };
+    let given = UncheckedBlock { allocator, block };
     let wrong = |what: &'static str| Err(Error::HostAllocator { buffer: request.name.to_owned(), what });
     let needs = request.requirements;
     if block.memory == vk::DeviceMemory::null() || block.size < needs.size {
-        return wrong("it gave less memory than asked for");
+        return wrong("the block is smaller than requested");
     }
     if !block.offset.is_multiple_of(needs.alignment.max(1)) {
-        return wrong("the block does not begin where its alignment asks");
+        return wrong("the block's offset is not a multiple of the requested alignment");
     }
     let known = block.memory_type < types.memory_type_count.min(32);
     if !known || needs.memory_type_bits & (1 << block.memory_type) == 0 {
-        return wrong("the block's memory type is none of those asked for");
+        return wrong("the block's memory type is not one of the requested types");
     }
     let mapped = if request.memory == Memory::Device {
         None
@@ -53,13 +53,14 @@ pub(super) fn ask(
     Ok(HostBlock { block, mapped })
 }
 
-/// A block that is given back unless it is forgotten: where it cannot be used, and where the host panics.
-struct Given<'a> {
+/// A block that `Drop` returns to the host's allocator, unless forgotten: for unusable blocks and for a panic of the
+/// host.
+struct UncheckedBlock<'a> {
     allocator: &'a dyn HostAllocator,
     block: MemoryBlock,
 }
 
-impl Drop for Given<'_> {
+impl Drop for UncheckedBlock<'_> {
     fn drop(&mut self) {
         self.allocator.free(self.block);
     }

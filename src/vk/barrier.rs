@@ -1,7 +1,7 @@
-//! Barrier inference: from the declared uses of buffers, command by command, to the barriers between them.
+//! Barrier inference: computes the barriers between commands from the declared uses of buffers.
 //!
-//! State is kept per byte range of each buffer and outlives a submit: everything runs on one queue, whose submission
-//! order extends the scope of a barrier over all earlier command buffers.
+//! The tracker keeps state per byte range of each buffer, across submits. All work runs on one queue, and submission
+//! order on that queue extends the scope of a barrier over all earlier command buffers.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -51,7 +51,7 @@ impl Use {
         }
     }
 
-    /// The same as a binding's access.
+    /// The access of a binding with this use.
     pub(super) fn as_access(self) -> Access {
         match self {
             Use::ShaderReadWrite => Access::ReadWrite,
@@ -92,13 +92,13 @@ pub(super) struct Barrier {
     pub(super) dst_stage: S,
     /// Accesses that see the writes.
     pub(super) dst_access: A,
-    /// Number of the last command that it waits for, counted over the life of the tracker:
-    /// it may stand anywhere behind that one.
+    /// Number of the last command that the barrier waits for, counted over the life of the tracker. The barrier may
+    /// stand anywhere after that command.
     pub(super) after: u64,
 }
 
-/// What happened last to a range. An access flag belongs to one stage only here, so flags stand for (stage,
-/// access) pairs.
+/// The last accesses to a byte range. Each access flag used here belongs to one stage, so a flag stands for a (stage,
+/// access) pair.
 #[derive(Clone, Debug, PartialEq)]
 struct Segment {
     start: u64,
@@ -109,13 +109,13 @@ struct Segment {
     visible: A,
     /// Stages that read since the last write.
     readers: S,
-    /// Numbers of the commands that wrote last and that read last.
+    /// Number of the last command that wrote the range, and of the last that read the range.
     written: u64,
     read: u64,
 }
 
 impl Segment {
-    /// What has to be waited for before `kind`: stages, writes, and the last command of them.
+    /// What a use of `kind` has to wait for: stages, writes, and the number of the last command among them.
     fn pending(&self, kind: Use) -> Option<(S, A, u64)> {
         if kind.writes() {
             let stages = self.write_stage | self.readers;
@@ -127,7 +127,7 @@ impl Segment {
     }
 }
 
-/// The state of every buffer on the queue.
+/// The access state of every buffer on the queue.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tracker {
     buffers: HashMap<u64, Vec<Segment>>,
@@ -135,13 +135,14 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
-    /// The barriers needed in front of a command that uses `uses`, and the state after it.
+    /// Returns the barriers needed in front of a command with `uses`, and advances the state past the command.
     pub(super) fn step(&mut self, uses: &[BufferUse]) -> Vec<Barrier> {
         self.commands += 1;
         let number = self.commands;
         let mut barriers: Vec<Barrier> = Vec::new();
         for used in uses {
-            // Only on the bytes that need one: a barrier brought to another must not do the work of that one again.
+            // Only over the bytes that need a barrier: a barrier moved next to another must not cover bytes a second
+            // time.
             let mut runs: Vec<Barrier> = Vec::new();
             for segment in self.split(used) {
                 let Some((stages, access, after)) = segment.pending(used.kind) else { continue };
@@ -166,7 +167,7 @@ impl Tracker {
             runs.retain(|run| !barriers.contains(run));
             barriers.append(&mut runs);
         }
-        // Three passes, so that a command that uses one buffer in several ways is left with all of its uses recorded.
+        // Three passes, so that all uses are recorded when a command uses one buffer in several ways.
         for barrier in &barriers {
             let seen = BufferUse { buffer: barrier.buffer, range: barrier.range.clone(), kind: Use::ShaderRead };
             self.split(&seen).for_each(|segment| segment.visible |= barrier.dst_access);
@@ -192,7 +193,7 @@ impl Tracker {
         barriers
     }
 
-    /// Number of the last command.
+    /// Number of the last command that [`Self::step`] has seen.
     pub(super) fn commands(&self) -> u64 {
         self.commands
     }
@@ -207,7 +208,7 @@ impl Tracker {
         self.buffers.clear();
     }
 
-    /// The segments of exactly the used range, after cutting those that reach over its ends.
+    /// The segments of exactly the used range. Cuts segments that cross an end of the range.
     fn split(&mut self, used: &BufferUse) -> impl Iterator<Item = &mut Segment> {
         let (start, end) = (used.range.start, used.range.end);
         let segments = self.buffers.entry(used.buffer).or_insert_with(|| {
@@ -249,7 +250,7 @@ impl Tracker {
 }
 
 impl Barrier {
-    /// Whether `self` does all that `other` does.
+    /// Whether `self` makes `other` redundant.
     fn covers(&self, other: &Barrier) -> bool {
         self.buffer == other.buffer
             && self.range.start <= other.range.start
@@ -261,9 +262,9 @@ impl Barrier {
     }
 }
 
-/// Brings barriers together: where every barrier in front of a command may as well stand in front of an earlier command
-/// that has barriers already, it does, and the command needs none of its own; one that it covers there goes. `first` is
-/// the number of the first command, and barriers stand in front of the command of their index.
+/// Groups barriers to reduce barrier calls. If every barrier in front of a command may stand in front of an earlier
+/// command that already has barriers, all of them move there. A moved barrier replaces the barriers that it covers.
+/// `barriers[i]` stand in front of command `first + i`.
 pub(super) fn gather(barriers: &mut [Vec<Barrier>], first: u64) {
     for i in 1..barriers.len() {
         let home = |barrier: &Barrier| {

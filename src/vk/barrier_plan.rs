@@ -1,11 +1,12 @@
-//! The barriers of a recording, and barriers for everything.
+//! The barriers of a recording, and barriers over all memory.
 
 use super::barrier::{Barrier, BufferUse};
 use super::device::Device;
 use ash::vk;
 
-/// The barriers in front of every command, those at the end for the host, and what the host may read.
-pub(super) struct Plan {
+/// The barriers in front of every command, the barriers at the end for host reads, and the ranges that the host may
+/// read.
+pub(super) struct BarrierPlan {
     pub(super) commands: Vec<Vec<Barrier>>,
     pub(super) end: Vec<Barrier>,
     pub(super) landings: Vec<BufferUse>,

@@ -1,4 +1,5 @@
-//! Buffers: named, reference counted, freed when the last handle and the last submit that uses them are gone.
+//! Buffers: named and reference counted. A buffer is freed after the last handle is dropped and the last submit that
+//! uses the buffer has finished.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,15 +16,16 @@ use super::kernel::TexelFormat;
 use super::lock::lock;
 use super::memory::Block;
 
-/// Bytes at whose multiples buffers and bound ranges start, at least:
-/// what shaders claim of whatever they reach by address.
+/// Least alignment of buffers and bound ranges, in bytes: the alignment that shaders declare for buffers reached by
+/// address.
 pub(super) const REFERENCE_ALIGNMENT: u64 = 16;
-/// What new buffers are filled with where they are: no number as a float or as a half, and far too many as a count.
+/// Word that fills new buffers when [`super::OpenOptions::garbage`] is on: NaN as a float or a half, and far too large
+/// as a count.
 pub(super) const GARBAGE: u32 = 0x7fff_7fff;
-/// Bytes of the guard behind a buffer.
+/// Bytes of the guard after a buffer.
 pub(super) const GUARD: u64 = 256;
 
-/// The Vulkan format of a row.
+/// The Vulkan format of a texel.
 pub(super) fn texel_format(format: TexelFormat) -> vk::Format {
     match format {
         TexelFormat::Float3 => vk::Format::R32G32B32_SFLOAT,
@@ -35,7 +37,7 @@ pub(super) fn texel_format(format: TexelFormat) -> vk::Format {
 /// Start of host-visible memory.
 #[derive(Clone, Copy)]
 struct Mapped(*mut u8);
-// SAFETY: a plain address; every access through it is guarded by the methods below.
+// SAFETY: a plain address; the methods below guard every access through the address.
 unsafe impl Send for Mapped {}
 // SAFETY: as above.
 unsafe impl Sync for Mapped {}
@@ -46,15 +48,15 @@ pub(super) struct BufferInner {
     pub(super) id: u64,
     pub(super) name: String,
     pub(super) size: u64,
-    /// Bytes before the guard: the size rounded up to words, at least 16.
+    /// Bytes before the guard: the size rounded up to a multiple of 4, at least 16.
     pub(super) capacity: u64,
     /// Bytes of the guard, 0 for none.
     pub(super) guard: u64,
-    /// Where it begins for kernels that reach it by address; 0 where none does.
+    /// Device address of the first byte; 0 when `bufferDeviceAddress` is not in use.
     pub(super) address: u64,
-    /// The guard holds its pattern.
+    /// Whether the guard holds its pattern.
     pub(super) armed: AtomicBool,
-    /// Its first content is there: garbage, where new buffers are filled with that.
+    /// Whether the first content is in place: garbage, when new buffers are filled with garbage.
     pub(super) filled: AtomicBool,
     pub(super) memory: Memory,
     /// Ticket of the last submit that uses the buffer.
@@ -63,12 +65,12 @@ pub(super) struct BufferInner {
     pub(super) lent: AtomicU32,
     mapped: Option<Mapped>,
     allocation: Mutex<Option<Block>>,
-    /// Views of its ranges as texels, made when they are first bound. They are few: of the whole,
-    /// and of parts that stay.
+    /// Texel views of ranges, created when first bound. Only a few exist: of the whole buffer, and of ranges that stay
+    /// the same.
     views: Mutex<Vec<(u64, u64, TexelFormat, vk::BufferView)>>,
 }
 
-/// A buffer without memory yet: destroyed where none is given, or where the host's allocator panics.
+/// A buffer without memory. `Drop` destroys the buffer when the allocation fails or the host's allocator panics.
 struct Unbound<'a> {
     device: &'a Device,
     raw: vk::Buffer,
@@ -153,7 +155,7 @@ impl Buffer {
         }
         if addressed {
             let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
-            // SAFETY: the buffer is bound to memory and was made for this use, which its memory allows as well.
+            // SAFETY: the buffer is bound to memory; buffer and memory were created for use by address.
             inner.address = unsafe { device.raw.get_buffer_device_address(&info) };
         }
         device.name(raw, name);
@@ -166,8 +168,8 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// A stand-in without memory and without bytes, so that no command can touch it.
-    /// Its size is checked as that of a real one.
+    /// A placeholder without memory, with size 0, so that no command can use the buffer. `bytes` are checked as for a
+    /// real buffer.
     pub(super) fn unallocated(device: &Arc<Device>, name: &str, size: u64, memory: Memory) -> Result<Buffer> {
         let limit = device.caps.limits.allocation;
         if size > limit {
@@ -204,22 +206,22 @@ impl Buffer {
         &self.inner.name
     }
 
-    /// Where it lives.
+    /// Kind of memory of the buffer.
     pub fn memory(&self) -> Memory {
         self.inner.memory
     }
 
-    /// The Vulkan buffer, for a host that shares the device. It lives as long as a handle of this buffer.
+    /// The Vulkan buffer, for a host that shares the device. Valid as long as a handle of this buffer exists.
     pub fn raw(&self) -> vk::Buffer {
         self.inner.raw
     }
 
-    /// Where shaders reach it by address; `None` where `bufferDeviceAddress` is not in use.
+    /// Device address of the first byte; `None` when `bufferDeviceAddress` is not in use.
     pub fn address(&self) -> Option<vk::DeviceAddress> {
         (self.inner.address != 0).then_some(self.inner.address)
     }
 
-    /// The bytes `range` as something to bind, fill or name in a command.
+    /// The bytes `range`, to bind, fill or name in a command.
     pub fn slice(&self, range: Range<u64>) -> BufferSlice<'_> {
         BufferSlice { buffer: self, offset: range.start, bytes: range.end.saturating_sub(range.start) }
     }
@@ -228,7 +230,7 @@ impl Buffer {
         Error::BadRange { buffer: self.inner.name.clone(), size: self.inner.size, offset, bytes, why }
     }
 
-    /// Checks that it is a buffer of this device.
+    /// Checks that the buffer belongs to `device`.
     pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
         if Arc::ptr_eq(&self.inner.device, device) {
             return Ok(());
@@ -240,11 +242,11 @@ impl Buffer {
     pub(super) fn inside(&self, offset: u64, bytes: u64) -> Result<()> {
         match offset.checked_add(bytes) {
             Some(end) if end <= self.inner.size => Ok(()),
-            _ => Err(self.bad_range(offset, bytes, "it reaches past the end")),
+            _ => Err(self.bad_range(offset, bytes, "the range reaches past the end")),
         }
     }
 
-    /// The bytes as texels, without the incomplete one at the end.
+    /// A texel view of the bytes, without an incomplete texel at the end.
     pub(super) fn texels(&self, offset: u64, bytes: u64, format: TexelFormat) -> Result<vk::BufferView> {
         let mut views = lock(&self.inner.views);
         if let Some(&(.., view)) = views.iter().find(|&&(o, b, f, _)| (o, b, f) == (offset, bytes, format)) {
@@ -255,7 +257,7 @@ impl Buffer {
             .format(texel_format(format))
             .offset(offset)
             .range(bytes / format.bytes() * format.bytes());
-        // SAFETY: the range is inside the buffer, which was made for this use; alignment and number of texels were
+        // SAFETY: the range is inside the buffer, whose usage allows texel views; alignment and number of texels were
         // checked when the command was recorded.
         let view = unsafe { self.inner.device.raw.create_buffer_view(&info, None) }.named("vkCreateBufferView")?;
         views.push((offset, bytes, format, view));
@@ -265,13 +267,13 @@ impl Buffer {
     /// Copies host bytes into mapped memory.
     pub(super) fn store(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.inside(offset, bytes.len() as u64)?;
-        let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, 0, "it is not host-visible"))?;
+        let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, 0, "the buffer is not host-visible"))?;
         // One writer at a time.
         let _held = lock(&self.inner.allocation);
         // SAFETY: the range is inside the mapping, which lives as long as the buffer. No other thread writes while the
-        // lock is held, and nothing reads through the mapping. The device does not read: staging memory is handed to
-        // one recorder at a time, and what is written straight is written under the lock of the queue while nothing in
-        // flight uses the buffer.
+        // lock is held, and nothing reads through the mapping. The device does not read meanwhile: only one recorder at
+        // a time holds a staging buffer, and a direct write happens under the lock of the queue while nothing in flight
+        // uses the buffer.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.0.add(offset as usize), bytes.len()) };
         Ok(())
     }
@@ -284,7 +286,8 @@ impl Buffer {
     ) -> Result<Vec<T>> {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
         self.inside(offset, bytes)?;
-        let mapped = self.inner.mapped.ok_or_else(|| self.bad_range(offset, bytes, "it is not host-visible"))?;
+        let mapped =
+            self.inner.mapped.ok_or_else(|| self.bad_range(offset, bytes, "the buffer is not host-visible"))?;
         let mut values = vec![<T as bytemuck::Zeroable>::zeroed(); count];
         // SAFETY: the range is inside the mapping; `values` has the same number of bytes, and any bytes are a valid
         // `T`. The device does not write: the buffer is the caller's own and its only submit has finished, or the
@@ -306,7 +309,7 @@ impl Drop for BufferInner {
         }
         lock(&self.device.live).remove(&self.id);
         lock(&self.device.freed).push(self.id);
-        // Last, because a host's allocator may panic.
+        // Freed last, because a host's allocator may panic.
         if let Some(allocation) = lock(&self.allocation).take()
             && let Some(pool) = lock(&self.device.memory).as_mut()
         {

@@ -1,8 +1,7 @@
-//! The pipeline cache on disk: what the driver gave, in a frame of our own that shows whether it is whole.
+//! The pipeline cache on disk: the driver's data after a header with length and checksum.
 //!
-//! A driver may crash on damaged cache data, so nothing reaches it whose length or checksum is wrong; whether the
-//! content fits the driver is for the driver to decide by its own header.
-//! The file is named after the driver's identifier.
+//! A driver may crash on damaged cache data, so data with a wrong length or checksum are dropped. The driver checks by
+//! its own header whether the content fits. The file is named after the driver's cache identifier.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -18,12 +17,12 @@ pub(super) fn file(folder: &Path, identifier: [u8; 16]) -> PathBuf {
     folder.join(format!("pipelines-{hex}.bin"))
 }
 
-/// The driver's data; empty where there is no file or it is not whole, as the cache can always be made again.
+/// The driver's data; empty when the file is missing or damaged, because the cache can always be rebuilt.
 pub(super) fn load(path: &Path) -> Vec<u8> {
     std::fs::read(path).ok().and_then(|bytes| unframe(&bytes).map(<[u8]>::to_vec)).unwrap_or_default()
 }
 
-/// Writes the driver's data by way of a temporary file, so that a reader sees the old file or the new one.
+/// Writes the driver's data through a temporary file, so that a reader sees either the old file or the new file.
 pub(super) fn save(path: &Path, data: &[u8]) -> Result<()> {
     let failed = |source: std::io::Error| Error::File { path: path.to_owned(), source };
     let folder = path.parent().unwrap_or(Path::new("."));

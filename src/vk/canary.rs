@@ -1,5 +1,5 @@
-//! Guards of known bytes behind buffers. They lie inside the bound range, so that a shader that writes past the end
-//! writes into the guard rather than having the write dropped by the driver's bounds check.
+//! Guards of known bytes after buffers. A guard lies inside the bound range, so that a shader's write past the end
+//! reaches the guard instead of being dropped by the driver's bounds check.
 
 use std::sync::atomic::Ordering;
 
@@ -16,10 +16,11 @@ use super::recorder::Command;
 /// The word that fills a guard.
 pub(super) const PATTERN: u32 = 0xca9a_51e5;
 
-/// Fills the guards that do not hold their pattern yet, and new buffers with garbage where that is asked for.
+/// Fills the guards that do not hold their pattern yet, and fills new buffers with garbage when
+/// [`super::OpenOptions::garbage`] is on.
 ///
 /// # Safety
-/// `commands` is being recorded, and the buffers outlive it.
+/// `commands` is being recorded, and the buffers outlive its execution.
 pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffers: impl Iterator<Item = &'a Buffer>) {
     let mut seen = Vec::new();
     for buffer in buffers {
@@ -29,17 +30,16 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
             continue;
         }
         if seen.is_empty() {
-            // A guard that is armed again was bound, and may have been written, before.
-            // SAFETY: the caller's promise.
+            // A guard that is armed again may have been written by earlier commands. SAFETY: the caller's promise.
             unsafe { full_barrier(device, commands) };
         }
         seen.push(inner.id);
         if !armed {
-            // SAFETY: the guard is the end of the buffer, a multiple of four bytes at a multiple of four.
+            // SAFETY: the guard is the end of the buffer; offset and size are multiples of four bytes.
             unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, inner.capacity, inner.guard, PATTERN) };
         }
         if !filled {
-            // SAFETY: all before the guard, a multiple of four bytes.
+            // SAFETY: everything before the guard, a multiple of four bytes.
             unsafe { device.raw.cmd_fill_buffer(commands, inner.raw, 0, inner.capacity, GARBAGE) };
         }
     }
@@ -50,8 +50,8 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
 }
 
 impl Gpu {
-    /// Waits, and reports the first write past the end of a buffer. Does nothing where [`super::OpenOptions::canaries`]
-    /// is off.
+    /// Waits, and fails with [`Error::Overrun`] at the first write past the end of a buffer. Does nothing when
+    /// [`super::OpenOptions::canaries`] is off.
     pub fn check_canaries(&self) -> Result<()> {
         let guarded: Vec<Buffer> = self
             .live_buffers()
@@ -77,7 +77,7 @@ impl Gpu {
         let words: Vec<u32> = landing.load(0, (landing.size() / 4) as usize)?;
         for (buffer, guard) in guarded.iter().zip(words.chunks_exact((GUARD / 4) as usize)) {
             if let Some(at) = guard.iter().position(|&word| word != PATTERN) {
-                // Armed again, so that one overrun is reported once.
+                // Arm the guard again, so that one overrun is reported once.
                 buffer.inner.armed.store(false, Ordering::Release);
                 return Err(Error::Overrun {
                     buffer: buffer.name().to_owned(),

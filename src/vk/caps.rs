@@ -1,4 +1,4 @@
-//! What a device can do, and what was picked because of it, as plain data.
+//! Capabilities of a device, and the choices made from them, as plain data.
 
 use super::features::Features;
 use super::options::FloatAtomics;
@@ -6,15 +6,15 @@ use super::options::FloatAtomics;
 /// Kind of a device, best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
-    /// A graphics card of its own.
+    /// A separate graphics card.
     Discrete,
     /// A graphics unit that shares the host's memory.
     Integrated,
     /// A virtual graphics card.
     Virtual,
-    /// Software.
+    /// A software driver.
     Cpu,
-    /// Not said.
+    /// Not reported.
     Other,
 }
 
@@ -33,36 +33,36 @@ impl std::fmt::Display for DeviceKind {
 /// Limits that the engine works within.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Bytes of one storage-buffer descriptor.
+    /// Largest range of a storage-buffer descriptor, in bytes.
     pub storage_range: u64,
-    /// Alignment of the offset of a binding.
+    /// Alignment of the offset of a storage-buffer binding, in bytes.
     pub storage_alignment: u64,
-    /// Storage buffers of one kernel.
+    /// Most storage buffers of one kernel.
     pub storage_buffers: u32,
-    /// Texels of one texel buffer.
+    /// Most texels of one texel buffer.
     pub texels: u64,
-    /// Alignment of the offset of a texel buffer.
+    /// Alignment of the offset of a texel buffer, in bytes.
     pub texel_alignment: u64,
-    /// Texel buffers of one kernel.
+    /// Most texel buffers of one kernel.
     pub texel_buffers: u32,
-    /// Bytes of push constants.
+    /// Most bytes of push constants.
     pub push_bytes: u32,
-    /// Bytes of shared memory of a workgroup.
+    /// Most bytes of shared memory of a workgroup.
     pub shared_bytes: u32,
-    /// Threads of a workgroup.
+    /// Most threads of a workgroup.
     pub workgroup_size: u32,
-    /// Workgroups along x of a dispatch.
+    /// Most workgroups along x of a dispatch.
     pub workgroups: u32,
-    /// Bytes of one allocation.
+    /// Most bytes of one allocation.
     pub allocation: u64,
-    /// Nanoseconds of a timestamp tick; 0 where the queue has no timestamps.
+    /// Nanoseconds per timestamp tick; 0 when the queue has no timestamps.
     pub timestamp_ns: f32,
 }
 
 /// How subgroup operations run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subgroup {
-    /// By the hardware's operations, at this width.
+    /// With the hardware's operations, at this width.
     Hardware(u32),
     /// In shared memory, at this width.
     Emulated(u32),
@@ -77,82 +77,82 @@ impl Subgroup {
     }
 }
 
-/// When kernels reach their buffers by address rather than through descriptors. On processors both give the same bits;
-/// a compiler for a GPU may contract operations differently in each module.
+/// When kernels reach their buffers by address instead of through descriptors. On a CPU device both variants give the
+/// same bits; a GPU compiler may contract floating-point operations differently in each module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Addresses {
-    /// Never: no kernel can use a buffer that is larger than one descriptor's range.
+    /// Never. No kernel can then use a buffer larger than a descriptor's range.
     Never,
-    /// In dispatches that bind more in one piece than a descriptor's range.
+    /// In dispatches with a binding larger than a descriptor's range.
     BeyondRange,
-    /// In every dispatch of a kernel that has the variant.
+    /// In every dispatch of a kernel that has a variant by address.
     Always,
 }
 
-/// One capability as picked, for `psrgs-vk info`.
+/// One choice among capabilities, as `psrgs-vk info` shows it.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// What was decided.
+    /// The capability.
     pub what: &'static str,
-    /// The decision.
+    /// The choice.
     pub picked: String,
-    /// Its reason.
+    /// The reason for the choice.
     pub why: String,
 }
 
 /// A heap of device memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Heap {
-    /// Bytes, as the driver says.
+    /// Size in bytes, as reported by the driver.
     pub bytes: u64,
-    /// Local to the device.
+    /// Whether the heap is local to the device.
     pub device_local: bool,
 }
 
-/// What the device can do and what was picked.
+/// Capabilities of a device, and the choices made from them.
 #[derive(Clone, Debug)]
 pub struct Caps {
     /// Name of the device.
     pub device: String,
     /// Name and version of the driver.
     pub driver: String,
-    /// Kind.
+    /// Kind of the device.
     pub kind: DeviceKind,
-    /// Vulkan version of the device (major, minor, patch).
+    /// Vulkan version of the device: (major, minor, patch).
     pub api: (u32, u32, u32),
     /// Enabled features.
     pub features: Features,
     /// Limits.
     pub limits: Limits,
-    /// Float atomics on buffers.
+    /// How floats in buffers are added atomically.
     pub buffer_floats: FloatAtomics,
-    /// Float atomics on shared memory.
+    /// How floats in shared memory are added atomically.
     pub shared_floats: FloatAtomics,
     /// When kernels reach their buffers by address.
     pub addresses: Addresses,
-    /// Kernels read rows of buffers as texels where they have that form.
+    /// Whether kernels read rows of buffers as texels, where a kernel has such a variant.
     pub texels: bool,
-    /// Subgroup operations.
+    /// How subgroup operations run.
     pub subgroup: Subgroup,
-    /// Smallest and largest width that a pipeline can require; equal where it cannot choose.
+    /// Smallest and largest subgroup width that a pipeline can require; equal when there is no choice.
     pub subgroup_range: (u32, u32),
-    /// Subgroup operations of compute shaders, by their Vulkan names in lower case.
+    /// Subgroup operations that compute shaders may use, by their Vulkan names in lower case.
     pub subgroup_operations: Vec<&'static str>,
     /// Memory heaps.
     pub heaps: Vec<Heap>,
-    /// Bytes that may be allocated.
+    /// Most bytes of device memory that may be allocated.
     pub memory_limit: u64,
-    /// Every decision with its reason.
+    /// Every choice with its reason.
     pub choices: Vec<Choice>,
     /// Identifies the driver's pipeline caches.
     pub(super) cache_id: [u8; 16],
-    /// A pipeline has to ask for its subgroup width, because the driver could choose another.
+    /// Whether a pipeline has to require its subgroup width, because the driver could choose another width.
     pub(super) pin_subgroup: bool,
     pub(super) max_subgroups: u32,
 }
 
 impl Caps {
-    /// Bytes of the largest buffer that a kernel can use whole.
+    /// Size in bytes of the largest buffer that a kernel can bind as a whole.
     pub fn largest_buffer(&self) -> u64 {
         match self.addresses {
             Addresses::Never => self.limits.storage_range.min(self.limits.allocation),

@@ -1,4 +1,4 @@
-//! What a recording would be on the device: its commands with their buffers, and what each waits for.
+//! Description of a recording: its commands with their buffers, and the waits of each command.
 
 use super::Gpu;
 use super::barrier::Barrier;
@@ -10,29 +10,31 @@ use super::submit::{infer, steps};
 /// A command of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Described {
-    /// Name of the kernel, or `clear`, `copy`, `upload`; last, for what the host reads, `read by the host`.
+    /// Name of the kernel, or `clear`, `copy`, `upload`. The last entry, `read by the host`, stands for the host's
+    /// reads.
     pub command: String,
-    /// Buffers it reads, workgroup numbers included.
+    /// Names of the buffers that the command reads, including indirect workgroup counts.
     pub reads: Vec<String>,
-    /// Buffers it writes.
+    /// Names of the buffers that the command writes.
     pub writes: Vec<String>,
-    /// What it has to wait for.
+    /// What the command has to wait for.
     pub waits: Vec<Wait>,
-    /// Whether there is a barrier in front of it: it may be that an earlier one does all it needs.
+    /// Whether a barrier stands in front of the command. A command that waits needs none when an earlier barrier
+    /// suffices.
     pub barrier: bool,
 }
 
 /// A reason for a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Wait {
-    /// The buffer.
+    /// Name of the buffer.
     pub buffer: String,
-    /// Place in the recording of the last command that has to be over; none for one of an earlier recording.
+    /// Index in the recording of the last command to wait for; `None` for a command of an earlier recording.
     pub after: Option<usize>,
 }
 
 impl Gpu {
-    /// The commands of a recording as they would be submitted at this moment, and what each waits for.
+    /// The commands of a recording as they would be submitted now, and the waits of each command.
     pub fn describe(&self, recorder: &Recorder) -> Result<Vec<Described>> {
         recorder.of(self.device())?;
         let steps = steps(recorder);

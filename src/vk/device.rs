@@ -1,4 +1,5 @@
-//! Instance, physical device, logical device and queue: our own, or a host's. Everything that has to outlive buffers.
+//! Instance, physical device, logical device and queue, created here or by a host: everything that has to outlive
+//! buffers.
 
 use super::lock::lock;
 use std::collections::HashMap;
@@ -29,13 +30,13 @@ pub struct DeviceInfo {
     pub driver: String,
     /// Kind.
     pub kind: super::DeviceKind,
-    /// Why it cannot be used, if so.
+    /// Why the device cannot be used; `None` for a usable device.
     pub unusable: Option<String>,
 }
 
-/// The parts that buffers and pipelines need; destroyed when the last of them is gone.
+/// The handles that buffers and pipelines need. Destroyed after the last buffer and the last pipeline.
 pub(super) struct Device {
-    /// No other device of the process has this number.
+    /// Number of the device, unique in the process.
     pub(super) id: u64,
     pub(super) raw: ash::Device,
     pub(super) instance: ash::Instance,
@@ -50,7 +51,7 @@ pub(super) struct Device {
     pub(super) messages: Messages,
     pub(super) memory: Mutex<Option<MemoryPool>>,
     pub(super) live: Mutex<HashMap<u64, Weak<BufferInner>>>,
-    /// Numbers of buffers that were destroyed since the recorder last looked.
+    /// Numbers of the buffers destroyed since the last submit.
     pub(super) freed: Mutex<Vec<u64>>,
     messenger: Option<Messenger>,
     pub(super) owned: bool,
@@ -63,9 +64,9 @@ impl Device {
         let (entry, instance, messages, messenger) = create_instance(options.validation)?;
         match Self::open_on(&instance, options) {
             Ok((physical, raw, family, caps)) => {
-                // SAFETY: family and index 0 were asked for when the device was created.
+                // SAFETY: the device was created with queue 0 of this family.
                 let queue = unsafe { raw.get_device_queue(family, 0) };
-                let parts = Parts {
+                let parts = DeviceParts {
                     entry,
                     instance,
                     physical,
@@ -86,7 +87,7 @@ impl Device {
             }
             Err(error) => {
                 drop(messenger);
-                // SAFETY: nothing was created from the instance but the messenger, which is gone.
+                // SAFETY: only the messenger was created from the instance, and is destroyed.
                 unsafe { instance.destroy_instance(None) };
                 Err(error)
             }
@@ -105,9 +106,10 @@ impl Device {
         Ok((physical, raw, family, reported.pick(options)))
     }
 
-    /// Puts a device together from its handles; on failure destroys those that are owned.
-    pub(super) fn assemble(parts: Parts) -> Result<Arc<Device>> {
-        let Parts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, garbage, .. } = parts;
+    /// Makes a device of its handles. On failure destroys the owned handles.
+    pub(super) fn assemble(parts: DeviceParts) -> Result<Arc<Device>> {
+        let DeviceParts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, garbage, .. } =
+            parts;
         let debug = parts.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance, &raw));
         let device = Device {
             id: next_device(),
@@ -143,7 +145,7 @@ impl Device {
     pub(super) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
         if let (Some(debug), Ok(name)) = (&self.debug, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
-            // SAFETY: the handle belongs to this device; a failure to name is of no consequence.
+            // SAFETY: the handle belongs to this device; a failure to set the name does no harm.
             let _ = unsafe { debug.set_debug_utils_object_name(&info) };
         }
     }
@@ -151,20 +153,20 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // The allocator frees its blocks, so it goes before the device.
+        // The allocator frees its memory blocks, so the allocator is dropped before the device.
         let pool = lock(&self.memory).take();
         let held = pool.as_ref().map_or(0, |pool| pool.tally().current);
         if held > 0 {
-            self.messages.add(format!("{held} bytes of device memory were not given back"));
+            self.messages.add(format!("{held} bytes of device memory were not freed"));
         }
         drop(pool);
         if self.owned {
-            // SAFETY: everything created from the device holds an `Arc` of it, so nothing is left.
+            // SAFETY: everything created from the device holds an `Arc` of the device, so nothing is left.
             unsafe { self.raw.destroy_device(None) };
         }
         drop(self.messenger.take());
         if self.owned {
-            // SAFETY: device and messenger, all that was made from the instance, are gone.
+            // SAFETY: device and messenger, the only objects created from the instance, are destroyed.
             unsafe { self.instance.destroy_instance(None) };
         }
         self.messages.close();
@@ -172,7 +174,7 @@ impl Drop for Device {
 }
 
 /// Handles that make up a [`Device`].
-pub(super) struct Parts {
+pub(super) struct DeviceParts {
     pub(super) entry: ash::Entry,
     pub(super) instance: ash::Instance,
     pub(super) physical: vk::PhysicalDevice,
@@ -190,22 +192,22 @@ pub(super) struct Parts {
     pub(super) owned: bool,
 }
 
-/// The kind of the device that would be opened: the default one, or one named as in [`OpenOptions::device`].
+/// The kind of the device that [`super::Gpu::open`] would open for this [`OpenOptions::device`].
 pub fn device_kind(device: Option<&str>) -> Result<super::DeviceKind> {
     let (_entry, instance, _, _) = create_instance(Validation::Off)?;
     let found = enumerate(&instance);
-    // SAFETY: physical devices are not owned, and nothing else was made from the instance.
+    // SAFETY: physical devices are not owned, and nothing else was created from the instance.
     unsafe { instance.destroy_instance(None) };
     let found = found?;
     let index = choose(&found, device)?;
     found.get(index).map(|(_, reported)| reported.kind).ok_or(Error::NoVulkan("no device".into()))
 }
 
-/// Every Vulkan device of this machine, in the order that `--device` counts them.
+/// Every Vulkan device of this machine. [`OpenOptions::device`] may name a device by its index here.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     let (_entry, instance, _, _) = create_instance(Validation::Off)?;
     let found = enumerate(&instance);
-    // SAFETY: physical devices are not owned, and nothing else was made from the instance.
+    // SAFETY: physical devices are not owned, and nothing else was created from the instance.
     unsafe { instance.destroy_instance(None) };
     Ok(found?
         .into_iter()
@@ -219,7 +221,7 @@ pub fn devices() -> Result<Vec<DeviceInfo>> {
 }
 
 fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, Messages, Option<Messenger>)> {
-    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what the caller asks for.
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, as the caller asks.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan(e.to_string()))?;
     // SAFETY: a global command.
     let version = unsafe { entry.try_enumerate_instance_version() }.or_none("vkEnumerateInstanceVersion")?;
@@ -243,7 +245,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         .or_none("vkEnumerateInstanceExtensionProperties")?;
     let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
     let has_debug = has(ash::ext::debug_utils::NAME);
-    // Drivers that put Vulkan on top of another API, as on macOS, are hidden from those who do not ask for them.
+    // The loader hides drivers that implement Vulkan on another API, as on macOS, unless an application asks for them.
     let layered = has(ash::khr::portability_enumeration::NAME);
 
     let messages = Messages::default();
@@ -261,7 +263,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         if layered { vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR } else { vk::InstanceCreateFlags::empty() };
     let app = vk::ApplicationInfo::default().application_name(c"psrgs-vk").api_version(vk::API_VERSION_1_3);
     let enables = enables.unwrap_or_default();
-    // What needs no look at the device has a mode of its own, and the layer objects to both at once.
+    // Core checks have a mode of their own, and the layer rejects both modes at once.
     let disables = [vk::ValidationFeatureDisableEXT::CORE_CHECKS];
     let disables = if validation == Validation::GpuAssisted { &disables[..] } else { &[] };
     let mut features = vk::ValidationFeaturesEXT::default()
@@ -288,7 +290,7 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
         match Messenger::new(&entry, &instance, &messages, watched) {
             Ok(messenger) => Some(messenger),
             Err(error) => {
-                // SAFETY: nothing was made from the instance.
+                // SAFETY: nothing was created from the instance.
                 unsafe { instance.destroy_instance(None) };
                 return Err(error);
             }
@@ -299,8 +301,8 @@ fn create_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance,
     Ok((entry, instance, messages, messenger))
 }
 
-/// What loader and drivers say before there is a device. Whatever it is, none can be had: loaders and drivers differ in
-/// the result by which they tell of files that they cannot read, or of hardware that is not there or may not be used.
+/// Maps every failure before a device exists to [`Error::NoVulkan`]: loaders and drivers report unreadable files,
+/// missing hardware and missing permission by different results.
 trait OrNone<T> {
     fn or_none(self, call: &'static str) -> Result<T>;
 }
@@ -309,7 +311,7 @@ impl<T> OrNone<T> for std::result::Result<T, vk::Result> {
     fn or_none(self, call: &'static str) -> Result<T> {
         self.map_err(|result| {
             Error::NoVulkan(match result {
-                vk::Result::ERROR_INCOMPATIBLE_DRIVER => "the loader has found no driver that can be used".to_owned(),
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => "the loader found no usable driver".to_owned(),
                 result => format!("{call}: {result}"),
             })
         })
@@ -320,11 +322,11 @@ fn enumerate(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, Report
     // SAFETY: the instance is alive.
     let found = unsafe { instance.enumerate_physical_devices() }.or_none("vkEnumeratePhysicalDevices")?;
     if found.is_empty() {
-        return Err(Error::NoVulkan("the drivers that are there offer no device".into()));
+        return Err(Error::NoVulkan("the installed drivers offer no device".into()));
     }
     found
         .into_iter()
-        // SAFETY: the device comes from this instance, which was created for 1.3.
+        // SAFETY: the device comes from this instance, whose Vulkan version is 1.3.
         .map(|physical| match unsafe { report(instance, physical) } {
             Ok(reported) => Ok((physical, reported)),
             Err(error) => Err(Error::NoVulkan(error.to_string())),
@@ -332,7 +334,7 @@ fn enumerate(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, Report
         .collect()
 }
 
-/// Index of the wanted device, or of the best usable one.
+/// Index of the wanted device; without a wish, of the best usable device.
 fn choose(found: &[(vk::PhysicalDevice, Reported)], wanted: Option<&str>) -> Result<usize> {
     let best = |matching: &dyn Fn(&Reported) -> bool| {
         (0..found.len())
@@ -370,7 +372,7 @@ fn create_device(
     reported.features.enable(&mut enabled);
     let wanted = reported.useful_extensions();
     let mut names: Vec<*const c_char> = wanted.iter().map(|name| name.as_ptr()).collect();
-    // A device that names it is one of a layered driver, and wants it enabled.
+    // Devices of layered drivers list this extension and require an application to enable the extension.
     if reported.has(ash::khr::portability_subset::NAME) {
         names.push(ash::khr::portability_subset::NAME.as_ptr());
     }

@@ -1,4 +1,4 @@
-//! Asking a physical device what it can do.
+//! Queries the capabilities of a physical device.
 
 mod pick;
 
@@ -12,7 +12,7 @@ use super::error::{Error, Result};
 use super::features::{Features, REQUIRED, USEFUL_EXTENSIONS};
 use super::kernel::TexelFormat;
 
-/// What a physical device reports.
+/// Properties that a physical device reports.
 pub(super) struct Reported {
     pub(super) device: String,
     pub(super) driver: String,
@@ -21,7 +21,7 @@ pub(super) struct Reported {
     pub(super) features: Features,
     pub(super) extensions: Vec<String>,
     limits: Limits,
-    /// Rows of every kind can be read as texels.
+    /// Whether the device supports texel buffers of every [`TexelFormat`].
     texel_formats: bool,
     heaps: Vec<Heap>,
     budget: Option<u64>,
@@ -38,7 +38,7 @@ fn text(bytes: &[std::ffi::c_char]) -> String {
     CStr::from_bytes_until_nul(&bytes).map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// What a device of Vulkan 1.3 says of itself; empty for an older one.
+/// Properties and features of a Vulkan 1.3 device; empty for an older device.
 #[derive(Default)]
 struct Answers {
     v11: vk::PhysicalDeviceVulkan11Properties<'static>,
@@ -52,10 +52,11 @@ struct Answers {
 }
 
 impl Answers {
-    /// Asks for the properties and features.
+    /// Queries the properties and features.
     ///
     /// # Safety
-    /// `physical` belongs to `instance` and has Vulkan 1.3; `float_atomics` says whether it has that extension.
+    /// `physical` belongs to `instance` and has Vulkan 1.3; `float_atomics` says whether the device has
+    /// `VK_EXT_shader_atomic_float`.
     unsafe fn ask(&mut self, instance: &ash::Instance, physical: vk::PhysicalDevice, float_atomics: bool) {
         let mut chain = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut self.v11)
@@ -68,8 +69,8 @@ impl Answers {
         if float_atomics {
             features = features.push_next(&mut self.float);
         }
-        // SAFETY: the device is 1.3, so the chained structures are known to it; the extension's one only where it has
-        // that.
+        // SAFETY: a Vulkan 1.3 device knows the chained structures; the extension's structure is chained only where the
+        // device has the extension.
         unsafe {
             instance.get_physical_device_properties2(physical, &mut chain);
             instance.get_physical_device_features2(physical, &mut features);
@@ -77,7 +78,7 @@ impl Answers {
         self.core = features.features;
     }
 
-    /// The features that the engine can use.
+    /// Supported features that the engine can use.
     fn features(&self) -> Features {
         let Self { f11, f12, f13, float, core, .. } = self;
         Features {
@@ -99,7 +100,7 @@ impl Answers {
         }
     }
 
-    /// What the engine has to keep to; `l` are the limits of the first version.
+    /// Limits for the engine; `l` are the limits of Vulkan 1.0.
     fn limits(&self, l: &vk::PhysicalDeviceLimits, timestamps: bool) -> Limits {
         let largest_buffer = if self.v13.max_buffer_size > 0 { self.v13.max_buffer_size } else { u64::MAX };
         Limits {
@@ -119,11 +120,12 @@ impl Answers {
     }
 }
 
-/// The heaps of a device, and what its budget leaves of the largest one of its own, where it has a budget.
+/// The memory heaps of a device, and the bytes that the budget leaves of the largest device-local heap, when the device
+/// reports a budget.
 ///
 /// # Safety
-/// `physical` belongs to `instance`, whose API version is at least 1.1; `has_budget` says whether it has that
-/// extension.
+/// `physical` belongs to `instance`, whose API version is at least 1.1; `has_budget` says whether the device has
+/// `VK_EXT_memory_budget`.
 unsafe fn memory_of(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -142,13 +144,13 @@ unsafe fn memory_of(
         .map(|h| Heap { bytes: h.size, device_local: h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) })
         .collect();
     let largest = (0..heaps.len()).filter(|&i| heaps[i].device_local).max_by_key(|&i| heaps[i].bytes).unwrap_or(0);
-    // The budget is that of the process, and counts what it has allocated already.
+    // The budget is per process and includes what the process has already allocated.
     let left = (has_budget && budget.heap_budget[largest] > 0)
         .then(|| budget.heap_budget[largest].saturating_sub(budget.heap_usage[largest]));
     (heaps, left)
 }
 
-/// Asks a physical device for everything the engine decides on.
+/// Queries everything of a physical device that the engine's choices depend on.
 ///
 /// # Safety
 /// `physical` belongs to `instance`, whose API version is at least 1.1.
@@ -169,7 +171,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
         // SAFETY: as above; the device has Vulkan 1.3.
         unsafe { answers.ask(instance, physical, has(ash::ext::shader_atomic_float::NAME)) };
     }
-    // SAFETY: as above; the instance has Vulkan 1.1. Extensions of an older device are not asked for.
+    // SAFETY: as above; the instance has Vulkan 1.1. An older device counts as one without extensions.
     let (heaps, budget) = unsafe { memory_of(instance, physical, has(ash::ext::memory_budget::NAME)) };
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
@@ -209,17 +211,17 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
 }
 
 impl Reported {
-    /// Extensions of the device that the engine can use.
+    /// Device extensions that the engine can use.
     pub(super) fn useful_extensions(&self) -> Vec<&'static CStr> {
         USEFUL_EXTENSIONS.iter().copied().filter(|name| self.has(name)).collect()
     }
 
-    /// The device has this extension.
+    /// Whether the device has this extension.
     pub(super) fn has(&self, extension: &CStr) -> bool {
         self.extensions.iter().any(|e| e.as_bytes() == extension.to_bytes())
     }
 
-    /// The device can be used at all.
+    /// Checks that the device has every required feature.
     pub(super) fn check(&self) -> Result<()> {
         let there = [self.api >= vk::API_VERSION_1_3, self.features.synchronization2, self.features.timeline_semaphore];
         match REQUIRED.iter().zip(there).find(|(_, there)| !there) {

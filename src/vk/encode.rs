@@ -1,4 +1,4 @@
-//! From commands and their barriers to a command buffer, and from that to the queue.
+//! Encodes commands and their barriers into a command buffer, and submits the command buffer to the queue.
 
 use super::barrier_plan::{everything, full_barrier};
 use std::any::Any;
@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use ash::vk;
 
 use super::barrier::Barrier;
-use super::barrier_plan::Plan;
+use super::barrier_plan::BarrierPlan;
 use super::buffer::Buffer;
 use super::canary;
 use super::device::Device;
@@ -18,7 +18,7 @@ use super::recorder::{Command, Counts, Recorder};
 use super::slot::Slot;
 use super::submit_sync::{HostSemaphore, SubmitSync};
 
-/// As [`full_barrier`], and the host sees what was written: after a loss no semaphore makes it visible.
+/// Like [`full_barrier`], and also makes writes visible to the host: after a device loss no semaphore does.
 ///
 /// # Safety
 /// `commands` is being recorded.
@@ -32,7 +32,7 @@ unsafe fn crumb_barrier(device: &Device, commands: vk::CommandBuffer) {
     unsafe { device.raw.cmd_pipeline_barrier2(commands, &info) };
 }
 
-/// Vulkan buffers by number.
+/// Vulkan buffers by buffer number.
 type Handles = HashMap<u64, vk::Buffer>;
 
 /// Records the commands of a recording into a slot's command buffer.
@@ -40,7 +40,7 @@ pub(super) fn encode(
     device: &Device,
     slot: &mut Slot,
     recorder: &Recorder,
-    plan: &Plan,
+    plan: &BarrierPlan,
     unsure: bool,
     crumbs: Option<(&Buffer, u32)>,
 ) -> Result<()> {
@@ -63,13 +63,14 @@ pub(super) fn encode(
 /// Records the commands of a recording into a host's command buffer, between two barriers over everything.
 ///
 /// # Safety
-/// `commands` is being recorded, and what the recording and the slot hold outlives its last execution.
+/// `commands` is being recorded. Everything that the recording and the slot hold outlives the last execution of
+/// `commands`.
 pub(super) unsafe fn encode_for_host(
     device: &Device,
     slot: &mut Slot,
     commands: vk::CommandBuffer,
     recorder: &Recorder,
-    plan: &Plan,
+    plan: &BarrierPlan,
 ) -> Result<()> {
     // SAFETY: the caller's promise.
     unsafe {
@@ -80,7 +81,7 @@ pub(super) unsafe fn encode_for_host(
     Ok(())
 }
 
-/// What is written beside the commands: breadcrumbs with the number of the first command, and timestamps.
+/// Written besides the commands: breadcrumbs (with the number of the first command) and timestamps.
 #[derive(Clone, Copy, Default)]
 struct Marks<'a> {
     crumbs: Option<(&'a Buffer, u32)>,
@@ -88,14 +89,14 @@ struct Marks<'a> {
 }
 
 /// # Safety
-/// `commands` is being recorded. Every object recorded here is kept alive by the recording's commands and by the slot,
-/// which the caller keeps until it has run.
+/// `commands` is being recorded. The recording's commands and the slot keep every recorded object alive; the caller
+/// keeps both until `commands` has run.
 unsafe fn body(
     device: &Device,
     slot: &mut Slot,
     commands: vk::CommandBuffer,
     recorder: &Recorder,
-    plan: &Plan,
+    plan: &BarrierPlan,
     marks: Marks<'_>,
 ) -> Result<()> {
     let raw = &device.raw;
@@ -132,12 +133,12 @@ unsafe fn body(
 }
 
 /// # Safety
-/// `commands` is being recorded and the buffers named by the barriers are among the recorder's.
+/// `commands` is being recorded, and `handles` has the buffers named by the barriers.
 unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handles, barriers: &[Barrier]) {
     if barriers.is_empty() {
         return;
     }
-    // Whether a shader reads through one descriptor or the other is its form's business.
+    // The pipeline variant decides whether a shader reads through a storage buffer or a texel buffer; allow both reads.
     let texels = device.caps.texels;
     let list: Vec<vk::BufferMemoryBarrier2<'_>> = barriers
         .iter()
@@ -167,23 +168,23 @@ unsafe fn barrier(device: &Device, commands: vk::CommandBuffer, handles: &Handle
 }
 
 /// # Safety
-/// As [`body`].
+/// See [`body`].
 unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, command: &Command) -> Result<()> {
     let raw = &device.raw;
     match command {
-        Command::Dispatch { pipeline, reach, buffers, table, push, counts } => {
-            let form = pipeline.inner.form(*reach).ok_or_else(|| Error::Interface {
+        Command::Dispatch { pipeline, mode, buffers, table, push, counts } => {
+            let variant = pipeline.inner.variant(*mode).ok_or_else(|| Error::Interface {
                 kernel: pipeline.name(),
-                what: format!("its form by {reach:?} was not made"),
+                what: format!("its pipeline variant for {mode:?} was not created"),
             })?;
-            let set = slot.set(device, form.set_layout)?;
+            let set = slot.set(device, variant.set_layout)?;
             let info =
                 |buffer: &Buffer, offset, range| vk::DescriptorBufferInfo { buffer: buffer.inner.raw, offset, range };
             let infos: Vec<vk::DescriptorBufferInfo> = match table {
                 Some(table) => vec![info(&table.buffer, table.offset, table.bytes)],
                 None => buffers.iter().map(|b| info(&b.buffer, b.offset, b.bytes)).collect(),
             };
-            let views = reach.texels(&pipeline.inner.kernel).map_or(&[][..], |texels| texels.views);
+            let views = mode.texels(&pipeline.inner.kernel).map_or(&[][..], |texels| texels.views);
             let texels = views
                 .iter()
                 .map(|view| {
@@ -201,14 +202,14 @@ unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, com
                 to(view.at).descriptor_type(vk::DescriptorType::UNIFORM_TEXEL_BUFFER).texel_buffer_view(texels)
             });
             let writes: Vec<vk::WriteDescriptorSet<'_>> = of_buffers.chain(of_texels).collect();
-            // SAFETY: ranges were checked against buffers and limits when the command was recorded.
+            // SAFETY: the ranges were checked against buffers and limits when the command was recorded.
             unsafe {
                 raw.update_descriptor_sets(&writes, &[]);
-                raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, form.raw);
+                raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, variant.raw);
                 let point = vk::PipelineBindPoint::COMPUTE;
-                raw.cmd_bind_descriptor_sets(commands, point, form.layout, 0, &[set], &[]);
+                raw.cmd_bind_descriptor_sets(commands, point, variant.layout, 0, &[set], &[]);
                 if !push.is_empty() {
-                    raw.cmd_push_constants(commands, form.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                    raw.cmd_push_constants(commands, variant.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
                 }
                 match counts {
                     Counts::Fixed(x, y) => raw.cmd_dispatch(commands, *x, *y, 1),
@@ -232,22 +233,22 @@ unsafe fn one(device: &Device, slot: &mut Slot, commands: vk::CommandBuffer, com
 /// One of the two callbacks of a [`QueueLock`].
 type Callback = Box<dyn Fn() + Send + Sync>;
 
-/// Whether a command buffer was handed to the queue.
-pub(super) enum Handed {
-    /// It was; with the panic of the host's unlocking, where that panicked.
+/// Outcome of handing a command buffer to the queue.
+pub(super) enum QueueHandover {
+    /// Submitted. `Err` is a panic of the host's `unlock`.
     Over(std::thread::Result<()>),
-    /// It was not, because the host's locking panicked.
+    /// Not submitted, because the host's `lock` panicked.
     Not(Box<dyn Any + Send>),
 }
 
-/// Hands a command buffer to the queue, inside the host's lock where there is one.
+/// Submits a command buffer to the queue, inside the host's lock if the queue has one.
 pub(super) fn enqueue(
     device: &Device,
     commands: vk::CommandBuffer,
     timeline: vk::Semaphore,
     ticket: u64,
     order: SubmitSync<'_>,
-) -> Result<Handed> {
+) -> Result<QueueHandover> {
     let point = |semaphore: vk::Semaphore, value: u64| {
         vk::SemaphoreSubmitInfo::default()
             .semaphore(semaphore)
@@ -263,18 +264,18 @@ pub(super) fn enqueue(
         .wait_semaphore_infos(&wait)
         .command_buffer_infos(&buffers)
         .signal_semaphore_infos(&signal);
-    // Nothing that is half done is seen by whoever goes on after a panic: the callbacks get nothing of ours.
+    // Unwind safe: the callbacks get no reference to the engine's data, so a panic leaves no half-done state.
     let call = |callback: fn(&QueueLock) -> &Callback| {
         catch_unwind(AssertUnwindSafe(|| device.host_lock.iter().for_each(|host| callback(host)())))
     };
     if let Err(panic) = call(|host| &host.lock) {
-        return Ok(Handed::Not(panic));
+        return Ok(QueueHandover::Not(panic));
     }
-    // SAFETY: the queue is ours, guarded by the caller's lock on the state, or the host's, guarded by its callbacks.
+    // SAFETY: the caller's lock on the state guards an owned queue, and the host's callbacks guard a host's queue.
     let result = unsafe { device.raw.queue_submit2(device.queue, &[info], vk::Fence::null()) };
     let unlocked = call(|host| &host.unlock);
     result.named("vkQueueSubmit2")?;
-    Ok(Handed::Over(unlocked))
+    Ok(QueueHandover::Over(unlocked))
 }
 
 fn begin_label(device: &Device, commands: vk::CommandBuffer, name: &str) {

@@ -1,4 +1,4 @@
-//! What can go wrong on a device, as one type.
+//! The error type of the device layer.
 
 use ash::vk;
 
@@ -9,66 +9,66 @@ pub enum Error {
     /// The Vulkan loader could not be loaded or offers no Vulkan 1.3.
     #[error("no Vulkan loader or driver: {0}")]
     NoVulkan(String),
-    /// A driver is there, and a device, but it does not open.
+    /// A device was found but cannot be opened.
     #[error("{device} cannot be opened: vkCreateDevice: {result}")]
     Unopened {
         /// The device's name.
         device: String,
-        /// What the driver says.
+        /// The driver's result.
         result: vk::Result,
     },
-    /// No device matches.
-    #[error("no Vulkan device matches `{wanted}`; there are: {}", list(found))]
+    /// No device matches the wanted name or index.
+    #[error("no Vulkan device matches `{wanted}`; available: {}", list(found))]
     NoDevice {
-        /// What was asked for.
+        /// The wanted name or index.
         wanted: String,
         /// Every device found, as `index: name (kind)`.
         found: Vec<String>,
     },
-    /// The device, or the device that a host handed over, lacks something.
+    /// The device, opened here or adopted from a host, lacks a feature.
     #[error("{device} lacks {feature}, needed for {needed_for}")]
     MissingFeature {
-        /// The feature by its Vulkan name.
+        /// Vulkan name of the feature.
         feature: &'static str,
-        /// What needs it.
+        /// What needs the feature.
         needed_for: String,
         /// The device's name.
         device: String,
     },
-    /// A Vulkan layer that was asked for is not installed.
+    /// A requested Vulkan layer is not installed.
     #[error("the Vulkan layer {layer} is not installed")]
     MissingLayer {
-        /// Its name.
+        /// Name of the layer.
         layer: &'static str,
     },
-    /// An allocation was refused by the limit or by the driver.
+    /// The memory limit or the driver refused an allocation.
     #[error(
         "out of device memory: {name} needs {requested} bytes; {in_use} bytes are in use and the limit is {limit}, \
          which leaves {}",
         limit.saturating_sub(*in_use)
     )]
     OutOfDeviceMemory {
-        /// Bytes asked for.
+        /// Requested bytes.
         requested: u64,
         /// Name of the buffer.
         name: String,
-        /// Bytes allocated by this device so far.
+        /// Bytes allocated from this device.
         in_use: u64,
-        /// The limit that applies.
+        /// The memory limit in bytes.
         limit: u64,
     },
     /// A buffer is larger than any allocation of the device.
-    #[error("buffer {buffer}: {bytes} bytes, the device's largest allocation is {limit}")]
+    #[error("buffer {buffer}: {bytes} bytes exceed the device's largest allocation of {limit}")]
     BufferTooLarge {
         /// Name of the buffer.
         buffer: String,
-        /// Bytes asked for.
+        /// Requested bytes.
         bytes: u64,
         /// The limit: `maxMemoryAllocationSize` or `maxBufferSize`.
         limit: u64,
     },
-    /// More bytes bound in one binding than a descriptor covers, and the kernel or the device cannot do by address.
-    #[error("buffer {buffer}: {bytes} bytes in one binding, the device's maxStorageBufferRange is {limit}")]
+    /// A binding exceeds a descriptor's range, and the kernel or the device cannot reach the buffer by address.
+    #[error("buffer {buffer}: {bytes} bytes in one binding exceed the device's maxStorageBufferRange of {limit}")]
     BindingTooLarge {
         /// Name of the buffer.
         buffer: String,
@@ -77,59 +77,61 @@ pub enum Error {
         /// `maxStorageBufferRange`.
         limit: u64,
     },
-    /// A range reaches past the end of a buffer, or is not aligned as the operation needs.
+    /// A range of a buffer is out of bounds, misaligned, or otherwise invalid for the operation.
     #[error("buffer {buffer} of {size} bytes: no access to {bytes} bytes at {offset}: {why}")]
     BadRange {
         /// Name of the buffer.
         buffer: String,
-        /// Its size in bytes.
+        /// Size of the buffer in bytes.
         size: u64,
-        /// First byte.
+        /// First byte of the range.
         offset: u64,
-        /// Bytes.
+        /// Length of the range in bytes.
         bytes: u64,
-        /// The rule that was broken.
+        /// The broken rule.
         why: &'static str,
     },
     /// The caller's arguments do not fit the kernel's interface.
     #[error("kernel {kernel}: {what}")]
     Interface {
-        /// The kernel.
+        /// Name of the kernel.
         kernel: &'static str,
-        /// What does not fit.
+        /// What is wrong.
         what: String,
     },
-    /// The hazard checker found two accesses without a barrier between them: a bug of the recorder.
+    /// The hazard checker found two conflicting accesses without a barrier between them: a bug of the recorder.
     #[error("{0}")]
     Hazard(String),
-    /// A shader wrote past the end of a buffer: its guard has changed.
+    /// A shader wrote past the end of a buffer: the buffer's guard has changed.
     #[error("write past the end of buffer {buffer} of {size} bytes: {value:#010x} at byte {offset}")]
     Overrun {
         /// Name of the buffer.
         buffer: String,
-        /// Its size in bytes.
+        /// Size of the buffer in bytes.
         size: u64,
-        /// First byte of the guard that changed.
+        /// Offset in the buffer of the first changed word.
         offset: u64,
-        /// What stands there.
+        /// The word found there.
         value: u32,
     },
-    /// A ticket that this device has not given out.
-    #[error("ticket {ticket} is of another device: this one has given out {last}")]
+    /// A ticket of another device.
+    #[error("ticket {ticket} belongs to another device; the last ticket of this device is {last}")]
     ForeignTicket {
-        /// The ticket.
+        /// Value of the ticket.
         ticket: u64,
-        /// The last one given out.
+        /// Value of this device's last ticket.
         last: u64,
     },
-    /// A buffer, a pipeline or a recording of another device.
-    #[error("{what} is of another device")]
+    /// A buffer, a pipeline, a recorder or a recording of another device.
+    #[error("{what} belongs to another device")]
     Foreign {
-        /// What it is, with its name.
+        /// Kind and name of the object.
         what: String,
     },
-    /// Memory that the host sees is part of commands that were recorded for a host, whose end has not been told.
-    #[error("buffer {buffer} is used by a recording for the host that has not been told to be finished")]
+    /// A host-visible buffer is used by a [`super::HostRecording`] that has not been finished or dropped.
+    #[error(
+        "buffer {buffer} is used by a recording in a command buffer of the host; call HostRecording::finished first"
+    )]
     InHostCommands {
         /// Name of the buffer.
         buffer: String,
@@ -137,56 +139,56 @@ pub enum Error {
     /// The device was lost.
     #[error("device lost in {during}; last pass known to have started: {pass}")]
     DeviceLost {
-        /// The call that reported it.
+        /// The Vulkan call that reported the loss.
         during: &'static str,
-        /// Name of the pass, or what is known of it.
+        /// Name of the pass, or what is known about the pass.
         pass: String,
     },
     /// A Vulkan call failed.
     #[error("{call}: {result}")]
     Vulkan {
-        /// The call.
+        /// The call's name.
         call: &'static str,
-        /// Its result.
+        /// The call's result.
         result: vk::Result,
     },
-    /// The memory allocator failed otherwise than by lack of memory.
+    /// The memory allocator failed for a reason other than lack of memory.
     #[error("memory allocator: {0}")]
     Allocator(#[from] gpu_allocator::AllocationError),
-    /// A host's allocator gave memory that cannot be used.
-    #[error("the host's allocator, asked for memory of buffer {buffer}: {what}")]
+    /// A host's allocator returned unusable memory.
+    #[error("the host's allocator returned unusable memory for buffer {buffer}: {what}")]
     HostAllocator {
         /// Name of the buffer.
         buffer: String,
-        /// What is wrong with it.
+        /// What is wrong.
         what: &'static str,
     },
-    /// The queue that a host handed over cannot be used.
+    /// A host's queue cannot be used.
     #[error("queue {index} of family {family}: {what}")]
     BadQueue {
-        /// Family.
+        /// Index of the queue family.
         family: u32,
-        /// Index in it.
+        /// Index of the queue in the family.
         index: u32,
-        /// What is wrong with it.
+        /// What is wrong.
         what: &'static str,
     },
-    /// An environment variable that cannot be read.
-    #[error("{name}={value}: it is to be {want}")]
+    /// An environment variable has an invalid value.
+    #[error("{name}={value}: expected {want}")]
     Variable {
-        /// Its name.
+        /// Name of the variable.
         name: &'static str,
-        /// What it holds.
+        /// Value of the variable.
         value: String,
-        /// What it may hold.
+        /// Description of valid values.
         want: &'static str,
     },
     /// A file of the device layer (the pipeline cache) could not be read or written.
     #[error("{path}: {source}")]
     File {
-        /// The file.
+        /// Path of the file.
         path: std::path::PathBuf,
-        /// Why.
+        /// The I/O error.
         source: std::io::Error,
     },
 }

@@ -1,10 +1,10 @@
-//! Device features: which there are, which the engine needs, and how a host enables them.
+//! Device features: features that the engine knows, features that it requires, and how a host enables features.
 
 use std::ffi::CStr;
 
 use ash::vk;
 
-/// Features that were enabled (own device) or are stated to be enabled (adopted device), by their Vulkan names.
+/// Features enabled on an owned device, or stated as enabled on an adopted device, by their Vulkan names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
     /// `synchronization2`.
@@ -39,24 +39,24 @@ pub struct Features {
     pub subgroup_size_control: bool,
 }
 
-/// Features that the engine cannot do without, and what each is needed for. Everything else has a fallback.
+/// Features that the engine requires, with what needs each feature. Every other feature has a fallback.
 pub const REQUIRED: &[(&str, &str)] = &[
     ("Vulkan 1.3", "every pass"),
     ("synchronization2", "barriers between passes"),
     ("timelineSemaphore", "steps without host waits"),
 ];
 
-/// Device extensions whose features are used where the device and the host have them; none is needed.
+/// Device extensions that the engine uses if the device has them and the host enables them. None is required.
 pub const USEFUL_EXTENSIONS: &[&CStr] = &[ash::ext::shader_atomic_float::NAME, ash::ext::memory_budget::NAME];
 
-/// What a host enables on its device at least, whatever the device: no extension, and these features. Everything else
-/// that the engine can use ([`super::Gpu::usable_features`]) only makes it faster or larger.
+/// Features that a host has to enable on every device; no extension is required. Further features
+/// ([`super::Gpu::usable_features`]) only make the engine faster or allow larger scenes.
 pub fn required_features() -> Features {
     Features { synchronization2: true, timeline_semaphore: true, ..Features::default() }
 }
 
-/// The structures in which Vulkan takes the features that the engine knows, to be chained into `VkDeviceCreateInfo`:
-/// what a host sets in them itself stays set.
+/// Vulkan's structures for the features that the engine knows, to be chained into `VkDeviceCreateInfo`. Features that a
+/// host has set in the structures stay set.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FeatureStructures {
     /// `VkPhysicalDeviceFeatures`, for `pEnabledFeatures` or `VkPhysicalDeviceFeatures2`.
@@ -67,12 +67,12 @@ pub struct FeatureStructures {
     pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
     /// Features of Vulkan 1.3.
     pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
-    /// Features of `VK_EXT_shader_atomic_float`: chained only where that extension is enabled.
+    /// Features of `VK_EXT_shader_atomic_float`. Chain this structure only when the extension is enabled.
     pub atomic_float: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
 }
 
 impl Features {
-    /// Adds these features to what is enabled already.
+    /// Sets these features in `to`. Features already set stay set.
     pub fn enable(&self, to: &mut FeatureStructures) {
         let FeatureStructures { core, v11, v12, v13, atomic_float } = to;
         for (wanted, fields) in [
@@ -98,7 +98,7 @@ impl Features {
         }
     }
 
-    /// Features that are in both sets.
+    /// Features in both sets.
     pub fn and(&self, other: &Features) -> Features {
         let (a, b) = (self, other);
         Features {
@@ -120,7 +120,7 @@ impl Features {
         }
     }
 
-    /// Without what comes with an extension that is not enabled.
+    /// The features without those whose extension is not enabled.
     pub(super) fn with_extensions(self, enabled: &[&CStr]) -> Features {
         let floats = enabled.contains(&ash::ext::shader_atomic_float::NAME);
         Features {

@@ -1,4 +1,4 @@
-//! The device as its users see it.
+//! The public handle of a device.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ use super::submit_sync::SubmitSync;
 use super::ticket::Ticket;
 use super::validation::Messages;
 
-/// Kernel's name, its module's address, constants.
+/// (name of the kernel, address of the kernel's SPIR-V module, constants).
 type PipelineKey = (&'static str, usize, Vec<u32>);
 
 struct GpuInner {
@@ -36,25 +36,26 @@ struct GpuInner {
     timeline: vk::Semaphore,
     state: Mutex<State>,
     pipelines: Mutex<HashMap<PipelineKey, Pipeline>>,
-    /// Who is told of pipelines that are made.
+    /// Called when a pipeline is created.
     watcher: Mutex<Option<Watcher>>,
     cache: vk::PipelineCache,
     /// Valid bits of a timestamp.
     timestamp_mask: u64,
-    /// Where the pipeline cache is kept, and whether it has grown.
+    /// File of the pipeline cache.
     cache_file: Option<PathBuf>,
+    /// Whether the pipeline cache has grown since the last save.
     cache_grown: AtomicBool,
-    /// Whether the device is to look lost.
+    /// Whether to simulate a device loss.
     lost: AtomicBool,
-    /// Where every submit is waited for: the last ticket that was. See [`Validation::GpuAssisted`].
+    /// Last ticket waited for, when the host waits for every submit: see [`Validation::GpuAssisted`].
     waited: Option<AtomicU64>,
 }
 
-/// An open device with its queue. Cheap to clone; everything runs in order of submission.
+/// An open device with its queue. Cheap to clone. All work runs in order of submission.
 #[derive(Clone)]
 pub struct Gpu {
     inner: Arc<GpuInner>,
-    /// Buffers are counted here rather than allocated.
+    /// Byte count of [`Self::planning`]: buffers are counted instead of allocated.
     pub(super) planned: Option<Arc<AtomicU64>>,
 }
 
@@ -89,8 +90,8 @@ impl Gpu {
         };
         let data = inner.cache_file.as_deref().map(cache::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the data are whole and came from a driver of this identifier;
-        // on failure `inner` destroys what is there.
+        // SAFETY: the data are undamaged and came from a driver of this identifier; on failure `inner` destroys its
+        // objects.
         inner.cache = unsafe { inner.device.raw.create_pipeline_cache(&info, None) }.named("vkCreatePipelineCache")?;
         if options.breadcrumbs {
             let crumbs = Buffer::new(&inner.device, "breadcrumbs", 4, Memory::Readback)?;
@@ -99,12 +100,12 @@ impl Gpu {
         Ok(Gpu { inner: Arc::new(inner), planned: None })
     }
 
-    /// What the device can do and what was picked.
+    /// Capabilities of the device, and the choices made from them.
     pub fn caps(&self) -> &Caps {
         &self.inner.device.caps
     }
 
-    /// A buffer of `bytes` bytes whose content is undefined. Sizes below 16 bytes, also 0, have room for 16.
+    /// A buffer of `bytes` bytes with undefined content. A buffer of fewer than 16 bytes, even 0, has room for 16.
     pub fn buffer(&self, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         if let Some(total) = &self.planned {
             return self.plan_buffer(total, name, bytes, memory);
@@ -121,7 +122,7 @@ impl Gpu {
         &self.inner.device
     }
 
-    /// The pipeline of a kernel with these specialization constants, made at first use.
+    /// The pipeline of a kernel with these specialization constants, created at first use.
     pub fn pipeline(&self, kernel: &Kernel, given: &[(&str, u32)]) -> Result<Pipeline> {
         let values = constants(kernel, given)?;
         let mut pipelines = lock(&self.inner.pipelines);
@@ -136,19 +137,19 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// Makes a variant of a pipeline unless it is there.
-    pub(super) fn make_form(&self, pipeline: &Pipeline, reach: BindingMode) -> Result<()> {
-        if pipeline.inner.form(reach).is_some() {
+    /// Creates a variant of a pipeline unless the variant exists.
+    pub(super) fn make_variant(&self, pipeline: &Pipeline, mode: BindingMode) -> Result<()> {
+        if pipeline.inner.variant(mode).is_some() {
             return Ok(());
         }
         let _making = self.making(pipeline.name());
-        if pipeline.make(&self.inner.device, self.inner.cache, reach)? {
+        if pipeline.make(&self.inner.device, self.inner.cache, mode)? {
             self.inner.cache_grown.store(true, Ordering::Release);
         }
         Ok(())
     }
 
-    /// An empty recorder. `label` names its command buffer in captures and messages.
+    /// An empty recorder. `label` names the recorder's command buffer in captures and messages.
     pub fn recorder(&self, label: &str) -> Result<Recorder> {
         self.retire()?;
         Ok(Recorder {
@@ -163,7 +164,7 @@ impl Gpu {
         })
     }
 
-    /// Waits until a submit, and all before it, has finished.
+    /// Waits until a submit and all earlier submits have finished.
     pub fn wait(&self, ticket: Ticket) -> Result<()> {
         self.owns(ticket)?;
         if ticket.value() == 0 {
@@ -181,7 +182,7 @@ impl Gpu {
         self.retire()
     }
 
-    /// Writes the beginning of a buffer, in order with everything submitted. Does not wait.
+    /// Writes `values` at the beginning of a buffer, in order with all submits. Does not wait.
     pub fn write<T: bytemuck::NoUninit>(&self, buffer: &Buffer, values: &[T]) -> Result<()> {
         let mut recorder = self.recorder("write")?;
         recorder.upload(buffer, 0, bytemuck::cast_slice(values))?;
@@ -193,20 +194,20 @@ impl Gpu {
         lock(&self.inner.state).stats
     }
 
-    /// Bytes allocated.
+    /// Bytes allocated for buffers.
     pub fn memory_use(&self) -> MemoryUse {
         lock(&self.inner.device.memory).as_ref().map(|pool| pool.tally()).unwrap_or_default()
     }
 
-    /// Forgets the most that was allocated so far: [`MemoryUse::peak`] counts from what is allocated now.
+    /// Resets [`MemoryUse::peak`] to the bytes allocated now.
     pub fn restart_peak(&self) {
         if let Some(pool) = lock(&self.inner.device.memory).as_mut() {
             pool.restart_peak();
         }
     }
 
-    /// Times of a profiled recording, once, when its ticket has passed; `None` before,
-    /// and for one that was not profiled.
+    /// Pass times of a profiled recording whose ticket has passed. `None` before, for a recording that was not
+    /// profiled, and from the second call on.
     pub fn timings(&self, ticket: Ticket) -> Result<Option<Vec<PassTime>>> {
         self.owns(ticket)?;
         self.retire()?;
@@ -215,18 +216,18 @@ impl Gpu {
         Ok(found.and_then(|i| state.timings.remove(i)).map(|(_, times)| times))
     }
 
-    /// Messages of the validation layer so far.
+    /// Texts of the validation layer's messages so far.
     pub fn validation_messages(&self) -> Vec<String> {
         self.inner.device.messages.all()
     }
 
-    /// Messages of the validation layer, also those that come when the device is closed.
+    /// Messages of the validation layer, including messages at the closing of the device.
     pub fn messages(&self) -> Messages {
         self.inner.device.messages.clone()
     }
 
-    /// Tries the hazard checker on a recording: how many barriers would be inferred for it at this moment, and which of
-    /// them could be left out without the checker's objecting (none, if both are right).
+    /// Tests the hazard checker on a recording: returns the number of barriers that would be inferred now, and
+    /// descriptions of the barriers that the checker would not miss (none when inference and checker are right).
     pub fn missed_barriers(&self, recorder: &Recorder) -> Result<(usize, Vec<String>)> {
         recorder.of(self.device())?;
         Ok(lock(&self.inner.state).missed_barriers(recorder))
@@ -254,7 +255,7 @@ impl Gpu {
         }
     }
 
-    /// A host-visible buffer for uploads of `bytes` bytes or more.
+    /// A host-visible staging buffer of at least `bytes` bytes.
     pub(super) fn staging(&self, bytes: u64) -> Result<Buffer> {
         if bytes <= STAGING
             && let Some(chunk) = lock(&self.inner.state).staging.pop()
@@ -272,30 +273,29 @@ impl Gpu {
         self.inner.timeline
     }
 
-    /// Every buffer that is alive.
+    /// Every live buffer, by number.
     pub(super) fn live_buffers(&self) -> Vec<Buffer> {
         let live = lock(&self.inner.device.live);
         let mut buffers: Vec<Buffer> = live.values().filter_map(Weak::upgrade).map(|inner| Buffer { inner }).collect();
-        // Outside the lock before any of them can be dropped.
+        // Release the lock before any of the handles can be dropped.
         drop(live);
         buffers.sort_by_key(|b| b.inner.id);
         buffers
     }
 
-    /// Writes the pipeline cache to its file, if it has one and has grown. Also done, as far as it goes, when the last
-    /// handle of the device is dropped.
+    /// Writes the pipeline cache to its file, if a file was given and the cache has grown. Dropping the last handle of
+    /// the device does the same, but ignores errors.
     pub fn save_pipeline_cache(&self) -> Result<()> {
         self.inner.save_cache()
     }
 
-    /// From now on every submit, wait and question about a ticket is answered as by a driver that has lost its device:
-    /// for tests of what comes of that. What was submitted still runs.
+    /// From now on every submit, wait and ticket query fails as on a lost device. For tests. Submitted work still runs.
     #[doc(hidden)]
     pub fn simulate_device_loss(&self) {
         self.inner.lost.store(true, Ordering::Release);
     }
 
-    /// The last submit that has finished.
+    /// Value of the last finished ticket.
     pub(super) fn completed(&self) -> Result<u64> {
         self.inner.completed().map_err(|error| self.explain(error))
     }
@@ -303,18 +303,19 @@ impl Gpu {
     fn retire(&self) -> Result<()> {
         let completed = self.completed()?;
         let period = f64::from(self.caps().limits.timestamp_ns);
-        // Dropping commands may free buffers, which is not done under the lock.
+        // Dropping commands may free buffers, so the commands are dropped outside the lock.
         let done = lock(&self.inner.state).retire(&self.inner.device, completed, period, self.inner.timestamp_mask);
         done.map(drop)
     }
 
-    /// Adds to a device loss what is known of its place.
+    /// Adds the last started pass to a device loss.
     fn explain(&self, error: Error) -> Error {
         let Error::DeviceLost { during, .. } = error else { return error };
         Error::DeviceLost { during, pass: self.last_started() }
     }
 
-    /// The last command that is known to have started: by breadcrumbs where they are on, else the recordings in flight.
+    /// The last command known to have started: from breadcrumbs if they are on, otherwise the labels of the recordings
+    /// in flight.
     pub fn last_started(&self) -> String {
         let state = lock(&self.inner.state);
         if let Some(crumb) =
@@ -348,11 +349,10 @@ impl GpuInner {
         self.wait_really(ticket)
     }
 
-    /// Waits for all of the queue, where that is done after every submit.
+    /// Waits until the queue is idle, in the mode that waits for every submit.
     fn wait_for_queue(&self, ticket: u64) -> Result<()> {
         if let Some(waited) = &self.waited {
-            // SAFETY: the caller holds the lock on the state, and with it the queue;
-            // no host shares a device that we opened.
+            // SAFETY: the caller holds the lock on the state, which guards the queue; no host shares an owned device.
             unsafe { self.device.raw.queue_wait_idle(self.device.queue) }.named("vkQueueWaitIdle")?;
             waited.store(ticket, Ordering::Release);
         }
@@ -385,9 +385,9 @@ impl GpuInner {
 impl Drop for GpuInner {
     fn drop(&mut self) {
         let last = lock(&self.state).last;
-        // Whoever wants to know of a failure calls `save_pipeline_cache`.
+        // A caller who wants the error calls `save_pipeline_cache`.
         let _ = self.save_cache();
-        // A lost device cannot be waited for, and its objects may then be destroyed without.
+        // The wait fails on a lost device, whose objects may be destroyed without waiting.
         let _ = self.wait_really(last);
         // SAFETY: everything submitted has finished, or the device is lost.
         unsafe {

@@ -1,10 +1,10 @@
-//! The hazard checker: given commands, their declared uses and the barriers between them, finds conflicting accesses
-//! without a barrier in between. It shares no logic with the inference in `barrier.rs`:
-//! it keeps every past access and asks of each pair.
+//! The hazard checker: finds conflicting accesses without a barrier between them, given commands, their declared uses
+//! and their barriers. The checker shares no logic with the inference in `barrier.rs`: the checker keeps every past
+//! access and tests each pair.
 //!
-//! Two accesses conflict when their bytes overlap and one writes. The second must be ordered after the first by a
-//! barrier, or a chain of barriers, on those bytes; after a write the barrier must also make the write available and
-//! visible to it.
+//! Two accesses conflict when their bytes overlap and at least one access writes. A barrier on the overlapping bytes,
+//! or a chain of barriers, must order the second access after the first. After a write the barrier must also make the
+//! write available, and visible to the second access.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,41 +13,41 @@ use ash::vk::{AccessFlags2 as A, PipelineStageFlags2 as S};
 
 use super::barrier::{Barrier, BufferUse, Use};
 
-/// Two accesses that nothing orders.
+/// Two conflicting accesses without a barrier between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Hazard {
     /// Number of the buffer.
     pub(super) buffer: u64,
-    /// Command and use that came first.
+    /// Name and use of the earlier command.
     pub(super) first: (String, Use),
-    /// Command and use that came second.
+    /// Name and use of the later command.
     pub(super) second: (String, Use),
 }
 
 #[derive(Clone, Debug)]
-struct Past {
+struct PastAccess {
     range: Range<u64>,
     kind: Use,
     command: String,
     /// Stages that run after this access.
     ordered: S,
-    /// The write has been flushed by a barrier.
+    /// Whether a barrier has made the write available.
     available: bool,
     /// Accesses that see the write.
     visible: A,
-    /// `ordered` and `available` before the barriers in front of the command that is looked at:
-    /// barriers of one call make no chain.
+    /// `ordered` and `available` before the barriers in front of the current command: barriers of one call do not
+    /// chain.
     before: (S, bool),
 }
 
-/// Every access that a later one could still conflict with.
+/// Every access that a later access could conflict with.
 #[derive(Clone, Debug, Default)]
 pub(super) struct HazardChecker {
-    buffers: HashMap<u64, Vec<Past>>,
+    buffers: HashMap<u64, Vec<PastAccess>>,
 }
 
 impl HazardChecker {
-    /// Checks the next command of the queue, with the barriers recorded in front of it.
+    /// Checks the next command of the queue and the barriers recorded in front of the command.
     pub(super) fn command(&mut self, name: &str, barriers: &[Barrier], uses: &[BufferUse]) -> Result<(), Hazard> {
         for barrier in barriers {
             let pasts = self.buffers.get_mut(&barrier.buffer);
@@ -66,8 +66,8 @@ impl HazardChecker {
                 });
             }
         }
-        // Whatever a write covers is ordered before it and need not be kept;
-        // of equal reads the youngest stands for all.
+        // An access that a write covers is ordered before the write and need not be kept. Of equal reads, only the
+        // latest is kept.
         for used in uses {
             if let Some(pasts) = self.buffers.get_mut(&used.buffer) {
                 pasts.retain(|past| {
@@ -78,7 +78,7 @@ impl HazardChecker {
             }
         }
         for used in uses {
-            self.buffers.entry(used.buffer).or_default().push(Past {
+            self.buffers.entry(used.buffer).or_default().push(PastAccess {
                 range: used.range.clone(),
                 kind: used.kind,
                 command: name.to_owned(),
@@ -113,7 +113,7 @@ impl HazardChecker {
             }
             for outside in [past.range.start..inside.start, inside.end..past.range.end] {
                 if !outside.is_empty() {
-                    rest.push(Past { range: outside, ..past.clone() });
+                    rest.push(PastAccess { range: outside, ..past.clone() });
                 }
             }
             past.range = inside;
@@ -135,7 +135,7 @@ fn contains(outer: &Range<u64>, inner: &Range<u64>) -> bool {
     outer.start <= inner.start && inner.end <= outer.end
 }
 
-fn unordered(past: &Past, used: &BufferUse) -> bool {
+fn unordered(past: &PastAccess, used: &BufferUse) -> bool {
     let overlap = past.range.start < used.range.end && used.range.start < past.range.end;
     let conflict = overlap && (past.kind.writes() || used.kind.writes());
     let ordered = past.ordered.contains(used.kind.stage());
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use crate::vk::barrier::{Tracker, gather};
 
-    /// Commands over three buffers with every kind of use, from a counter-based generator.
+    /// Commands over three buffers with every kind of use, from a linear congruential generator.
     fn sequence(seed: u64, length: u64) -> Vec<Vec<BufferUse>> {
         let kinds = [
             Use::ShaderRead,
@@ -171,7 +171,7 @@ mod tests {
                     let start = 16 * draw(4);
                     let end = if draw(3) == 0 { start + 16 } else { 64 };
                     let used = BufferUse { buffer: draw(3), range: start..end, kind: kinds[draw(7) as usize] };
-                    // One use per buffer and command: two overlapping uses can make one of their barriers redundant.
+                    // One use per buffer and command, because of two overlapping uses one barrier can be redundant.
                     if uses.iter().all(|u| u.buffer != used.buffer) {
                         uses.push(used);
                     }
@@ -200,7 +200,7 @@ mod tests {
         let barriers = infer(&commands);
         assert_eq!(barriers.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 0, 3, 0, 0]);
         assert_eq!(check(&commands, &barriers), Ok(()));
-        // What is written behind the first barrier cannot be waited for there.
+        // The first barrier cannot wait for a write that comes later.
         let late =
             [one(0, Use::ShaderWrite), one(0, Use::ShaderRead), one(1, Use::ShaderWrite), one(1, Use::ShaderRead)];
         assert_eq!(infer(&late).iter().map(Vec::len).collect::<Vec<_>>(), [0, 1, 0, 1]);

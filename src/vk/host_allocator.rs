@@ -1,62 +1,63 @@
-//! Where buffers live, and memory that a host gives.
+//! Kinds of buffer memory, and the interface of a host's allocator.
 
 use ash::vk;
 use std::ffi::c_void;
 use std::ptr::NonNull;
 
-/// Where a buffer lives.
+/// Kind of memory of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
-    /// Fast for the device.
+    /// Device memory, fast for the device.
     Device,
-    /// Written by the host.
+    /// Host-visible memory that the host writes.
     Upload,
-    /// Read by the host.
+    /// Host-visible memory that the host reads.
     Readback,
 }
 
-/// What a buffer needs of the host's allocator.
+/// A request for memory of one buffer to the host's allocator.
 #[derive(Clone, Copy, Debug)]
 pub struct MemoryRequest<'a> {
     /// Name of the buffer.
     pub name: &'a str,
-    /// What it is for. [`Memory::Upload`] and [`Memory::Readback`] need a host-visible and coherent memory type.
+    /// Kind of memory. [`Memory::Upload`] and [`Memory::Readback`] need a host-visible, host-coherent memory type.
     pub memory: Memory,
-    /// Size, alignment and possible memory types of the buffer, which has linear layout.
+    /// Size, alignment and allowed memory types. The resource is a buffer, so linear.
     pub requirements: vk::MemoryRequirements,
-    /// The memory has to be allocated with `VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT`.
+    /// Whether the memory has to be allocated with `VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT`.
     pub device_address: bool,
 }
 
-/// A range of device memory that a host's allocator has given.
+/// A range of device memory from a host's allocator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemoryBlock {
     /// The memory object.
     pub memory: vk::DeviceMemory,
-    /// First byte, a multiple of the alignment asked for.
+    /// First byte; a multiple of the requested alignment.
     pub offset: u64,
-    /// Bytes, at least as many as were asked for.
+    /// Size in bytes; at least the requested size.
     pub size: u64,
-    /// Index of its memory type, one of those asked for.
+    /// Index of the memory type; one of the requested types.
     pub memory_type: u32,
-    /// Whatever the allocator wants to see again.
+    /// Free for the allocator's own use.
     pub token: u64,
 }
 
-/// A host's allocator. It is called from whichever thread makes or drops a buffer, one call at a time for each
-/// [`super::Gpu`], and must not call the engine back.
+/// A host's allocator. Called from any thread that creates or drops a buffer, one call at a time per [`super::Gpu`].
+/// Must not call the engine.
 ///
 /// # Safety
-/// A block lies in memory of the adopted device, belongs to nobody else until it is freed, and stays where it is. The
-/// pointer that [`Self::map`] gives is that of the block's first byte and valid until the block is freed.
+/// A block lies in memory of the adopted device, has no other user until freed, and does not move. The pointer from
+/// [`Self::map`] points to the block's first byte and stays valid until the block is freed.
 pub unsafe trait HostAllocator: Send + Sync {
-    /// Memory for one buffer. `VK_ERROR_OUT_OF_DEVICE_MEMORY` and `VK_ERROR_OUT_OF_HOST_MEMORY` become
+    /// Allocates memory for one buffer. `VK_ERROR_OUT_OF_DEVICE_MEMORY` and `VK_ERROR_OUT_OF_HOST_MEMORY` become
     /// [`super::Error::OutOfDeviceMemory`].
     fn allocate(&self, request: &MemoryRequest<'_>) -> std::result::Result<MemoryBlock, vk::Result>;
 
-    /// Where the host sees a block; asked once for each block that is not [`Memory::Device`], right after it was given.
+    /// Host address of a block. Called once per block of [`Memory::Upload`] or [`Memory::Readback`], right after the
+    /// allocation.
     fn map(&self, block: &MemoryBlock) -> std::result::Result<NonNull<c_void>, vk::Result>;
 
-    /// Takes a block back. The device uses it no more.
+    /// Frees a block. The device no longer uses the block.
     fn free(&self, block: MemoryBlock);
 }

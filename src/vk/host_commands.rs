@@ -1,7 +1,8 @@
-//! Recording into a command buffer of the host rather than into one of our own.
+//! Recording into a command buffer of the host.
 //!
-//! When and how often the host submits it is not known here, so nothing is inferred across its ends: it begins and ends
-//! with a barrier over everything. What lies between was inferred, and is checked, on its own.
+//! The engine does not know when and how often the host submits the command buffer. So no barrier is inferred across
+//! the ends of the recording: the recording begins and ends with a barrier over all memory. Barriers within the
+//! recording are inferred and checked separately.
 
 use std::sync::atomic::Ordering;
 
@@ -20,18 +21,18 @@ use super::slot::Slot;
 use super::submit::plan;
 use super::ticket::Ticket;
 
-/// Keeps alive what a command buffer of the host refers to: buffers, pipelines, descriptors, staged bytes.
-#[must_use = "the command buffer refers to what is freed with this"]
+/// Keeps alive everything that a command buffer of the host refers to: buffers, pipelines, descriptors, staged bytes.
+#[must_use = "dropping the recording frees objects that the command buffer refers to"]
 pub struct HostRecording {
     gpu: Gpu,
     slot: Option<Slot>,
-    /// Buffers among those of the commands that the host sees.
+    /// Host-visible buffers of the commands.
     lent: Vec<Buffer>,
     _commands: Vec<Command>,
     _staging: Vec<(Buffer, u64)>,
 }
 
-/// Says that a [`HostRecording`] has run.
+/// Proof that a [`HostRecording`] has run for the last time.
 #[derive(Clone, Copy, Debug)]
 pub struct Executed {
     /// Number of the device.
@@ -39,21 +40,21 @@ pub struct Executed {
 }
 
 impl Executed {
-    /// Checks that the recording was one of this device.
+    /// Checks that the recording belonged to `device`.
     pub(super) fn of(self, device: &Device) -> Result<()> {
         if self.device == device.id {
             return Ok(());
         }
-        Err(Error::Foreign { what: "the recording that a host has finished".into() })
+        Err(Error::Foreign { what: "the finished recording".into() })
     }
 }
 
-/// Something whose end makes a read-back buffer readable: see [`Gpu::read_ready`].
+/// Work after which a read-back buffer is readable: see [`Gpu::read_ready`].
 #[derive(Clone, Copy, Debug)]
 pub enum Done {
     /// A submit of the engine, finished or not.
     Ticket(Ticket),
-    /// A recording that a host has submitted and seen finished.
+    /// A recording that the host has submitted and has seen finish.
     Executed(Executed),
 }
 
@@ -70,15 +71,15 @@ impl From<Executed> for Done {
 }
 
 impl Recorder {
-    /// Writes the commands into a command buffer of the host, between two barriers over all commands and all memory:
-    /// whatever the host records before and after is ordered with them. It may be submitted more than once,
-    /// one run after the other.
+    /// Writes the commands into a command buffer of the host, between two barriers over all commands and all memory, so
+    /// that commands of the host before and after are ordered. The command buffer may be submitted more than once, one
+    /// run after the other.
     ///
     /// # Safety
-    /// `commands` is a primary or secondary command buffer of the adopted device, in the recording state and outside of
-    /// a render pass, of the family of the engine's queue, and nobody else uses it during the call. What is returned is
-    /// kept until the device has executed the command buffer for the last time. Submitted to another queue than the
-    /// engine's, it is ordered with the engine's submits by semaphores.
+    /// `commands` is a primary or secondary command buffer of the adopted device, for the family of the engine's queue,
+    /// in the recording state and outside a render pass. Nobody else uses `commands` during the call. The caller keeps
+    /// the returned [`HostRecording`] until the device has executed the command buffer for the last time. If the host
+    /// submits to a queue other than the engine's, semaphores order the command buffer with the engine's submits.
     pub unsafe fn record_into(self, commands: vk::CommandBuffer) -> Result<HostRecording> {
         let gpu = self.gpu.clone();
         let device = gpu.device().clone();
@@ -98,7 +99,7 @@ impl Recorder {
         let seen = self.commands.iter().flat_map(Command::buffers).filter(|b| b.memory() != Memory::Device);
         let lent: Vec<Buffer> = seen.cloned().collect();
         {
-            // Whoever reads or writes them now holds the lock until that is done.
+            // A thread that reads or writes one of the buffers now holds the lock until done.
             let _queue = gpu.state();
             lent.iter().for_each(|buffer| _ = buffer.inner.lent.fetch_add(1, Ordering::AcqRel));
         }
@@ -107,8 +108,8 @@ impl Recorder {
 }
 
 impl HostRecording {
-    /// Gives back what the command buffer referred to, which by the promise of [`Recorder::record_into`] has run for
-    /// the last time.
+    /// Frees what the command buffer referred to. By the promise of [`Recorder::record_into`], the command buffer has
+    /// run for the last time.
     pub fn finished(self) -> Executed {
         Executed { device: self.gpu.device().id }
     }

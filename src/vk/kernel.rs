@@ -1,9 +1,10 @@
-//! What the device layer needs to know of a compute shader, as plain data.
+//! Description of a compute shader for the device layer, as plain data.
 
 use super::caps::Limits;
 use super::shared_memory;
 
-/// How a shader touches a buffer. The recorder infers barriers from it; a test compares it with the SPIR-V decorations.
+/// How a shader accesses a buffer. The recorder infers barriers from the access; a test compares the access with the
+/// SPIR-V decorations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// The shader declares the buffer `readonly`.
@@ -14,7 +15,7 @@ pub enum Access {
     ReadWrite,
 }
 
-/// One storage buffer of a kernel: descriptor set 0, binding number = position in [`Kernel::bindings`].
+/// A storage buffer of a kernel: descriptor set 0, binding number = index in [`Kernel::bindings`].
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
     /// The instance name of the buffer block in the shader.
@@ -23,7 +24,7 @@ pub struct Binding {
     pub access: Access,
 }
 
-/// One 32-bit specialization constant (`uint`, or `float` as its bits, or `bool` as 0 and 1).
+/// A 32-bit specialization constant: `uint`, the bits of a `float`, or `bool` as 0 or 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Constant {
     /// `constant_id` in the shader.
@@ -34,42 +35,43 @@ pub struct Constant {
     pub default: u32,
 }
 
-/// A compute shader's module: SPIR-V words as bytes (a multiple of four), in up to four forms that compute the same.
+/// A compute shader's module as SPIR-V words in bytes (a multiple of four), in up to four equivalent variants.
 #[derive(Clone, Copy, Debug)]
 pub struct Spirv {
-    /// A descriptor per storage buffer.
+    /// One descriptor per storage buffer.
     pub descriptors: &'static [u8],
-    /// Storage buffers reached by address: the only descriptor is binding 0, a table with the address of each in
-    /// binding order (64 bits, low word first).
+    /// Storage buffers reached by address: the only descriptor, binding 0, is a table with the address of each buffer
+    /// in binding order (64 bits, low word first).
     pub addresses: Option<&'static [u8]>,
-    /// Rows of buffers read as texels, which is what a software rasterizer reads fastest.
+    /// Rows of buffers read as texels, which software drivers read fastest.
     pub texels: Option<Texels>,
-    /// The same, with all other buffers reached by address: for buffers beyond a descriptor's range,
-    /// of which texels cover more.
+    /// Rows read as texels, and all other buffers reached by address: for buffers larger than a descriptor's range (a
+    /// texel buffer may be larger).
     pub texels_by_address: Option<Texels>,
 }
 
-/// A form of a module that reads rows of some buffers as texels.
+/// A variant of a module that reads rows of some buffers as texels.
 #[derive(Clone, Copy, Debug)]
 pub struct Texels {
     /// SPIR-V words as bytes.
     pub spirv: &'static [u8],
-    /// What is read as texels.
+    /// The buffers read as texels.
     pub views: &'static [TexelView],
 }
 
-/// A buffer as a uniform texel buffer.
+/// A buffer read as a uniform texel buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TexelView {
-    /// The buffer: its place in [`Kernel::bindings`].
+    /// Index of the buffer in [`Kernel::bindings`].
     pub binding: u32,
-    /// Descriptor of the texels. Where it is that of the buffer, the buffer has no other.
+    /// Binding number of the texel buffer. When equal to the buffer's own binding, the buffer has no storage-buffer
+    /// descriptor.
     pub at: u32,
-    /// What a texel is.
+    /// Format of a texel.
     pub format: TexelFormat,
 }
 
-/// A row of a buffer as a texel.
+/// Format of a row of a buffer, read as a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TexelFormat {
     /// Three floats.
@@ -81,7 +83,7 @@ pub enum TexelFormat {
 }
 
 impl TexelFormat {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Float3, Self::Float4, Self::Uint4];
 
     /// Bytes of a texel.
@@ -96,7 +98,7 @@ impl TexelFormat {
 /// A compute shader and its interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
-    /// Unique name, shown in captures, validation messages and timings.
+    /// Unique name for captures, validation messages and timings.
     pub name: &'static str,
     /// The module.
     pub spirv: Spirv,
@@ -111,8 +113,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Bytes of shared memory that a workgroup takes, with the constants' defaults where none is given by name; `None`
-    /// where that cannot be told from the module.
+    /// Bytes of shared memory of a workgroup. Constants missing in `given` (name, value) have their defaults. `None`
+    /// when the module does not tell the size.
     pub fn shared_bytes(&self, given: &[(&str, u32)]) -> Option<u32> {
         let special = |id| {
             let constant = self.constants.iter().find(|c| c.id == id)?;
@@ -123,7 +125,7 @@ impl Kernel {
         u32::try_from(bytes).ok()
     }
 
-    /// Whether a workgroup has as much shared memory as the kernel takes.
+    /// Whether the kernel's shared memory fits into the device's limit.
     pub fn fits(&self, limits: &Limits, given: &[(&str, u32)]) -> bool {
         self.shared_bytes(given).is_none_or(|bytes| bytes <= limits.shared_bytes)
     }

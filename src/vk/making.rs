@@ -1,4 +1,4 @@
-//! Telling whoever wants to know that a pipeline is being made: a driver may take seconds for one, and minutes for all.
+//! Notification of pipeline creation: a driver may take seconds for one pipeline, and minutes for all.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -6,49 +6,49 @@ use std::time::{Duration, Instant};
 use super::gpu::Gpu;
 use super::lock::lock;
 
-/// What happens to a pipeline.
+/// An event of pipeline creation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PipelineEvent {
-    /// The driver begins to compile it, or to look for it in its cache.
+    /// The driver starts to compile the pipeline, or to look the pipeline up in its cache.
     Begun {
-        /// The kernel.
+        /// Name of the kernel.
         kernel: &'static str,
     },
-    /// It is there, or has failed.
+    /// Creation has finished or failed.
     Made {
-        /// The kernel.
+        /// Name of the kernel.
         kernel: &'static str,
-        /// How long it took.
+        /// Duration of the creation.
         took: Duration,
     },
 }
 
-/// Somebody who is told.
+/// Callback for pipeline events.
 pub(super) type Watcher = Arc<dyn Fn(PipelineEvent) + Send + Sync>;
 
 impl Gpu {
-    /// From now on tells of every pipeline that is made, in place of whoever was told before. The call comes from the
-    /// thread that makes the pipeline and waits for it; it must not call the engine.
+    /// Calls `told` for every pipeline created from now on, and replaces an earlier callback. The thread that creates
+    /// the pipeline calls `told` and waits for its return; `told` must not call the engine.
     pub fn watch_pipelines(&self, told: impl Fn(PipelineEvent) + Send + Sync + 'static) {
         *lock(self.watcher()) = Some(Arc::new(told));
     }
 
-    /// Tells that a pipeline is being made until what is returned is dropped.
-    pub(super) fn making(&self, kernel: &'static str) -> Making {
+    /// Reports that a pipeline is being created, until the returned guard is dropped.
+    pub(super) fn making(&self, kernel: &'static str) -> PipelineCreation {
         let watcher = lock(self.watcher()).clone();
         watcher.iter().for_each(|told| told(PipelineEvent::Begun { kernel }));
-        Making { watcher, kernel, begun: Instant::now() }
+        PipelineCreation { watcher, kernel, begun: Instant::now() }
     }
 }
 
-/// A pipeline that is being made.
-pub(super) struct Making {
+/// Guard for a pipeline under creation.
+pub(super) struct PipelineCreation {
     watcher: Option<Watcher>,
     kernel: &'static str,
     begun: Instant,
 }
 
-impl Drop for Making {
+impl Drop for PipelineCreation {
     fn drop(&mut self) {
         let (kernel, took) = (self.kernel, self.begun.elapsed());
         self.watcher.iter().for_each(|told| told(PipelineEvent::Made { kernel, took }));

@@ -1,7 +1,7 @@
-//! Memory that the host sees, read and written while no commands use it.
+//! Host reads and writes of host-visible buffers while no commands use the buffers.
 //!
-//! The queue's lock is held during the look at what is in flight and the copy: whoever submits meanwhile waits, so that
-//! the device cannot begin to use the bytes half-way.
+//! A read or write holds the queue's lock from the check of the work in flight to the end of the copy. Submits wait
+//! meanwhile, so that the device cannot start to use the bytes during the copy.
 
 use std::sync::atomic::Ordering;
 
@@ -12,14 +12,15 @@ use super::host_allocator::Memory;
 use super::host_commands::Done;
 
 impl Gpu {
-    /// Everything in a buffer, after all that was submitted. Waits.
+    /// The whole content of a buffer, after everything submitted so far. Waits.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
         let count = buffer.size().checked_div(size_of::<T>() as u64).unwrap_or(0);
         self.read_at(buffer, 0, count as usize)
     }
 
-    /// `count` values from byte `offset` on, after all that was submitted. Waits. Memory for read-back that commands of
-    /// the host may write is refused, because their end is not known here: see [`super::HostRecording::finished`].
+    /// `count` values from byte `offset` on, after everything submitted so far. Waits. Fails with
+    /// [`Error::InHostCommands`] for a read-back buffer that commands of the host may write, until
+    /// [`super::HostRecording::finished`].
     pub fn read_at<T: bytemuck::Pod>(&self, buffer: &Buffer, offset: u64, count: usize) -> Result<Vec<T>> {
         buffer.of(self.device())?;
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
@@ -40,8 +41,8 @@ impl Gpu {
         landing.load(0, count)
     }
 
-    /// `count` values of a read-back buffer from byte `offset` on if what writes them has finished, which is `by` and
-    /// whatever else was submitted or recorded for a host; never waits.
+    /// `count` values of a read-back buffer from byte `offset` on, or `None` while `by`, a submit or a recording for a
+    /// host may still write the values. Never waits.
     pub fn read_ready<T: bytemuck::Pod>(
         &self,
         buffer: &Buffer,
@@ -60,7 +61,7 @@ impl Gpu {
         if done { self.load_idle(buffer, offset, count) } else { Ok(None) }
     }
 
-    /// The values, unless commands that may write them have not finished.
+    /// `count` values from byte `offset` on; `None` while unfinished commands may write the values.
     fn load_idle<T: bytemuck::Pod>(&self, buffer: &Buffer, offset: u64, count: usize) -> Result<Option<Vec<T>>> {
         let completed = self.completed()?;
         let state = self.state();
@@ -72,13 +73,17 @@ impl Gpu {
         buffer.load(offset, count).map(Some)
     }
 
-    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]: what is submitted from then on sees them.
-    /// Waits for the last submit that uses the buffer where that has not finished yet.
-    /// Refused for a buffer that commands of the host use.
+    /// Writes host bytes to the beginning of a buffer of [`Memory::Upload`]; later submits see the bytes. Waits until
+    /// the last submit that uses the buffer has finished. Fails with [`Error::InHostCommands`] for a buffer that
+    /// commands of the host use.
     pub fn store(&self, buffer: &Buffer, bytes: &[u8]) -> Result<()> {
         buffer.of(self.device())?;
         if buffer.memory() != Memory::Upload {
-            return Err(buffer.bad_range(0, bytes.len() as u64, "only memory for uploads is written straight"));
+            return Err(buffer.bad_range(
+                0,
+                bytes.len() as u64,
+                "only a buffer of Memory::Upload can be written directly",
+            ));
         }
         loop {
             let last = self.ticket(buffer.inner.last_use.load(Ordering::Acquire));
@@ -95,7 +100,7 @@ impl Gpu {
 }
 
 impl Buffer {
-    /// Checks that no command buffer of a host may still use it.
+    /// Checks that no unfinished recording for a host uses the buffer.
     fn not_lent(&self) -> Result<()> {
         match self.inner.lent.load(Ordering::Acquire) {
             0 => Ok(()),

@@ -1,4 +1,4 @@
-//! Device memory: named allocations through gpu-allocator or a host's allocator, a tally of our own, and a limit.
+//! Device memory: named allocations through gpu-allocator or a host's allocator, with a byte count and a limit.
 
 use super::host_allocator::Memory;
 use std::ffi::c_void;
@@ -15,19 +15,19 @@ use super::device::Device;
 use super::error::{Error, Result};
 use super::host_allocator::{HostAllocator, MemoryRequest};
 
-/// Bytes allocated for buffers in device memory, which on integrated GPUs and CPUs is all memory.
+/// Bytes allocated for buffers in device memory; on integrated GPUs and CPUs, for all buffers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
-    /// Now.
+    /// Bytes allocated now.
     pub current: u64,
-    /// At most so far.
+    /// Most bytes allocated at one time since the start or since [`super::Gpu::restart_peak`].
     pub peak: u64,
-    /// What may be allocated.
+    /// Most bytes that may be allocated.
     pub limit: u64,
 }
 
-/// Where memory comes from.
-enum Source {
+/// The allocator that memory comes from.
+enum MemorySource {
     Own(Box<Allocator>),
     Host { allocator: Arc<dyn HostAllocator>, types: Box<vk::PhysicalDeviceMemoryProperties>, device_address: bool },
 }
@@ -42,13 +42,13 @@ impl Block {
     /// The memory object and the first byte in it.
     pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
         match self {
-            // SAFETY: the memory is bound, and freed by the pool alone.
+            // SAFETY: the caller only binds the memory; only the pool frees the memory.
             Block::Own(allocation) => (unsafe { allocation.memory() }, allocation.offset()),
             Block::Host(host) => (host.block.memory, host.block.offset),
         }
     }
 
-    /// Where the host sees it.
+    /// Host address of the first byte; `None` for memory that the host does not see.
     pub(super) fn mapped(&self) -> Option<NonNull<c_void>> {
         match self {
             Block::Own(allocation) => allocation.mapped_ptr(),
@@ -65,9 +65,9 @@ impl Block {
 }
 
 pub(super) struct MemoryPool {
-    source: Source,
+    source: MemorySource,
     tally: MemoryUse,
-    /// The device works in the host's memory, so that host-visible buffers count as well.
+    /// Whether the device works in the host's memory, so that host-visible buffers count too.
     unified: bool,
 }
 
@@ -76,8 +76,8 @@ impl MemoryPool {
         let mib = 1 << 20;
         let device_address = device.caps.addresses != Addresses::Never;
         let source = match host {
-            Some(allocator) => Source::Host { allocator, types: Box::new(memory_types(device)), device_address },
-            None => Source::Own(Box::new(Allocator::new(&AllocatorCreateDesc {
+            Some(allocator) => MemorySource::Host { allocator, types: Box::new(memory_types(device)), device_address },
+            None => MemorySource::Own(Box::new(Allocator::new(&AllocatorCreateDesc {
                 instance: device.instance.clone(),
                 device: device.raw.clone(),
                 physical_device: device.physical,
@@ -114,7 +114,7 @@ impl MemoryPool {
             return Err(out_of_memory(&self.tally));
         }
         let allocation = match &mut self.source {
-            Source::Host { allocator, types, device_address } => {
+            MemorySource::Host { allocator, types, device_address } => {
                 let request = MemoryRequest { name, memory, requirements, device_address: *device_address };
                 ask(allocator.as_ref(), types, &request).map(Block::Host).map_err(|error| match error {
                     Error::Vulkan {
@@ -124,11 +124,11 @@ impl MemoryPool {
                     error => error,
                 })?
             }
-            Source::Own(allocator) => {
+            MemorySource::Own(allocator) => {
                 let location = match memory {
                     Memory::Device => MemoryLocation::GpuOnly,
-                    // Both are copied from or to once. What a device shows the host of its own memory (CpuToGpu) would
-                    // be taken from what is there for the model.
+                    // Both are copied once. Host-visible device memory (CpuToGpu) would reduce the memory for the
+                    // model.
                     Memory::Upload | Memory::Readback => MemoryLocation::GpuToCpu,
                 };
                 let allocation_scheme = AllocationScheme::GpuAllocatorManaged;
@@ -156,11 +156,11 @@ impl MemoryPool {
             self.tally.current = self.tally.current.saturating_sub(block.size());
         }
         match (&mut self.source, block) {
-            // Freeing fails only for an allocation of another allocator, which cannot be.
-            (Source::Own(allocator), Block::Own(allocation)) => {
+            // Freeing fails only for an allocation of another allocator, which cannot occur.
+            (MemorySource::Own(allocator), Block::Own(allocation)) => {
                 let _ = allocator.free(allocation);
             }
-            (Source::Host { allocator, .. }, Block::Host(host)) => allocator.free(host.block),
+            (MemorySource::Host { allocator, .. }, Block::Host(host)) => allocator.free(host.block),
             _ => {}
         }
     }

@@ -1,7 +1,6 @@
-//! The hand-managed Vulkan device: instance and device (own or adopted), memory, pipelines, recorder,
-//! timestamps, errors.
+//! The Vulkan device layer: instance and device (owned or adopted), memory, pipelines, recorder, timestamps, errors.
 //!
-//! Nothing here knows of Gaussians. All `unsafe` and every Vulkan handle of the crate stay in this module.
+//! The layer knows nothing of Gaussians. All `unsafe` code and every Vulkan handle of the crate stay in this module.
 
 mod adopt;
 mod allocator;
@@ -43,7 +42,7 @@ mod validation;
 pub use adopt::{HostDevice, Usable};
 pub use ash;
 pub use buffer::{Buffer, BufferSlice};
-pub use buffer_range::{Part, slices};
+pub use buffer_range::{BufferRange, slices};
 pub use caps::{Addresses, Caps, Choice, DeviceKind, Heap, Limits, Subgroup};
 pub use describe::{Described, Wait};
 pub use device::{DeviceInfo, device_kind, devices};

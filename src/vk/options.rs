@@ -5,17 +5,18 @@ use std::path::PathBuf;
 use super::error::{Error, Result};
 use crate::byte_size;
 
-/// Whether the Khronos validation layer watches.
+/// Mode of the Khronos validation layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
     /// No layer.
     #[default]
     Off,
-    /// Core and synchronization validation; [`crate::vk::Error::MissingLayer`] where the layer is not installed.
+    /// Core and synchronization validation. Fails with [`crate::vk::Error::MissingLayer`] when the layer is not
+    /// installed.
     CoreAndSync,
-    /// GPU-assisted validation: every address that a shader of the variant by address uses is checked on the device
-    /// against the buffers that there are. The host waits for every submit: the layer (up to 1.3.250) does not follow
-    /// timelines in this mode and would let each look at one wait for ten seconds.
+    /// GPU-assisted validation: the device checks every buffer address that a shader uses against the existing buffers.
+    /// The host waits for every submit, because in this mode the layer (up to 1.3.250) does not follow timeline
+    /// semaphores and would block each query of one for ten seconds.
     GpuAssisted,
 }
 
@@ -28,42 +29,43 @@ pub enum FloatAtomics {
     CompareAndSwap,
 }
 
-/// Choices for [`crate::vk::Gpu::open`]. `default()` reads no environment; [`OpenOptions::from_env`] does.
+/// Options of [`crate::vk::Gpu::open`]. `default()` ignores environment variables; [`OpenOptions::from_env`] reads
+/// them.
 #[derive(Clone, Debug)]
 pub struct OpenOptions {
-    /// Index in the list of devices, or part of a name in any case; `None` takes a discrete GPU before an integrated
-    /// one before a CPU.
+    /// Index in [`crate::vk::devices`], or part of a device name (case-insensitive). `None` prefers a discrete GPU to
+    /// an integrated GPU to a CPU.
     pub device: Option<String>,
-    /// The validation layer.
+    /// Mode of the validation layer.
     pub validation: Validation,
-    /// Put a guard of known bytes behind every buffer, inside the bound range, for [`crate::vk::Gpu::check_canaries`].
+    /// Put a guard of known bytes after every buffer, inside the bound range, for [`crate::vk::Gpu::check_canaries`].
     pub canaries: bool,
-    /// Fill new buffers with a word that is not a number of any kind,
-    /// so that a pass which reads what nothing has written shows.
+    /// Fill new buffers with a word that is invalid as a float, a half or a count, to reveal passes that read unwritten
+    /// memory.
     pub garbage: bool,
-    /// Check every submit with the hazard checker before it goes to the device.
+    /// Check every submit with the hazard checker before the device gets the commands.
     pub check_hazards: bool,
-    /// Write a marker before every command, so that a lost device names the pass. Commands no longer overlap.
+    /// Write a marker before every command, so that a device loss names the pass. Commands then no longer overlap.
     pub breadcrumbs: bool,
-    /// Use this kind of float atomics rather than the best available.
+    /// Use this kind of float atomics instead of the best available kind.
     pub float_atomics: Option<FloatAtomics>,
-    /// Emulate subgroups of this width in shared memory rather than use the hardware's.
+    /// Emulate subgroups of this width in shared memory instead of using the hardware's subgroups.
     pub emulate_subgroup: Option<u32>,
-    /// Refuse allocations past this many bytes rather than past what the device reports.
+    /// Most bytes of device memory, instead of the limit derived from the device's report.
     pub max_device_memory: Option<u64>,
-    /// Treat a storage-buffer descriptor as if it covered no more than this many bytes.
+    /// Largest range of a storage-buffer descriptor in bytes, where the device allows more.
     pub storage_range: Option<u64>,
-    /// BindingMode buffers by address always (`true`) or never (`false`); `None` does so where one is larger than a
-    /// descriptor's range. Never, too, on a device without the feature.
+    /// Reach buffers by address always (`true`) or never (`false`). `None` does so only for bindings larger than a
+    /// descriptor's range. A device without `bufferDeviceAddress` never does.
     pub addresses: Option<bool>,
-    /// Read rows of buffers as texels always (`true`) or never (`false`); `None` does so on CPU devices. Never, too, on
-    /// a device without the formats.
+    /// Read rows of buffers as texels always (`true`) or never (`false`). `None` does so on CPU devices. A device
+    /// without the texel formats never does.
     pub texels: Option<bool>,
-    /// Bind no more storage buffers to one pass than this, where the device takes more.
+    /// Most storage buffers of one pass, where the device allows more.
     pub max_storage_buffers: Option<u32>,
-    /// Give a workgroup no more bytes of shared memory than this, where the device has more.
+    /// Most bytes of shared memory of a workgroup, where the device allows more.
     pub max_shared_bytes: Option<u32>,
-    /// Folder of the pipeline cache; `None` keeps it in memory only.
+    /// Folder of the pipeline cache; `None` keeps the cache in memory only.
     pub pipeline_cache: Option<PathBuf>,
 }
 
@@ -94,8 +96,9 @@ impl OpenOptions {
     /// `PSRGS_VALIDATION=1|gpu`, `PSRGS_CANARIES=0|1`, `PSRGS_GARBAGE=0|1`, `PSRGS_BREADCRUMBS=1`,
     /// `PSRGS_FLOAT_ATOMICS=native|cas`, `PSRGS_SUBGROUP=hardware|8|16|32|64`, `PSRGS_MAX_DEVICE_MEMORY=BYTES`,
     /// `PSRGS_STORAGE_RANGE=BYTES`, `PSRGS_ADDRESSES=always|never`, `PSRGS_TEXELS=always|never`,
-    /// `PSRGS_STORAGE_BUFFERS=N`, `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; bytes may be written as `6GiB` or
-    /// `800M`. One that cannot be read is [`Error::Variable`]. The pipeline cache is on, in the user's cache folder.
+    /// `PSRGS_STORAGE_BUFFERS=N`, `PSRGS_SHARED_BYTES=BYTES`, `PSRGS_CACHE=FOLDER`; BYTES may be written as `6GiB` or
+    /// `800M`. An invalid value is [`Error::Variable`]. Without `PSRGS_CACHE` the pipeline cache is kept in the user's
+    /// cache folder.
     pub fn from_env() -> Result<Self> {
         Self::from_variables(|name| std::env::var(name).ok())
     }
@@ -130,10 +133,10 @@ impl OpenOptions {
     }
 }
 
-/// What variables hold that are sizes.
+/// Description of a valid size.
 const SIZE: &str = "a size in bytes: 6GiB, 800M or plain digits";
 
-/// Reads a variable, where it is set.
+/// Value of a variable; `None` for an unset variable.
 fn read<T>(
     get: impl Fn(&str) -> Option<String>,
     name: &'static str,
@@ -155,7 +158,7 @@ fn float_atomics(value: &str) -> Option<FloatAtomics> {
     }
 }
 
-/// The width to emulate: none where the hardware's is asked for.
+/// The width to emulate; `Some(None)` for `hardware`.
 fn subgroup(value: &str) -> Option<Option<u32>> {
     match value {
         "hardware" => Some(None),
@@ -215,7 +218,7 @@ mod tests {
             ("PSRGS_TEXELS", "1"),
         ] {
             let error = with(name, value).unwrap_err().to_string();
-            assert!(error.starts_with(&format!("{name}={value}: it is to be ")), "{error}");
+            assert!(error.starts_with(&format!("{name}={value}: expected ")), "{error}");
         }
     }
 }

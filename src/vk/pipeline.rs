@@ -1,4 +1,4 @@
-//! Compute pipelines: a kernel with its specialization constants given.
+//! Compute pipelines: a kernel with given specialization constants.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,18 +8,18 @@ use super::caps::{Addresses, Caps};
 use super::device::Device;
 use super::error::{Error, Result};
 use super::kernel::{Kernel, TexelView};
-use super::pipeline_variant::{BindingMode, Form};
+use super::pipeline_variant::{BindingMode, PipelineVariant};
 
 pub(super) struct PipelineInner {
     device: Arc<Device>,
     pub(super) kernel: Kernel,
     values: Vec<u32>,
     workgroup_size: u32,
-    /// Each made when it is first needed.
-    descriptors: OnceLock<Form>,
-    addresses: OnceLock<Form>,
-    texels: OnceLock<Form>,
-    texels_by_address: OnceLock<Form>,
+    /// Each variant is created when first needed.
+    descriptors: OnceLock<PipelineVariant>,
+    addresses: OnceLock<PipelineVariant>,
+    texels: OnceLock<PipelineVariant>,
+    texels_by_address: OnceLock<PipelineVariant>,
 }
 
 /// A compute pipeline. Cheap to clone.
@@ -34,7 +34,7 @@ impl std::fmt::Debug for Pipeline {
     }
 }
 
-/// The constants of a kernel with the caller's values put in.
+/// Values of a kernel's constants: the caller's values, else the defaults.
 pub(super) fn constants(kernel: &Kernel, given: &[(&str, u32)]) -> Result<Vec<u32>> {
     let mut values: Vec<u32> = kernel.constants.iter().map(|c| c.default).collect();
     for (name, value) in given {
@@ -43,7 +43,7 @@ pub(super) fn constants(kernel: &Kernel, given: &[(&str, u32)]) -> Result<Vec<u3
             None => {
                 return Err(Error::Interface {
                     kernel: kernel.name,
-                    what: format!("no specialization constant is called {name}"),
+                    what: format!("the kernel has no specialization constant {name}"),
                 });
             }
         }
@@ -52,8 +52,8 @@ pub(super) fn constants(kernel: &Kernel, given: &[(&str, u32)]) -> Result<Vec<u3
 }
 
 impl PipelineInner {
-    fn slot(&self, reach: BindingMode) -> &OnceLock<Form> {
-        match reach {
+    fn slot(&self, mode: BindingMode) -> &OnceLock<PipelineVariant> {
+        match mode {
             BindingMode::Descriptors => &self.descriptors,
             BindingMode::Addresses => &self.addresses,
             BindingMode::Texels => &self.texels,
@@ -61,18 +61,19 @@ impl PipelineInner {
         }
     }
 
-    /// A form that [`Pipeline::make`] has made.
-    pub(super) fn form(&self, reach: BindingMode) -> Option<&Form> {
-        self.slot(reach).get()
+    /// A variant that [`Pipeline::make`] has created.
+    pub(super) fn variant(&self, mode: BindingMode) -> Option<&PipelineVariant> {
+        self.slot(mode).get()
     }
 
-    /// What a variant reads as texels, where the kernel has it and the device binds as many.
-    pub(super) fn texels(&self, caps: &Caps, reach: BindingMode) -> Option<&'static [TexelView]> {
-        let views = reach.texels(&self.kernel)?.views;
+    /// Texel views of a variant; `None` when the kernel lacks the variant or the device cannot bind as many texel
+    /// buffers.
+    pub(super) fn texels(&self, caps: &Caps, mode: BindingMode) -> Option<&'static [TexelView]> {
+        let views = mode.texels(&self.kernel)?.views;
         (views.len() as u64 <= u64::from(caps.limits.texel_buffers)).then_some(views)
     }
 
-    /// Whether the kernel can reach its buffers by address at all.
+    /// Whether the kernel has a variant that reaches buffers by address.
     pub(super) fn by_address(&self) -> bool {
         self.kernel.spirv.addresses.is_some() && !self.kernel.bindings.is_empty()
     }
@@ -89,7 +90,7 @@ impl Pipeline {
         self.inner.kernel.name
     }
 
-    /// Checks that it is a pipeline of this device.
+    /// Checks that the pipeline belongs to `device`.
     pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
         if Arc::ptr_eq(&self.inner.device, device) {
             return Ok(());
@@ -97,7 +98,7 @@ impl Pipeline {
         Err(Error::Foreign { what: format!("the pipeline of kernel {}", self.name()) })
     }
 
-    /// Makes the variant that the device uses unless a buffer asks for another.
+    /// Creates a pipeline with its default variant.
     pub(super) fn new(
         device: &Arc<Device>,
         cache: vk::PipelineCache,
@@ -106,23 +107,25 @@ impl Pipeline {
     ) -> Result<Pipeline> {
         let bad = |what: String| Error::Interface { kernel: kernel.name, what };
         let limits = &device.caps.limits;
-        let workgroup_size = match kernel.local_size {
-            Some(size) => size,
-            None => kernel
-                .constants
-                .iter()
-                .position(|c| c.name == "LOCAL_SIZE")
-                .map(|i| values[i])
-                .ok_or_else(|| bad("its workgroup size is open, but no constant is called LOCAL_SIZE".into()))?,
-        };
+        let workgroup_size =
+            match kernel.local_size {
+                Some(size) => size,
+                None => kernel.constants.iter().position(|c| c.name == "LOCAL_SIZE").map(|i| values[i]).ok_or_else(
+                    || bad("its workgroup size is not fixed, but it has no specialization constant LOCAL_SIZE".into()),
+                )?,
+            };
         if workgroup_size == 0 || workgroup_size > limits.workgroup_size {
             return Err(bad(format!(
-                "{workgroup_size} threads per workgroup, the device takes 1 to {}",
+                "{workgroup_size} threads per workgroup, but the device allows 1 to {}",
                 limits.workgroup_size
             )));
         }
-        if kernel.push_bytes > limits.push_bytes.min(128) || !kernel.push_bytes.is_multiple_of(4) {
-            return Err(bad(format!("{} bytes of push constants", kernel.push_bytes)));
+        let most = limits.push_bytes.min(128);
+        if kernel.push_bytes > most || !kernel.push_bytes.is_multiple_of(4) {
+            return Err(bad(format!(
+                "{} bytes of push constants, but at most {most} in words of 4 are allowed",
+                kernel.push_bytes
+            )));
         }
         let inner = PipelineInner {
             device: device.clone(),
@@ -147,15 +150,15 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    /// Makes a form unless it is there. True when it was made.
-    pub(super) fn make(&self, device: &Arc<Device>, cache: vk::PipelineCache, reach: BindingMode) -> Result<bool> {
+    /// Creates a variant unless it exists. Returns whether the variant was created.
+    pub(super) fn make(&self, device: &Arc<Device>, cache: vk::PipelineCache, mode: BindingMode) -> Result<bool> {
         let PipelineInner { kernel, values, workgroup_size, .. } = &*self.inner;
-        let slot = self.inner.slot(reach);
+        let slot = self.inner.slot(mode);
         if slot.get().is_some() {
             return Ok(false);
         }
-        // Should another thread have made it meanwhile, this one is dropped.
-        let form = Form::new(device, cache, kernel, values, *workgroup_size, reach)?;
-        Ok(slot.set(form).is_ok())
+        // If another thread has created the variant meanwhile, this variant is dropped.
+        let variant = PipelineVariant::new(device, cache, kernel, values, *workgroup_size, mode)?;
+        Ok(slot.set(variant).is_ok())
     }
 }

@@ -1,4 +1,4 @@
-//! A kernel as the device has it: module, layouts and pipeline, in one of its variants.
+//! Variants of a pipeline: one kernel, compiled for one way of reaching its buffers.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -18,19 +18,20 @@ pub(super) enum BindingMode {
     Descriptors,
     /// One descriptor, for a table of addresses.
     Addresses,
-    /// A descriptor per buffer, or per buffer of texels, or both.
+    /// Per buffer a storage-buffer descriptor, a texel-buffer descriptor, or both.
     Texels,
-    /// A descriptor per buffer of texels, and one for a table of addresses.
+    /// A descriptor per texel buffer, and one for a table of addresses.
     TexelsByAddress,
 }
 
 impl BindingMode {
-    /// Whether there is a table of addresses.
+    /// Whether a dispatch binds a table of addresses.
     pub(super) fn by_address(self) -> bool {
         matches!(self, Self::Addresses | Self::TexelsByAddress)
     }
 
-    /// What this variant of a kernel reads as texels, with its module, where it has it.
+    /// Module and texel views of a kernel for this mode; `None` for a mode without texels or a kernel without the
+    /// variant.
     pub(super) fn texels(self, kernel: &Kernel) -> Option<Texels> {
         match self {
             Self::Texels => kernel.spirv.texels,
@@ -40,31 +41,31 @@ impl BindingMode {
     }
 }
 
-/// One variant of a pipeline.
-pub(super) struct Form {
+/// Vulkan objects of one variant of a pipeline.
+pub(super) struct PipelineVariant {
     device: Arc<Device>,
     pub(super) raw: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
     pub(super) set_layout: vk::DescriptorSetLayout,
 }
 
-impl Form {
-    /// `values` are those of the kernel's constants; push constants and workgroup size were checked.
+impl PipelineVariant {
+    /// `values` are the values of the kernel's constants. Push constants and workgroup size were checked.
     pub(super) fn new(
         device: &Arc<Device>,
         cache: vk::PipelineCache,
         kernel: &Kernel,
         values: &[u32],
         workgroup_size: u32,
-        reach: BindingMode,
-    ) -> Result<Form> {
-        let module = Module::of(kernel, reach)?;
+        mode: BindingMode,
+    ) -> Result<PipelineVariant> {
+        let module = Module::of(kernel, mode)?;
         module.check_limits(device, kernel, values)?;
         let capabilities = capabilities(&module.words);
         check_features(device, kernel, &capabilities)?;
         let subgroups = SubgroupDemand::of(device, kernel, &capabilities, workgroup_size)?;
 
-        let mut made = Partial { device, set_layout: None, layout: None, module: None };
+        let mut made = UnfinishedPipeline { device, set_layout: None, layout: None, module: None };
         let (set_layout, layout) = made.layouts(&module, kernel.push_bytes)?;
         let raw = made.pipeline(cache, &module.words, &Specialized { kernel, values, subgroups, layout })?;
         (made.set_layout, made.layout) = (None, None);
@@ -75,7 +76,7 @@ impl Form {
             device.name(set_layout, &name.to_string_lossy());
             device.name(layout, &name.to_string_lossy());
         }
-        Ok(Form { device: device.clone(), raw, layout, set_layout })
+        Ok(PipelineVariant { device: device.clone(), raw, layout, set_layout })
     }
 }
 
@@ -83,53 +84,53 @@ fn unfit(kernel: &Kernel, what: String) -> Error {
     Error::Interface { kernel: kernel.name, what }
 }
 
-/// The SPIR-V of a form, with what it binds.
+/// The SPIR-V of a variant, with its descriptors.
 struct Module {
     words: Vec<u32>,
-    /// Descriptors of buffers, those of texels included.
+    /// Number of descriptors, including texel buffers.
     descriptors: u32,
-    /// Which of them are of texels.
+    /// The descriptors that are texel buffers.
     views: &'static [TexelView],
 }
 
 impl Module {
-    fn of(kernel: &Kernel, reach: BindingMode) -> Result<Self> {
+    fn of(kernel: &Kernel, mode: BindingMode) -> Result<Self> {
         let mut views: &[TexelView] = &[];
-        let (spirv, descriptors) = match reach {
+        let (spirv, descriptors) = match mode {
             BindingMode::Descriptors => (kernel.spirv.descriptors, kernel.bindings.len() as u32),
             BindingMode::Addresses => {
-                let none = || unfit(kernel, "it has no form by address".into());
+                let none = || unfit(kernel, "it has no variant by address".into());
                 (kernel.spirv.addresses.ok_or_else(none)?, 1)
             }
             BindingMode::Texels | BindingMode::TexelsByAddress => {
-                let none = || unfit(kernel, "it has no form with texels".into());
-                let texels = reach.texels(kernel).ok_or_else(none)?;
+                let none = || unfit(kernel, "it has no variant with texels".into());
+                let texels = mode.texels(kernel).ok_or_else(none)?;
                 views = texels.views;
-                (texels.spirv, if reach.by_address() { 1 } else { kernel.bindings.len() as u32 })
+                (texels.spirv, if mode.by_address() { 1 } else { kernel.bindings.len() as u32 })
             }
         };
         Ok(Self { words: kernel::words(spirv), descriptors, views })
     }
 
-    /// Descriptors and shared memory are as many as the device takes.
+    /// Checks descriptors and shared memory against the device's limits.
     fn check_limits(&self, device: &Device, kernel: &Kernel, values: &[u32]) -> Result<()> {
         let limits = &device.caps.limits;
         let descriptors = self.descriptors;
         if descriptors > limits.storage_buffers {
             let most = limits.storage_buffers;
-            return Err(unfit(kernel, format!("{descriptors} storage buffers, the device takes {most}")));
+            return Err(unfit(kernel, format!("{descriptors} storage buffers, but the device allows {most}")));
         }
         let given = |id| kernel.constants.iter().zip(values).find(|(c, _)| c.id == id).map(|(_, value)| *value);
         let shared = shared_memory::bytes(&self.words, given).unwrap_or(0);
         if shared > u64::from(limits.shared_bytes) {
             let most = limits.shared_bytes;
-            let what = format!("{shared} bytes of shared memory, the device has {most} for a workgroup");
+            let what = format!("{shared} bytes of shared memory, but the device allows {most} for a workgroup");
             return Err(unfit(kernel, what));
         }
         Ok(())
     }
 
-    /// What the set of descriptors holds.
+    /// Bindings of the descriptor set.
     fn slots(&self) -> Vec<vk::DescriptorSetLayoutBinding<'static>> {
         let buffers = (0..self.descriptors).filter(|binding| !self.views.iter().any(|view| view.at == *binding));
         let texels = self.views.iter().map(|view| (view.at, vk::DescriptorType::UNIFORM_TEXEL_BUFFER));
@@ -147,7 +148,7 @@ impl Module {
     }
 }
 
-/// The device has every feature that the capabilities of a module ask for.
+/// Checks that the device has every feature that a module's capabilities need.
 fn check_features(device: &Device, kernel: &Kernel, capabilities: &[u32]) -> Result<()> {
     for &capability in capabilities {
         if let Some((feature, there)) = needed_feature(capability, &device.caps.features)
@@ -163,14 +164,14 @@ fn check_features(device: &Device, kernel: &Kernel, capabilities: &[u32]) -> Res
     Ok(())
 }
 
-/// What a pipeline asks of the device's subgroups.
+/// Subgroup requirements of a pipeline.
 #[derive(Clone, Copy)]
 struct SubgroupDemand {
     /// Lanes of a subgroup.
     width: u32,
-    /// Of this width and no other.
+    /// Whether the pipeline requires this width.
     pinned: bool,
-    /// With no lane idle.
+    /// Whether the pipeline requires full subgroups.
     full: bool,
 }
 
@@ -190,18 +191,19 @@ impl SubgroupDemand {
     }
 }
 
-/// A kernel with all that its pipeline is built from, the module aside.
+/// Inputs of pipeline creation, without the module.
 struct Specialized<'a> {
     kernel: &'a Kernel,
-    /// Those of the kernel's constants.
+    /// Values of the kernel's constants.
     values: &'a [u32],
     subgroups: SubgroupDemand,
     layout: vk::PipelineLayout,
 }
 
-impl Drop for Form {
+impl Drop for PipelineVariant {
     fn drop(&mut self) {
-        // SAFETY: submits in flight hold a handle of the pipeline that owns this variant, so none uses it any more.
+        // SAFETY: submits in flight hold a handle of the pipeline that owns this variant, so no submit uses the variant
+        // any more.
         unsafe {
             self.device.raw.destroy_pipeline(self.raw, None);
             self.device.raw.destroy_pipeline_layout(self.layout, None);
@@ -210,16 +212,16 @@ impl Drop for Form {
     }
 }
 
-/// Objects to destroy when building a pipeline stops half-way, and the module in any case.
-struct Partial<'a> {
+/// Objects to destroy when pipeline creation fails. The module is destroyed in any case.
+struct UnfinishedPipeline<'a> {
     device: &'a Device,
     set_layout: Option<vk::DescriptorSetLayout>,
     layout: Option<vk::PipelineLayout>,
     module: Option<vk::ShaderModule>,
 }
 
-impl Partial<'_> {
-    /// The layouts of the descriptors and of the pipeline.
+impl UnfinishedPipeline<'_> {
+    /// Creates the layouts of the descriptor set and of the pipeline.
     fn layouts(&mut self, module: &Module, push_bytes: u32) -> Result<(vk::DescriptorSetLayout, vk::PipelineLayout)> {
         let slots = module.slots();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
@@ -238,11 +240,11 @@ impl Partial<'_> {
         Ok((set_layout, layout))
     }
 
-    /// The pipeline, of a module made from the words.
+    /// Creates the pipeline from the SPIR-V words of a module.
     fn pipeline(&mut self, cache: vk::PipelineCache, words: &[u32], of: &Specialized<'_>) -> Result<vk::Pipeline> {
         let Specialized { kernel, values, subgroups, layout } = of;
         let info = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: the words are SPIR-V that glslang compiled at build time.
+        // SAFETY: the words are SPIR-V compiled by glslang at build time.
         let module = unsafe { self.device.raw.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
         self.module = Some(module);
         let entries: Vec<vk::SpecializationMapEntry> = kernel
@@ -274,10 +276,10 @@ impl Partial<'_> {
     }
 }
 
-impl Drop for Partial<'_> {
+impl Drop for UnfinishedPipeline<'_> {
     fn drop(&mut self) {
         let raw = &self.device.raw;
-        // SAFETY: whatever is still here was created from this device and is used by nothing.
+        // SAFETY: the remaining objects were created from this device and have no user.
         unsafe {
             self.module.into_iter().for_each(|module| raw.destroy_shader_module(module, None));
             self.layout.into_iter().for_each(|layout| raw.destroy_pipeline_layout(layout, None));
@@ -302,7 +304,8 @@ fn capabilities(words: &[u32]) -> Vec<u32> {
     found
 }
 
-/// The device feature behind a SPIR-V capability and whether it is enabled; `None` for those that every device has.
+/// The device feature that a SPIR-V capability needs, and whether the feature is enabled; `None` when every device has
+/// the capability.
 fn needed_feature(capability: u32, f: &Features) -> Option<(&'static str, bool)> {
     // Numbers from the SPIR-V specification, section 3.2.31.
     Some(match capability {

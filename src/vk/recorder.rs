@@ -1,5 +1,5 @@
-//! The recorder: commands as data. Barriers, descriptors and the command buffer are made when it is submitted, in
-//! submission order, so that recorders may be filled side by side.
+//! The recorder: commands as data. A submit creates barriers, descriptors and the command buffer, in submission order,
+//! so that several recorders may be filled in parallel.
 
 use std::sync::Arc;
 
@@ -14,21 +14,21 @@ use super::pipeline::Pipeline;
 use super::pipeline_variant::BindingMode;
 use super::ticket::Ticket;
 
-/// Workgroups along one axis that every device takes.
+/// Most workgroups along one axis that every device allows.
 const AXIS: u64 = 65_535;
 
-/// How much a dispatch runs.
+/// Size of a dispatch.
 #[derive(Clone, Copy, Debug)]
 pub enum Groups<'a> {
     /// At least this many threads.
     Items(u64),
     /// At least this many workgroups.
     Workgroups(u64),
-    /// Workgroup counts (x, y, z as u32) at a byte offset of a buffer.
+    /// Workgroup counts (x, y, z as u32) from a byte offset of a buffer.
     Indirect(&'a Buffer, u64),
 }
 
-/// Folds a number of workgroups over x and y, with as little excess as the axis limit allows.
+/// Spreads a number of workgroups over x and y, with as little excess as the axis limit allows. `None` for too many.
 pub fn fold(groups: u64) -> Option<(u32, u32)> {
     let y = groups.div_ceil(AXIS).max(1);
     let x = groups.div_ceil(y);
@@ -40,14 +40,14 @@ pub(super) enum Counts {
     Indirect(Buffer, u64),
 }
 
-/// A bound range, guard included where it reaches the end of the buffer.
+/// A bound range. A range up to the end of the buffer includes the guard.
 pub(super) struct Bound {
     pub(super) buffer: Buffer,
     pub(super) offset: u64,
     pub(super) bytes: u64,
 }
 
-/// Addresses of a dispatch's buffers, in staging memory that the recording keeps.
+/// Table of the addresses of a dispatch's buffers, in staging memory that the recording keeps.
 pub(super) struct Table {
     pub(super) buffer: Buffer,
     pub(super) offset: u64,
@@ -57,7 +57,7 @@ pub(super) struct Table {
 pub(super) enum Command {
     Dispatch {
         pipeline: Pipeline,
-        reach: BindingMode,
+        mode: BindingMode,
         buffers: Vec<Bound>,
         table: Option<Table>,
         push: Vec<u8>,
@@ -112,7 +112,7 @@ impl Command {
                 uses
             }
             Command::Fill { buffer, offset, bytes, .. } => vec![one(buffer, *offset, *bytes, Use::CopyWrite)],
-            // Staging memory is written by the host only, before the submit and after the ticket of the one before.
+            // Only the host writes staging memory, before the submit and after the previous user's ticket has passed.
             Command::Copy { to, to_offset, bytes, staged: true, .. } => {
                 vec![one(to, *to_offset, *bytes, Use::CopyWrite)]
             }
@@ -137,12 +137,12 @@ impl Command {
     }
 }
 
-/// Commands on their way to the device. They run in order, overlapping where no barrier is needed.
+/// A list of commands for the device. Commands run in order, and overlap when no barrier is needed.
 pub struct Recorder {
     pub(super) gpu: Gpu,
     pub(super) label: String,
     pub(super) commands: Vec<Command>,
-    /// Staging buffers and the bytes used of each.
+    /// Staging buffers, each with the bytes used.
     pub(super) staging: Vec<(Buffer, u64)>,
     pub(super) profile: bool,
     pub(super) omit_barrier: Option<usize>,
@@ -156,7 +156,7 @@ impl Recorder {
         let BufferSlice { buffer, offset, bytes } = target.into();
         self.inside(buffer, offset, bytes)?;
         if offset % 4 != 0 || bytes % 4 != 0 {
-            return Err(buffer.bad_range(offset, bytes, "a fill covers whole words"));
+            return Err(buffer.bad_range(offset, bytes, "offset and size of a fill must be multiples of 4"));
         }
         if bytes > 0 {
             self.commands.push(Command::Fill { buffer: buffer.clone(), offset, bytes, value });
@@ -164,7 +164,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies bytes from one buffer to another, or within one where the ranges do not overlap.
+    /// Copies bytes from one buffer to another, or between ranges of one buffer that do not overlap.
     pub fn copy(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) -> Result<()> {
         from.of(self.gpu.device())?;
         to.of(self.gpu.device())?;
@@ -181,7 +181,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes host bytes into a buffer. They are copied at once; the device sees them when the recorder's turn comes.
+    /// Writes host bytes into a buffer, in order with the other commands. The bytes are copied to staging memory at
+    /// once.
     pub fn upload(&mut self, to: &Buffer, to_offset: u64, bytes: &[u8]) -> Result<()> {
         let len = bytes.len() as u64;
         to.of(self.gpu.device())?;
@@ -194,8 +195,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies host bytes into staging memory, at a multiple of `alignment`. It stays theirs until the ticket has
-    /// passed; what the host writes before a submit the device sees without a barrier.
+    /// Copies host bytes into staging memory, at a multiple of `alignment`. The staging memory is not reused before the
+    /// ticket has passed. The device sees host writes before a submit without a barrier.
     fn stage(&mut self, bytes: &[u8], alignment: u64) -> Result<(Buffer, u64)> {
         let len = bytes.len() as u64;
         let free = self.staging.last().and_then(|(chunk, used)| {
@@ -217,7 +218,7 @@ impl Recorder {
         Ok((chunk, at))
     }
 
-    /// Runs a kernel with `buffers` in binding order. A dispatch of nothing is left out.
+    /// Runs a kernel with `buffers` in binding order. A dispatch of zero items or workgroups is left out.
     pub fn dispatch<'a, B: Copy + Into<BufferSlice<'a>>>(
         &mut self,
         pipeline: &Pipeline,
@@ -230,15 +231,15 @@ impl Recorder {
         pipeline.of(self.gpu.device())?;
         let bindings = pipeline.inner.kernel.bindings;
         if buffers.len() != bindings.len() {
-            return Err(bad(format!("{} buffers for {} bindings", buffers.len(), bindings.len())));
+            return Err(bad(format!("{} buffers given for {} bindings", buffers.len(), bindings.len())));
         }
         let push = bytemuck::bytes_of(push);
         let push_bytes = pipeline.inner.kernel.push_bytes;
         if push.len() != push_bytes as usize {
-            return Err(bad(format!("{} bytes of push constants for {push_bytes}", push.len())));
+            return Err(bad(format!("{} bytes of push constants given, {push_bytes} expected", push.len())));
         }
         let slices: Vec<BufferSlice<'a>> = buffers.iter().map(|&b| b.into()).collect();
-        let reach = self.reach(pipeline, &slices)?;
+        let mode = self.binding_mode(pipeline, &slices)?;
         let limits = self.gpu.caps().limits;
         let mut bound = Vec::with_capacity(buffers.len());
         for BufferSlice { buffer, offset, bytes } in slices {
@@ -247,11 +248,12 @@ impl Recorder {
                 return Err(buffer.bad_range(
                     offset,
                     bytes,
-                    "a binding is not empty and starts at a multiple of the device's storage alignment",
+                    "a binding must not be empty and must start at a multiple of the device's storage alignment",
                 ));
             }
-            // The guard is bound too, so that a write past the end lands in it rather than being dropped by the driver.
-            let fits = reach.by_address() || bytes + buffer.inner.guard <= limits.storage_range;
+            // The guard is bound too, so that a write past the end reaches the guard instead of being dropped by the
+            // driver.
+            let fits = mode.by_address() || bytes + buffer.inner.guard <= limits.storage_range;
             let last = offset + bytes == buffer.inner.capacity && fits;
             let bytes = if last { bytes + buffer.inner.guard } else { bytes };
             bound.push(Bound { buffer: buffer.clone(), offset, bytes });
@@ -265,22 +267,26 @@ impl Recorder {
                 buffer.of(self.gpu.device())?;
                 buffer.inside(offset, 12)?;
                 if offset % 4 != 0 {
-                    return Err(buffer.bad_range(offset, 12, "indirect counts start at a multiple of 4"));
+                    return Err(buffer.bad_range(
+                        offset,
+                        12,
+                        "the offset of indirect workgroup counts must be a multiple of 4",
+                    ));
                 }
                 Some(Counts::Indirect(buffer.clone(), offset))
             }
         };
-        let counts = counts.ok_or_else(|| bad(format!("{groups:?} is more than a dispatch holds")))?;
-        self.gpu.make_form(pipeline, reach)?;
-        let table = if reach.by_address() { Some(self.table(&bound)?) } else { None };
+        let counts = counts.ok_or_else(|| bad(format!("{groups:?} exceeds the size limit of a dispatch")))?;
+        self.gpu.make_variant(pipeline, mode)?;
+        let table = if mode.by_address() { Some(self.table(&bound)?) } else { None };
         let (pipeline, push) = (pipeline.clone(), push.to_vec());
-        self.commands.push(Command::Dispatch { pipeline, reach, buffers: bound, table, push, counts });
+        self.commands.push(Command::Dispatch { pipeline, mode, buffers: bound, table, push, counts });
         Ok(())
     }
 
-    /// How a dispatch reaches its buffers: by address where one is larger than a descriptor's range, or always where
-    /// that was asked for; rows as texels where the kernel does.
-    fn reach(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<BindingMode> {
+    /// How a dispatch reaches its buffers. By address when a binding is larger than a descriptor's range, or always on
+    /// request. Rows are read as texels when texels are on and the kernel has the variant.
+    fn binding_mode(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>]) -> Result<BindingMode> {
         let caps = self.gpu.caps();
         let limit = caps.limits.storage_range;
         let possible = caps.addresses != Addresses::Never && pipeline.inner.by_address();
@@ -289,7 +295,7 @@ impl Recorder {
         let texels = self.texels.unwrap_or(caps.texels);
         match beyond {
             _ if possible && (always || beyond.is_some()) => {
-                // Whoever asks for addresses means all of them, unless texels are asked for too.
+                // A request for addresses applies to all buffers, unless texels are requested too.
                 let texels = if always { self.texels == Some(true) } else { texels };
                 let seen = texels && self.as_texels(pipeline, slices, BindingMode::TexelsByAddress);
                 Ok(if seen { BindingMode::TexelsByAddress } else { BindingMode::Addresses })
@@ -302,11 +308,11 @@ impl Recorder {
         }
     }
 
-    /// Whether rows can be read as texels in this variant: where the kernel has it,
-    /// and every buffer concerned can be seen so.
-    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], reach: BindingMode) -> bool {
+    /// Whether this variant can read rows as texels: the kernel has the variant, and each slice fits the limits of
+    /// texel buffers.
+    fn as_texels(&self, pipeline: &Pipeline, slices: &[BufferSlice<'_>], mode: BindingMode) -> bool {
         let caps = self.gpu.caps();
-        let Some(views) = pipeline.inner.texels(caps, reach) else { return false };
+        let Some(views) = pipeline.inner.texels(caps, mode) else { return false };
         views.iter().all(|view| {
             slices.get(view.binding as usize).is_some_and(|slice| {
                 let count = slice.bytes / view.format.bytes();
@@ -322,21 +328,21 @@ impl Recorder {
         Ok(Table { buffer, offset, bytes: bytes.len() as u64 })
     }
 
-    /// Reaches buffers by address in the dispatches to come (`Some(true)`), or through descriptors as far as they go
-    /// (`Some(false)`), whatever the device was opened for: for tests that compare the two.
+    /// Makes later dispatches reach buffers by address (`Some(true)`), or through descriptors up to their range
+    /// (`Some(false)`), regardless of the device's options. For tests that compare both.
     #[doc(hidden)]
     pub fn force_addresses(&mut self, addresses: Option<bool>) {
         self.addresses = addresses;
     }
 
-    /// Reads rows as texels in the dispatches to come, or not, where the device was opened for it:
-    /// for tests that compare the two.
+    /// Makes later dispatches read rows as texels, or not. No effect unless the device was opened with texels. For
+    /// tests that compare both.
     #[doc(hidden)]
     pub fn force_texels(&mut self, texels: Option<bool>) {
         self.texels = texels.filter(|_| self.gpu.caps().texels);
     }
 
-    /// Takes timestamps around every command; [`Gpu::timings`] has them after the ticket has passed.
+    /// Takes timestamps around every command. [`Gpu::timings`] returns the times after the ticket has passed.
     pub fn profile(&mut self, on: bool) {
         self.profile = on;
     }
@@ -346,24 +352,24 @@ impl Recorder {
         self.commands.len()
     }
 
-    /// True when nothing was recorded.
+    /// Whether no command was recorded.
     pub fn is_empty(&self) -> bool {
         self.commands.is_empty()
     }
 
-    /// Hands the commands to the device and returns at once.
+    /// Submits the commands to the device without waiting.
     pub fn submit(self) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         gpu.submit(self)
     }
 
-    /// Leaves out the `n`th inferred barrier of this recording: for tests that something notices.
+    /// Leaves out inferred barrier number `n` of this recording. For tests that expect the omission to be detected.
     #[doc(hidden)]
     pub fn omit_barrier(&mut self, n: usize) {
         self.omit_barrier = Some(n);
     }
 
-    /// Checks that it is a recorder of this device.
+    /// Checks that the recorder belongs to `device`.
     pub(super) fn of(&self, device: &Arc<Device>) -> Result<()> {
         if Arc::ptr_eq(self.gpu.device(), device) {
             return Ok(());
@@ -373,10 +379,10 @@ impl Recorder {
 
     fn inside(&self, buffer: &Buffer, offset: u64, bytes: u64) -> Result<()> {
         buffer.of(self.gpu.device())?;
-        // Up to the capacity: a whole buffer is bound and filled with its last word and its least size.
+        // The bound is the capacity, not the size: a whole buffer is bound and filled up to its rounded size.
         match offset.checked_add(bytes) {
             Some(end) if end <= buffer.inner.capacity => Ok(()),
-            _ => Err(buffer.bad_range(offset, bytes, "it reaches past the end")),
+            _ => Err(buffer.bad_range(offset, bytes, "the range reaches past the end")),
         }
     }
 }

@@ -1,23 +1,23 @@
-//! How much shared memory a module asks for, read from its SPIR-V.
+//! Size of a module's shared memory, computed from its SPIR-V.
 
 use std::collections::HashMap;
 
 /// Storage class of shared memory.
 const WORKGROUP: u32 = 4;
 
-/// What a type takes, laid out as std430 does, which leaves no less room than any driver.
+/// Size and alignment of a type in the std430 layout, an upper bound for every driver.
 #[derive(Clone, Copy)]
-struct Extent {
+struct TypeExtent {
     bytes: u64,
     alignment: u64,
 }
 
-impl Extent {
+impl TypeExtent {
     const fn of(bytes: u64) -> Self {
         Self { bytes, alignment: if bytes == 0 { 1 } else { bytes } }
     }
 
-    /// The distance from one to the next in an array.
+    /// Distance in bytes between elements of an array.
     fn stride(self) -> u64 {
         self.bytes.next_multiple_of(self.alignment)
     }
@@ -38,11 +38,11 @@ impl Extent {
     }
 }
 
-/// Bytes of the shared variables of a module (SPIR-V words), where `special` gives the values of specialization
-/// constants by their id. `None` for a module that this does not understand.
+/// Bytes of the shared variables of a module (SPIR-V words). `special` returns the value of a specialization constant
+/// by its `constant_id`, or `None` for the default. `None` for a module that the function cannot parse.
 pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Option<u64> {
-    // Operations by the SPIR-V specification, section 3.42; operands are what follows the first word.
-    let mut types: HashMap<u32, Extent> = HashMap::new();
+    // Opcodes from the SPIR-V specification, section 3.42; the operands follow the first word.
+    let mut types: HashMap<u32, TypeExtent> = HashMap::new();
     let mut pointees: HashMap<u32, u32> = HashMap::new();
     let mut constants: HashMap<u32, u32> = HashMap::new();
     let mut ids: HashMap<u32, u32> = HashMap::new();
@@ -56,14 +56,14 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
             // OpDecorate SpecId
             (71, &[target, 1, id]) => drop(ids.insert(target, id)),
             // OpTypeBool, OpTypeInt, OpTypeFloat
-            (20, &[id]) => drop(types.insert(id, Extent::of(4))),
-            (21, &[id, width, _]) | (22, &[id, width]) => drop(types.insert(id, Extent::of(u64::from(width / 8)))),
+            (20, &[id]) => drop(types.insert(id, TypeExtent::of(4))),
+            (21, &[id, width, _]) | (22, &[id, width]) => drop(types.insert(id, TypeExtent::of(u64::from(width / 8)))),
             // OpTypeVector
             (23, &[id, of, count]) => {
                 let of = *types.get(&of)?;
                 types.insert(id, of.vector(u64::from(count)));
             }
-            // OpTypeArray: unknown lengths and elements matter only where a variable is of this type.
+            // OpTypeArray: an unknown length or element type matters only for a variable of this type.
             (28, &[id, of, length]) => {
                 if let (Some(of), Some(&count)) = (types.get(&of).copied(), constants.get(&length)) {
                     types.insert(id, of.array(u64::from(count)));
@@ -72,7 +72,7 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
             // OpTypeStruct
             (30, &[id, ref members @ ..]) => {
                 if let Some(members) = members.iter().map(|m| types.get(m).copied()).collect::<Option<Vec<_>>>() {
-                    types.insert(id, Extent::all(members.into_iter()));
+                    types.insert(id, TypeExtent::all(members.into_iter()));
                 }
             }
             // OpTypePointer
@@ -113,7 +113,7 @@ pub(super) fn bytes(words: &[u32], special: impl Fn(u32) -> Option<u32>) -> Opti
         }
     }
     let extents = variables.iter().map(|pointer| pointees.get(pointer).and_then(|to| types.get(to)).copied());
-    Some(Extent::all(extents.collect::<Option<Vec<_>>>()?.into_iter()).bytes)
+    Some(TypeExtent::all(extents.collect::<Option<Vec<_>>>()?.into_iter()).bytes)
 }
 
 #[cfg(test)]
@@ -156,7 +156,7 @@ mod tests {
             op(52, &[1, 11, 132, 3, 10]), // 11: twice constant 3
             op(28, &[5, 4, 11]),          // 5: vec3[11]
             op(30, &[6, 2, 5, 1]),        // 6: float, vec3[], uint
-            op(32, &[8, 4, 6]),           // 8: pointer to it
+            op(32, &[8, 4, 6]),           // 8: pointer to type 6
             op(59, &[8, 9, 4]),           // 9: the variable
         ]
         .concat();

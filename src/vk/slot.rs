@@ -1,5 +1,5 @@
-//! What a submit borrows and gives back after its ticket has passed: command buffer, descriptor pools,
-//! timestamp queries.
+//! Reusable objects of a submit: command buffer, descriptor pools, timestamp queries. Free again after the ticket has
+//! passed.
 
 use ash::vk;
 
@@ -13,7 +13,7 @@ pub(super) struct Slot {
     pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
     descriptor_pools: Vec<vk::DescriptorPool>,
-    /// Pool that sets are taken from at present.
+    /// Index of the pool that new sets come from.
     current: usize,
     queries: vk::QueryPool,
     query_capacity: u32,
@@ -48,7 +48,7 @@ impl Slot {
         }
     }
 
-    /// Takes everything back.
+    /// Resets the command buffer and all descriptor sets for reuse.
     ///
     /// # Safety
     /// The last submit from this slot has finished.
@@ -67,7 +67,7 @@ impl Slot {
         Ok(())
     }
 
-    /// A descriptor set, from a new pool when those there are full.
+    /// A descriptor set, from a new pool when the existing pools are full.
     pub(super) fn set(&mut self, device: &Device, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet> {
         loop {
             let fresh = self.current == self.descriptor_pools.len();
@@ -109,7 +109,7 @@ impl Slot {
         Ok(self.queries)
     }
 
-    /// The first `count` timestamps of the submit that has finished.
+    /// The first `count` timestamps of the finished submit.
     pub(super) fn timestamps(&self, device: &Device, count: usize) -> Result<Vec<u64>> {
         let mut ticks = vec![0_u64; count];
         // SAFETY: the queries were written by the finished submit.
@@ -118,7 +118,7 @@ impl Slot {
         Ok(ticks)
     }
 
-    /// Destroys everything.
+    /// Destroys all objects of the slot.
     ///
     /// # Safety
     /// The last submit from this slot has finished.

@@ -1,6 +1,6 @@
-//! From recorded commands to a submitted command buffer, and back when its ticket has passed.
+//! Submits recorded commands, and reclaims their objects after the ticket has passed.
 
-use super::barrier_plan::Plan;
+use super::barrier_plan::BarrierPlan;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -10,7 +10,7 @@ use ash::vk;
 use super::barrier::{Barrier, BufferUse, Tracker, Use, gather};
 use super::buffer::Buffer;
 use super::device::Device;
-use super::encode::{Handed, encode, enqueue};
+use super::encode::{QueueHandover, encode, enqueue};
 use super::error::{Error, Result};
 use super::hazard::{Hazard, HazardChecker};
 use super::host_allocator::Memory;
@@ -19,21 +19,21 @@ use super::recorder::{Command, Recorder};
 use super::slot::Slot;
 use super::submit_sync::SubmitSync;
 
-/// Size of a staging buffer that is kept for reuse.
+/// Size in bytes of a reusable staging buffer.
 pub(super) const STAGING: u64 = 256 << 10;
-/// Unread timings kept.
+/// Most unread timings kept.
 const TIMINGS: usize = 4096;
 
 pub(super) struct InFlight {
     pub(super) ticket: u64,
     pub(super) label: String,
-    /// Number of the first command among all that were ever submitted, for breadcrumbs.
+    /// Number of the first command, counted over all submits, for breadcrumbs.
     pub(super) first_command: u32,
     slot: Slot,
     commands: Vec<Command>,
     staging: Vec<(Buffer, u64)>,
     profiled: bool,
-    /// Ranges of memory for read-back that it uses.
+    /// Ranges of read-back buffers that the submit uses.
     landings: Vec<BufferUse>,
 }
 
@@ -43,7 +43,7 @@ impl InFlight {
     }
 }
 
-/// What the queue remembers, behind one lock.
+/// State of the queue, behind one lock.
 #[derive(Default)]
 pub(super) struct State {
     /// Ticket of the last submit.
@@ -54,16 +54,18 @@ pub(super) struct State {
     pub(super) staging: Vec<Buffer>,
     tracker: Tracker,
     pub(super) checker: Option<HazardChecker>,
-    /// Where breadcrumbs go.
+    /// Buffer for breadcrumbs.
     pub(super) crumbs: Option<Buffer>,
     commands: u32,
     slots: Vec<Slot>,
-    /// The barriers of an earlier submit may not have reached the device: begin with one over everything.
+    /// Whether barriers of an earlier submit may not have reached the device. The next submit then begins with a full
+    /// barrier.
     unsure: bool,
 }
 
 impl State {
-    /// Takes back what submits up to `completed` used. Returns what is to be dropped outside the lock.
+    /// Reclaims the objects of submits up to ticket `completed`. Returns commands that the caller drops outside the
+    /// lock.
     pub(super) fn retire(
         &mut self,
         device: &Device,
@@ -98,9 +100,9 @@ impl State {
         Ok(done)
     }
 
-    /// Submits a recording; the ticket is `self.last` afterwards. A panic of the host's callbacks comes back as it is,
-    /// to be resumed when the lock on the state is released: in locking nothing was submitted,
-    /// in unlocking the device has the commands.
+    /// Submits a recording; afterwards the ticket is `self.last`. Returns a panic of the host's callbacks, which the
+    /// caller resumes after releasing the lock on the state. After a panic in `lock` nothing was submitted; after a
+    /// panic in `unlock` the device has the commands.
     pub(super) fn submit(
         &mut self,
         device: &Device,
@@ -112,8 +114,8 @@ impl State {
             self.tracker.forget(id);
             self.checker.iter_mut().for_each(|c| c.forget(id));
         }
-        // Until the device has the commands: what is inferred from here on holds for nothing if an error or a panic
-        // comes before.
+        // Until the device has the commands, the inferred state is unsure: an error or a panic would make the state
+        // wrong.
         let unsure = std::mem::replace(&mut self.unsure, true);
         if unsure {
             self.tracker.clear();
@@ -131,8 +133,8 @@ impl State {
             })
             .and_then(|plan| Ok((plan, enqueue(device, slot.commands, timeline, self.last + 1, order)?)));
         let (plan, unlocked) = match done {
-            Ok((plan, Handed::Over(unlocked))) => (plan, unlocked),
-            Ok((_, Handed::Not(panic))) => {
+            Ok((plan, QueueHandover::Over(unlocked))) => (plan, unlocked),
+            Ok((_, QueueHandover::Not(panic))) => {
                 // SAFETY: nothing was submitted from the slot.
                 unsafe { slot.destroy(device) };
                 return Ok(Err(panic));
@@ -175,12 +177,12 @@ impl State {
         Ok(unlocked)
     }
 
-    /// The state of every buffer behind what the device has; nothing is known where that is not sure.
+    /// The access state of every buffer after all submits; empty when the state is unsure.
     pub(super) fn tracker(&self) -> Tracker {
         if self.unsure { Tracker::default() } else { self.tracker.clone() }
     }
 
-    /// Whether a submit after `completed` uses a range of memory for read-back.
+    /// Whether a submit after ticket `completed` uses `range` of a read-back buffer.
     pub(super) fn lands_later(&self, completed: u64, buffer: u64, range: &Range<u64>) -> bool {
         let later = self.in_flight.iter().rev().take_while(|flight| flight.ticket > completed);
         later
@@ -193,13 +195,13 @@ impl State {
         self.slots.pop()
     }
 
-    /// Keeps a slot that was reset for a submit to come.
+    /// Keeps a slot, already reset, for a later submit.
     pub(super) fn keep_slot(&mut self, slot: Slot) {
         self.slots.push(slot);
     }
 
-    /// For every barrier of a recording: would the checker miss it? Returns their number and descriptions of those not
-    /// missed.
+    /// Tests for every barrier of a recording whether the checker objects to its removal. Returns the number of
+    /// barriers, and descriptions of the barriers whose removal went unnoticed.
     pub(super) fn missed_barriers(&self, recorder: &Recorder) -> (usize, Vec<String>) {
         let mut tracker = self.tracker();
         let steps = steps(recorder);
@@ -224,8 +226,12 @@ impl State {
     }
 }
 
-/// Infers the barriers of a recording and has the checker look at them.
-pub(super) fn plan(tracker: &mut Tracker, checker: &mut Option<HazardChecker>, recorder: &Recorder) -> Result<Plan> {
+/// Infers the barriers of a recording and checks them with the hazard checker.
+pub(super) fn plan(
+    tracker: &mut Tracker,
+    checker: &mut Option<HazardChecker>,
+    recorder: &Recorder,
+) -> Result<BarrierPlan> {
     let mut steps = steps(recorder);
     let mut commands = infer(tracker, &steps);
     if let Some(omitted) = recorder.omit_barrier {
@@ -244,7 +250,7 @@ pub(super) fn plan(tracker: &mut Tracker, checker: &mut Option<HazardChecker>, r
     }
     let end = commands.pop().unwrap_or_default();
     let landings = steps.pop().map(|(_, uses)| uses).unwrap_or_default();
-    Ok(Plan { commands, end, landings })
+    Ok(BarrierPlan { commands, end, landings })
 }
 
 /// The barriers in front of each of `steps`.
@@ -255,7 +261,7 @@ pub(super) fn infer(tracker: &mut Tracker, steps: &[(String, Vec<BufferUse>)]) -
     barriers
 }
 
-/// Name and uses of every command, and last what the host reads.
+/// Name and uses of every command; the last entry is the host's reads.
 pub(super) fn steps(recorder: &Recorder) -> Vec<(String, Vec<BufferUse>)> {
     let mut steps: Vec<(String, Vec<BufferUse>)> =
         recorder.commands.iter().map(|command| (command.name().to_owned(), command.uses())).collect();
@@ -288,7 +294,7 @@ fn hazard_error(recorder: &Recorder, hazard: &Hazard) -> Error {
 }
 
 impl State {
-    /// Destroys everything the queue holds.
+    /// Destroys all objects of the queue.
     ///
     /// # Safety
     /// Every submit has finished, or the device is lost.

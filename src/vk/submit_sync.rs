@@ -1,8 +1,8 @@
-//! What a submit waits for and what it signals, besides the engine's own timeline.
+//! Semaphores that a submit waits for and signals, besides the engine's own timeline.
 
 use ash::vk;
 
-/// A timeline semaphore of the host and a value of it.
+/// A timeline semaphore of the host with a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostSemaphore {
     semaphore: vk::Semaphore,
@@ -13,10 +13,9 @@ impl HostSemaphore {
     /// The point at which `semaphore` has `value`.
     ///
     /// # Safety
-    /// `semaphore` is a timeline semaphore of the adopted device and lives until every submit that names it has
-    /// finished. Where the point is signalled, the value is larger than every one that the semaphore has, or will have
-    /// been given, by then. Where it is waited for, somebody signals it without having to wait for this submit; on one
-    /// queue, in a submit that comes before.
+    /// `semaphore` is a timeline semaphore of the adopted device and lives until every submit that names the semaphore
+    /// has finished. For a signal, `value` is larger than every value that the semaphore will have by then. For a wait,
+    /// the signal of `value` does not depend on this submit; a signal on the same queue comes from an earlier submit.
     pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Self {
         Self { semaphore, value }
     }
@@ -32,23 +31,22 @@ impl HostSemaphore {
     }
 }
 
-/// Points of the host's timelines around work of the engine.
+/// Semaphore waits and signals around work of the engine.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SubmitSync<'a> {
-    /// Nothing of the work begins before all of these have been reached.
+    /// The work starts after all these values have been reached.
     pub wait: &'a [HostSemaphore],
-    /// These are reached when all of the work is done, and what was submitted to the queue before it.
+    /// Signalled after the work, and everything submitted to the queue before, is done.
     pub signal: &'a [HostSemaphore],
 }
 
 impl<'a> SubmitSync<'a> {
-    /// Waits for `wait`, then signals `signal`.
+    /// Waits for `wait` before the work, and signals `signal` after the work.
     pub fn new(wait: &'a [HostSemaphore], signal: &'a [HostSemaphore]) -> Self {
         Self { wait, signal }
     }
 
-    /// The part of this order that submit `index` of `count` carries,
-    /// when the work is that many submits one after the other.
+    /// The waits and signals of submit `index`, when the work is split into `count` submits in sequence.
     pub fn of_part(self, index: usize, count: usize) -> Self {
         let wait = if index == 0 { self.wait } else { &[] };
         let signal = if index + 1 == count { self.signal } else { &[] };

@@ -1,20 +1,20 @@
-//! Tickets: places of submits on the timeline of their device.
+//! Tickets: positions of submits on the timeline of their device.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::{Error, Result};
 use super::gpu::Gpu;
 
-/// A number for a device that no other device of the process has or will have.
+/// A device number, unique in the process.
 ///
-/// A ticket is a copy of numbers and may outlive its device, so that no address can tell whose it is.
+/// A ticket may outlive its device, so the device's address cannot identify the owner of a ticket.
 pub(super) fn next_device() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// A finished submit's place on the timeline of its device. The default is that of no submit:
-/// it has passed on every device.
+/// A submit's position on the timeline of its device. The default ticket stands for no submit and has passed on every
+/// device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket {
     value: u64,
@@ -23,7 +23,7 @@ pub struct Ticket {
 }
 
 impl Ticket {
-    /// The submit `value` of a device; 0 for none.
+    /// Ticket of submit `value` of a device; 0 stands for no submit.
     pub(super) fn of(device: u64, value: u64) -> Self {
         if value == 0 { Ticket::default() } else { Ticket { value, device } }
     }
@@ -40,18 +40,18 @@ impl Gpu {
         self.ticket(self.state().last)
     }
 
-    /// True when a submit has finished.
+    /// Whether a submit has finished.
     pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
         self.owns(ticket)?;
         Ok(self.completed()? >= ticket.value)
     }
 
-    /// The ticket of a submit of this device.
+    /// Ticket of submit `value` of this device.
     pub(super) fn ticket(&self, value: u64) -> Ticket {
         Ticket::of(self.device().id, value)
     }
 
-    /// Checks that a ticket is of this device.
+    /// Checks that a ticket belongs to this device.
     pub(super) fn owns(&self, ticket: Ticket) -> Result<()> {
         if ticket.value == 0 || ticket.device == self.device().id {
             return Ok(());

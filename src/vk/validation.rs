@@ -11,10 +11,10 @@ use super::lock::lock;
 
 pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Setting of newer layers without which synchronization validation does not look at what shaders access.
+/// Setting of newer layers that makes synchronization validation follow shader accesses.
 pub(super) const FOLLOW_SHADERS: &CStr = c"syncval_shader_accesses_heuristic";
 
-/// Whether the layer takes settings when the instance is made, which older ones do not.
+/// Whether the layer accepts settings at instance creation; older layers do not.
 pub(super) fn takes_settings(entry: &ash::Entry) -> Result<bool> {
     // SAFETY: a global command.
     let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }
@@ -22,7 +22,7 @@ pub(super) fn takes_settings(entry: &ash::Entry) -> Result<bool> {
     Ok(extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::layer_settings::NAME)))
 }
 
-/// A setting of the layer that is on or off.
+/// A boolean setting of the layer.
 pub(super) fn switch<'a>(name: &'a CStr, value: &'a vk::Bool32) -> vk::LayerSettingEXT<'a> {
     vk::LayerSettingEXT {
         value_count: 1,
@@ -31,20 +31,20 @@ pub(super) fn switch<'a>(name: &'a CStr, value: &'a vk::Bool32) -> vk::LayerSett
     }
 }
 
-/// How the identifiers of messages begin in which the layer tells of itself: which of its settings it has adjusted to
-/// the device, and that its own checks make a shader slow.
+/// Prefixes of the identifiers of messages about the layer itself: settings that the layer has adjusted to the device,
+/// and shaders slowed by the layer's own checks.
 const OF_ITSELF: [&str; 2] = ["WARNING-Setting", "GPUAV-Compile-time"];
 
 #[derive(Default)]
-struct Seen {
+struct MessageStore {
     texts: Mutex<Vec<String>>,
     closed: AtomicBool,
 }
 
-/// Warnings and errors of the validation layer. Cheap to clone; outlives the device, whose end is when the layer tells
-/// what was not given back.
+/// Warnings and errors of the validation layer. Cheap to clone. Outlives the device, because the layer reports leaked
+/// objects when the device is closed.
 #[derive(Clone, Default)]
-pub struct Messages(Arc<Seen>);
+pub struct Messages(Arc<MessageStore>);
 
 impl std::fmt::Debug for Messages {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -53,12 +53,12 @@ impl std::fmt::Debug for Messages {
 }
 
 impl Messages {
-    /// All so far.
+    /// All messages so far.
     pub fn all(&self) -> Vec<String> {
         lock(&self.0.texts).clone()
     }
 
-    /// Whether the device is gone, with all that was made from it. Until then more may come.
+    /// Whether the device and all its objects are destroyed. Until then more messages may come.
     pub fn is_closed(&self) -> bool {
         self.0.closed.load(Ordering::Acquire)
     }
@@ -71,7 +71,7 @@ impl Messages {
         self.0.closed.store(true, Ordering::Release);
     }
 
-    /// The messenger's description. The messages must outlive the messenger, which holds a clone of them.
+    /// Description of a messenger. These messages must outlive the messenger, so a [`Messenger`] holds a clone.
     pub(super) fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
         use vk::DebugUtilsMessageSeverityFlagsEXT as Severity;
         use vk::DebugUtilsMessageTypeFlagsEXT as Type;
@@ -92,9 +92,9 @@ unsafe extern "system" fn collect(
     if data.is_null() || user.is_null() {
         return vk::FALSE;
     }
-    // SAFETY: `user` is what is inside the `Arc` that the messenger's owner keeps; the layer passes valid data.
-    let (seen, data) = unsafe { (&*user.cast::<Seen>(), &*data) };
-    // SAFETY: the layer passes valid text, or none.
+    // SAFETY: `user` points into the `Arc` that the messenger's owner keeps; the layer passes valid data.
+    let (seen, data) = unsafe { (&*user.cast::<MessageStore>(), &*data) };
+    // SAFETY: the layer passes valid text or a null pointer.
     let [id, text] = unsafe { [data.message_id_name_as_c_str(), data.message_as_c_str()] }
         .map(|s| s.map_or_else(String::new, |s| s.to_string_lossy().into_owned()));
     if !OF_ITSELF.iter().any(|of| id.starts_with(of)) {
@@ -111,7 +111,7 @@ pub(super) struct Messenger {
 }
 
 impl Messenger {
-    /// Registers the callback if `listen`; otherwise only stands for the enabled extension.
+    /// Registers the callback if `listen`; otherwise only represents the enabled extension.
     pub(super) fn new(
         entry: &ash::Entry,
         instance: &ash::Instance,
@@ -133,15 +133,15 @@ impl Messenger {
 impl Drop for Messenger {
     fn drop(&mut self) {
         if let Some(raw) = self.raw {
-            // SAFETY: created from this instance, which its owner destroys later.
+            // SAFETY: created from this instance, which the owner destroys later.
             unsafe { self.functions.destroy_debug_utils_messenger(raw, None) };
         }
     }
 }
 
-/// Version of the validation layer that is installed, if one is: as of the Vulkan headers that it was made with.
+/// Version of the installed validation layer, that is, of its Vulkan headers; `None` when the layer is not installed.
 pub fn validation_layer() -> Result<Option<[u32; 3]>> {
-    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what the caller asks for.
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, as the caller asks.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan(e.to_string()))?;
     // SAFETY: a global command.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;

@@ -51,7 +51,7 @@ fn what_is_of_another_device_is_refused_by_name() {
     foreign(gpu.describe(&recorder));
     foreign(gpu.missed_barriers(&recorder));
     let said = gpu.read::<u32>(&its).unwrap_err().to_string();
-    assert_eq!(said, "buffer its is of another device");
+    assert_eq!(said, "buffer its belongs to another device");
     // Nothing of it reached either device.
     assert_eq!([gpu.stats().submits, other.stats().submits], [0, 0]);
 }

@@ -61,7 +61,7 @@ fn an_old_or_poor_host_is_refused_by_name() {
     for (name, error) in missed {
         assert!(matches!(&error, Error::MissingFeature { feature, .. } if *feature == name), "{error}");
         let text = error.to_string();
-        assert!(text.contains("needed for") && text.contains("as its host has made it"), "{text}");
+        assert!(text.contains("needed for") && text.contains("as created by the host"), "{text}");
     }
     for (family, index) in [(99, 0), (0, 99)] {
         let error = refused(&|d| (d.queue_family, d.queue_index) = (family, index));

@@ -11,7 +11,7 @@ use crate::raster::size::Size;
 use crate::raster::target::Target;
 use crate::raster::tiles::Lists;
 use crate::raster::variants::{GradientSum, Variants};
-use crate::vk::{self, Buffer, BufferSlice, Gpu, Groups, Memory, Part, Pipeline, Recorder, slices};
+use crate::vk::{self, Buffer, BufferRange, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, slices};
 
 /// Gradients of what a forward pass wrote; of an image alone, its buffer turned into this.
 #[derive(Clone, Copy)]
@@ -126,7 +126,7 @@ pub(super) struct Backward {
     /// A single entry where the auxiliary channels are off.
     pub(super) grad_normals: Buffer,
     /// Beginning of the buffer that the tile lists use before.
-    pub(super) grad2d: Part,
+    pub(super) grad2d: BufferRange,
 }
 
 /// Gradients are those of models in 32 bits.
@@ -141,7 +141,7 @@ fn all_bits(model: &Planes) -> Result<(), vk::Error> {
 }
 
 impl Backward {
-    pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: Part) -> Result<Self, vk::Error> {
+    pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: BufferRange) -> Result<Self, vk::Error> {
         let slots = variants.gradients == GradientSum::Slots;
         let form = Form {
             count: size.count,

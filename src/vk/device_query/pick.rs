@@ -1,4 +1,4 @@
-//! Picking capabilities from what a device reports and what the options force, each with its reason.
+//! Choices among capabilities, from the device's report and the options, each with its reason.
 
 use ash::vk;
 
@@ -6,13 +6,13 @@ use super::Reported;
 use crate::vk::caps::{Addresses, Caps, Choice, DeviceKind, Limits, Subgroup};
 use crate::vk::options::{FloatAtomics, OpenOptions};
 
-/// The widest subgroup that divides every workgroup: the smallest ones of passes that use subgroups have so many
+/// The widest subgroup that divides every workgroup: the smallest workgroup of a pass with subgroup operations has 64
 /// threads.
 const WIDEST: u32 = 64;
-/// The width of subgroups in shared memory.
+/// Width of emulated subgroups.
 const EMULATED: u32 = 32;
 
-/// Operations of subgroups that the passes need.
+/// Subgroup operations that the passes need.
 const NEEDED_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
     vk::SubgroupFeatureFlags::BASIC.as_raw()
         | vk::SubgroupFeatureFlags::BALLOT.as_raw()
@@ -21,7 +21,7 @@ const NEEDED_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::fr
         | vk::SubgroupFeatureFlags::SHUFFLE.as_raw(),
 );
 
-/// Operations of subgroups, with their names.
+/// Subgroup operations, with their names.
 const OPERATIONS: [(vk::SubgroupFeatureFlags, &str); 8] = [
     (vk::SubgroupFeatureFlags::BASIC, "basic"),
     (vk::SubgroupFeatureFlags::VOTE, "vote"),
@@ -33,7 +33,7 @@ const OPERATIONS: [(vk::SubgroupFeatureFlags, &str); 8] = [
     (vk::SubgroupFeatureFlags::QUAD, "quad"),
 ];
 
-/// The choices made so far, in the order in which they are shown.
+/// The choices made so far, in display order.
 #[derive(Default)]
 struct Choices(Vec<Choice>);
 
@@ -44,7 +44,7 @@ impl Choices {
 }
 
 impl Reported {
-    /// Picks every capability, with its reason.
+    /// Chooses every capability, with its reason.
     pub(in crate::vk) fn pick(self, options: &OpenOptions) -> Caps {
         let f = self.features;
         let mut choices = Choices::default();
@@ -90,7 +90,7 @@ impl Reported {
         }
     }
 
-    /// How subgroups run, and whether pipelines have to ask for their width.
+    /// How subgroup operations run, and whether pipelines have to require the subgroup width.
     fn pick_subgroup(&self, choices: &mut Choices, options: &OpenOptions) -> (Subgroup, bool) {
         let can_pin = self.features.subgroup_size_control && self.required_size;
         let (narrowest, widest) = self.subgroup_range;
@@ -110,17 +110,17 @@ impl Reported {
         (subgroup, pin)
     }
 
-    /// Which buffers passes reach by address.
+    /// When passes reach buffers by address.
     fn pick_addresses(&self, choices: &mut Choices, limits: &Limits, options: &OpenOptions) -> Addresses {
         let (addresses, why) = match (options.addresses, self.features.buffer_device_address) {
             (Some(false), _) => (Addresses::Never, "forced"),
             (_, false) => (Addresses::Never, "bufferDeviceAddress is missing"),
             (Some(true), true) => (Addresses::Always, "forced"),
-            (None, true) => (Addresses::BeyondRange, "bufferDeviceAddress is there"),
+            (None, true) => (Addresses::BeyondRange, "bufferDeviceAddress is supported"),
         };
         let shown = match addresses {
-            Addresses::Never => format!("never: none is larger than {} bytes", limits.storage_range),
-            Addresses::BeyondRange => format!("where one is larger than {} bytes", limits.storage_range),
+            Addresses::Never => format!("never: no binding may exceed {} bytes", limits.storage_range),
+            Addresses::BeyondRange => format!("in dispatches with a binding above {} bytes", limits.storage_range),
             Addresses::Always => "always".to_owned(),
         };
         choices.note("buffers by address", shown, why);
@@ -134,7 +134,7 @@ impl Reported {
             (_, false) => (false, "a format of texel buffers is missing"),
             (Some(true), true) => (true, "forced"),
             (None, true) if self.kind == DeviceKind::Cpu => (true, "the device is a CPU"),
-            (None, true) => (false, "the device is no CPU"),
+            (None, true) => (false, "the device is not a CPU"),
         };
         choices.note("rows read as texels", yes_or_no(texels), why);
         texels
@@ -145,13 +145,14 @@ impl Reported {
             return (limit, "forced".to_owned());
         }
         if self.kind == DeviceKind::Cpu {
-            // Software drivers report a nominal heap: what counts is the system's memory.
+            // Software drivers report a nominal heap; the real limit is the system's memory.
             if let Some(total) = system_memory() {
                 return (total / 5 * 4, "four fifths of the system's memory, as the device is a CPU".to_owned());
             }
         }
         if let Some(budget) = self.budget {
-            // Pipelines, what registers spill and the rest of the allocator's blocks are counted nowhere else.
+            // The last tenth is for pipelines, spilled registers and unused space in the allocator's blocks, which no
+            // other count includes.
             return (
                 budget / 10 * 9,
                 "nine tenths of what VK_EXT_memory_budget left when the device was opened".to_owned(),
@@ -166,7 +167,7 @@ fn yes_or_no(have: bool) -> &'static str {
     if have { "yes" } else { "no" }
 }
 
-/// How floats are added atomically, where `native` says whether the device has the `feature` for it.
+/// How floats are added atomically. `native` says whether the device has `feature`, the feature for atomic addition.
 fn float_atomics(
     choices: &mut Choices,
     what: &'static str,
@@ -176,14 +177,14 @@ fn float_atomics(
 ) -> FloatAtomics {
     let (picked, why) = match (options.float_atomics, native) {
         (Some(FloatAtomics::CompareAndSwap), _) => (FloatAtomics::CompareAndSwap, "forced".to_owned()),
-        (_, true) => (FloatAtomics::Native, format!("{feature} is there")),
+        (_, true) => (FloatAtomics::Native, format!("{feature} is supported")),
         (_, false) => (FloatAtomics::CompareAndSwap, format!("{feature} is missing")),
     };
     choices.note(what, if picked == FloatAtomics::Native { "native" } else { "compare-and-swap" }, why);
     picked
 }
 
-/// Lowers the range of a storage buffer where the options say so.
+/// Lowers the range of a storage-buffer descriptor to the option's value.
 fn limit_range(choices: &mut Choices, limits: &mut Limits, options: &OpenOptions) {
     if let Some(range) = options.storage_range.filter(|range| *range < limits.storage_range) {
         limits.storage_range = range;
@@ -191,7 +192,7 @@ fn limit_range(choices: &mut Choices, limits: &mut Limits, options: &OpenOptions
     }
 }
 
-/// Lowers what a pass may bind and what a workgroup may share where the options say so.
+/// Lowers the storage buffers of a pass and the shared memory of a workgroup to the options' values.
 fn limit_workgroups(choices: &mut Choices, limits: &mut Limits, options: &OpenOptions) {
     let why = lowered(&mut limits.storage_buffers, options.max_storage_buffers);
     let why = why.unwrap_or("maxPerStageDescriptorStorageBuffers");
@@ -200,14 +201,15 @@ fn limit_workgroups(choices: &mut Choices, limits: &mut Limits, options: &OpenOp
     choices.note("shared memory of a workgroup", format!("{} bytes", limits.shared_bytes), why);
 }
 
-/// Lowers a limit to `most`, and says why where that changes the limit.
+/// Lowers a limit to `most`. Returns a reason when the limit has changed.
 fn lowered(limit: &mut u32, most: Option<u32>) -> Option<&'static str> {
     *limit = most.filter(|most| *most < *limit)?;
     Some("forced")
 }
 
-/// How subgroups of a device run that has all operations, whether pipelines have to ask for their width, and why: from
-/// the width that it names, those that its pipelines may have, and whether they can ask for one.
+/// How subgroup operations run on a device that has all of them, whether pipelines have to require the width, and why.
+/// `named` is the default width of the device, `narrowest` and `widest` bound the widths of its pipelines, and
+/// `can_pin` says whether a pipeline can require a width.
 fn subgroup_of(named: u32, narrowest: u32, widest: u32, can_pin: bool) -> (Subgroup, bool, String) {
     let one_width = narrowest == widest;
     let emulated = |why: String| (Subgroup::Emulated(EMULATED), false, why);
@@ -224,7 +226,7 @@ fn subgroup_of(named: u32, narrowest: u32, widest: u32, can_pin: bool) -> (Subgr
     }
 }
 
-/// Bytes of memory that this process may use: the machine's or its control group's, whichever is less.
+/// Bytes of memory that this process may use: the lesser of the machine's memory and the control group's limit.
 fn system_memory() -> Option<u64> {
     let total = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
@@ -251,7 +253,7 @@ mod tests {
         assert_eq!(pick(32, (32, 32), false), (Subgroup::Hardware(32), false));
         assert_eq!(pick(64, (32, 64), true), (Subgroup::Hardware(64), true));
         assert_eq!(pick(64, (32, 64), false), (Subgroup::Emulated(32), false));
-        // Wider than a workgroup of 64 threads: asked for narrower ones, or emulated where there are none.
+        // Wider than a workgroup of 64 threads: narrower subgroups are required, or emulated when the device has none.
         assert_eq!(pick(128, (64, 128), true), (Subgroup::Hardware(64), true));
         assert_eq!(pick(128, (64, 128), false), (Subgroup::Emulated(32), false));
         assert_eq!(pick(128, (128, 128), true), (Subgroup::Emulated(32), false));
