@@ -1,6 +1,6 @@
-//! Memory of the machine: what this process holds, what could still be had, and what one picture may take of it.
+//! The machine's memory: how much this process holds, how much is free, and how much decoding one photograph may take.
 
-/// Where nothing can be found out.
+/// Free bytes to assume where the system reports none.
 pub(crate) const FREE_UNKNOWN: u64 = 4 << 30;
 
 /// Bytes of memory that this process holds (`VmRSS` of Linux).
@@ -8,7 +8,7 @@ pub(crate) fn resident() -> Option<u64> {
     kib(&std::fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
-/// Bytes that can be allocated without swapping: the machine's, or the control group's if that has less.
+/// Bytes that can be allocated without swapping: the smaller of the machine's and the control group's free memory.
 pub(crate) fn free() -> Option<u64> {
     let machine = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| kib(&text, "MemAvailable:"));
     let number = |file| std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok();
@@ -23,13 +23,13 @@ fn kib(text: &str, key: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What decoding one picture may take. What a machine has changes from one moment to the next:
-/// two such limits count as equal.
+/// How much memory decoding one photograph may take. Free memory changes from one moment to the next, so two limits
+/// derived from free memory count as equal.
 #[derive(Clone, Copy, Debug)]
 pub struct DecodeLimit {
-    /// Bytes.
+    /// Largest number of bytes.
     pub most: u64,
-    /// Whether the limit was asked for, and is not what the machine has.
+    /// Whether the caller set the limit; otherwise the limit is derived from free memory.
     pub asked: bool,
 }
 
@@ -41,17 +41,17 @@ impl PartialEq for DecodeLimit {
 
 impl Eq for DecodeLimit {}
 
-/// Why a picture is not decoded.
+/// Why a photograph is not decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum NoRoom {
-    /// It takes more than it may.
-    Beyond,
-    /// The system does not give the memory.
+pub(crate) enum NoMemory {
+    /// Decoding would exceed the limit.
+    OverLimit,
+    /// The system refuses the allocation.
     Refused,
 }
 
 impl DecodeLimit {
-    /// As asked for, else half of what is free now.
+    /// The limit `asked` for, else half of the memory that is free now.
     pub fn new(asked: Option<u64>) -> Self {
         match asked {
             Some(most) => Self { most, asked: true },
@@ -59,17 +59,17 @@ impl DecodeLimit {
         }
     }
 
-    /// Whether so many bytes may be taken.
-    pub(crate) fn allows(self, bytes: u64) -> Result<(), NoRoom> {
-        if bytes <= self.most { Ok(()) } else { Err(NoRoom::Beyond) }
+    /// Fails where `bytes` exceeds the limit.
+    pub(crate) fn allows(self, bytes: u64) -> Result<(), NoMemory> {
+        if bytes <= self.most { Ok(()) } else { Err(NoMemory::OverLimit) }
     }
 
-    /// Whether so many bytes may be taken and can be had now. A decoder of another project would end the process where
-    /// they cannot.
-    pub(crate) fn has_room_for(self, bytes: u64) -> Result<(), NoRoom> {
+    /// Fails where `bytes` exceeds the limit or cannot be allocated now. Without this check, the decoders of
+    /// dependencies would abort the process where an allocation fails.
+    pub(crate) fn has_room_for(self, bytes: u64) -> Result<(), NoMemory> {
         self.allows(bytes)?;
-        let bytes = usize::try_from(bytes).map_err(|_| NoRoom::Refused)?;
-        Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| NoRoom::Refused)
+        let bytes = usize::try_from(bytes).map_err(|_| NoMemory::Refused)?;
+        Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| NoMemory::Refused)
     }
 }
 
@@ -89,9 +89,9 @@ mod tests {
     #[test]
     fn a_limit_lets_through_what_it_has_and_no_more() {
         let limit = DecodeLimit::new(Some(1000));
-        assert_eq!((limit.has_room_for(1000), limit.has_room_for(1001)), (Ok(()), Err(NoRoom::Beyond)));
+        assert_eq!((limit.has_room_for(1000), limit.has_room_for(1001)), (Ok(()), Err(NoMemory::OverLimit)));
         let none = DecodeLimit { most: u64::MAX, asked: false };
-        assert_eq!(none.has_room_for(u64::MAX), Err(NoRoom::Refused), "no machine has so much");
+        assert_eq!(none.has_room_for(u64::MAX), Err(NoMemory::Refused), "no machine has 2^64 bytes");
         assert!(!DecodeLimit::new(None).asked);
     }
 }

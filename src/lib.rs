@@ -1,10 +1,10 @@
 //! Gaussian splatting on raw Vulkan compute: read posed photographs, train a 3D Gaussian model, render and score it.
 //!
 //! [`train`] composes [`raster`], which composes [`pass`], which describes compute shaders that [`vk`] runs. Vulkan
-//! handles stay inside [`vk`]; [`scene`], [`dataset`], [`mod@format`] and [`saliency`] call none of it. [`twin`]
-//! computes on the CPU what the passes do. Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
+//! handles stay inside [`vk`]; [`scene`], [`dataset`], [`mod@format`] and [`saliency`] do not use Vulkan. [`twin`]
+//! computes the passes' results on the CPU. Conventions (frames, units, orders) are in `docs/CONVENTIONS.md`.
 //!
-//! # A picture of a model
+//! # Rendering a model
 //!
 //! ```no_run
 //! use psrgs_vk::dataset::{Dataset, LoadOptions};
@@ -16,15 +16,15 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let gpu = Gpu::open(&OpenOptions::default())?;
 //! let cameras = Dataset::load("fox".as_ref(), &LoadOptions { photographs: false, ..LoadOptions::default() })?;
-//! // Models come in the units of their dataset; everything is drawn in scene coordinates.
+//! // Model files are in dataset coordinates, renders in scene coordinates.
 //! let model = ply::read("fox-model/point_cloud.ply".as_ref())?.in_scene(&cameras.frame);
 //! let camera = cameras.scene_camera(0).ok_or("the dataset has no camera")?;
 //!
 //! let mut viewer = Viewer::new(&gpu);
 //! let planes = viewer.upload(&model)?;
 //! let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
-//! let picture = viewer.render(&planes, model.len() as u32, &shot, false)?;
-//! image_out::write_png("fox.png".as_ref(), picture.width, picture.height, &picture.rgb8())?;
+//! let render = viewer.render(&planes, model.len() as u32, &shot, false)?;
+//! image_out::write_png("fox.png".as_ref(), render.width, render.height, &render.rgb8())?;
 //! # Ok(())
 //! # }
 //! ```
@@ -32,10 +32,10 @@
 //! On a device that belongs to a host program, [`vk::Gpu::adopt`] takes the place of `open`
 //! (`docs/EMBEDDING.md`, `examples/embed.rs`, `examples/view_while_training.rs`).
 //!
-//! # Training, by pulling messages
+//! # Training
 //!
-//! A [`train::Trainer`] works while it is asked for the next [`train::Message`], and only then: a caller can look at
-//! the model, save a checkpoint or stop between any two messages.
+//! A [`train::Trainer`] works only while a caller waits for the next [`train::Message`]. Between any two messages the
+//! caller can read the model, save a checkpoint or stop.
 //!
 //! ```no_run
 //! use psrgs_vk::dataset::Dataset;
@@ -48,7 +48,8 @@
 //! let mut settings = Settings::default();
 //! settings.run.iterations = 2000;
 //! settings.run.scale_schedule = true;
-//! let dataset = Dataset::load("fox".as_ref(), &prepare::load_options(&settings.photographs, settings.model.background.evaluated()))?;
+//! let options = prepare::load_options(&settings.photographs, settings.model.background.evaluated());
+//! let dataset = Dataset::load("fox".as_ref(), &options)?;
 //! let input = prepare::input(&dataset, &settings)?;
 //!
 //! let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), None)?;

@@ -5,18 +5,18 @@ pub fn grouped(n: impl TryInto<u64>) -> String {
     indicatif::HumanCount(n.try_into().unwrap_or(u64::MAX)).to_string()
 }
 
-/// A count with its noun, of which the singular is given: `1 photograph`, `2 photographs`, `42,293 splats`.
+/// A count with its noun, given in the singular: `1 photograph`, `2 photographs`, `42,293 splats`.
 pub fn counted(n: impl TryInto<u64>, noun: &str) -> String {
     let n = n.try_into().unwrap_or(u64::MAX);
     format!("{} {noun}{}", grouped(n), of_count(n, "", "s"))
 }
 
-/// The word that goes with a count: `is` or `are`, say.
+/// `one` for a count of 1, otherwise `several`; for example `is` and `are`.
 pub fn of_count<'a>(n: impl TryInto<u64>, one: &'a str, several: &'a str) -> &'a str {
     if n.try_into().is_ok_and(|n| n == 1) { one } else { several }
 }
 
-/// A number with so many digits behind the point. What rounds to zero has no sign.
+/// A number with `digits` decimal places. A number that rounds to zero has no sign.
 pub fn fraction(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     match text.strip_prefix('-') {
@@ -25,7 +25,7 @@ pub fn fraction(value: f64, digits: usize) -> String {
     }
 }
 
-/// A difference with its sign and so many digits behind the point. What rounds to zero is `+0`.
+/// A difference with its sign and `digits` decimal places. A difference that rounds to zero is `+0`.
 pub fn signed(value: f64, digits: usize) -> String {
     let text = format!("{value:+.digits$}");
     match text.strip_prefix('-') {
@@ -43,13 +43,13 @@ fn is_zero(digits: &str) -> bool {
     digits.bytes().all(|c| matches!(c, b'0' | b'.'))
 }
 
-/// The mean, or nothing when there are no values or it is not finite.
+/// The mean; `None` without values or where the mean is not finite.
 pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v, n + 1));
     Some(sum / f64::from(count)).filter(|m| m.is_finite())
 }
 
-/// The mean, or nothing where a value is missing.
+/// The mean; `None` where a value is missing or [`mean`] gives `None`.
 pub fn mean_if_all(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     mean(values.collect::<Option<Vec<_>>>()?.into_iter())
 }

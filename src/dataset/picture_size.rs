@@ -10,7 +10,7 @@ use image::ImageFormat;
 use super::error::Error;
 use super::tone::Samples;
 use crate::format::contain::contained;
-use crate::host_memory::{DecodeLimit, NoRoom};
+use crate::host_memory::{DecodeLimit, NoMemory};
 
 /// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG,
 /// a bit for a block of 64 pixels at the least, at 512.
@@ -99,11 +99,11 @@ pub(super) fn check_now(file: &Path, size: (u32, u32), needed: u64, limit: Decod
     limit.has_room_for(needed).map_err(|reason| refusal(file, size, needed, limit, reason))
 }
 
-fn refusal(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit, reason: NoRoom) -> Error {
+fn refusal(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit, reason: NoMemory) -> Error {
     let file = file.to_owned();
     match reason {
-        NoRoom::Beyond => Error::PictureTooLarge { file, size, needed, limit },
-        NoRoom::Refused => Error::NoMemoryForPicture { file, size, needed },
+        NoMemory::OverLimit => Error::PictureTooLarge { file, size, needed, limit },
+        NoMemory::Refused => Error::NoMemoryForPicture { file, size, needed },
     }
 }
 

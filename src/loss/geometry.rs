@@ -5,42 +5,42 @@ use crate::pass::geometry::{self, Push};
 use crate::raster::Target;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
-/// What is known of a view's depths and normals, on the device.
+/// A view's known depths and normals, on the device.
 #[derive(Clone, Copy)]
 pub struct Prior<'a> {
     /// Two words per pixel: see [`geometry::pack_prior`].
     pub buffer: &'a Buffer,
-    /// Width and height in pixels of its own, at least 1 each; it covers the same view as the photograph.
+    /// The prior's own width and height in pixels, at least 1 each. The prior covers the photograph's whole view.
     pub size: (u32, u32),
     /// Median depth of the view in scene units.
     pub median: f32,
 }
 
-/// A render with what is compared with it.
+/// A render with the photograph and the prior to compare it with.
 #[derive(Clone, Copy)]
 pub struct Rendered<'a> {
-    /// Rendered with its auxiliary channels, at the photograph's size.
+    /// The render with its auxiliary channels, at the photograph's size.
     pub target: &'a Target,
     /// The photograph.
     pub photograph: &'a Photograph<'a>,
-    /// What is known of the view.
+    /// The view's known depths and normals.
     pub prior: &'a Prior<'a>,
 }
 
-/// A prior on its way to the device.
+/// A prior in host memory, packed for upload.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedPrior {
     /// The content of [`Prior::buffer`].
     pub words: Vec<u32>,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Median of the depths that count, in the units they were given in.
+    /// Median of the known depths, in the units of [`Self::new`]'s depths.
     pub median: f32,
 }
 
 impl PackedPrior {
-    /// From rows of depths in scene units (0: none), unit normals in the camera frame (zeros: none) and confidences
-    /// from 0 to 1. `None` where no depth counts, or where there are not as many of each as pixels.
+    /// Packs depths in scene units (0: none), unit normals in the camera frame (zeros: none) and confidences from 0 to
+    /// 1, row after row. `None` where no depth is known, or where depths, normals or confidences are not one per pixel.
     pub fn new(size: (u32, u32), depth: &[f32], normals: &[[f32; 3]], confidence: &[f32]) -> Option<Self> {
         let pixels = size.0 as usize * size.1 as usize;
         if [depth.len(), normals.len(), confidence.len()] != [pixels; 3] {
@@ -57,31 +57,31 @@ impl PackedPrior {
     }
 }
 
-/// How edges of the photograph weigh the depths.
+/// How edges of the photograph change the weight of depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Edges {
-    /// More: 1 + beta |grad I| / (|grad I| + mean |grad I|).
+    /// More weight at edges: 1 + beta |grad I| / (|grad I| + mean |grad I|).
     More(f32),
-    /// Less: exp(-gamma |grad I|), I from 0 to 1.
+    /// Less weight at edges: exp(-gamma |grad I|), I from 0 to 1.
     Less(f32),
 }
 
-/// Weights and shapes of the terms. A term of weight 0 has no part.
+/// Weights and shapes of the terms. A term of weight 0 is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryWeights {
-    /// Of the depths' relative residuals.
+    /// Weight of the depths' relative residuals.
     pub depth: f32,
-    /// Residual at which their Huber function turns linear.
+    /// Relative residual at which the depths' Huber function turns linear.
     pub huber: f32,
-    /// How edges weigh them.
+    /// How edges change the weight of depths.
     pub edges: Edges,
-    /// Of squared second differences of depth over the view's median.
+    /// Weight of squared second differences of depth over the view's median depth.
     pub smooth: f32,
-    /// Smoothness is weighted by exp(-this |grad I|), I from 0 to 1.
+    /// Factor k of the smoothness term's weight exp(-k |grad I|), I from 0 to 1.
     pub edge_stop: f32,
-    /// Of 1 - cosine between the normals.
+    /// Weight of 1 - cosine between the normals.
     pub cosine: f32,
-    /// Of the normals' L1 distance.
+    /// Weight of the normals' L1 distance.
     pub l1: f32,
 }
 
@@ -91,7 +91,7 @@ impl Default for GeometryWeights {
     }
 }
 
-/// The passes and the buffers between them.
+/// The passes of the geometry loss and the buffers between them.
 pub struct GeometryLoss {
     gpu: Gpu,
     sum: Pipeline,
@@ -103,7 +103,7 @@ pub struct GeometryLoss {
 }
 
 impl GeometryLoss {
-    /// For images of up to `pixels` pixels.
+    /// For renders of up to `pixels` pixels.
     pub fn new(gpu: &Gpu, pixels: u32) -> Result<Self, vk::Error> {
         let rows = |name, count: u32| gpu.buffer(name, 16 * u64::from(count.max(1)), Memory::Device);
         Ok(Self {
@@ -117,8 +117,8 @@ impl GeometryLoss {
         })
     }
 
-    /// Records the loss of a render. Adds to dL/dT in `grad_image` and writes [`Self::grad_aux`]. Where the
-    /// photograph's mask is 1 nothing counts.
+    /// Records the loss of a render. Adds the gradient of the transmittance (dL/dT) to `grad_image` and writes
+    /// [`Self::grad_aux`]. Pixels where the photograph's mask is 1 do not count.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -170,12 +170,12 @@ impl GeometryLoss {
         &self.grad_aux
     }
 
-    /// Four floats: depth, smoothness and normals of the last recorded view, weighted, and their sum.
+    /// Four floats of the last recorded view: the weighted depth, smoothness and normal terms, and their sum.
     pub fn result(&self) -> &Buffer {
         &self.result
     }
 
-    /// Bytes of its buffers: 32 per pixel and a little.
+    /// Bytes of the loss's buffers: about 32 per pixel.
     pub fn bytes(&self) -> u64 {
         [&self.depth_map, &self.parts, &self.totals, &self.grad_aux, &self.result].into_iter().map(Buffer::size).sum()
     }

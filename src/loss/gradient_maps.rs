@@ -7,13 +7,13 @@ use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GradientMapWeights {
-    /// Of 1 - the mean correlation.
+    /// Weight of 1 - the mean correlation.
     pub correlation: f32,
-    /// Of the residual's total variation; 0 leaves it out.
+    /// Weight of the residual's total variation; 0 leaves the term out.
     pub variation: f32,
 }
 
-/// The passes and the buffers between them.
+/// The passes of the gradient map loss and the buffers between them.
 pub struct GradientMapLoss {
     gpu: Gpu,
     sum: Pipeline,
@@ -40,9 +40,9 @@ impl GradientMapLoss {
         })
     }
 
-    /// Records the loss of `image`, a vec4 per pixel of the photograph, and adds its gradient to `grad_image`. Windows
-    /// count by their sum of the photograph's mask, pixel by pixel without one. With exposures, `image` is what the
-    /// photograph's exposure made of the render, and `grad_image` the gradient of that.
+    /// Records the loss of `image`, a vec4 per pixel of the photograph, and adds dL/d(image) to `grad_image`. A
+    /// window's weight is the sum of the photograph's mask over its pixels, or its number of pixels without a mask.
+    /// With exposures, `image` is the render after the photograph's exposure.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -82,13 +82,13 @@ impl GradientMapLoss {
         record_sum(recorder, &self.sum, [&self.parts, &self.result], gradient_map::parts(width, height))
     }
 
-    /// Four floats of the last recorded view: the correlation term and the variation, weighted, the mean correlation,
-    /// and the sum of both terms.
+    /// Four floats of the last recorded view: the weighted correlation term, the weighted variation term, the mean
+    /// correlation, and the sum of both terms.
     pub fn result(&self) -> &Buffer {
         &self.result
     }
 
-    /// Bytes of its buffers: 16 per pixel and a little.
+    /// Bytes of the loss's buffers: about 16 per pixel.
     pub fn bytes(&self) -> u64 {
         [&self.maps, &self.windows, &self.totals, &self.parts, &self.result].into_iter().map(Buffer::size).sum()
     }

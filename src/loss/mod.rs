@@ -1,8 +1,8 @@
-//! Losses composed of passes: colours, gradient maps, and depth and normals against a prior. None knows of training:
-//! what a step makes of them is said in `train::terms`.
+//! Losses composed of passes: colours, gradient maps, and depth and normals against a prior. No loss depends on
+//! training; `train::terms` combines the losses of a step.
 //!
-//! Each owns the buffers between its passes and leaves its value on the device. [`PhotometricLoss`] writes the gradient
-//! of the image anew; the others add to a gradient that is there already.
+//! Each loss owns the buffers between its passes and leaves its value on the device. [`PhotometricLoss`] overwrites the
+//! gradient of the image; the other losses add to the gradient.
 
 mod geometry;
 mod gradient_maps;
@@ -24,34 +24,33 @@ pub struct Photograph<'a> {
     pub bits: u32,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Channels times pixels that are not masked: see [`crate::pass::loss::values`]. Means are taken over these; of a
-    /// part of a photograph, they are those of the whole.
+    /// Number of values (channels times unmasked pixels) of the whole photograph, over which means are taken: see
+    /// [`crate::pass::loss::values`].
     pub values: f32,
-    /// The part's share in them.
+    /// Number of values of the part in `buffer`; equal to `values` for a whole photograph.
     pub part_values: f32,
-    /// Where its texture is, if that is to matter.
-    pub mask: Option<Mask<'a>>,
+    /// The photograph's texture, where the losses take texture into account.
+    pub mask: Option<TextureMask<'a>>,
 }
 
-/// A mask of bytes on the device, row after row without padding, 255 standing for 1. It covers a photograph,
-/// at a size of its own.
+/// A texture mask on the device: bytes, row after row without padding, 255 standing for 1. The mask covers the whole
+/// photograph at its own resolution.
 #[derive(Clone, Copy)]
-pub struct Mask<'a> {
-    /// A whole number of words.
+pub struct TextureMask<'a> {
+    /// The mask's bytes, padded at the end to a whole number of 32-bit words.
     pub buffer: &'a Buffer,
     /// Width and height in pixels.
     pub size: (u32, u32),
 }
 
 impl<'a> Photograph<'a> {
-    /// The mask's buffer to bind and its size to tell. The photograph stands for a mask that is not there,
-    /// and is not read as one.
+    /// The mask's buffer and size. Without a mask, the photograph's buffer, which is bound but not read, and size 0.
     fn mask_to_bind(&self) -> (&'a Buffer, (u32, u32)) {
         self.mask.map_or((self.buffer, (0, 0)), |mask| (mask.buffer, mask.size))
     }
 }
 
-/// Records adding `count` rows of four floats up to the only row of `sum`.
+/// Records the sum of `count` rows of four floats into the single row of `sum`.
 fn record_sum(
     recorder: &mut Recorder,
     pipeline: &Pipeline,

@@ -8,10 +8,11 @@ use crate::vk::{self, Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, R
 /// L1 + SSIM between a render and a photograph, value and gradient.
 pub struct PhotometricLoss {
     lambda: f32,
-    /// Of the largest image: strips of the others have as many rows and channels.
+    /// Layout of the largest image. Strips of other images have the same numbers of rows and channels.
     layout: Layout,
-    /// For photographs with 8 bits per channel, and with 16 where there are any.
+    /// For photographs with 8 bits per channel.
     eight: Passes,
+    /// For photographs with 16 bits per channel, where there are any.
     sixteen: Option<Passes>,
     sum: Pipeline,
     planes: [Buffer; 3],
@@ -26,20 +27,20 @@ pub struct PhotometricLoss {
 pub struct PixelWeights<'a> {
     /// A value per pixel, from 0 to 1.
     pub saliency: &'a Buffer,
-    /// Weight of saliency 0, and of 1.
+    /// Weights at saliency 0 and at saliency 1.
     pub of: [f32; 2],
 }
 
-/// The passes for one depth of photographs.
+/// The passes for one bit depth of photographs.
 struct Passes {
-    /// Without weights, and with them where there are any.
+    /// Without pixel weights, and with pixel weights where training has any.
     strips: [Option<Pipeline>; 2],
     grad: [Option<Pipeline>; 2],
 }
 
 impl PhotometricLoss {
-    /// For images of the given sizes, `deep` if some photographs have 16 bits per channel, `weighted` if pixels may
-    /// have weights; `lambda` is the weight of 1 - SSIM, L1 has the rest.
+    /// For images of the given sizes. `deep`: some photographs have 16 bits per channel. `weighted`: pixels may have
+    /// weights. `lambda`: the weight of 1 - SSIM; L1 has the weight 1 - `lambda`.
     pub fn new(gpu: &Gpu, sizes: &[(u32, u32)], deep: bool, weighted: bool, lambda: f64) -> Result<Self, vk::Error> {
         let (constant, lanes) = match gpu.caps().subgroup {
             Subgroup::Hardware(width) if width >= loss::LEAST_LANES => ("LOCAL_SIZE", width),
@@ -89,8 +90,8 @@ impl PhotometricLoss {
         })
     }
 
-    /// Records the loss of `image` against `photograph`. Of a part of a photograph the gradient is the part's share in
-    /// that of all of it, and the loss that of the part.
+    /// Records the loss of `image` against `photograph`. For a part of a photograph, the gradient is the part's share
+    /// of the whole photograph's gradient, and the value is the loss of the part alone.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -122,13 +123,13 @@ impl PhotometricLoss {
         recorder.dispatch(&self.sum, &buffers, &push, Groups::Workgroups(1))
     }
 
-    /// Bytes of its buffers.
+    /// Bytes of the loss's buffers.
     pub fn bytes(&self) -> u64 {
         let rest = [&self.ssim_parts, &self.l1_parts, &self.grad_image, &self.result];
         self.planes.iter().chain(rest).map(Buffer::size).sum()
     }
 
-    /// dL/d(image), the layout of the image; the fourth component is zero.
+    /// dL/d(image), in the layout of the image; the fourth component is zero.
     pub fn grad_image(&self) -> &Buffer {
         &self.grad_image
     }
@@ -139,7 +140,7 @@ impl PhotometricLoss {
     }
 }
 
-/// Threads that add the parts of the loss up.
+/// Threads that sum the partial losses.
 fn sum_threads(caps: &Caps) -> u32 {
     const MOST: u32 = 1024;
     match caps.kind {

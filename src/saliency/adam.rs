@@ -1,4 +1,4 @@
-//! The optimiser of the sigma network, apart from that of the splats.
+//! The optimiser of the sigma network.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +23,7 @@ impl Adam {
         self.steps
     }
 
-    /// Moves the parameters against the gradient.
+    /// One step against the gradient, at the learning rate `rate`.
     pub(super) fn step(&mut self, parameters: &mut [f64], gradient: &[f64], rate: f64) {
         self.steps += 1;
         let t = self.steps as f64;
@@ -36,7 +36,7 @@ impl Adam {
         }
     }
 
-    /// Whether it fits so many parameters and can go on.
+    /// Whether the state fits the number of parameters and every moment is finite.
     pub(super) fn is_sound(&self, parameters: usize) -> bool {
         let finite = self.first.iter().all(|m| m.is_finite());
         let positive = self.second.iter().all(|v| v.is_finite() && *v >= 0.0);

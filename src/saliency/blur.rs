@@ -2,10 +2,10 @@
 
 use super::Border;
 
-/// Below this nothing but the middle of the kernel counts.
+/// Standard deviation in pixels below which only the centre of the kernel counts.
 const NOTHING: f64 = 0.2;
 
-/// The pixel that stands at position `i` of a side of `n` pixels, `i` inside or outside.
+/// Index of the pixel at position `i`, inside or outside, of a side of `n` pixels.
 pub(super) fn at(i: isize, n: usize, border: Border) -> usize {
     match border {
         Border::Periodic => i.rem_euclid(n as isize) as usize,
@@ -16,7 +16,7 @@ pub(super) fn at(i: isize, n: usize, border: Border) -> usize {
     }
 }
 
-/// Blurs by a Gaussian of `sigma` pixels, cut off at three of them; weights sum to 1.
+/// Blurs by a Gaussian with a standard deviation of `sigma` pixels, cut off at 3 sigma; weights sum to 1.
 pub(super) fn gaussian(values: Vec<f64>, (width, height): (usize, usize), sigma: f64, border: Border) -> Vec<f64> {
     if sigma < NOTHING {
         return values;

@@ -1,4 +1,4 @@
-//! The masks of a set of images, made when they are asked for and kept while sigma stays.
+//! Maps and masks of a set of images, computed on demand and kept until sigma changes.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::{Error, Gate, Plane, Saliency, Settings};
 
-/// Keeps the last map and mask of each image. In memory only: they follow from image, gate, sigma and seed, so a
-/// resumed run makes them again, to the same bits, in the time of a few steps.
+/// Keeps the last map and mask of each image, in memory only. Image, gate, sigma and seed determine the mask, so a
+/// resumed run computes equal bits again, in the time of a few steps.
 pub struct Cache {
     gate: Gate,
     seed: u64,
@@ -27,7 +27,7 @@ struct Kept {
 }
 
 impl Cache {
-    /// For images (luma) at the size of their masks: see [`Plane::reduced`].
+    /// From images (luma) at the size of their masks: see [`Plane::reduced`].
     pub fn new(images: Vec<Plane>, gate: Gate, seed: u64, settings: &Settings) -> Result<Self, Error> {
         settings.check()?;
         let entries = images.into_iter().map(|image| Entry { image, kept: Mutex::new(None) }).collect();
@@ -39,14 +39,14 @@ impl Cache {
         self.entries.iter().map(|entry| &entry.image)
     }
 
-    /// Map and mask of an image, and their version: a number that grows when they change,
-    /// so that copies elsewhere know their age.
+    /// Map and mask of an image, and a version number that grows whenever the mask changes, so that a caller can tell
+    /// whether a copy is out of date.
     pub fn get(&self, index: usize, sigma: f64) -> Result<(Arc<Saliency>, u64), Error> {
         let images = self.entries.len();
         let entry = self.entries.get(index).ok_or(Error::NoImage { index, images })?;
-        // What is kept is whole at any time, so that a panic elsewhere leaves nothing half made behind.
+        // The value is replaced as a whole, so a lock poisoned by a panic still holds a valid value.
         let mut kept = entry.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        // Other gates do not look at sigma.
+        // Only the spectral gate depends on sigma.
         let same = |k: &Kept| k.sigma.to_bits() == sigma.to_bits() || self.gate != Gate::Spectral;
         if let Some(k) = kept.as_ref().filter(|k| same(k)) {
             return Ok((Arc::clone(&k.saliency), k.version));
@@ -58,7 +58,7 @@ impl Cache {
         Ok((saliency, version))
     }
 
-    /// Makes those of all images in parallel, a sigma for each.
+    /// Computes the masks of all images in parallel. `sigmas` holds one sigma per image.
     pub fn prepare(&self, sigmas: &[f64]) -> Result<(), Error> {
         Error::check("sigma", sigmas.len(), self.entries.len())?;
         sigmas.par_iter().enumerate().try_for_each(|(index, sigma)| self.get(index, *sigma).map(drop))

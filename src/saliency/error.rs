@@ -1,17 +1,17 @@
-//! What can be wrong with what saliency is asked for.
+//! Errors of saliency.
 
 /// An error of saliency.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Values do not make an image of the size that was named.
+    /// The number of values does not fit the size.
     #[error("{what}: {found} values where {expected} are needed")]
     Size {
-        /// What the values are of.
+        /// What the values belong to.
         what: &'static str,
-        /// How many there are.
+        /// Number of values given.
         found: usize,
-        /// How many there should be.
+        /// Number of values needed.
         expected: usize,
     },
     /// An image without pixels.
@@ -30,31 +30,31 @@ pub enum Error {
         /// The value.
         value: f32,
     },
-    /// A setting makes no sense.
-    #[error("{name}: must be {want}, and is {value}")]
+    /// A setting is out of its range.
+    #[error("{name} must be {want}, but is {value}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         name: &'static str,
-        /// What it may be.
+        /// The allowed values.
         want: &'static str,
-        /// What it is.
+        /// The value given.
         value: f64,
     },
-    /// An image that is not there was asked for.
-    #[error("there is no image {index} among {images}")]
+    /// An image does not exist.
+    #[error("image {index} does not exist: {images} images are numbered from 0")]
     NoImage {
-        /// Its number.
+        /// Number of the image.
         index: usize,
-        /// How many there are.
+        /// Number of images.
         images: usize,
     },
-    /// A saved state is not one of this network.
+    /// A saved state does not belong to this network.
     #[error("the saved state of the sigma network: {0}")]
     State(String),
 }
 
 impl Error {
-    /// Refuses all but `count` values.
+    /// Fails unless `found` equals `expected`.
     pub(super) fn check(what: &'static str, found: usize, expected: usize) -> Result<(), Self> {
         if found == expected { Ok(()) } else { Err(Self::Size { what, found, expected }) }
     }

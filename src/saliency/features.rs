@@ -1,12 +1,12 @@
-//! What the sigma network sees of an image: the shape of its spectrum.
+//! The input of the sigma network: the shape of an image's spectrum.
 
 use serde::{Deserialize, Serialize};
 
 /// Values per image.
 pub const RINGS: usize = 16;
-/// Standardised values are at most this: an image unlike all others must not rule the network.
+/// Largest magnitude of a standardised value, so that one unusual image does not dominate the network.
 const MOST: f64 = 4.0;
-/// Below this deviation over the images, a value tells them apart by rounding only.
+/// Standard deviation over the images below which values differ by rounding only.
 const SAME: f64 = 1e-9;
 
 /// Means of the logarithm of an image's amplitudes over rings of frequencies, relative to the mean amplitude. Rings are
@@ -59,7 +59,8 @@ impl Standard {
         Self { means, deviations }
     }
 
-    /// In units of the deviation from the mean; 0 where all images are alike.
+    /// Deviations of the features from their means, in standard deviations; 0 for a feature that is equal in all
+    /// images.
     pub(super) fn apply(&self, features: &Features) -> [f64; RINGS] {
         std::array::from_fn(|k| {
             let (mean, deviation) = (self.means[k], self.deviations[k]);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
-/// Rows and columns that are moved together: a block fits the innermost cache.
+/// Side of a block of the transposition: one block fits the innermost cache.
 const BLOCK: usize = 16;
 
 /// The transforms of one size.
@@ -60,7 +60,7 @@ fn transposed(values: &[Complex64], width: usize, height: usize) -> Vec<Complex6
     turned
 }
 
-/// The first length from `n` on that has no prime factor above 5: others are transformed more slowly.
+/// The smallest length of at least `n` without a prime factor above 5, for which a transform is fast.
 pub(super) fn quick_length(n: usize) -> usize {
     let smooth = |mut m: usize| {
         for p in [2, 3, 5] {

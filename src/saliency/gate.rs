@@ -1,4 +1,4 @@
-//! Ways to tell texture from the rest, to be compared with one another.
+//! Ways to separate texture from the rest of an image, for comparison with one another.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,28 +7,28 @@ use super::blur::{at, gaussian};
 use super::{Error, Map, Plane, Settings, Spectrum};
 use crate::scene::random::Random;
 
-/// What a mask is made of. All but `Off` have the same share of the image.
+/// How a mask is computed. All gates aim at the same mean of the mask, [`Settings::share`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gate {
     /// `spectral`: the residual of the spectrum.
     #[default]
     Spectral,
-    /// `phase`: the phase of the spectrum alone, whatever sigma is.
+    /// `phase`: the phase of the spectrum alone, independent of sigma.
     Phase,
     /// `gradient`: the squared gradient.
     Gradient,
-    /// `random`: smooth noise, that knows nothing of the image.
+    /// `random`: smooth noise, independent of the image.
     Random,
-    /// `off`: the share of the others everywhere, so that no pixel is told from another.
+    /// `off`: [`Settings::share`] at every pixel.
     Off,
 }
 
 /// A map and its mask.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saliency {
-    /// Not negative, mean 1 or all 0.
+    /// Saliency per pixel: not negative, with a mean of 1 or all 0.
     pub map: Plane,
-    /// From 0 (not texture) to 1 (texture).
+    /// Texture per pixel, from 0 (none) to 1.
     pub mask: Plane,
 }
 
@@ -36,8 +36,8 @@ impl Gate {
     /// All gates.
     pub const ALL: [Self; 5] = [Self::Spectral, Self::Phase, Self::Gradient, Self::Random, Self::Off];
 
-    /// Map and mask of an image (luma), at its size. `sigma` is that of [`Spectrum::map`] and matters to `Spectral`
-    /// alone, `seed` to `Random`.
+    /// Map and mask of an image (luma), at the image's size. `sigma` (see [`Spectrum::map`]) affects `Spectral` alone,
+    /// `seed` affects `Random` alone.
     pub fn mask(self, image: &Plane, sigma: f64, seed: u64, settings: &Settings) -> Result<Saliency, Error> {
         settings.check()?;
         Settings::check_sigma(sigma)?;
@@ -75,7 +75,7 @@ fn squared_gradient(image: &Plane, settings: &Settings) -> Vec<f64> {
     gaussian(squares, (w, h), settings.blur_of(image.width(), image.height()), settings.border)
 }
 
-/// Its logarithm is blurred white noise of deviation 1: about as uneven as the maps of photographs.
+/// Noise whose logarithm is blurred white noise of standard deviation 1: about as uneven as the maps of photographs.
 fn smooth_noise(image: &Plane, seed: u64, settings: &Settings) -> Vec<f64> {
     let (w, h) = (image.width() as usize, image.height() as usize);
     let mut random = Random::new(seed);
@@ -107,7 +107,7 @@ impl FromStr for Gate {
         Self::ALL
             .into_iter()
             .find(|gate| gate.to_string() == word)
-            .ok_or_else(|| format!("gate `{word}` is not known; known are {}", known()))
+            .ok_or_else(|| format!("unknown gate `{word}`; the gates are {}", known()))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Sigma by image, learned beside a training.
+//! Sigma per image, learned during a training.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -7,8 +7,8 @@ use super::adam::Adam;
 use super::features::Standard;
 use super::mask::logistic;
 use super::network::{Network, PARAMETERS};
-use super::replay_buffer::Recall;
-use super::{Error, Features, Plane, Spectrum, Target, composite, cross_entropy, spaced};
+use super::replay_buffer::ReplayBuffer;
+use super::{Error, Features, MaskTarget, Plane, Spectrum, composite, cross_entropy, spaced};
 
 /// How sigma is learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,25 +20,26 @@ pub struct LearnSettings {
     pub lowest: f64,
     /// Largest sigma: beyond about 16 a map no longer tells places apart.
     pub highest: f64,
-    /// Largest change of a mask's level, in units of the map's natural logarithm. Errors alone do not change it.
+    /// Largest change of a mask's level, in units of the map's natural logarithm. [`SigmaLearner::learn_from_errors`]
+    /// leaves the level as it is.
     pub level: f64,
     /// Learning rate.
     pub rate: f64,
-    /// Weight of (ln(sigma / typical))^2, which decides where a loss does not.
+    /// Weight of the prior (ln(sigma / typical))^2, which decides where the loss is flat.
     pub prior: f64,
-    /// The sigma that the prior draws to.
+    /// The sigma that the prior favours.
     pub typical: f64,
-    /// Share of the pixels in which a model is said to fail.
+    /// Share of an image's pixels, those with the largest errors, that count as failures of the model.
     pub failing: f64,
-    /// Blur of error maps in pixels of an image whose shorter side has 256.
+    /// Standard deviation of the blur of error maps, in pixels of an image whose shorter side has 256.
     pub error_blur: f64,
-    /// Price of a mask over all of an image, in units of colour.
+    /// Price of a mask of 1 over the whole image, in units of colour from 0 to 1.
     pub price: f64,
-    /// Widths at which an update from errors looks at the loss beside its own, so that a hill between it and a better
-    /// one does not hold it up; 0 for none: then it goes downhill from where it is.
+    /// Number of further values of sigma at which an update from errors evaluates the loss, so that sigma can leave a
+    /// local minimum; 0 for gradient descent alone.
     pub outlook: usize,
-    /// Steps after an update from errors that recall what the outlooks of all images have found,
-    /// each image's last one; 0 for none.
+    /// Number of steps after an update from errors that train the network on the best sigma last found for every image;
+    /// 0 for none.
     pub recall: usize,
     /// Seed of the network.
     pub seed: u64,
@@ -87,60 +88,61 @@ impl LearnSettings {
     }
 }
 
-/// What the network says of an image.
+/// The network's choice for an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// Width of the filter, in bins of 256.
     pub sigma: f64,
-    /// By how much the level of the mask is moved.
+    /// Shift of the mask's level, in units of the map's natural logarithm.
     pub level: f64,
 }
 
-/// What an update knew and did.
+/// The values of one update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
-    /// Loss before it, the prior included.
+    /// Loss before the update, the prior included.
     pub loss: f64,
-    /// Sigma before it.
+    /// Sigma before the update.
     pub sigma: f64,
-    /// Level before it.
+    /// Level before the update.
     pub level: f64,
-    /// Derivative of the loss with respect to sigma; where that leads away from a better one,
-    /// the slope of the straight line to it.
+    /// Derivative of the loss with respect to sigma. Where the derivative leads away from a better sigma, the slope of
+    /// the straight line to the better sigma.
     pub by_sigma: f64,
 }
 
 /// Two renders of a view and its photograph: red, green and blue per pixel from 0 to 1, at the size of the view's mask.
 #[derive(Clone, Copy, Debug)]
 pub struct Renders<'a> {
-    /// Of the splats that the image has without texture.
+    /// Render of the splats that show the image without texture.
     pub low: &'a [f32],
-    /// Of all splats.
+    /// Render of all splats.
     pub full: &'a [f32],
-    /// What both should be.
+    /// The photograph that both should match.
     pub photograph: &'a [f32],
 }
 
-/// The network with its optimiser. Its state goes into checkpoints through serde;
-/// equal updates give equal bits, restored or not.
+/// The sigma network with its optimiser. Serde writes the state to checkpoints; equal updates give equal bits, with or
+/// without a restore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "State", into = "State")]
 pub struct SigmaLearner {
     network: Network,
     adam: Adam,
-    recall: Recall,
+    recall: ReplayBuffer,
     standard: Standard,
     settings: LearnSettings,
 }
 
 impl SigmaLearner {
-    /// For images of these features: all of a data set, so that values mean the same for each.
+    /// `images` holds the features of all images of a dataset: their means and deviations standardise the network's
+    /// input.
     pub fn new(images: &[Features], settings: &LearnSettings) -> Result<Self, Error> {
         settings.check()?;
         let at = (settings.start - settings.lowest) / (settings.highest - settings.lowest);
         let network = Network::new([(at / (1.0 - at)).ln(), 0.0], settings.seed);
         let adam = Adam::new(PARAMETERS);
-        let (recall, standard) = (Recall::default(), Standard::of(images));
+        let (recall, standard) = (ReplayBuffer::default(), Standard::of(images));
         Ok(Self { network, adam, recall, standard, settings: settings.clone() })
     }
 
@@ -151,29 +153,29 @@ impl SigmaLearner {
         Choice { sigma: s.lowest + (s.highest - s.lowest) * logistic(sigma), level: s.level * level.tanh() }
     }
 
-    /// How many updates there were.
+    /// Number of updates so far.
     pub fn updates(&self) -> u64 {
         self.adam.steps()
     }
 
-    /// The settings it was made with.
+    /// The settings given to [`Self::new`].
     pub fn settings(&self) -> &LearnSettings {
         &self.settings
     }
 
-    /// One update of one image: its mask is to tell where the model has its largest errors. None, and nothing is
-    /// learned, where there is nothing to tell: an image of one colour, or errors that are the same everywhere.
+    /// One update from one image: the mask learns to predict the pixels with the model's largest errors. `None`,
+    /// without an update, for an image of one colour or for errors that are equal everywhere.
     pub fn learn_from_errors(&mut self, spectrum: &Spectrum, errors: &Plane) -> Result<Option<Update>, Error> {
         let size = spectrum.size();
         let blur = self.settings.error_blur * f64::from(size.0.min(size.1)) / 256.0;
-        match Target::of_errors(errors, size, blur, self.settings.failing) {
+        match MaskTarget::of_errors(errors, size, blur, self.settings.failing) {
             Some(target) => self.learn_from_target(spectrum, &target),
             None => Ok(None),
         }
     }
 
-    /// As [`SigmaLearner::learn_from_errors`], of a target that is known.
-    pub fn learn_from_target(&mut self, spectrum: &Spectrum, target: &Target) -> Result<Option<Update>, Error> {
+    /// As [`SigmaLearner::learn_from_errors`], with a given target.
+    pub fn learn_from_target(&mut self, spectrum: &Spectrum, target: &MaskTarget) -> Result<Option<Update>, Error> {
         if spectrum.is_flat() {
             return Ok(None);
         }
@@ -182,7 +184,7 @@ impl SigmaLearner {
         let (loss, by_logit) = cross_entropy(mask.logits(), target.values())?;
         let [by_sigma, _] = mask.pull(&by_logit);
         let elsewhere = self.elsewhere(spectrum, choice.level, target)?;
-        // The share of the mask is given: moving the level would only learn the share of the target.
+        // The settings fix the mask's mean: a gradient of the level would only learn the target's mean.
         let update = self.update(spectrum, choice, loss, [by_sigma, 0.0], &elsewhere);
         if let Some((goal, depth)) = self.goal(&elsewhere).filter(|_| self.settings.recall > 0) {
             self.recall.keep(self.standard.apply(spectrum.features()), goal, depth);
@@ -191,8 +193,8 @@ impl SigmaLearner {
         Ok(Some(update))
     }
 
-    /// One update of one image: the mask is to be where the splats that only the full render has are worth their price.
-    /// None for an image of one colour.
+    /// One update from one image: the mask learns where the splats that only the full render has are worth their price.
+    /// `None`, without an update, for an image of one colour.
     pub fn learn_from_composite(
         &mut self,
         spectrum: &Spectrum,
@@ -206,12 +208,12 @@ impl SigmaLearner {
         let Renders { low, full, photograph } = *renders;
         let (loss, by_logit) = composite(mask.logits(), low, full, photograph, self.settings.price)?;
         let gradient = mask.pull(&by_logit);
-        // Level and sigma move together here: a hill in sigma at one level is none for the two.
+        // Level and sigma move together here: a local minimum in sigma at a fixed level need not be one in both.
         Ok(Some(self.update(spectrum, choice, loss, gradient, &[])))
     }
 
-    /// Widths all over the range with the loss of their masks.
-    fn elsewhere(&self, spectrum: &Spectrum, level: f64, target: &Target) -> Result<Vec<(f64, f64)>, Error> {
+    /// The outlook: values of sigma over the whole range, each with the loss of its mask.
+    fn elsewhere(&self, spectrum: &Spectrum, level: f64, target: &MaskTarget) -> Result<Vec<(f64, f64)>, Error> {
         let s = &self.settings;
         let at = |sigma: f64| {
             let mask = spectrum.map(sigma)?.mask(level);
@@ -225,8 +227,9 @@ impl SigmaLearner {
         self.settings.prior * (sigma / self.settings.typical).ln().powi(2)
     }
 
-    /// The output that gives the best width of an outlook, by a parabola through it and its neighbours in the
-    /// logarithm; and by how much the loss changes over the outlook. `None` for an outlook of fewer than three widths.
+    /// The network output that gives the best sigma of an outlook, refined by a parabola through its neighbours in the
+    /// logarithm, and the range of the loss over the outlook. `None` for an outlook of fewer than three values of
+    /// sigma.
     fn goal(&self, outlook: &[(f64, f64)]) -> Option<(f64, f64)> {
         let losses: Vec<f64> = outlook.iter().map(|(sigma, loss)| loss + self.prior(*sigma)).collect();
         if losses.len() < 3 || !losses.iter().all(|loss| loss.is_finite()) {
@@ -245,13 +248,13 @@ impl SigmaLearner {
         let s = &self.settings;
         let step = (s.highest / s.lowest).ln() / (losses.len() - 1) as f64;
         let sigma = outlook.get(best)?.0 * (aside * step).exp();
-        // The ends of the range are at infinity.
+        // The network reaches the ends of the range only with infinite outputs.
         let share = ((sigma - s.lowest) / (s.highest - s.lowest)).clamp(0.01, 0.99);
         Some(((share / (1.0 - share)).ln(), most - least))
     }
 
-    /// The loss with the prior, and where sigma is to go by it: downhill; but straight to the best width elsewhere,
-    /// over the hill, where downhill leads away from it.
+    /// The loss with the prior, and its derivative with respect to sigma. Where the derivative leads away from a better
+    /// sigma elsewhere, the slope of the straight line to the better sigma instead.
     fn slope(&self, sigma: f64, [loss, by_sigma]: [f64; 2], elsewhere: &[(f64, f64)]) -> [f64; 2] {
         let s = &self.settings;
         let with_prior = |sigma: f64, loss: f64| loss + self.prior(sigma);
@@ -290,20 +293,20 @@ impl SigmaLearner {
     }
 }
 
-/// What stands in a checkpoint.
+/// The learner's state in a checkpoint.
 #[derive(Clone, Serialize, Deserialize)]
 struct State {
     version: u32,
     network: Network,
     adam: Adam,
-    /// Empty in what earlier versions kept.
+    /// Missing in older checkpoints, and empty then.
     #[serde(default)]
-    recall: Recall,
+    recall: ReplayBuffer,
     standard: Standard,
     settings: LearnSettings,
 }
 
-/// Of the layout of [`State`].
+/// Version of the layout of [`State`].
 const VERSION: u32 = 1;
 
 impl From<SigmaLearner> for State {
@@ -319,11 +322,11 @@ impl TryFrom<State> for SigmaLearner {
     fn try_from(state: State) -> Result<Self, Error> {
         let State { version, network, adam, recall, standard, settings } = state;
         if version != VERSION {
-            return Err(Error::State(format!("its version is {version}, and {VERSION} is known")));
+            return Err(Error::State(format!("version {version} is unknown, expected {VERSION}")));
         }
         settings.check()?;
         if !(network.is_sound() && adam.is_sound(PARAMETERS) && recall.is_sound() && standard.is_finite()) {
-            return Err(Error::State(format!("it does not hold {PARAMETERS} finite parameters with their moments")));
+            return Err(Error::State(format!("expected {PARAMETERS} finite parameters with their moments")));
         }
         Ok(Self { network, adam, recall, standard, settings })
     }

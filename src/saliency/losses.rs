@@ -1,23 +1,23 @@
-//! What a mask should be good for, as losses with gradients.
+//! Losses of a mask, with their gradients.
 
 use super::blur::gaussian;
 use super::mask::logistic;
 use super::{Border, Error, Plane};
 
-/// Differences of colours smaller than this count by their squares.
+/// Colour differences below this count by their squares.
 const ROUND: f64 = 1e-3;
 
 /// Where a model fails: the pixels with the largest errors.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Target {
+pub struct MaskTarget {
     size: (u32, u32),
     values: Vec<f64>,
 }
 
-impl Target {
-    /// Of an error map of any size (absolute differences of a render from its photograph): 1 for the `share` of the
-    /// pixels with the largest errors after a blur of `blur` pixels, 0 elsewhere.
-    /// None where no pixel has a larger error than the others.
+impl MaskTarget {
+    /// From an error map of any size (absolute differences between a render and its photograph): 1 for the `share` of
+    /// the pixels with the largest errors after a blur of `blur` pixels, 0 elsewhere. `None` where no pixel has a
+    /// larger error than the others.
     pub fn of_errors(errors: &Plane, size: (u32, u32), blur: f64, share: f64) -> Option<Self> {
         let errors = errors.resized(size.0, size.1);
         let size = (errors.width(), errors.height());
@@ -38,13 +38,14 @@ impl Target {
         self.size
     }
 
-    /// 0 or 1 by pixel, row by row from the top.
+    /// 0 or 1 per pixel, row by row from the top.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 }
 
-/// Mean cross entropy of a mask, given by its logits, and what it should have been; and the derivatives by logit.
+/// Mean cross entropy between a mask, given by its logits, and its target, and the derivatives with respect to the
+/// logits.
 pub fn cross_entropy(logits: &[f64], target: &[f64]) -> Result<(f64, Vec<f64>), Error> {
     Error::check("the target", target.len(), logits.len())?;
     let n = logits.len().max(1) as f64;
@@ -55,9 +56,9 @@ pub fn cross_entropy(logits: &[f64], target: &[f64]) -> Result<(f64, Vec<f64>), 
 }
 
 /// Mean absolute difference of a photograph and the composite `(1 - M) low + M full` of two renders (red, green, blue
-/// per pixel, at the size of the mask), plus `price` times the mean of the mask; and the derivatives by logit. Where
-/// the splats that only `full` has are not worth the price, the mask goes down. Differences are rounded off:
-/// sqrt(d^2 + r^2) - r with r = 0.001.
+/// per pixel, at the size of the mask), plus `price` times the mean of the mask; and the derivatives with respect to
+/// the logits. Where the splats that only `full` has are not worth the price, the mask goes down. Absolute differences
+/// are smoothed: sqrt(d^2 + r^2) - r with r = 0.001.
 pub fn composite(
     logits: &[f64],
     low: &[f32],

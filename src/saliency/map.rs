@@ -2,7 +2,7 @@
 
 use super::{Plane, Settings, SoftMask, mask};
 
-/// How salient each pixel is, in units of the image's mean, and how that changes with sigma.
+/// Saliency of each pixel, in units of the image's mean, and its derivative with respect to sigma.
 #[derive(Clone, Debug)]
 pub struct Map {
     size: (u32, u32),
@@ -12,7 +12,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// Of blurred energies and their derivatives. Zeros stay zeros.
+    /// From blurred energies and their derivatives with respect to sigma. A map of zeros stays zero.
     pub(super) fn new(size: (u32, u32), mut values: Vec<f64>, mut slopes: Vec<f64>, settings: &Settings) -> Self {
         let n = values.len() as f64;
         let (mean, change) = (values.iter().sum::<f64>() / n, slopes.iter().sum::<f64>() / n);
@@ -40,13 +40,13 @@ impl Map {
         self.size
     }
 
-    /// The soft mask, its level moved by `level` (in units of the map's natural logarithm, from the one that gives the
-    /// mask the share of the settings).
+    /// The soft mask. `level` shifts the mask's level, in units of the map's natural logarithm, from the level at which
+    /// the mask's mean is [`Settings::share`].
     pub fn mask(&self, level: f64) -> SoftMask {
         mask::of(self.size, &self.values, &self.slopes, level, &self.settings)
     }
 
-    /// As an image.
+    /// The map as an image.
     pub fn plane(&self) -> Plane {
         Plane::of(self.size.0, self.size.1, self.values.iter().copied())
     }

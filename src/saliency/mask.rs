@@ -2,18 +2,17 @@
 
 use super::{Plane, Settings};
 
-/// Added to a map before its logarithm is taken, in units of its mean.
+/// Added to a map before taking its logarithm, in units of the map's mean.
 const LEAST: f64 = 1e-3;
-/// Nothing below this share of a map's mean is texture, however empty the rest is.
+/// Smallest level of a mask, as a share of the map's mean: smaller values are never texture.
 const LOWEST: f64 = 0.1;
-/// Steps of the search of a level: bisection alone would reach rounding with that many.
+/// Steps of the search for a level, enough for bisection alone to reach rounding.
 const STEPS: usize = 80;
 
-/// How much of each pixel counts as texture: the logistic function of how far the logarithm of its map is above a
-/// level, over the softness.
+/// How much each pixel counts as texture: logistic((ln map - level) / softness).
 ///
-/// The level is the soft quantile of the map: the one that gives the mask the share of the settings for its mean. So it
-/// follows the map as sigma changes, its own derivative is known, and no mask can win a loss by covering all or
+/// The level is the soft quantile of the map, at which the mask's mean is [`Settings::share`]. The level therefore
+/// follows the map as sigma changes and has a known derivative, and no mask can lower a loss by covering everything or
 /// nothing.
 #[derive(Clone, Debug)]
 pub struct SoftMask {
@@ -32,7 +31,7 @@ pub(super) fn of(size: (u32, u32), map: &[f64], map_slopes: &[f64], moved: f64, 
     let mut level = soft_quantile(&logarithms, settings.share, softness);
     let mut level_change = 0.0;
     if level > lowest {
-        // Of the mean staying what it is: sum of M (1 - M) (change - level_change) = 0.
+        // The mean stays constant: sum of M (1 - M) (change - level_change) = 0.
         let (mut sum, mut total) = (0.0, 0.0);
         for (l, change) in logarithms.iter().zip(changes.clone()) {
             let m = logistic((l - level) / softness);
@@ -47,11 +46,12 @@ pub(super) fn of(size: (u32, u32), map: &[f64], map_slopes: &[f64], moved: f64, 
     SoftMask { size, logits, slopes, level, softness }
 }
 
-/// The level above which the logistic function has the mean `share`, by Newton's method inside a shrinking bracket.
+/// The level at which the mean of logistic((value - level) / softness) is `share`, by Newton's method inside a
+/// shrinking bracket.
 fn soft_quantile(values: &[f64], share: f64, softness: f64) -> f64 {
     let n = values.len() as f64;
     let (least, most) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
-    // The logistic function of this distance is the share: all values at one end would put the level there.
+    // If all values were equal, the level would lie this distance above them.
     let distance = softness * ((1.0 - share) / share).ln();
     let (mut low, mut high) = (least + distance, most + distance);
     let mut sorted = values.to_vec();
@@ -111,12 +111,12 @@ impl SoftMask {
         self.logits.iter().map(|l| logistic(*l)).collect()
     }
 
-    /// As an image.
+    /// The mask as an image.
     pub fn plane(&self) -> Plane {
         Plane::of(self.size.0, self.size.1, self.logits.iter().map(|l| logistic(*l)))
     }
 
-    /// Derivatives of a loss with respect to sigma and to the level, from those with respect to the logits.
+    /// Derivatives of a loss with respect to sigma and to the level, from the derivatives with respect to the logits.
     pub fn pull(&self, by_logit: &[f64]) -> [f64; 2] {
         let by_sigma = by_logit.iter().zip(&self.slopes).map(|(g, d)| g * d).sum();
         let by_level = -by_logit.iter().sum::<f64>() / self.softness;

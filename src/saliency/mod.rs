@@ -1,5 +1,6 @@
 //! Which parts of a photograph are texture: spectral residual saliency (Hou and Zhang, CVPR 2007), a soft mask from it,
-//! and a small network that learns the width of its filter. On the host alone, in double precision, reproducible.
+//! and a small network that learns the width of its filter. All computations run on the CPU in double precision and are
+//! reproducible.
 //!
 //! ```
 //! use psrgs_vk::dataset::Pixels;
@@ -9,15 +10,15 @@
 //! let photograph = Pixels::Rgba8(vec![90; 24]);
 //! let settings = Settings::default();
 //! let luma = Plane::luma(3, 2, &photograph)?.reduced(settings.side);
-//! let found = Gate::Spectral.mask(&luma, 3.0, 0, &settings)?;
-//! assert_eq!((found.mask.width(), found.mask.height()), (3, 2));
+//! let saliency = Gate::Spectral.mask(&luma, 3.0, 0, &settings)?;
+//! assert_eq!((saliency.mask.width(), saliency.mask.height()), (3, 2));
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! A [`Spectrum`] is what an image's maps have in common; [`Spectrum::map`] costs two transforms and gives the map
-//! together with its derivative with respect to sigma, [`Map::mask`] the soft mask with its own.
-//! [`SigmaLearner`] chooses sigma by image.
+//! A [`Spectrum`] holds what all maps of an image share. [`Spectrum::map`] costs two transforms and gives the map with
+//! its derivative with respect to sigma; [`Map::mask`] gives the soft mask with its derivative. [`SigmaLearner`]
+//! chooses a sigma for each image.
 
 mod adam;
 mod blur;
@@ -44,7 +45,7 @@ pub use error::Error;
 pub use features::{Features, RINGS};
 pub use gate::{Gate, Saliency};
 pub use learner::{Choice, LearnSettings, Renders, SigmaLearner, Update};
-pub use losses::{Target, composite, cross_entropy};
+pub use losses::{MaskTarget, composite, cross_entropy};
 pub use map::Map;
 pub use mask::SoftMask;
 pub use network::{Network, PARAMETERS};

@@ -7,7 +7,7 @@ use crate::scene::random::Random;
 
 const HIDDEN: usize = 16;
 const OUTPUTS: usize = 2;
-/// Where the parts of the parameters begin: weights and biases of the hidden units, weights and biases of the outputs.
+/// Offsets of the parameters: weights and biases of the hidden units, weights and biases of the outputs.
 const HIDDEN_BIAS: usize = HIDDEN * RINGS;
 const OUTPUT_WEIGHTS: usize = HIDDEN_BIAS + HIDDEN;
 const OUTPUT_BIAS: usize = OUTPUT_WEIGHTS + OUTPUTS * HIDDEN;
@@ -17,13 +17,13 @@ pub const PARAMETERS: usize = OUTPUT_BIAS + OUTPUTS;
 /// Two layers. Parameters lie row by row: each unit's weights, then the layer's biases.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Network {
-    /// [`PARAMETERS`] of them.
+    /// [`PARAMETERS`] values.
     pub(super) parameters: Vec<f64>,
 }
 
 impl Network {
-    /// Random hidden weights (Glorot and Bengio 2010); outputs are these two for whatever comes in,
-    /// until something is learned.
+    /// Random hidden weights (Glorot and Bengio 2010). Until the first step, the network gives `outputs` for every
+    /// input.
     pub fn new(outputs: [f64; OUTPUTS], seed: u64) -> Self {
         let mut random = Random::new(seed);
         let bound = (6.0 / (RINGS + HIDDEN) as f64).sqrt();
@@ -51,7 +51,8 @@ impl Network {
         })
     }
 
-    /// Derivatives of a loss with respect to the parameters, from those with respect to the outputs for an input.
+    /// Derivatives of a loss with respect to the parameters, from the derivatives with respect to the outputs for an
+    /// input.
     pub fn backward(&self, input: &[f64; RINGS], by_output: [f64; OUTPUTS]) -> Vec<f64> {
         let hidden = self.hidden(input);
         let mut gradient = vec![0.0; PARAMETERS];
@@ -75,7 +76,7 @@ impl Network {
         &self.parameters
     }
 
-    /// The parameters, to be changed.
+    /// The parameters, mutable.
     pub fn parameters_mut(&mut self) -> &mut [f64] {
         &mut self.parameters
     }

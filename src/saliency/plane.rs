@@ -12,7 +12,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// An image of these values.
+    /// An image of `values`. Fails for a side of 0, a wrong number of values, or a value that is not finite.
     pub fn new(width: u32, height: u32, values: Vec<f32>) -> Result<Self, Error> {
         if width == 0 || height == 0 {
             return Err(Error::Empty { width, height });
@@ -24,13 +24,13 @@ impl Plane {
         }
     }
 
-    /// Values that are known to be right.
+    /// An image of values that are known to be valid.
     pub(super) fn of(width: u32, height: u32, values: impl Iterator<Item = f64>) -> Self {
         Self { width, height, values: values.map(|v| v as f32).collect() }
     }
 
-    /// Luma from 0 to 1 by the weights of BT.709, of the values as they are encoded. Pixels that are left out (alpha 0)
-    /// get the mean of the others, so that what is missing is no detail.
+    /// Luma from 0 to 1 by the weights of BT.709, of the encoded values. Masked pixels (alpha 0) get the mean of the
+    /// others, so that they add no detail.
     pub fn luma(width: u32, height: u32, pixels: &Pixels) -> Result<Self, Error> {
         Error::check("the photograph", pixels.len(), width as usize * height as usize)?;
         let luma = |[r, g, b, a]: [f64; 4]| (a > 0.0).then_some((0.2126 * r + 0.7152 * g + 0.0722 * b) as f32);
@@ -55,8 +55,8 @@ impl Plane {
         &self.values
     }
 
-    /// At another size: means where it becomes smaller, linear interpolation where it becomes larger. No side of 0:
-    /// it becomes 1.
+    /// The image at another size: means where the image shrinks, linear interpolation where it grows. A side of 0
+    /// becomes 1.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         if (width, height) == (self.width, self.height) {
@@ -67,13 +67,13 @@ impl Plane {
         Self { width, height, values }
     }
 
-    /// Reduced until the shorter side has at most this many pixels; never enlarged.
+    /// The image reduced until its shorter side has at most `side` pixels; never enlarged.
     pub fn reduced(self, side: u32) -> Self {
         let (width, height) = Self::reduced_size(self.width, self.height, side);
         if (width, height) == (self.width, self.height) { self } else { self.resized(width, height) }
     }
 
-    /// The size of a plane of this size that is [`Self::reduced`].
+    /// The size that [`Self::reduced`] gives an image of this size.
     pub fn reduced_size(width: u32, height: u32, side: u32) -> (u32, u32) {
         let shorter = width.min(height);
         if shorter <= side {
@@ -96,8 +96,8 @@ pub(super) fn of_pixels<T>(pixels: &Pixels, f: impl Fn([f64; 4]) -> T) -> Vec<T>
     }
 }
 
-/// The parts of a photograph that are not texture and that are, red, green and blue from 0 to 1 per pixel: `(1 - M) I`
-/// and `M I`. Their sum is the photograph. The mask may have another size.
+/// Splits a photograph I by its texture mask M into `(1 - M) I` and `M I`, red, green and blue from 0 to 1 per pixel.
+/// Their sum is the photograph. The mask may have another size.
 pub fn split(width: u32, height: u32, pixels: &Pixels, mask: &Plane) -> Result<[Vec<f32>; 2], Error> {
     Error::check("the photograph", pixels.len(), width as usize * height as usize)?;
     let mask = mask.resized(width, height);

@@ -1,6 +1,6 @@
-//! What the outlooks of earlier updates have found, of each image once. An image comes by every so many hundred steps,
-//! and the others move the network in between: steps that recall all of them hold it to what it was taught, so that few
-//! updates of many images are enough.
+//! A replay buffer of the best sigma last found for each image. An image is updated only every few hundred steps, and
+//! the updates of other images move the network meanwhile. Steps over the whole buffer keep what the network has
+//! learned, so that a few updates of each image are enough.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,42 +8,42 @@ use super::adam::Adam;
 use super::features::RINGS;
 use super::network::{Network, PARAMETERS};
 
-/// The width that an outlook found best, of an image.
+/// The best sigma last found for an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Found {
-    /// What the network sees of the image.
+struct BestSigma {
+    /// The network's input for the image.
     input: [f64; RINGS],
-    /// The output that gives the width.
+    /// The network output that gives the sigma.
     goal: f64,
-    /// By how much the loss changes over the range.
+    /// Range of the loss over all sigma tried.
     weight: f64,
 }
 
-/// All of them, with the optimiser of these steps.
+/// The best sigma of all images, with the optimiser of the steps over them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Recall {
-    found: Vec<Found>,
+pub(super) struct ReplayBuffer {
+    found: Vec<BestSigma>,
     adam: Adam,
 }
 
-impl Default for Recall {
+impl Default for ReplayBuffer {
     fn default() -> Self {
         Self { found: Vec::new(), adam: Adam::new(PARAMETERS) }
     }
 }
 
-impl Recall {
-    /// Keeps what was found of an image in place of what was found of it before.
+impl ReplayBuffer {
+    /// Stores an image's best sigma in place of the image's earlier entry.
     pub(super) fn keep(&mut self, input: [f64; RINGS], goal: f64, weight: f64) {
-        let new = Found { input, goal, weight };
+        let new = BestSigma { input, goal, weight };
         match self.found.iter_mut().find(|old| old.input == input) {
             Some(old) => *old = new,
             None => self.found.push(new),
         }
     }
 
-    /// Steps towards the goals of all images, by the mean of the squared distances,
-    /// in which an image counts as much as its loss changes.
+    /// Trains the network for `steps` steps on the mean squared distance of its outputs from all goals, weighted by
+    /// each image's range of the loss.
     pub(super) fn teach(&mut self, network: &mut Network, steps: usize, rate: f64) {
         let total: f64 = self.found.iter().map(|f| f.weight).sum();
         if total <= 0.0 {
@@ -51,7 +51,7 @@ impl Recall {
         }
         for _ in 0..steps {
             let mut sum = vec![0.0; PARAMETERS];
-            for Found { input, goal, weight } in &self.found {
+            for BestSigma { input, goal, weight } in &self.found {
                 let [output, _] = network.forward(input);
                 let gradient = network.backward(input, [weight / total * (output - goal), 0.0]);
                 sum.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
@@ -60,9 +60,10 @@ impl Recall {
         }
     }
 
-    /// Whether it can be gone on with.
+    /// Whether all numbers are finite and no weight is negative.
     pub(super) fn is_sound(&self) -> bool {
-        let finite = |f: &Found| f.input.iter().chain([&f.goal, &f.weight]).all(|v| v.is_finite()) && f.weight >= 0.0;
+        let finite =
+            |f: &BestSigma| f.input.iter().chain([&f.goal, &f.weight]).all(|v| v.is_finite()) && f.weight >= 0.0;
         self.adam.is_sound(PARAMETERS) && self.found.iter().all(finite)
     }
 }

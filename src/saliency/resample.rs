@@ -1,12 +1,12 @@
-//! Images at other sizes.
+//! Resampling of images.
 
-/// The inputs of an output, and their weights.
+/// The input pixels of one output pixel, and their weights.
 struct Taps {
     first: usize,
     weights: Vec<f64>,
 }
 
-/// A triangle about the output's centre, widened by the reduction; weights sum to 1.
+/// Triangle filters about the outputs' centres, widened where the image shrinks; weights sum to 1.
 fn taps(from: usize, to: usize) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     let reach = scale.max(1.0);

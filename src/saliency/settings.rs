@@ -4,14 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 
-/// What an image is taken to be beyond its border.
+/// How an image continues beyond its border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Border {
-    /// Its reflection, fading to the mean: a photograph.
+    /// Its reflection, fading to the mean: for photographs.
     #[default]
     Reflect,
-    /// Itself again: a pattern that repeats.
+    /// The image again: for periodic patterns.
     Periodic,
 }
 
@@ -21,7 +21,7 @@ pub enum Border {
 pub struct Settings {
     /// Photographs are reduced until their shorter side has this many pixels.
     pub side: u32,
-    /// What is beyond the border.
+    /// How an image continues beyond its border.
     pub border: Border,
     /// Width of the fading reflection on each side, as a share of the side.
     pub pad: f64,
@@ -63,7 +63,7 @@ impl Settings {
         one("softness", self.softness, (0.01..=100.0).contains(&self.softness), "from 0.01 to 100")
     }
 
-    /// Refuses a width of the filter that is none.
+    /// Refuses a sigma outside 0 to 1000.
     pub fn check_sigma(sigma: f64) -> Result<(), Error> {
         let want = "from 0 to 1000";
         if (0.0..=1000.0).contains(&sigma) { Ok(()) } else { Err(Error::Setting { name: "sigma", want, value: sigma }) }

@@ -9,25 +9,26 @@ use super::features::{Features, radial};
 use super::fft::{Fft2, quick_length};
 use super::{Border, Error, Map, Plane, Settings};
 
-/// An image whose standard deviation is below this share of its largest value is of one colour: the rest is rounding.
+/// An image whose standard deviation is below this share of its largest value counts as one colour: its variation is
+/// rounding.
 const FLAT: f64 = 1e-6;
 
-/// What all maps of an image have in common.
+/// What all maps of an image share, whatever sigma is.
 ///
 /// The spectral residual is the logarithm of the amplitudes minus its average over neighbouring frequencies (Hou and
-/// Zhang 2007). The average is by a Gaussian of standard deviation sigma here, over a spectrum that repeats, as that of
-/// a sampled image does. In the transform of the spectrum (its cepstrum) that is a product with exp(-2 pi^2 s^2 d^2), d
-/// being the distance in pixels and s = sigma/256 cycles per pixel: exact for every sigma, 0 included, and smooth in
-/// it. So sigma counts bins of an image of 256 pixels, whatever the size of the image,
-/// and the same number of cycles per pixel along both axes.
+/// Zhang 2007). Here a Gaussian of standard deviation sigma weights the average, over a periodic spectrum, as a sampled
+/// image has. In the transform of the spectrum (the cepstrum) the average is a product with exp(-2 pi^2 s^2 d^2), where
+/// d is the distance in pixels and s = sigma/256 is in cycles per pixel: exact for every sigma, 0 included, and smooth
+/// in sigma. Sigma therefore counts frequency bins of an image of 256 pixels, whatever the image's size, and is the
+/// same number of cycles per pixel along both axes.
 pub struct Spectrum {
     image: (usize, usize),
     padded: (usize, usize),
     origin: (usize, usize),
     fft: Fft2,
-    /// F / (|F| + noise), 0 for the mean: of the phase, where there is more than noise.
+    /// F / (|F| + noise): the phase where the amplitude exceeds the noise, and 0 in the bin of the mean.
     phase: Vec<Complex64>,
-    /// Transform of the logarithms of the amplitudes; real and even, as these are.
+    /// Transform of the logarithms of the amplitudes; real and even, as the logarithms are.
     cepstrum: Vec<f64>,
     features: Features,
     flat: bool,
@@ -35,7 +36,7 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// Transforms an image, at the size that it has.
+    /// Transforms an image at its own size.
     pub fn new(image: &Plane, settings: &Settings) -> Result<Self, Error> {
         settings.check()?;
         let size = (image.width() as usize, image.height() as usize);
@@ -62,13 +63,13 @@ impl Spectrum {
     fn analyse(&mut self, mut values: Vec<Complex64>) {
         self.fft.forward(&mut values);
         let bins = values.len();
-        // The mean was removed: what is left of it is rounding, in every statistic that follows too.
+        // The mean was removed, so the first bin holds rounding only and no statistic counts it.
         let mean = values.iter().skip(1).map(|f| f.norm()).sum::<f64>() / bins as f64;
         if mean.is_nan() || mean <= 0.0 {
             return;
         }
         let noise = self.settings.epsilon * mean;
-        // Relative to the mean amplitude, so that brightness and contrast have no part in it.
+        // Relative to the mean amplitude, so that brightness and contrast cancel.
         let mut logarithms: Vec<f64> = values.iter().map(|f| ((f.norm() + noise) / mean).ln()).collect();
         logarithms[0] = self.around_the_mean(&logarithms);
         self.phase = values.iter().map(|f| f / (f.norm() + noise)).collect();
@@ -80,7 +81,8 @@ impl Spectrum {
         self.flat = false;
     }
 
-    /// The bin of the mean is empty: its neighbours stand in for it, so that no hole is averaged into the others.
+    /// The mean of the neighbours of the first bin, which is empty. Without a replacement the average would spread the
+    /// hole to other bins.
     fn around_the_mean(&self, logarithms: &[f64]) -> f64 {
         let (w, h) = self.padded;
         let others = [0, 1, h - 1]
@@ -102,18 +104,18 @@ impl Spectrum {
         self.flat
     }
 
-    /// Width and height of the maps, which is that of the image.
+    /// Width and height of the image and of its maps.
     pub fn size(&self) -> (u32, u32) {
         (self.image.0 as u32, self.image.1 as u32)
     }
 
-    /// The settings it was made with.
+    /// The settings given to [`Self::new`].
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// The saliency map for a filter of `sigma` bins of 256, with its derivative. With 0 nothing is left of the
-    /// amplitudes: the map is that of the phase alone. An image of one colour has a map of zeros.
+    /// The saliency map for a filter of `sigma` bins of 256, with its derivative. With sigma 0 the map is that of the
+    /// phase alone. An image of one colour has a map of zeros.
     pub fn map(&self, sigma: f64) -> Result<Map, Error> {
         Settings::check_sigma(sigma)?;
         let pixels = self.image.0 * self.image.1;
@@ -164,7 +166,7 @@ impl Spectrum {
 struct Side {
     /// Where the image begins.
     origin: usize,
-    /// Pixel of the image that stands at each position.
+    /// Index of the image's pixel at each position.
     source: Vec<usize>,
     /// 1 in the image, falling to 0 outside.
     weights: Vec<f64>,
@@ -187,7 +189,7 @@ impl Side {
     }
 }
 
-/// The padded image, faded out after its mean was removed, so that its sum is 0. None for an image of one colour.
+/// The padded image, minus its mean and faded out, so that its sum is 0. `None` for an image of one colour.
 fn faded(image: &Plane, across: &Side, down: &Side) -> Option<Vec<Complex64>> {
     let values = image.values();
     let width = image.width() as usize;

@@ -8,11 +8,11 @@ pub struct Camera {
     pub rotation: [[f64; 3]; 3],
     /// Translation from the scene to the camera frame: x_cam = rotation x + translation.
     pub translation: [f64; 3],
-    /// Focal lengths in pixels.
+    /// Focal length along x in pixels.
     pub fx: f64,
     /// Focal length along y in pixels.
     pub fy: f64,
-    /// Principal point in pixels.
+    /// Principal point along x in pixels.
     pub cx: f64,
     /// Principal point along y in pixels.
     pub cy: f64,
@@ -29,7 +29,8 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
-    /// The camera of a window of the image, whose first column and row are `left` and `top`: its pixels are the same.
+    /// The camera of a window of the image. `left` and `top` are the window's first column and row; its pixels are
+    /// those of the image.
     pub fn window(&self, (left, top): (u32, u32), (width, height): (u32, u32)) -> Self {
         Self { cx: self.cx - f64::from(left), cy: self.cy - f64::from(top), width, height, ..*self }
     }

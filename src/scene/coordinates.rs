@@ -7,41 +7,41 @@ use serde::{Deserialize, Serialize};
 /// A place on the WGS 84 ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geodetic {
-    /// Degrees to the north.
+    /// Degrees north.
     pub latitude: f64,
-    /// Degrees to the east.
+    /// Degrees east.
     pub longitude: f64,
-    /// Metres.
+    /// Altitude in metres.
     pub altitude: f64,
 }
 
-/// What x, y and z of a dataset are, in metres, where its files say it.
+/// What a dataset's x, y and z mean, in metres, where its files say so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Coordinates {
     /// East, north and up in the plane that touches the ellipsoid at `origin`.
     EastNorthUp {
-        /// Where all three are zero.
+        /// The place where x, y and z are zero.
         origin: Geodetic,
     },
-    /// Easting, northing and height in a map's grid, less an offset. North is the grid's, not the true one,
-    /// and lengths are the grid's.
+    /// Easting, northing and height in a map grid, minus an offset. North is grid north, not true north, and lengths
+    /// are grid lengths.
     Grid {
         /// The reference system as the dataset names it, such as `WGS84 UTM 17N`.
         crs: String,
-        /// Its EPSG code, where the name is one that is known.
+        /// Its EPSG code, where the name is known.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         epsg: Option<u32>,
         /// Its PROJ string, where the dataset has one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         proj: Option<String>,
-        /// What to add to x and y to have easting and northing; heights have no offset.
+        /// Offset to add to x and y to obtain easting and northing; heights have no offset.
         offset: [f64; 2],
     },
 }
 
 impl Coordinates {
-    /// A grid with the EPSG code of its name: UTM on WGS 84 has one.
+    /// A grid, with its EPSG code where `crs` names a UTM zone on WGS 84.
     pub fn grid(crs: &str, proj: Option<String>, offset: [f64; 2]) -> Self {
         Self::Grid { crs: crs.to_owned(), epsg: utm(crs), proj, offset }
     }

@@ -19,8 +19,8 @@ impl Frame {
     /// Scene and dataset coordinates are the same.
     pub const IDENTITY: Self = Self { offset: [0.0; 3], scale: 1.0 };
 
-    /// What to subtract from coordinates in files of f32: nothing, or the offset where the largest coordinate of the
-    /// scene exceeds 100 extents, as geo-referenced ones do (at 4.6e6 f32 has steps of half a metre).
+    /// What to subtract from dataset coordinates in files of f32: zero, or the offset where the largest coordinate
+    /// exceeds 100 extents, as geo-referenced coordinates do (at 4.6e6 f32 has steps of half a metre).
     pub fn shift(&self) -> [f64; 3] {
         let extent = Self::EXTENT / self.scale;
         let largest = self.offset.iter().fold(0.0, |m: f64, v| m.max(v.abs())) + extent;
@@ -48,7 +48,7 @@ impl Frame {
     }
 
     /// Splats given in scene coordinates as splats at `dataset - shift`, with shift chosen by the caller (zero, or the
-    /// offset when f32 could not hold the coordinates).
+    /// offset where f32 cannot hold the coordinates).
     pub fn gaussians_to_dataset(&self, gaussians: &Gaussians, shift: [f64; 3]) -> Gaussians {
         let mut out = gaussians.clone();
         if *self == Self::IDENTITY && shift == [0.0; 3] {

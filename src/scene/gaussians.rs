@@ -9,8 +9,8 @@ pub const SH_GROUP_FLOATS: usize = 12;
 const SHORTEST_QUAT_SQUARED: f64 = 1e-24;
 
 /// A set of 3D Gaussians, one plane per attribute, in the units in which they are optimised. On the device every plane
-/// is a buffer of its own: groups of 48 bytes keep four times more splats under a descriptor limit than one SH buffer
-/// would.
+/// is a separate buffer: four SH buffers of 48 bytes per splat hold four times more splats within a descriptor's size
+/// limit than one SH buffer would.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres, 3 per splat, scene units.
@@ -23,8 +23,8 @@ pub struct Gaussians {
     pub opacities: Vec<f32>,
     /// Spherical harmonics up to degree 3: `sh[g][12 i + 3 j + c]` is coefficient 4 g + j of channel c of splat i.
     pub sh: [Vec<f32>; SH_GROUPS],
-    /// Persistent identities, ascending in the order of birth. Of splats of the same depth the one with the lower index
-    /// is in front.
+    /// Persistent identities, ascending in the order of birth. Of two splats at equal depth, the splat with the lower
+    /// index is in front.
     pub ids: Vec<u32>,
 }
 
@@ -34,12 +34,12 @@ impl Gaussians {
         self.opacities.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no splats.
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
     }
 
-    /// Rows of the splats whose numbers are all finite, where some are not.
+    /// Rows of the splats whose values are all finite; `None` where the values of every splat are finite.
     pub fn finite_rows(&self) -> Option<Vec<u32>> {
         let row_is_finite =
             |plane: &[f32], row: usize, i: usize| plane[row * i..row * (i + 1)].iter().all(|v| v.is_finite());
@@ -54,8 +54,8 @@ impl Gaussians {
         (rows.len() < self.len()).then_some(rows)
     }
 
-    /// Gives every quaternion unit length, as readers of files expect that do not normalise. One that is of unit length
-    /// but for rounding keeps its bits, one that is too short to have a direction becomes the identity.
+    /// Gives every quaternion unit length, for readers of files that do not normalise. A quaternion of unit length up
+    /// to rounding keeps its bits; a quaternion too short to have a direction becomes the identity.
     pub fn normalise_quats(&mut self) {
         for quat in self.quats.chunks_exact_mut(4) {
             let squared: f64 = quat.iter().map(|q| f64::from(*q) * f64::from(*q)).sum();

@@ -11,16 +11,16 @@ use super::{Frame, Gaussians, SH_GROUP_FLOATS};
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Opacity of every first Gaussian.
 pub const FIRST_OPACITY: f64 = 0.1;
-/// Smallest mean squared distance to neighbours, in squared scene units: the value of the 3DGS reference, which knows
-/// no scene units and applies it to the dataset's. Ours are the same as its own for the scenes it was made for (their
-/// extents are about 5), and independent of the dataset's units. It only matters for points that coincide.
+/// Smallest mean squared distance to neighbours, in squared scene units: the value of the 3DGS reference, which applies
+/// it in dataset units. The two units agree for the reference's own scenes, whose extents are about 5. The value
+/// matters only for points that coincide.
 pub const MIN_SQUARED_DISTANCE: f64 = 1e-7;
 /// Standard deviation of a point without neighbours, in scene units: a hundredth of the extent.
 pub const LONELY_SCALE: f64 = Frame::EXTENT / 100.0;
 
 const NEIGHBOURS: usize = 3;
 
-/// There is nothing to begin with.
+/// Points that cannot become the first Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InitError {
     /// No points.
@@ -29,8 +29,8 @@ pub enum InitError {
          or give a model (PLY) as `init`"
     )]
     NoPoints,
-    /// More points than can be numbered.
-    #[error("{0} points are more than 32-bit numbers can tell apart: thin them out")]
+    /// More points than 32-bit ids can number.
+    #[error("{0} points are more than 32-bit ids can number: thin the points out")]
     TooManyPoints(usize),
 }
 
@@ -58,7 +58,7 @@ pub fn from_points(points: &[([f64; 3], [u8; 3])], frame: &Frame) -> Result<Gaus
     Ok(out)
 }
 
-/// Gives the Gaussians, from the first on, these 8-bit colours, one each.
+/// Gives the first Gaussians the 8-bit `colours`, one per Gaussian.
 pub fn paint(gaussians: &mut Gaussians, colours: &[[u8; 3]]) {
     for (sh, colour) in gaussians.sh[0].chunks_exact_mut(SH_GROUP_FLOATS).zip(colours) {
         for (coefficient, channel) in sh.iter_mut().zip(colour) {
@@ -67,13 +67,13 @@ pub fn paint(gaussians: &mut Gaussians, colours: &[[u8; 3]]) {
     }
 }
 
-/// Lays the Gaussians from `first` on flat on surfaces with these unit normals, in scene axes and of either sign, one
-/// for each: their third axis is along the normal, where their standard deviation is `thickness` times what it was.
+/// Flattens the Gaussians from `first` on onto surfaces with the given unit normals (scene frame, either sign, one per
+/// Gaussian): the third axis points along the normal, and its standard deviation is multiplied by `thickness`.
 pub fn lay_flat(gaussians: &mut Gaussians, first: usize, normals: &[[f32; 3]], thickness: f64) {
     let quats = gaussians.quats.chunks_exact_mut(4).skip(first);
     let scales = gaussians.scales.chunks_exact_mut(3).skip(first);
     for ((quat, scale), &[x, y, z]) in quats.zip(scales).zip(normals) {
-        // Half way from the third axis to the normal, turned so that they are at most a right angle apart.
+        // Half way from the third axis to the normal, whose sign makes the angle between them at most a right angle.
         let sign = if z < 0.0 { -1.0 } else { 1.0 };
         let half = [1.0 + z * sign, -y * sign, x * sign];
         let length = half.iter().map(|h| h * h).sum::<f32>().sqrt();
@@ -128,7 +128,7 @@ mod tests {
         (0..n).map(|_| ([next(), next() * 4.0, next() * 0.1], [(next() * 255.0) as u8, 0, 255])).collect()
     }
 
-    /// All distances, sorted.
+    /// Standard deviation of point `i` from the sorted distances to all others.
     fn brute_force(points: &[([f64; 3], [u8; 3])], frame: &Frame, i: usize) -> f64 {
         let here = frame.to_scene(points[i].0);
         let mut squared: Vec<f64> = (0..points.len())

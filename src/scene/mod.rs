@@ -22,5 +22,5 @@ pub use real::Real;
 pub use similarity::{NoSimilarity, Similarity};
 pub use tile::TileGrid;
 
-/// An affine map of colours, row by row: what a photograph shows of (r, g, b, 1) of the model, colours from 0 to 1.
+/// An affine map of colours from 0 to 1, row-major: it takes (r, g, b, 1) of a render to the colour in the photograph.
 pub type ExposureMatrix = [[f64; 4]; 3];

@@ -6,8 +6,8 @@ use super::{Gaussians, SH_GROUP_FLOATS};
 const BITS: u32 = 21;
 
 impl Gaussians {
-    /// The splats by the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per axis; ties and
-    /// means that are not finite (which come last) keep their order.
+    /// Rows of the splats, sorted by the Morton codes (Morton 1966) of their means in their bounding box, 21 bits per
+    /// axis. Means that are not finite come last; ties keep their order.
     pub fn morton_order(&self) -> Vec<u32> {
         let mut order: Vec<(u64, u32)> = codes(&self.means).into_iter().zip(0..).collect();
         order.sort_unstable();
@@ -26,7 +26,7 @@ impl Gaussians {
         self.rows(&order)
     }
 
-    /// Some of the splats, by their rows, with their identities.
+    /// The splats of the given rows, with their identities.
     pub fn rows(&self, order: &[u32]) -> Self {
         let rows = |plane: &[f32], row: usize| rows_of(plane, row, order);
         Self {
@@ -40,7 +40,7 @@ impl Gaussians {
     }
 }
 
-/// Rows of `row` values of a plane in the order given.
+/// Rows of a plane, of `row` values each, in the given order.
 pub fn rows_of<T: Copy>(plane: &[T], row: usize, order: &[u32]) -> Vec<T> {
     order.iter().flat_map(|&i| &plane[row * i as usize..row * (i as usize + 1)]).copied().collect()
 }

@@ -10,7 +10,7 @@ impl Random {
         Self(seed)
     }
 
-    /// The stream `stream` of a seed; streams are independent, so that one more of them moves no other.
+    /// The stream `stream` of a seed; streams are independent, so that a further stream changes no other.
     pub fn stream(seed: u64, stream: u64) -> Self {
         let mut random = Self(seed ^ stream.wrapping_mul(0xd1b5_4a32_d192_ed03));
         random.bits();
@@ -49,7 +49,7 @@ impl Random {
         items[(self.unit() * items.len() as f64) as usize]
     }
 
-    /// A seed for what takes 32 bits, such as textures.
+    /// A 32-bit seed, for a texture for example.
     pub fn seed(&mut self) -> u32 {
         (self.bits() >> 32) as u32
     }
@@ -61,7 +61,7 @@ impl Random {
     }
 }
 
-/// How far a stream moves with each number.
+/// What each number adds to a stream's state.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// 64 bits that depend on all bits of `x`.

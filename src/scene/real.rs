@@ -4,14 +4,14 @@
 pub trait Real:
     num_traits::Float + num_traits::FloatConst + num_traits::NumAssign + std::fmt::Debug + Send + Sync + 'static
 {
-    /// From a literal.
+    /// Converts a literal.
     fn of(x: f64) -> Self;
-    /// Widened.
+    /// Converts to f64.
     fn f64(self) -> f64;
-    /// Of a number of a buffer. As f32 it keeps its bits, which need not be those of a number:
-    /// on the way through an f64 some would change.
+    /// Converts a value of a buffer. An f32 keeps its bits, even where they are no number: a conversion through f64
+    /// would change some.
     fn of_single(x: f32) -> Self;
-    /// As a number of a buffer, likewise.
+    /// Converts to a value of a buffer. An f32 keeps its bits.
     fn single(self) -> f32;
 }
 

@@ -12,7 +12,8 @@ const LEGENDRE: [(f64, f64); 4] = [
 /// Equal steps around the axis: exact for trigonometric polynomials up to degree 7.
 const AZIMUTHS: usize = 8;
 
-/// What a rotation does to coefficients: a function f becomes f', f'(R d) = f(d). Each degree is mapped to itself.
+/// The map of coefficients under a rotation R, which turns a function f into f' with f'(R d) = f(d). Each degree is
+/// mapped to itself.
 pub(super) struct ShRotation {
     /// `matrix[k][j]`: how much of coefficient j goes to coefficient k; zero between degrees.
     matrix: [[f64; 16]; 16],
@@ -20,8 +21,8 @@ pub(super) struct ShRotation {
 
 impl ShRotation {
     /// The basis functions are orthonormal, so entry (k, j) is the integral over the sphere of Y_k(d) Y_j(R^T d). The
-    /// integrand is a polynomial of degree 6 at most, which a product of the two rules above integrates exactly: no
-    /// recursion, and no signs or orders other than those of the one definition of the basis.
+    /// integrand is a polynomial of degree 6 at most, which a product of the two rules above integrates exactly. This
+    /// needs no recursion, and signs and orders follow from the definition of the basis alone.
     pub(super) fn new(rotation: &[[f64; 3]; 3]) -> Self {
         let mut matrix = [[0.0; 16]; 16];
         for (z, weight) in LEGENDRE {
@@ -39,7 +40,7 @@ impl ShRotation {
                 }
             }
         }
-        // A constant stays what it is, to the bit.
+        // The constant coefficient keeps its bits.
         matrix[0][0] = 1.0;
         Self { matrix }
     }

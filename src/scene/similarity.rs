@@ -5,8 +5,7 @@ use rayon::prelude::*;
 use super::sh_rotation::ShRotation;
 use super::{Frame, Gaussians, SH_GROUP_FLOATS};
 
-/// Relative deviation from a scaled rotation up to which a matrix is taken for one: files hold f32,
-/// and products of several.
+/// Relative deviation up to which a matrix counts as a scaled rotation: files hold products of matrices in f32.
 const TOLERANCE: f64 = 1e-4;
 
 /// A rotation, a positive scale and a translation, applied in this order: `y = scale (rotation x) + translation`.
@@ -16,7 +15,7 @@ pub struct Similarity {
     pub rotation: [[f64; 3]; 3],
     /// Units of the target per unit of the source.
     pub scale: f64,
-    /// Where the origin goes.
+    /// The source's origin in the target.
     pub translation: [f64; 3],
 }
 
@@ -94,19 +93,19 @@ impl Similarity {
         Self { rotation, scale: next.scale * self.scale, translation: next.point(self.translation) }
     }
 
-    /// The same with `by` added to every point of the source before.
+    /// This similarity after a shift of the source by `by`.
     pub fn after_shift(&self, by: [f64; 3]) -> Self {
         Self { translation: self.point(by), ..*self }
     }
 
-    /// By how much it turns, in degrees.
+    /// Angle of the rotation in degrees.
     pub fn degrees(&self) -> f64 {
         let [w, x, y, z] = quaternion_of(&self.rotation);
         2.0 * (x * x + y * y + z * z).sqrt().atan2(w.abs()).to_degrees()
     }
 
-    /// Splats given in the source, in the target: centres are mapped, standard deviations scaled, rotations and
-    /// spherical harmonics turned. Colours seen from a camera that is mapped too are those seen before.
+    /// Maps splats from the source to the target: centres are mapped, standard deviations scaled, rotations and
+    /// spherical harmonics turned. A camera that is mapped too sees the same colours.
     pub fn gaussians(&self, gaussians: &Gaussians) -> Gaussians {
         let mut out = gaussians.clone();
         out.means.par_chunks_exact_mut(3).for_each(|p| {

@@ -27,7 +27,7 @@ pub struct TileGrid {
 }
 
 impl TileGrid {
-    /// With splats skipped below an alpha of 1/255.
+    /// A grid that skips splats below an alpha of 1/255.
     pub fn new(image: [u32; 2], tile: [u32; 2]) -> Self {
         Self { image, tile, alpha_min: ALPHA_MIN }
     }
@@ -38,7 +38,7 @@ impl TileGrid {
     }
 }
 
-/// What the tile rows of one splat share.
+/// Values that all tile rows of one splat share.
 #[derive(Clone, Debug)]
 pub struct TileEllipse<T> {
     mean: [T; 2],

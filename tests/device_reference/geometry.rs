@@ -1,7 +1,7 @@
 //! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and
 //! backward, each of which is checked against differences by itself.
 
-use psrgs_vk::loss::{Edges, GeometryLoss, GeometryWeights, Mask, Photograph, Prior, Rendered};
+use psrgs_vk::loss::{Edges, GeometryLoss, GeometryWeights, Photograph, Prior, Rendered, TextureMask};
 use psrgs_vk::pass::geometry::{Push, pack_prior};
 use psrgs_vk::pass::{counters, loss};
 use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
@@ -150,7 +150,7 @@ fn on_device(
         size: (width, height),
         values: known.values,
         part_values: known.values,
-        mask: Some(Mask { buffer: mask, size: MASK }),
+        mask: Some(TextureMask { buffer: mask, size: MASK }),
     };
     let prior = Prior { buffer: prior, size: PRIOR, median: known.median };
     let rendered = Rendered { target: &target, photograph: &photograph, prior: &prior };

@@ -1,6 +1,8 @@
 //! Derivatives against finite differences.
 
-use psrgs_vk::saliency::{Border, Network, PARAMETERS, RINGS, Settings, Spectrum, Target, composite, cross_entropy};
+use psrgs_vk::saliency::{
+    Border, MaskTarget, Network, PARAMETERS, RINGS, Settings, Spectrum, composite, cross_entropy,
+};
 use psrgs_vk::scene::random::Random;
 
 use crate::images::{distance, patch, waves};
@@ -46,7 +48,7 @@ fn losses_by_sigma_and_level() {
     let image = patch(48, 40, (20.0, 8.0), 16.0, 9);
     let spectrum = Spectrum::new(&image, &settings).expect("a spectrum");
     let errors = waves(30, 30, 2);
-    let target = Target::of_errors(&errors, (48, 40), 1.0, 0.25).expect("a target");
+    let target = MaskTarget::of_errors(&errors, (48, 40), 1.0, 0.25).expect("a target");
     let mut random = Random::new(6);
     let mut picture = || -> Vec<f32> { (0..3 * 48 * 40).map(|_| random.unit() as f32).collect() };
     let (low, full, photograph) = (picture(), picture(), picture());

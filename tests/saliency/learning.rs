@@ -1,7 +1,7 @@
 //! Sigma is learned: to within a tenth of the best loss that a search over a grid finds, from wherever it starts.
 
 use psrgs_vk::saliency::{
-    Agreement, Curve, Error, Features, LearnSettings, Plane, Renders, Settings, SigmaLearner, Spectrum, Target,
+    Agreement, Curve, Error, Features, LearnSettings, MaskTarget, Plane, Renders, Settings, SigmaLearner, Spectrum,
     agreement, spaced,
 };
 
@@ -18,14 +18,14 @@ fn quick(start: f64) -> LearnSettings {
 /// another), and the loss over sigma.
 struct Case {
     spectrum: Spectrum,
-    target: Target,
+    target: MaskTarget,
     curve: Curve,
 }
 
 fn case(image: &Plane, at: f64) -> Case {
     let spectrum = Spectrum::new(image, &Settings { blur: 8.0, ..Settings::default() }).expect("a spectrum");
     let errors = spectrum.map(at).expect("a map").plane();
-    let target = Target::of_errors(&errors, spectrum.size(), 0.0, 0.25).expect("a target");
+    let target = MaskTarget::of_errors(&errors, spectrum.size(), 0.0, 0.25).expect("a target");
     let curve = Curve::of_target(&spectrum, &target, &spaced(0.5, 12.0, 40)).expect("a curve");
     Case { spectrum, target, curve }
 }
@@ -232,14 +232,14 @@ fn nothing_is_learned_where_there_is_nothing() {
 #[test]
 fn targets_are_the_largest_errors() {
     let errors = drawn(20, 10, |x, _| x / 20.0);
-    let target = Target::of_errors(&errors, (20, 10), 0.0, 0.25).expect("a target");
+    let target = MaskTarget::of_errors(&errors, (20, 10), 0.0, 0.25).expect("a target");
     let wanted: Vec<f64> = (0..200).map(|i| if i % 20 >= 15 { 1.0 } else { 0.0 }).collect();
     let count = target.values().iter().sum::<f64>();
     assert!((40.0..=50.0).contains(&count), "{count}");
     assert!(target.values().iter().zip(&wanted).all(|(t, w)| t <= w));
     assert_eq!(target.size(), (20, 10));
     let one = drawn(20, 10, |x, y| if (x, y) == (3.0, 4.0) { 1.0 } else { 0.0 });
-    let target = Target::of_errors(&one, (20, 10), 0.0, 0.25).expect("a target");
+    let target = MaskTarget::of_errors(&one, (20, 10), 0.0, 0.25).expect("a target");
     assert_eq!(target.values().iter().position(|t| *t == 1.0), Some(83));
     assert_eq!(target.values().iter().sum::<f64>(), 1.0);
 }

@@ -1,6 +1,6 @@
 //! The gradient-map loss: each pass against its twin, their chain against f64, and the definition's differences.
 
-use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Mask, Photograph};
+use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph, TextureMask};
 use psrgs_vk::pass::gradient_map::{self as passes, Push};
 use psrgs_vk::pass::{loss, part_sum};
 use psrgs_vk::scene::random::Random;
@@ -143,7 +143,7 @@ fn composed(gpu: &Gpu, v: &View) -> (Vec<[f32; 4]>, Vec<f32>) {
         size,
         values: v.push.values,
         part_values: v.push.values,
-        mask: mask.as_ref().map(|buffer| Mask { buffer, size: (v.push.mask_width, v.push.mask_height) }),
+        mask: mask.as_ref().map(|buffer| TextureMask { buffer, size: (v.push.mask_width, v.push.mask_height) }),
     };
     let variation = if v.variation { v.push.tv_weight } else { 0.0 };
     let weights = GradientMapWeights { correlation: v.push.weight, variation };

@@ -13,7 +13,7 @@ use super::check_size;
 use crate::byte_size::readable;
 use crate::format::contain::contained;
 use crate::format::{At, Error, atomic, foreign, source};
-use crate::host_memory::{DecodeLimit, NoRoom};
+use crate::host_memory::{DecodeLimit, NoMemory};
 
 /// The first bytes of an OpenEXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -167,13 +167,13 @@ fn check_limit(file: &Path, samples: u64, limit: DecodeLimit) -> Result<(), Erro
     let needed = samples.saturating_mul(SAMPLE_BYTES);
     let problem = match limit.has_room_for(needed) {
         Ok(()) => return Ok(()),
-        Err(NoRoom::Beyond) => format!(
+        Err(NoMemory::OverLimit) => format!(
             "decoding it takes {} of memory, of which {} may be used; store a smaller picture, or {}",
             readable(needed),
             readable(limit.most),
             if limit.asked { "allow more host memory" } else { "use a machine with more memory" }
         ),
-        Err(NoRoom::Refused) => {
+        Err(NoMemory::Refused) => {
             format!("decoding it takes {} of memory, which the system does not give; free memory", readable(needed))
         }
     };

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::Pixels;
-use crate::saliency::{Curve, LearnSettings, Plane, Renders, Settings, SigmaLearner, Spectrum, Target, spaced};
+use crate::saliency::{Curve, LearnSettings, MaskTarget, Plane, Renders, Settings, SigmaLearner, Spectrum, spaced};
 use crate::train::Error;
 use crate::train::input::View;
 use crate::train::settings::{Settings as TrainingSettings, SigmaLearning};
@@ -153,7 +153,7 @@ impl SigmaTraining {
         let side = image.luma.width().min(image.luma.height());
         let blur = learned.error_blur * f64::from(side) / 256.0;
         let errors = image.errors(render, *size)?;
-        let target = Target::of_errors(&errors, spectrum.size(), blur, learned.failing);
+        let target = MaskTarget::of_errors(&errors, spectrum.size(), blur, learned.failing);
         let Some(target) = target.filter(|_| !spectrum.is_flat()) else { return Ok(None) };
         let sigmas = spaced(learned.lowest, learned.highest, CURVE_POINTS);
         Ok(Some(Curve::of_target(&spectrum, &target, &sigmas)?))

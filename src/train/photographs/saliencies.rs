@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::loss::Mask;
+use crate::loss::TextureMask;
 use crate::pass::saliency_plane as pass;
 use crate::saliency::{Cache, Plane, Settings};
 use crate::scene::Camera;
@@ -83,8 +83,8 @@ impl Saliencies {
     }
 
     /// The mask of a view.
-    pub(in crate::train) fn mask(&self, view: usize) -> Option<Mask<'_>> {
-        self.masks.get(view).map(|held| Mask { buffer: &held.buffer, size: held.size })
+    pub(in crate::train) fn mask(&self, view: usize) -> Option<TextureMask<'_>> {
+        self.masks.get(view).map(|held| TextureMask { buffer: &held.buffer, size: held.size })
     }
 
     /// A place in a view, more often where its mask is high; `turn` counts how often the view has been looked at.
@@ -103,7 +103,7 @@ impl Saliencies {
         top: u32,
         of_height: u32,
     ) -> Result<&Buffer, Error> {
-        let Mask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
+        let TextureMask { buffer, size: (mask_width, mask_height) } = self.mask(view).ok_or(Error::NoViews)?;
         let &Camera { width, height, .. } = camera;
         let push = pass::Push { width, height, top, of_height, mask_width, mask_height };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
