@@ -1,6 +1,6 @@
 //! The schedule of the reference method, its quirks, its short form, and the order of views.
 
-use psrgs_vk::train::schedule::{Adam, Dropped, Schedule};
+use psrgs_vk::train::schedule::{Adam, DroppedSplats, Schedule};
 use psrgs_vk::train::settings::{Background, Method, Settings};
 
 fn schedule(change: impl FnOnce(&mut Settings)) -> Schedule {
@@ -333,7 +333,7 @@ fn random_backgrounds_depend_on_the_step_only() {
 
 #[test]
 fn a_limited_set_is_recycled_while_it_grows() {
-    let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Lightest(_))));
+    let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(DroppedSplats::Lightest(_))));
     let s = schedule(|s| s.density.recycle_share = 0.2);
     // Three passes over 43 views are 129 steps: after every second change, while another one follows.
     let wanted: Vec<u32> = (600..14_900).step_by(200).map(|t| t + 1).collect();
@@ -349,7 +349,7 @@ fn a_limited_set_is_recycled_while_it_grows() {
     };
     assert_eq!(recycled(&scaled(0.2)), [201, 401, 601]);
     // What is dropped for good, when growth has ended, is the same.
-    let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(Dropped::Below(_))));
+    let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(DroppedSplats::Below(_))));
     assert_eq!(below(&scaled(0.2)), below(&scaled(0.0)));
     assert_eq!(below(&scaled(0.2)), [750, 1201]);
     let young = |share: f64| {
@@ -359,8 +359,8 @@ fn a_limited_set_is_recycled_while_it_grows() {
         });
         [s.drops(750), s.drops(1201)]
     };
-    assert_eq!(young(0.25), [Some(Dropped::Below(0.01)), Some(Dropped::Below(0.04))]);
-    assert_eq!(young(0.0), [None, Some(Dropped::Below(0.04))], "what is young stays");
+    assert_eq!(young(0.25), [Some(DroppedSplats::Below(0.01)), Some(DroppedSplats::Below(0.04))]);
+    assert_eq!(young(0.0), [None, Some(DroppedSplats::Below(0.04))], "what is young stays");
 }
 
 /// At most 100 steps lie between changes: of more photographs some were not looked at,

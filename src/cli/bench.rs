@@ -159,7 +159,7 @@ impl Args {
             held_out: Vec::new(),
             initial,
             extent: Frame::EXTENT as f32,
-            known: psrgs_vk::train::Known::default(),
+            optional: psrgs_vk::train::OptionalInput::default(),
         })
     }
 

@@ -1,5 +1,5 @@
-//! What the host does to the model between steps. An action has a file of its own, implements [`HostAction`], and stands in
-//! [`Actions::new`]; the trainer knows none by name.
+//! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is listed
+//! in [`Actions::new`]; nothing else knows an action by name.
 
 mod cloud;
 mod propagate;
@@ -24,22 +24,27 @@ use sparse_sh::SettleHarmonics;
 
 /// Something that the host does before an event.
 pub(super) trait HostAction: Send + Sync {
-    /// Whether it may be due before an event: by the schedule alone, so that a run is the same however many events are on their way.
+    /// Whether the action may be due before an event. Depends on the schedule alone, so that a run does not depend on how many
+    /// events are in flight.
     fn due(&self, schedule: &Schedule, event: Event) -> bool;
 
-    /// Does it before a step. Everything submitted is done, and no more is submitted meanwhile. `None` where nothing was done that would be
-    /// wrong to do again when the event is repeated.
+    /// Whether the step before the action makes up for all missed optimiser steps: so for an action that moves rows or reads
+    /// what the optimiser has not stepped.
+    fn catches_up(&self) -> bool;
+
+    /// Runs the action before a step. Everything submitted is done, and nothing is submitted meanwhile. `None` if the action
+    /// may run again when the event is repeated.
     fn run(&mut self, engine: &mut Engine, schedule: &Schedule, step: u32) -> Result<Option<Change>, Error>;
 }
 
 /// What an action has changed.
 #[derive(Debug, Default)]
 pub(super) struct Change {
-    /// Splats after it, where there may be more or fewer.
+    /// Splats after the action, if their number may have changed.
     pub(super) splats: Option<u32>,
-    /// Splats that there is room for, where that has grown.
+    /// Splats that there is room for, if the capacity has grown.
     pub(super) capacity: Option<u32>,
-    /// What is to be told.
+    /// Message about the action.
     pub(super) message: Option<Message>,
 }
 
@@ -49,14 +54,14 @@ impl Change {
     }
 }
 
-/// The actions of a training, in the order in which they come before one event.
+/// The actions of a training, in the order in which they run before an event.
 pub(super) struct Actions {
     planned: Vec<Planned>,
 }
 
 struct Planned {
     action: Box<dyn HostAction>,
-    /// The step before which it was done last: one that is repeated has the action behind itself.
+    /// The step before which the action ran last. It does not run again when that step is repeated.
     done: u32,
 }
 
@@ -67,15 +72,15 @@ impl Planned {
 }
 
 impl Actions {
-    /// Of a training that goes on after `step`.
+    /// The actions of a training that goes on after `step`.
     pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Settings, step: u32) -> Result<Self, Error> {
-        let known = &input.known;
+        let optional = &input.optional;
         let actions: [Box<dyn HostAction>; 5] = [
-            Box::new(KeepToCloud::new(known.gate.clone())),
+            Box::new(KeepToCloud::new(optional.gate.clone())),
             Box::new(Propagate::new(gpu, input, &settings.geometry)?),
             Box::new(Prune),
             Box::new(SettleHarmonics),
-            Box::new(AddSkirt::new(known.skirt.clone())),
+            Box::new(AddSkirt::new(optional.skirt.clone())),
         ];
         Ok(Self { planned: actions.into_iter().map(|action| Planned { action, done: step }).collect() })
     }
@@ -85,7 +90,14 @@ impl Actions {
         self.planned.iter().any(|planned| planned.is_due(schedule, event))
     }
 
-    /// Does what is due before an event.
+    /// Whether some action before the next step wants `step` to make up for all missed optimiser steps. Depends on the
+    /// schedule alone, so that a repeated step is the same.
+    pub(super) fn catch_up_after(&self, schedule: &Schedule, step: u32) -> bool {
+        let next = Event::of_step(step.saturating_add(1));
+        self.planned.iter().any(|planned| planned.action.catches_up() && planned.action.due(schedule, next))
+    }
+
+    /// Runs the actions that are due before an event.
     pub(super) fn run(&mut self, engine: &mut Engine, schedule: &Schedule, event: Event) -> Result<Vec<Change>, Error> {
         let mut changes = Vec::new();
         for planned in &mut self.planned {
@@ -99,7 +111,7 @@ impl Actions {
         Ok(changes)
     }
 
-    /// The last step before which something was done.
+    /// The last step before which an action ran.
     pub(super) fn done(&self) -> u32 {
         self.planned.iter().map(|planned| planned.done).max().unwrap_or(0)
     }
@@ -118,6 +130,10 @@ mod tests {
             event.kind == Kind::Step
         }
 
+        fn catches_up(&self) -> bool {
+            true
+        }
+
         fn run(&mut self, _: &mut Engine, _: &Schedule, _: u32) -> Result<Option<Change>, Error> {
             Ok(Some(Change::default()))
         }
@@ -132,6 +148,7 @@ mod tests {
         assert!(actions.planned[1].is_due(&schedule, Event::of_step(5)), "that one was not done before step 5");
         assert!(!actions.planned[0].is_due(&schedule, Event::of_step(5)));
         assert!(actions.are_due(&schedule, Event::of_step(6)));
+        assert!(actions.catch_up_after(&schedule, 4), "a step is the same when it is repeated");
         assert!(!actions.are_due(&schedule, Event { step: 6, kind: Kind::Density }));
     }
 }

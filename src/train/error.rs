@@ -19,10 +19,10 @@ pub enum Error {
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] format::Error),
-    /// There is nothing to begin with.
+    /// There are no splats to begin with.
     #[error(transparent)]
     Init(#[from] scene::init::InitError),
-    /// A mask could not be made.
+    /// A saliency mask could not be made.
     #[error(transparent)]
     Saliency(#[from] crate::saliency::Error),
     /// Stereo failed.
@@ -34,57 +34,63 @@ pub enum Error {
     /// Settings could not be written into a checkpoint.
     #[error(transparent)]
     Settings(#[from] super::settings::SettingsError),
-    /// A variant of a pass was asked for that does not give equal bits.
-    #[error("only the `gradient-sum` slots gives equal bits: leave `gradient-sum` unset, or `deterministic`")]
+    /// A variant that does not give equal bits was asked for in a deterministic training.
+    #[error(
+        "of the values of `gradient-sum` only slots gives equal bits: leave `gradient-sum` or `deterministic` unset"
+    )]
     NotDeterministic,
     /// Float atomics were asked for on a device (or with a switch) that has none.
     #[error("`gradient-sum` atomic: this device has no float atomics on buffers; use compare-and-swap or slots")]
     NoFloatAtomics,
-    /// A variant of the blending passes that takes more shared memory than a workgroup has.
+    /// A variant of the blending passes takes more shared memory than a workgroup has.
     #[error(
-        "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; `tile-shape` column with `gradient-sum` slots takes next to none"
+        "{form}: more than the {most} bytes of shared memory that this device has for a workgroup; \
+         `tile-shape` column with `gradient-sum` slots takes next to none"
     )]
     SharedMemory {
-        /// The form.
+        /// The variant.
         form: String,
-        /// Bytes that a workgroup has.
+        /// Bytes of shared memory that a workgroup has.
         most: u32,
     },
     /// A shortcut of the optimiser was asked for on a device that binds too few buffers to a pass.
     #[error(
-        "`sh-share`: the optimiser needs {needed} storage buffers in a pass for it, this device has {limit}; leave it out, or set `moment-bits` to 16"
+        "`sh-share`: with it a pass of the optimiser needs {needed} storage buffers, and this device has {limit}; \
+         leave `sh-share` unset, or set `moment-bits` to 16"
     )]
     ShortcutBuffers {
-        /// Buffers of the pass.
+        /// Storage buffers of the pass.
         needed: u32,
-        /// Buffers that the device binds.
+        /// Storage buffers that the device binds.
         limit: u32,
     },
-    /// A cloud lies elsewhere than what the cameras look at.
+    /// A point cloud is not where the cameras look.
     #[error(
-        "{}: the cloud is in another frame than the cameras: {}, and they look at {scene}. Give it in the coordinates of the dataset, or \
-         set `lidar` to mvs",
-        file.display(), where_cloud(cloud.as_deref())
+        "{}: the cloud is in another frame than the cameras: {}, and they look at {scene}. \
+         Give the cloud in the coordinates of the dataset, or set `lidar` to mvs",
+        file.display(),
+        where_cloud(cloud.as_deref())
     )]
     CloudElsewhere {
-        /// Its file.
+        /// File of the cloud.
         file: PathBuf,
-        /// Its bounds; none where it has no points.
+        /// Bounds of the cloud; none where it has no points.
         cloud: Option<Box<Bounds>>,
-        /// Those of the reconstructed points.
+        /// Bounds of the reconstructed points.
         scene: Box<Bounds>,
     },
-    /// Stereo found no cloud.
-    #[error("`lidar` mvs: stereo has found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)")]
+    /// Stereo found no surface for a cloud.
+    #[error("`lidar` mvs: stereo found no surface that photographs agree on; give a laser scan (PLY, LAS or LAZ)")]
     NoCloud,
     /// The photographs of a role have no pixel that is not masked.
     #[error(
-        "{}: {} is masked all over, by its mask or by its transparency (`mask-ignores` says which colour of a mask leaves out, `transparent` \
-         what transparent pixels are)",
-        dataset.display(), which_photographs(*role)
+        "{}: {} is masked all over, by its mask or by its transparency \
+         (`mask-ignores` names the colour of a mask that leaves pixels out, `transparent` says what transparent pixels are)",
+        dataset.display(),
+        which_photographs(*role)
     )]
     AllMasked {
-        /// The dataset.
+        /// Folder of the dataset.
         dataset: PathBuf,
         /// Whether the photographs are trained on or held out.
         role: dataset::Role,
@@ -92,19 +98,20 @@ pub enum Error {
     /// No photograph to train on.
     #[error("there is no photograph to train on")]
     NoViews,
-    /// A view's pixels do not fit its camera.
-    #[error("photograph '{name}': {found} bytes of pixels where its camera's size needs {expected}")]
+    /// The pixels of a photograph do not fit the camera's size.
+    #[error("photograph '{name}': {found} bytes of pixels where the camera's size needs {expected}")]
     PhotographSize {
-        /// Name of the view.
+        /// Name of the photograph.
         name: String,
         /// Bytes given.
         found: usize,
         /// Bytes needed.
         expected: usize,
     },
-    /// The loss is not a number: the model is beyond repair.
+    /// The loss is not a finite number: the model is beyond repair.
     #[error(
-        "step {step}: the loss is not a finite number. Go back to the last checkpoint, or train with lower learning rates"
+        "step {step}: the loss is not a finite number. \
+         Go back to the last checkpoint, or train with lower learning rates"
     )]
     LossNotFinite {
         /// Step.
@@ -119,71 +126,79 @@ pub enum Error {
         wanted: u64,
         /// The limit.
         limit: u64,
-        /// The option that helps.
+        /// The setting that helps.
         remedy: &'static str,
     },
-    /// What training needs does not fit the device memory that may be used.
+    /// The training does not fit the device memory that may be used.
     #[error(
-        "out of device memory: no room for {} {what}; with them the training needs {}, and {} may be used by it ({} are in use now, the limit is {}). \
-         Raise `max-device-memory`, or lower `max-side` or `max-splats`{}",
-        crate::numbers::grouped(*wanted), readable(*needed), readable(*room), readable(*in_use), readable(*limit), where_saved(saved.as_deref())
+        "out of device memory: no room for {} {what}; with them the training needs {}, and may use {} \
+         ({} are in use now, the limit is {}). Raise `max-device-memory`, or lower `max-side` or `max-splats`{}",
+        crate::numbers::grouped(*wanted),
+        readable(*needed),
+        readable(*room),
+        readable(*in_use),
+        readable(*limit),
+        where_saved(saved.as_deref())
     )]
     MemoryLimit {
         /// What there is no room for.
         what: &'static str,
-        /// How many.
+        /// How many were wanted.
         wanted: u64,
-        /// Bytes of the training with them.
+        /// Bytes of the training with the wanted number.
         needed: u64,
         /// Bytes that the training may use.
         room: u64,
-        /// Bytes allocated when this was found.
+        /// Bytes in use when the error was found.
         in_use: u64,
-        /// The limit that applies.
+        /// Limit of device memory, in bytes.
         limit: u64,
-        /// Where the training so far was saved.
+        /// Checkpoint of the training so far, where one was saved.
         saved: Option<PathBuf>,
     },
-    /// What training needs does not fit the host's memory that may be used.
+    /// The training does not fit the host memory that may be used.
     #[error(
-        "out of host memory: {} are needed at the least, {} of them in use now, and {} may be used, {}; allow more host memory, or need \
-         less with smaller photographs or fewer splats",
-        readable(*needed), readable(*in_use), readable(*most),
+        "out of host memory: {} are needed at the least, {} of them in use now, and {} may be used, {}; \
+         allow more host memory, or need less with smaller photographs or fewer splats",
+        readable(*needed),
+        readable(*in_use),
+        readable(*most),
         if *asked { "as was asked for" } else { "which is all that is free" }
     )]
     HostMemoryLimit {
-        /// Bytes in all that the least takes.
+        /// Bytes needed at the least, those in use included.
         needed: u64,
         /// Bytes that may be used.
         most: u64,
-        /// Bytes in use when this was found.
+        /// Bytes in use when the error was found.
         in_use: u64,
         /// Whether the limit was asked for.
         asked: bool,
     },
-    /// A run cannot go on with photographs that it has not been trained on.
+    /// A run cannot go on with photographs other than those it was trained on.
     #[error(
-        "the dataset is not the one that the run was trained on: {what}. Put back what it was trained on, or train anew in another folder"
+        "the dataset is not the one that the run was trained on: {what}. \
+         Put back what the run was trained on, or train anew in another folder"
     )]
     OtherPhotographs {
         /// The first difference.
         what: String,
     },
-    /// The perceptual loss of a resumed training would be another one.
+    /// A resumed training would compare by another perceptual distance.
     #[error(
-        "the perceptual loss went by {before} so far, and would go by {now}: give the same weights (`perceptual-weights`, PSRGS_WEIGHTS, or \
-         the folder of `psrgs-vk weights`), or train anew in another folder"
+        "the perceptual loss compared by {before} so far, and would now compare by {now}: give the same weights \
+         (`perceptual-weights`, PSRGS_WEIGHTS, or the folder of `psrgs-vk weights`), or train anew in another folder"
     )]
     OtherPerceptual {
-        /// What it went by.
+        /// What the loss compared by so far.
         before: String,
-        /// What it would go by.
+        /// What the loss would compare by.
         now: String,
     },
     /// A section of a checkpoint has the wrong size.
     #[error("checkpoint, section '{section}': {found} values where {expected} are expected")]
     Checkpoint {
-        /// Section.
+        /// Name of the section.
         section: String,
         /// Values found.
         found: usize,

@@ -1,4 +1,4 @@
-//! What a training is given: views with their photographs, and a first model; and whether a resumed one is given the same.
+//! What a training is given: views with photographs, and a first model; and whether a resumed training is given the same.
 
 mod dataset_fingerprint;
 
@@ -18,14 +18,14 @@ use crate::stereo::{Prior, Scene};
 pub struct View {
     /// Name of the photograph.
     pub name: String,
-    /// Camera, of the size of the photograph.
+    /// Camera; width and height are those of the photograph.
     pub camera: Camera,
-    /// The pixels. Where alpha is 0 a pixel is masked: it has no part in losses and metrics.
+    /// The pixels. A pixel with alpha 0 is masked: it has no part in losses and metrics.
     pub photograph: Supply,
 }
 
 impl View {
-    /// With a photograph that is in memory. Pixels less than half opaque are masked.
+    /// A view whose photograph is in memory. Pixels less than half opaque are masked.
     pub fn new(name: &str, camera: Camera, pixels: Pixels) -> Self {
         Self { name: name.to_owned(), camera, photograph: Supply::of(pixels) }
     }
@@ -47,55 +47,55 @@ pub struct Input {
     pub initial: Gaussians,
     /// Extent of the training cameras in scene units (1.1 x the largest distance from their mean).
     pub extent: f32,
-    /// What is known besides.
-    pub known: Known,
+    /// Depths, weights and other parts that may be absent.
+    pub optional: OptionalInput,
 }
 
-/// What a training can be given besides photographs and a first model; nothing of it has to be there.
+/// What a training can be given besides photographs and a first model; every part may be absent.
 #[derive(Clone, Debug, Default)]
-pub struct Known {
-    /// Depth and normals of the views to train on, in their order and in scene coordinates.
+pub struct OptionalInput {
+    /// Depth and normals of the views to train on, in the order of the views and in scene coordinates.
     pub priors: Vec<Option<Prior>>,
-    /// Weights for the perceptual distance; a bank of filters stands in for them.
+    /// Weights of the perceptual distance; without them a bank of oriented filters is used.
     pub perceptual: Option<Arc<LpipsWeights>>,
-    /// Where the colours of the first splats come from, where their points had none.
+    /// Where the colours of the first splats come from, if their points had none.
     pub coloured: Option<Coloured>,
-    /// Where splats may grow; everywhere without.
+    /// Points near which splats may grow; without them splats grow everywhere.
     pub gate: Option<Arc<ProximityIndex>>,
-    /// Splats that come when growth has ended and splats of little weight have gone: what lies where no photograph looks.
+    /// Splats where no photograph looks. Added when growth has ended and splats of little weight were dropped.
     pub skirt: Option<Arc<Gaussians>>,
-    /// What is to be told of photographs that were left out, as their poses are wrong or their pixels cannot be decoded.
+    /// Warnings about photographs that were left out because of wrong poses or pixels that cannot be decoded.
     pub left_out: Vec<Warning>,
-    /// Those of them whose pixels cannot be decoded.
+    /// The photographs left out because their pixels cannot be decoded.
     pub undecoded: Undecoded,
-    /// The views as stereo sees them, in their order, where depths are propagated.
+    /// The views as stereo sees them, in the order of the views, if depths are propagated.
     pub scene: Option<Arc<Scene>>,
 }
 
 /// Where the colours of the first splats come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Coloured {
-    /// What is to be said of the points.
+    /// The points that had no colour.
     pub colourless: Colourless,
-    /// Whether the points are those of the dataset, of which [`crate::dataset::Dataset::warnings`] has told this.
+    /// Whether the points are those of the dataset: then [`crate::dataset::Dataset::warnings`] tells that they had no colour.
     pub of_dataset: bool,
-    /// Points with a colour of photographs.
+    /// Number of points with a colour taken from photographs.
     pub seen: usize,
-    /// All points.
+    /// Number of points.
     pub points: usize,
-    /// Their colours.
+    /// Colours of the points.
     pub colours: Arc<Vec<[u8; 3]>>,
 }
 
 impl Input {
-    /// Whether any splat to begin with lies before one of the cameras to train on, in its picture or not farther from it than the picture is
-    /// wide and high.
+    /// Whether any first splat lies in front of a training camera and projects into its image, or no farther outside than
+    /// the image is wide and high.
     pub fn sees_any(&self) -> bool {
         let means = &self.initial.means;
         means.chunks_exact(3).any(|mean| self.train.iter().any(|view| is_before(&view.camera, mean)))
     }
 
-    /// What memory depends on.
+    /// The sizes and depths that memory depends on.
     pub fn outline(&self) -> Outline {
         Outline {
             train: self.train.iter().map(|view| (view.camera, view.photograph.depth())).collect(),
@@ -105,24 +105,25 @@ impl Input {
     }
 }
 
-/// Sizes and depths of the photographs of a training: what its memory depends on, known before any is decoded.
+/// Sizes and bit depths of the photographs of a training. Its memory depends on them, and they are known before any
+/// photograph is decoded.
 #[derive(Clone, Debug)]
 pub struct Outline {
     /// Views to train on.
     pub train: Vec<(Camera, Depth)>,
     /// Views to evaluate on.
     pub held_out: Vec<(Camera, Depth)>,
-    /// As that of [`Input`].
+    /// Extent of the training cameras, as in [`Input`].
     pub extent: f32,
 }
 
 impl Outline {
-    /// Bytes of photographs, decoded.
+    /// Bytes of the decoded photographs.
     pub fn bytes(views: &[(Camera, Depth)]) -> u64 {
         views.iter().map(|(c, depth)| u64::from(c.width) * u64::from(c.height) * depth.bytes_per_pixel()).sum()
     }
 
-    /// Bytes of the largest photograph, decoded.
+    /// Bytes of the largest decoded photograph.
     pub fn largest(&self) -> u64 {
         self.train.iter().chain(&self.held_out).map(|view| Self::bytes(std::slice::from_ref(view))).max().unwrap_or(0)
     }

@@ -1,4 +1,4 @@
-//! What a training learns, and by what: the splats, the photographs' exposures and the widths of the saliency filter.
+//! What a training learns: splats, exposures of photographs, and widths of the saliency filter.
 
 pub(super) mod exposures;
 pub(super) mod optimiser;

@@ -1,4 +1,4 @@
-//! Memory of a training, on the device and of the host: what is planned before it starts.
+//! Memory of a training on the device and on the host, as planned before the training starts.
 
 mod host;
 
@@ -16,31 +16,31 @@ use crate::numbers::counted;
 use crate::raster::{Variants, most_splats};
 use crate::vk::{self, Gpu};
 
-/// The memory of a training before it starts.
+/// Device memory of a training, as planned before the training starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MemoryPlan {
-    /// Bytes that may be used, by this training and what else is on the device.
+    /// Bytes that may be used by this training and everything else on the device.
     pub limit: u64,
-    /// Photographs to train on, and their bytes.
+    /// Number of photographs to train on, and bytes of their buffers.
     pub photographs: (usize, u64),
-    /// Whether these are all on the device, or those of the next steps.
+    /// Whether all photographs are on the device, or only those of the next steps.
     pub residency: Residency,
     /// Bytes per splat of the capacity.
     pub per_splat: f64,
     /// Bytes per (splat, tile) pair of the capacity.
     pub per_pair: f64,
-    /// Bytes per pixel of the largest photograph, photographs apart.
+    /// Bytes per pixel of the largest photograph, without the photographs themselves.
     pub per_pixel: f64,
     /// Splats and pairs that there is room for at the start.
     pub capacities: (u32, u32),
-    /// Bytes with that room, pictures and checkpoints on the way included.
+    /// Bytes with `capacities`, renders and checkpoints during the training included.
     pub at_start: u64,
-    /// Most splats, with 8 pairs each, and whether memory (rather than the size of a buffer) is what limits them.
+    /// Most splats, with 8 pairs each, and whether memory limits them (true) or the size of a buffer (false).
     pub most_splats: (u32, bool),
 }
 
 impl MemoryPlan {
-    /// Of a training that begins with `splats` splats.
+    /// The plan of a training that begins with `splats` splats.
     pub fn new(
         gpu: &Gpu,
         input: &Input,
@@ -52,7 +52,7 @@ impl MemoryPlan {
         Self::of(gpu, &input.outline(), settings, variants, pacing, splats)
     }
 
-    /// The same, before any photograph is decoded.
+    /// As [`Self::new`], before any photograph is decoded.
     pub fn of(
         gpu: &Gpu,
         outline: &Outline,
@@ -64,7 +64,7 @@ impl MemoryPlan {
         let needs = Needs::new(gpu, outline, settings, pacing)?;
         let capacities = needs.at_start(variants, splats, pacing)?;
         let photographs = (needs.views.len(), needs.of_photographs(needs.residency)?);
-        // Differences of large numbers: tables of the sorts grow in steps.
+        // Numbers that differ much, because tables of the sorts grow in steps.
         let (n, more) = (1 << 19, 1 << 20);
         let bytes = |splats, pairs| needs.training(variants, splats, pairs).map(|b| b as f64);
         let base = bytes(n, n)?;

@@ -1,4 +1,4 @@
-//! What a trainer tells whoever pulls its messages.
+//! The messages of a trainer.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::train::learning::sigma::SigmaUpdate;
 /// A message of the training stream.
 #[derive(Clone, Debug)]
 pub enum Message {
-    /// A step is done on the device. Steps are told in order, some steps after they were submitted.
+    /// A step is done on the device. Messages of steps come in order, some steps after the step was submitted.
     Step {
         /// Step, from 1.
         step: u32,
@@ -41,7 +41,7 @@ pub enum Message {
         /// What was learned.
         learned: SigmaUpdate,
     },
-    /// Depths of a step's view were propagated before it.
+    /// Depths of a step's view were propagated before the step.
     Propagated {
         /// Step.
         step: u32,
@@ -49,7 +49,7 @@ pub enum Message {
         added: u32,
         /// Share of the view's pixels that have a depth.
         share: f64,
-        /// Splats after that.
+        /// Splats after the change.
         splats: u32,
     },
     /// Splats where no photograph looks were added before a step.
@@ -58,25 +58,25 @@ pub enum Message {
         step: u32,
         /// Splats that were added.
         added: u32,
-        /// Splats after that.
+        /// Splats after the change.
         splats: u32,
     },
-    /// Splats of little weight, or too large for where they are, were dropped before a step.
+    /// Splats of little weight, or too large for their surroundings, were dropped before a step.
     Pruned {
         /// Step.
         step: u32,
-        /// How many.
+        /// Splats that were dropped.
         dropped: u32,
-        /// Splats after that.
+        /// Splats after the change.
         splats: u32,
     },
-    /// It was settled before a step which splats have spherical harmonics above degree 1.
+    /// The splats with spherical harmonics above degree 1 were chosen before a step.
     HarmonicsSettled {
         /// Step.
         step: u32,
-        /// How many have.
+        /// Splats with harmonics above degree 1.
         full: u32,
-        /// Of so many.
+        /// Splats in the model.
         splats: u32,
     },
     /// Opacities were clamped.
@@ -84,9 +84,9 @@ pub enum Message {
         /// Step.
         step: u32,
     },
-    /// A buffer was too small: it was grown and the lost events are being replayed.
+    /// A buffer was too small: the buffer was grown, and the lost events are being replayed.
     Grown {
-        /// Which buffers.
+        /// What the buffers hold: splats or pairs.
         what: &'static str,
         /// New capacity in elements.
         capacity: u64,
@@ -97,15 +97,15 @@ pub enum Message {
     Evaluated {
         /// Step.
         step: u32,
-        /// Mean and per-image quality.
+        /// Mean quality and quality of each photograph.
         quality: Quality,
         /// Splats in the model.
         splats: u32,
         /// Seconds since training began.
         seconds: f64,
     },
-    /// Scoring was given up, as [`super::Trainer::give_up_scoring_when`] had it; a run that goes on from a checkpoint of this step does
-    /// it.
+    /// Scoring was given up because of [`super::Trainer::give_up_scoring_when`]. A run that goes on from a checkpoint of this
+    /// step scores again.
     ScoringGivenUp {
         /// Step.
         step: u32,

@@ -1,4 +1,4 @@
-//! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer as a stream of messages.
+//! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer, which yields messages.
 
 mod actions;
 pub mod cloud;
@@ -22,7 +22,7 @@ pub mod tune;
 pub use crate::scene::ExposureMatrix;
 pub use engine::{Engine, MemoryCost, Outcome};
 pub use error::Error;
-pub use input::{Input, Known, Outline, TrainedOn, View};
+pub use input::{Input, OptionalInput, Outline, TrainedOn, View};
 pub use learning::sigma::SigmaUpdate;
 pub use memory::{HostMemory, HostPlan, MemoryPlan, shares_memory};
 pub use message::Message;

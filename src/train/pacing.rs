@@ -2,35 +2,35 @@
 
 /// Most events in flight.
 pub(super) const MOST_IN_FLIGHT: usize = 32;
-/// Most threads that decode photographs during a training: more are never needed for the next step's.
+/// Most threads that decode photographs during a training; the photographs of the next steps need no more.
 const MOST_DECODERS: usize = 8;
 
-/// Where the photographs of a training are while it goes on.
+/// Where the photographs are during a training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub enum Residency {
-    /// On the device where they take at most half of what the training may use, else streamed.
+    /// On the device if they take at most half of the memory that the training may use, else streamed.
     #[default]
     Auto,
     /// All on the device from the beginning.
     Resident,
-    /// Each is uploaded in the step that looks at it, from memory that the host fills some steps ahead.
+    /// Each photograph is uploaded in the step that looks at it, from memory that the host fills some steps ahead.
     Streamed,
 }
 
 /// How far the host may run ahead of the device, how large the buffers start, and where the photographs are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pacing {
-    /// Events submitted and not yet looked at, from 1 to 32. From 3 on, looking at the oldest never drains the device.
+    /// Events submitted whose outcome the host has not read, from 1 to 32. With 3 or more the wait never drains the device.
     pub events_in_flight: usize,
-    /// Splats that fit before the first growth; 0 chooses.
+    /// Splats that fit before the first growth; 0 for a capacity chosen from the input.
     pub splat_capacity: u32,
-    /// (splat, tile) pairs that fit before the first growth; 0 chooses.
+    /// (splat, tile) pairs that fit before the first growth; 0 for a capacity chosen from the input.
     pub pair_capacity: u32,
     /// Where the photographs are.
     pub photographs: Residency,
-    /// Photographs decoded ahead of their steps, at least 1, where they are not kept decoded.
+    /// Photographs decoded ahead of their steps, at least 1, if decoded photographs are not kept.
     pub decoded_ahead: usize,
-    /// Threads that decode them; 0 takes as many as there are cores, at most 8.
+    /// Threads that decode photographs; 0 for the number of cores, at most 8.
     pub decoders: usize,
 }
 

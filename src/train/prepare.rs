@@ -15,7 +15,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::Error;
-use super::input::{Input, Known, Outline, View};
+use super::input::{Input, OptionalInput, Outline, View};
 use super::memory::HostMemory;
 use super::settings::{self, Settings, Transparent};
 use crate::dataset::{
@@ -228,7 +228,7 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
         held_out: with_photographs(dataset, Role::HeldOut, held_out),
         initial,
         extent: Frame::EXTENT as f32,
-        known: Known { left_out, undecoded, ..Known::default() },
+        optional: OptionalInput { left_out, undecoded, ..OptionalInput::default() },
     })
 }
 
@@ -236,7 +236,7 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
 /// their share. From then on the settings have the numbers, and a resumed run the same.
 pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
     let density = &mut settings.density;
-    let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum();
+    let known: f64 = input.optional.priors.iter().flatten().map(Prior::share).sum();
     let counts = |view: &View| {
         1.0 - f64::from(view.masked()) / (f64::from(view.camera.width) * f64::from(view.camera.height)).max(1.0)
     };

@@ -1,6 +1,6 @@
 //! What happens at each training step, as pure functions of the step number: learning rates, spherical-harmonic degree,
-//! density changes, opacity resets, and which photograph is looked at. Any step can be planned at any time, in any order,
-//! so a replayed or resumed step repeats itself.
+//! density changes, opacity resets, and the photograph that the step looks at. Steps can be planned in any order, so a
+//! replayed or resumed step repeats itself.
 //!
 //! Steps count from 1 to the number of iterations. Values and quirks follow the reference implementation of 3D Gaussian
 //! splatting (Kerbl et al. 2023).
@@ -22,23 +22,24 @@ pub use band::Band;
 pub(super) use counter_rng::{Stream, draw};
 pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
-pub use plan::{Adam, DensityChange, Dropped, StepPlan};
+pub use plan::{Adam, DensityChange, DroppedSplats, StepPlan};
 pub use rates::Rates;
 
 /// Iterations that the method's published schedule is made for.
 const REFERENCE_ITERATIONS: f64 = 30_000.0;
-/// Scaled schedules: a run has at most so many intervals of growth, down to those of the full length. Growth takes half of a run.
+/// Scaled schedules: an interval of growth takes at least the run's steps divided by this. Growth takes half of a run.
 const MOST_INTERVALS: u32 = 15;
-/// Scaled schedules: growth is at most once per look at all photographs, or at so many of them, however often is asked for.
+/// Scaled schedules: between two density changes a run looks at all photographs, or at this many.
 const LONGEST_PASS: u32 = 100;
-/// Scaled schedules: opacities are reset at most this often, and need [`RESET_RECOVERY`] steps of growth after it.
+/// Scaled schedules: fewest steps between two opacity resets.
 const SHORTEST_RESET_INTERVAL: u32 = 500;
+/// Scaled schedules: steps of growth that follow the last opacity reset.
 const RESET_RECOVERY: u32 = 300;
 /// Splats of little weight are dropped a second time after this share of the steps.
 const PRUNE_AGAIN: f64 = 0.8;
-/// Splats that miss steps of the optimiser make up for them at the latest after so many: a splat's last step is known modulo 2^16.
+/// Splats make up for missed optimiser steps after this many at the latest: a splat's last step is stored modulo 2^16.
 const LONGEST_REST: u32 = 1 << 14;
-/// Steps between two weighings of a limited set of splats, in passes over the views: weighing draws every view once.
+/// Passes over the views between two weighings of a limited set of splats: a weighing renders every view once.
 const RECYCLE_PASSES: u32 = 3;
 
 /// The schedule of a run.
@@ -64,17 +65,15 @@ pub struct Schedule {
     pub lr_means_steps: u32,
     /// Last step of the low-frequency stage; 0 where there is none.
     pub low_until: u32,
-    /// Last step that sees a reduced photograph; 0 where there is none.
+    /// Last step that looks at a reduced photograph; 0 where there is none.
     pub coarse_until: u32,
-    /// Last step that sees one of a quarter of the size.
+    /// Last step that looks at a photograph of a quarter of the width and height.
     pub quarter_until: u32,
     /// Last step with a loss on depth and normals; 0 where there is none.
     pub geometry_until: u32,
-    /// The last step that skips splats below an alpha of its own, and one over that alpha. In a run that is made longer such steps may come
-    /// again, which changes nothing but what they take.
-    early: (u32, u32),
+    early: EarlyCutoff,
     geometry_every: u32,
-    /// What is left of its weight at that step.
+    /// Share of the weight of depth and normals that is left at `geometry_until`.
     geometry_left: f64,
     gradients: Every,
     perceptual: Every,
@@ -83,31 +82,32 @@ pub struct Schedule {
     sigma: Every,
     sigma_from: u32,
     propagations: Propagations,
-    /// Splats below these weights are dropped before these steps.
+    /// Splats below these weights are dropped before the steps of `prune_before`.
     prune_weights: [f64; 2],
     prune_before: [u32; 2],
     prune_from: u32,
     skirt_before: u32,
+    /// Share of the splats that is dropped to make room for growth.
     recycle_share: f64,
     /// Density changes from one recycling to the next.
     recycle_every: u32,
     sh_degree: u32,
-    /// Before this step it is settled which splats have harmonics above degree 1; 0 where all have.
+    /// Before this step the splats with harmonics above degree 1 are chosen; 0 where all splats have them.
     settle_sh: u32,
     densify: bool,
     background: Background,
     rates: RateSchedule,
-    /// At step 0 and at the last.
+    /// Learning rate of the exposures at step 0 and at the last step.
     lr_exposure: [f64; 2],
     seed: u64,
     views: usize,
-    /// Steps in which a photograph is looked at once.
+    /// Bands of a photograph: steps in which a photograph is looked at once.
     bands: u32,
 }
 
 impl Schedule {
-    /// The stage that is over after `done` steps of a run of `former` steps and would begin again in one of as many as `settings` say, as
-    /// stages are shares of all steps.
+    /// The stage that is over after `done` steps of a run of `former` steps and would begin again in a run with the steps of
+    /// `settings`, because stages are shares of all steps.
     pub fn begins_again(settings: &Settings, former: u32, done: u32) -> Option<&'static str> {
         let ends = |iterations| {
             let mut settings = settings.clone();
@@ -151,7 +151,7 @@ impl Schedule {
                 true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
                 false => 0,
             },
-            early: (early_until, settings.shortcuts.early_cutoff),
+            early: EarlyCutoff { until: early_until, cutoff: settings.shortcuts.early_cutoff },
             geometry_every: settings.geometry.depth_every.max(1),
             geometry_left: settings.geometry.depth_left,
             gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
@@ -161,7 +161,7 @@ impl Schedule {
                 settings.frequencies.sigma_every,
                 settings.frequencies.sigma_learning != SigmaLearning::Off,
             ),
-            // Composites have two sets to be made of from the second step of the high-frequency stage on.
+            // The two sets of a composite exist from the second step of the high-frequency stage on.
             sigma_from: match settings.frequencies.sigma_learning {
                 SigmaLearning::Composite => low_until.saturating_add(2),
                 _ => 0,
@@ -194,38 +194,40 @@ impl Schedule {
         out
     }
 
-    /// Whether depths are propagated before a step, and the ratio from which on splats are added.
+    /// Whether depths are propagated before step `t`, and the depth ratio from which on splats are added.
     pub fn propagates(&self, t: u32) -> Option<f64> {
         self.propagations.at(t)
     }
 
-    /// Whether splats of little weight are dropped before a step, and which: when growth has come to its end, and once more when
-    /// what was left has settled; while there is growth, to make room for it.
-    pub fn drops(&self, t: u32) -> Option<Dropped> {
+    /// The splats of little weight that are dropped before step `t`: when growth ends, once more when the remaining splats
+    /// have settled, and during growth to make room for it.
+    pub fn drops(&self, t: u32) -> Option<DroppedSplats> {
         let due = self.densify && t >= self.prune_from && t <= self.iterations;
-        // Where growth ends as late as the second time, that is what counts.
+        // If both times fall on one step, the second weight counts.
         let weight = (0..2).rev().find(|&k| due && self.prune_before[k] == t).map_or(0.0, |k| self.prune_weights[k]);
-        let below = (weight > 0.0).then_some(Dropped::Below(weight));
-        below.or(self.recycles(t).then_some(Dropped::Lightest(self.recycle_share)))
+        let below = (weight > 0.0).then_some(DroppedSplats::Below(weight));
+        below.or(self.recycles(t).then_some(DroppedSplats::Lightest(self.recycle_share)))
     }
 
-    /// Whether what lies where no photograph looks is added before a step: after everything that drops splats which no photograph shows.
+    /// Whether splats where no photograph looks are added before step `t`. No later step drops splats that no photograph
+    /// shows.
     pub fn skirts(&self, t: u32) -> bool {
         self.skirt_before > 0 && t == self.skirt_before
     }
 
-    /// Whether it is settled before a step which splats have harmonics above degree 1.
+    /// Whether the splats with harmonics above degree 1 are chosen before step `t`.
     pub fn settles_sh(&self, t: u32) -> bool {
         self.settle_sh > 0 && t == self.settle_sh && self.sh_degree > 1
     }
 
-    /// Degrees come one after the other; where few splats have more than one, no more before these are known.
+    /// Degrees are added one after the other. If only some splats have more than degree 1, no degree above 1 is used before
+    /// those splats are chosen.
     fn sh_degree_at(&self, t: u32) -> u32 {
         let degree = (t / self.sh_interval).min(self.sh_degree);
         if t < self.settle_sh { degree.min(1) } else { degree }
     }
 
-    /// After a density change, with another one to come.
+    /// Whether the lightest splats are dropped before step `t`: after a density change that another one follows.
     fn recycles(&self, t: u32) -> bool {
         let before = t.saturating_sub(1);
         let change = before / self.densify_interval;
@@ -264,7 +266,7 @@ impl Schedule {
             constrain: self.low_until > 0 && t == self.low_until + 1,
             factor: self.factor_at(t),
             band: self.band_at(t),
-            alpha_cutoff: (t <= self.early.0).then_some(self.early.1),
+            alpha_cutoff: (t <= self.early.until).then_some(self.early.cutoff),
             geometry: self.geometry_at(t),
             gradients: self.gradients.at(t, self.low_until),
             perceptual: self.perceptual_at(t),
@@ -272,7 +274,8 @@ impl Schedule {
         }
     }
 
-    /// The weight falls log-linearly to what is left of it at the last step; a step in every few carries the weight of all.
+    /// The weight falls log-linearly to `geometry_left` at the last step with the loss. Every `geometry_every`-th step has the
+    /// loss, and carries the weight of all the steps between.
     fn geometry_at(&self, t: u32) -> Option<f64> {
         let due = t <= self.geometry_until && t.is_multiple_of(self.geometry_every);
         due.then(|| {
@@ -280,28 +283,28 @@ impl Schedule {
         })
     }
 
-    /// How often the photograph of a step has been looked at, that step included.
+    /// How often the photograph of step `t` has been looked at, step `t` included.
     fn seen_at(&self, t: u32) -> u32 {
         let before = t.saturating_sub(1);
         before / pass_of(self.views.max(1), self.bands) * self.bands + before % self.bands + 1
     }
 
-    /// Where photographs are reduced, a step looks at its own alone.
+    /// A step with a reduced photograph looks at no view but its own.
     fn perceptual_at(&self, t: u32) -> Option<PerceptualStep> {
         let times = self.perceptual.at(t, self.low_until)?;
         let most = if self.factor_at(t) == 1 { self.perceptual_beside } else { 0 };
-        // One of the steps that have looked at each photograph.
+        // Of the steps that look at the bands of a photograph, one.
         let steps = (1..t).rev().skip(self.bands as usize - 1).step_by(self.bands as usize);
         let before = steps.map(|step| Beside { view: self.view_at(step), seen: self.seen_at(step) });
         Some(PerceptualStep::new(times, self.view_at(t), before, most))
     }
 
-    /// Photographs of reduced size say nothing of what is fine.
+    /// Not from reduced photographs, which have no fine detail.
     fn learns_sigma_at(&self, t: u32) -> bool {
         self.factor_at(t) == 1 && self.sigma.at(t, self.sigma_from.saturating_sub(1)).is_some()
     }
 
-    /// A quarter of the photograph's size in the first of the coarse steps, half of it in the others.
+    /// 4 in the first of the coarse steps, 2 in the others, 1 after them.
     fn factor_at(&self, t: u32) -> u32 {
         match t {
             t if t > self.coarse_until => 1,
@@ -310,7 +313,7 @@ impl Schedule {
         }
     }
 
-    /// What looks at more than colours, or at a reduced photograph, looks at all of it.
+    /// A step that compares more than colours, or looks at a reduced photograph, looks at the whole photograph.
     fn band_at(&self, t: u32) -> Option<Band> {
         let all = self.geometry_at(t).is_some()
             || self.gradients.at(t, self.low_until).is_some()
@@ -321,12 +324,12 @@ impl Schedule {
         (self.bands > 1 && !all).then_some(Band { index, of: self.bands })
     }
 
-    /// Learning rate of the means at `t`, per unit of the scene's extent: log-linear between its two ends.
+    /// Learning rate of the means at step `t`, per unit of the scene's extent: log-linear between its two ends.
     pub fn lr_means(&self, t: u32) -> f64 {
         self.rates.means_at(t)
     }
 
-    /// Learning rate of the exposures at `t`: log-linear over the run.
+    /// Learning rate of the exposures at step `t`: log-linear over the run.
     fn lr_exposure(&self, t: u32) -> f64 {
         log_linear(self.lr_exposure, t, self.iterations.max(1))
     }
@@ -336,8 +339,8 @@ impl Schedule {
         (self.views as u32).max(1).saturating_mul(self.bands)
     }
 
-    /// The training photograph of step `t`, as an index below the number of training views: shuffled passes, each over all
-    /// views once, and all bands of one after the other. 0 when there are none.
+    /// Index of the training view of step `t`; 0 when there are no views. Every pass looks at each view once in a shuffled
+    /// order, and at all bands of a view in consecutive steps.
     pub fn view_at(&self, t: u32) -> usize {
         let Some(last) = self.views.checked_sub(1) else { return 0 };
         let before = (t.saturating_sub(1) / self.bands) as usize;
@@ -359,8 +362,8 @@ impl Schedule {
         (last / self.densify_interval).saturating_sub(self.densify_from / self.densify_interval)
     }
 
-    /// The last step is followed by neither a density change nor a reset: nothing would train what they leave. The reference
-    /// saves its model before them too.
+    /// Neither a density change nor a reset follows the last step, because no training would follow. The reference also saves
+    /// its model before both.
     fn densifies_at(&self, t: u32) -> bool {
         let grows = self.densify && t > self.densify_from && t < self.densify_until.min(self.iterations);
         grows && t.is_multiple_of(self.densify_interval)
@@ -377,21 +380,19 @@ impl Schedule {
             return false;
         }
         let regular = t.is_multiple_of(self.reset_interval) && t <= self.reset_until;
-        // The reference also resets once when growth begins on a white background.
+        // On a white background the reference also resets once when growth begins.
         let white = self.background == Background::White && t == self.densify_from && t < self.densify_until;
         regular || white
     }
 
-    /// Whatever moves rows or reads all of them follows a step after which nothing is missing.
+    /// Splats make up for missed optimiser steps before a density change or reset and at the end of the run. Host actions
+    /// ask for it themselves.
     fn catches_up_at(&self, t: u32) -> bool {
-        let next = t.saturating_add(1);
-        let host =
-            self.drops(next).is_some() || self.skirts(next) || self.settles_sh(next) || self.propagates(next).is_some();
-        host || self.densifies_at(t) || self.resets_at(t) || t >= self.iterations || t.is_multiple_of(LONGEST_REST)
+        self.densifies_at(t) || self.resets_at(t) || t >= self.iterations || t.is_multiple_of(LONGEST_REST)
     }
 
-    /// Optimiser steps up to and including `t`: density changes and the last iteration have none, and where only a reset
-    /// happens the opacities have none.
+    /// Optimiser steps up to and including step `t`. A step with a density change has none, nor has the last; a step with a
+    /// reset alone has none of the opacities.
     fn adam_steps(&self, t: u32, opacities: bool) -> u32 {
         let t = t.min(self.iterations);
         let last = u32::from(t == self.iterations);
@@ -422,7 +423,7 @@ fn pass_of(views: usize, bands: u32) -> u32 {
     u32::try_from(views).unwrap_or(u32::MAX).saturating_mul(bands.max(1))
 }
 
-/// Steps from one weighing to the next.
+/// Steps from one weighing of the splats to the next.
 fn recycle_steps(views: usize, bands: u32) -> u32 {
     pass_of(views, bands).saturating_mul(RECYCLE_PASSES).max(1)
 }
@@ -444,8 +445,8 @@ impl Growth {
         let mut reset_interval = density.opacity_reset_interval;
         let mut reset_until = until.saturating_sub(1);
         if run.scale_schedule {
-            // A statistic needs every training view once, or the views seen decide what grows. Beyond that few changes of many steps each
-            // are better than many of few: what grew is judged when it has settled.
+            // Statistics need every training view once, else the views looked at decide which splats grow. Beyond that, few
+            // changes with many steps between are better, because new splats are judged when they have settled.
             let pass = pass_of(views, run.bands);
             let longest = interval.max(pass.min(LONGEST_PASS.saturating_mul(run.bands.max(1))));
             interval = scaled(interval).max(pass).max(run.iterations / MOST_INTERVALS).min(longest);
@@ -458,10 +459,20 @@ impl Growth {
     }
 }
 
-/// A term of the loss that a step in every few has, after the low-frequency stage.
+/// The alpha below which splats are skipped in early steps. In a run that is made longer, early steps may come again; only
+/// the time of those steps changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct EarlyCutoff {
+    /// Last step with this cutoff.
+    until: u32,
+    /// 1 / alpha.
+    cutoff: u32,
+}
+
+/// A term of the loss that every `steps`-th step has, after the low-frequency stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Every {
-    /// 0: none has it.
+    /// 0: no step has the term.
     steps: u32,
 }
 
@@ -470,7 +481,7 @@ impl Every {
         Self { steps: if wanted { steps.max(1) } else { 0 } }
     }
 
-    /// What its weight is multiplied by: such a step carries the weight of all.
+    /// Factor of the term's weight at step `t`: a step with the term carries the weight of the steps between.
     fn at(self, t: u32, after: u32) -> Option<f64> {
         (self.steps > 0 && t > after && t.is_multiple_of(self.steps)).then_some(f64::from(self.steps))
     }

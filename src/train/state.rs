@@ -1,13 +1,13 @@
 //! Everything the device holds between two steps.
 
-/// Host copy of the training state; rows as in [`crate::raster::PLANES`].
+/// Host copy of the training state. Planes have rows as in [`crate::raster::PLANES`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// The model's planes.
     pub params: [Vec<f32>; 8],
     /// Identities of the splats.
     pub ids: Vec<u32>,
-    /// Moments of Adam: the first and the second, or the words that hold both (see [`crate::pass::project_backward_adam_packed`]).
+    /// Moments of Adam: the first and the second, or words that hold both ([`crate::pass::project_backward_adam_packed`]).
     pub moments: Vec<[Vec<f32>; 8]>,
     /// Densification statistics, 4 floats per splat.
     pub stats: Vec<f32>,
@@ -15,11 +15,11 @@ pub struct State {
     pub scores: Vec<f32>,
     /// The counters.
     pub counters: Vec<u32>,
-    /// Exposures of the photographs with their moments ([`crate::pass::exposure`]); empty where they are off.
+    /// Exposures of the photographs with their moments ([`crate::pass::exposure`]); empty where exposures are off.
     pub exposures: Vec<f32>,
-    /// What was learned of the saliency filter's width, as JSON; empty where nothing is.
+    /// State of learning the saliency filter's width, as JSON; empty where the width is not learned.
     pub sigma: String,
-    /// What was propagated, for each view the median of its depths and its packed prior; empty where nothing is propagated.
+    /// Propagated depths: for each view the median depth and the packed prior; empty where depths are not propagated.
     pub priors: Vec<u32>,
 }
 

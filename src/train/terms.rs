@@ -159,12 +159,12 @@ impl Terms {
             self.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, settings, pacing.events_in_flight())?);
         }
         if let Some(geometry) = &mut self.geometry {
-            geometry.fill(gpu, &input.known)?;
+            geometry.fill(gpu, &input.optional)?;
         }
         if settings.texture.lambda_perceptual > 0.0 {
             let smallest = input.train.iter().map(|v| v.camera.width.min(v.camera.height)).min().unwrap_or(1);
             self.perceptual =
-                Some(Perceptual::new(gpu, input.known.perceptual.as_deref(), smallest, &settings.texture)?);
+                Some(Perceptual::new(gpu, input.optional.perceptual.as_deref(), smallest, &settings.texture)?);
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! Training as a stream of messages: events are recorded ahead of the device, looked at some events later, and replayed
-//! when a buffer turned out too small. What a run says and keeps of itself is here, too: messages, curves, scores and checkpoints.
+//! Training as a stream of messages. Events are recorded ahead of the device, their outcomes are read some events later, and
+//! events are replayed when a buffer turned out too small. Messages, curves, scores and checkpoints are here too.
 
 mod checkpoint;
 mod embedded;
@@ -46,13 +46,13 @@ pub struct Trainer {
     held_out: Vec<View>,
     /// The photographs to train on.
     trained_on: TrainedOn,
-    /// Their photographs.
+    /// The held-out photographs.
     truth: Feed,
     pacing: Pacing,
     next: Event,
     in_flight: VecDeque<(Event, Ticket)>,
     messages: VecDeque<Message>,
-    /// Everything up to this step has been done, reported and attended to (evaluation, checkpoint).
+    /// Every step up to this one is done and reported, with its evaluation and checkpoint.
     attended: u32,
     /// The last step at which held-out photographs were scored.
     evaluated: u32,
@@ -61,11 +61,20 @@ pub struct Trainer {
     history: History,
     last_splats: u32,
     told_bad_splats: bool,
-    /// Whether it was told that memory limits the splats.
+    /// Whether the warning that memory limits the splats was given.
     told_full: bool,
     started: Instant,
     seconds_before: f64,
     finished: bool,
+}
+
+/// A step at which the host must have everything done.
+struct Stop {
+    step: u32,
+    /// Whether the model is scored after the step.
+    scored: bool,
+    /// The last event before the scoring, or of the step.
+    last: Event,
 }
 
 impl Trainer {
@@ -81,7 +90,7 @@ impl Trainer {
         if input.train.is_empty() {
             return Err(Error::NoViews);
         }
-        let perceptual = (settings.texture.lambda_perceptual > 0.0).then(|| match &input.known.perceptual {
+        let perceptual = (settings.texture.lambda_perceptual > 0.0).then(|| match &input.optional.perceptual {
             Some(weights) => PerceptualBy::Network(weights.checksum()),
             None => PerceptualBy::Filters,
         });
@@ -101,7 +110,7 @@ impl Trainer {
         let unscored = step > 0
             && is_scored_after(step, settings, &schedule, input.held_out.len())
             && !history.quality.iter().any(|(s, ..)| *s == step)
-            // What changed the model after the step is done.
+            // No density change or reset has followed the step.
             && Event::of_step(step).next(&schedule).kind == Kind::Step;
         let first = streaming::first_views(&schedule, step, pacing);
         let begun = Start { variants, state, first_views: &first };
@@ -135,7 +144,7 @@ impl Trainer {
         })
     }
 
-    /// Pulls the next message; works as long as it takes to have one. `None` after [`Message::Finished`].
+    /// Gives the next message, and works until there is one. `None` after [`Message::Finished`].
     pub fn next_message(&mut self) -> Result<Option<Message>, Error> {
         loop {
             if let Some(message) = self.messages.pop_front() {
@@ -148,26 +157,26 @@ impl Trainer {
         }
     }
 
-    /// One turn: finish a stop, or submit what fits, then look at the oldest event.
+    /// One turn: submits what fits, then handles the outcome of the oldest event, or finishes a stop if none is in flight.
     fn advance(&mut self) -> Result<(), Error> {
-        let (stop, evaluate, last) = self.due();
-        while self.has_room() && self.next <= last {
+        let stop = self.due();
+        while self.has_room() && self.next <= stop.last {
             self.submit_next(SubmitSync::default())?;
         }
-        if evaluate && self.next > last {
+        if stop.scored && self.next > stop.last {
             self.look_ahead_to_scoring();
         }
         if let Some((event, ticket)) = self.in_flight.pop_front() {
             let outcome = self.engine.outcome(ticket)?;
             return self.look(event, outcome);
         }
-        if !evaluate {
-            return self.finish_stop(stop);
+        if !stop.scored {
+            return self.finish_stop(stop.step);
         }
-        self.score(stop)
+        self.score(stop.step)
     }
 
-    /// Scores the model after a step, all of which is done and nothing after it.
+    /// Scores the model after a step. The step is done, and no later event was submitted.
     fn score(&mut self, step: u32) -> Result<(), Error> {
         self.evaluated = step;
         let given_up = std::mem::replace(&mut self.give_up_scoring, Box::new(|| false));
@@ -182,16 +191,16 @@ impl Trainer {
         Ok(())
     }
 
-    /// The step at which the host must have everything done, whether it is to be scored, and the last event before that.
-    fn due(&self) -> (u32, bool, Event) {
-        let stop = self.next_stop();
-        // A step is scored before its density change and opacity reset, as in the reference: a model whose opacities have just
-        // been lowered says nothing.
-        let evaluate = self.evaluates_at(stop) && self.evaluated < stop;
-        (stop, evaluate, Event { step: stop, kind: if evaluate { Kind::Step } else { Kind::Reset } })
+    /// The next stop.
+    fn due(&self) -> Stop {
+        let step = self.next_stop();
+        // A step is scored before its density change and opacity reset, as in the reference: scores of a model whose opacities
+        // have just been lowered mean nothing.
+        let scored = self.evaluates_at(step) && self.evaluated < step;
+        Stop { step, scored, last: Event { step, kind: if scored { Kind::Step } else { Kind::Reset } } }
     }
 
-    /// Another event may be submitted before the oldest is looked at.
+    /// Whether another event may be submitted before the outcome of the oldest is read.
     fn has_room(&self) -> bool {
         self.in_flight.len() < self.pacing.events_in_flight()
     }
@@ -199,7 +208,8 @@ impl Trainer {
     /// Submits the next event.
     fn submit_next(&mut self, order: SubmitSync<'_>) -> Result<Ticket, Error> {
         self.make_ready()?;
-        let plan = self.schedule.step(self.next.step);
+        let mut plan = self.schedule.step(self.next.step);
+        plan.catch_up |= self.actions.catch_up_after(&self.schedule, self.next.step);
         self.look_ahead();
         let ticket = self.engine.submit_with(self.next, &plan, self.schedule.view_at(self.next.step), order)?;
         self.in_flight.push_back((self.next, ticket));
@@ -211,13 +221,13 @@ impl Trainer {
         self.seconds_before + self.started.elapsed().as_secs_f64()
     }
 
-    /// Writes a checkpoint to `folder` every [`Settings`]`.run.checkpoint_every` steps from now on, and one at the end.
+    /// From now on writes a checkpoint to `folder` every [`Settings`]`.run.checkpoint_every` steps, and one at the end.
     pub fn keep_checkpoints(&mut self, folder: &Path) {
         self.checkpoints = Some(folder.to_owned());
     }
 
-    /// Scoring held-out photographs between two steps is given up as soon as this says so, between two of them: there may be many. Training
-    /// goes on without the score, unless its owner ends it.
+    /// Scoring of held-out photographs is given up as soon as `asked` returns true; it is called before each photograph.
+    /// Training goes on without the score.
     pub fn give_up_scoring_when(&mut self, asked: impl Fn() -> bool + Send + Sync + 'static) {
         self.give_up_scoring = Box::new(asked);
     }
@@ -284,12 +294,12 @@ impl Trainer {
                 let outcome = self.engine.outcome(ticket)?;
                 self.look(event, outcome)?;
             }
-            // Who goes on from here begins behind the step that is to be scored.
-            let (stop, evaluate, last) = self.due();
-            if evaluate && self.next > last {
-                self.score(stop)?;
+            // A training that goes on from here begins after the step to score.
+            let stop = self.due();
+            if stop.scored && self.next > stop.last {
+                self.score(stop.step)?;
             }
-            // A step that has to be repeated after what the host did before it belongs to what is done.
+            // If a host action already ran before the next step, that step has to be done as well.
             if self.next.kind == Kind::Step && self.actions.done() < self.next.step {
                 return Ok(self.next.step - 1);
             }
@@ -297,7 +307,7 @@ impl Trainer {
         }
     }
 
-    /// Renders the held-out views and compares them with their photographs, 8 bits both.
+    /// Renders the held-out views and compares the renders with the photographs, both rounded to 8 bits.
     pub fn evaluate(&mut self) -> Result<crate::eval::Quality, Error> {
         let step = self.drain_to_step()?;
         Ok(self.quality(step, &|| false)?.unwrap_or_else(|| crate::eval::Quality::of(Vec::new())))
@@ -316,7 +326,7 @@ impl Trainer {
         evaluate::quality(&mut self.engine, &held_out, given_up)
     }
 
-    /// Renders the model as it is, depth and normals too.
+    /// Renders the current model with depth and normals.
     pub fn picture(&mut self, camera: &Camera) -> Result<Picture, Error> {
         let step = self.drain_to_step()?;
         let sh_degree = self.schedule.step(step.max(1)).sh_degree;
@@ -333,21 +343,21 @@ impl Trainer {
         &self.held_out
     }
 
-    /// The model as it is, in scene coordinates.
+    /// The current model, in scene coordinates.
     pub fn model(&mut self) -> Result<Gaussians, Error> {
         self.drain_to_step()?;
         self.engine.model()
     }
 
-    /// Splats with an identity below this were there at the end of the low-frequency stage; `None` where there was none, or it has not
-    /// come to its end.
+    /// Splats with an identity below this were there at the end of the low-frequency stage; `None` without that stage or
+    /// before its end.
     pub fn constrained_below(&mut self) -> Result<Option<u32>, Error> {
         self.drain_to_step()?;
         self.engine.constrained_below()
     }
 
-    /// The loss of some photographs over the width of the saliency filter, by where the model as it is fails, evenly spread over those that are trained on; with
-    /// their names. Nothing where no width is learned.
+    /// Names and losses of about `most` training photographs over the width of the saliency filter, measured by where the
+    /// current model fails. Empty if the width is not learned.
     pub fn sigma_curves(&mut self, most: usize) -> Result<Vec<(String, saliency::Curve)>, Error> {
         let step = self.drain_to_step()?;
         let plan = self.schedule.step(step.max(1));
@@ -362,29 +372,29 @@ impl Trainer {
         Ok(curves)
     }
 
-    /// Seconds that the masks of the photographs took, before the first step.
+    /// Seconds that making the saliency masks took, before the first step.
     pub fn saliency_seconds(&self) -> f64 {
         self.engine.saliency_seconds()
     }
 
-    /// Names of the photographs that are trained on.
+    /// Names of the training photographs.
     pub fn names(&self) -> &[String] {
         &self.trained_on.names
     }
 
-    /// The exposure of every photograph that is trained on, by name; `None` where exposures are off.
+    /// Name and exposure of every training photograph; `None` where exposures are off.
     pub fn exposures(&mut self) -> Result<Option<Vec<(String, ExposureMatrix)>>, Error> {
         self.drain_to_step()?;
         Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 
-    /// The exposures that the held-out photographs are scored by; `None` where exposures are off, and the model is scored as it is.
+    /// The exposures from which those of held-out photographs are expected when scoring; `None` where exposures are off.
     pub fn expected_exposures(&mut self) -> Result<Option<Exposures>, Error> {
         self.drain_to_step()?;
         self.learned()
     }
 
-    /// The exposures as they are on the device.
+    /// The exposures on the device.
     fn learned(&mut self) -> Result<Option<Exposures>, Error> {
         let Some(all) = self.engine.exposures()? else { return Ok(None) };
         let centres = self.engine.cameras().iter().map(Camera::center);
@@ -392,7 +402,7 @@ impl Trainer {
         Ok(Some(Exposures::new(named.map(|((name, matrix), centre)| (name, matrix, centre)))))
     }
 
-    /// Everything that a restart needs: the last step done, seconds so far, and the device's state.
+    /// Everything that a restart needs: the last step done, seconds so far, curves, and the device's state.
     pub fn snapshot(&mut self) -> Result<Restart, Error> {
         let step = self.drain_to_step()?;
         let mut history = self.history.clone();
@@ -402,7 +412,7 @@ impl Trainer {
         Ok(Restart { step, seconds: self.seconds(), state, variants, history, trained_on })
     }
 
-    /// Splats after the last event that was looked at.
+    /// Splats after the last event whose outcome was read.
     pub fn splats(&self) -> u32 {
         self.last_splats
     }
@@ -423,7 +433,7 @@ impl Trainer {
     }
 }
 
-/// Whether so many held-out photographs are scored after a step.
+/// Whether the model is scored after a step, with `held_out` held-out photographs.
 fn is_scored_after(step: u32, settings: &Settings, schedule: &Schedule, held_out: usize) -> bool {
     let every = settings.run.eval_every;
     held_out > 0 && (step == schedule.iterations || (every > 0 && step.is_multiple_of(every)))

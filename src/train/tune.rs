@@ -16,7 +16,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::engine::Engine;
-use super::input::{Input, Known};
+use super::input::{Input, OptionalInput};
 use super::pacing::Pacing;
 use super::schedule::{Adam, Band, Event, Schedule, StepPlan};
 use super::settings::{Settings, Tune};
@@ -159,7 +159,13 @@ fn thinned(input: &Input) -> Input {
     let all = input.train.len();
     let views = all.min(VIEWS);
     let train = (0..views).map(|k| input.train[(2 * k + 1) * all / (2 * views)].clone()).collect();
-    Input { train, held_out: Vec::new(), initial: input.initial.clone(), extent: input.extent, known: Known::default() }
+    Input {
+        train,
+        held_out: Vec::new(),
+        initial: input.initial.clone(),
+        extent: input.extent,
+        optional: OptionalInput::default(),
+    }
 }
 
 /// Seconds of a forward and backward, as the mean over two views, each looked at twice.

@@ -2,7 +2,7 @@
 
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::{Camera, Gaussians};
-use psrgs_vk::train::{Input, Known, View};
+use psrgs_vk::train::{Input, OptionalInput, View};
 
 /// Colour of the ground at (x, y), smooth waves and a checkerboard, in 0..1.
 fn ground(x: f64, y: f64) -> [f64; 3] {
@@ -94,6 +94,6 @@ pub fn input(views: usize, width: u32, height: u32, n: usize) -> Input {
         held_out: (0..2).map(|i| view(format!("test{i}"), ring(2 * i + 1, 2 * views), 2.7)).collect(),
         initial: splats(n),
         extent: 5.0,
-        known: Known::default(),
+        optional: OptionalInput::default(),
     }
 }

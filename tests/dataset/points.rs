@@ -62,7 +62,7 @@ fn points_of_one_colour_take_the_colours_of_the_photographs() {
         assert_eq!(told.count(), 1, "{:?}", dataset.warnings);
         let input = input(&dataset, &Settings::default());
         assert_eq!(shown(&input), vec![[200, 100, 50]; dataset.points.len()], "{colour:?}");
-        let coloured = input.known.coloured.expect("taken");
+        let coloured = input.optional.coloured.expect("taken");
         assert_eq!((coloured.seen, coloured.points), (64, 64));
         assert_eq!(coloured.colourless.why, NoColours::OneColour(colour));
     }
@@ -76,7 +76,7 @@ fn points_with_colours_of_their_own_keep_them() {
     assert_eq!(dataset.colourless, None);
     let input = input(&dataset, &Settings::default());
     assert_eq!(input.initial, dataset.first_gaussians().expect("points"));
-    assert_eq!(input.known.coloured, None);
+    assert_eq!(input.optional.coloured, None);
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn an_init_cloud_without_colours_takes_those_of_photographs() {
     settings.run.init = Some(file);
     let input = input(&dataset, &settings);
     assert_eq!(shown(&input), vec![[200, 100, 50]; 3]);
-    let coloured = input.known.coloured.expect("taken");
+    let coloured = input.optional.coloured.expect("taken");
     assert_eq!((coloured.seen, coloured.points, coloured.of_dataset), (2, 3, false));
     assert!(
         coloured.colourless.to_string().contains("cloud.ply: the file holds no colours"),

@@ -343,15 +343,17 @@ fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
                 let input = decoded(root.path(), false, keep).expect("one of twenty");
                 let views: Vec<&str> = input.train.iter().chain(&input.held_out).map(|v| v.name.as_str()).collect();
                 assert!(views.len() == 19 && !views.contains(&name.as_str()), "{views:?}");
-                let [Warning::LeftOut(told)] = &input.known.left_out[..] else { panic!("{:?}", input.known.left_out) };
+                let [Warning::LeftOut(told)] = &input.optional.left_out[..] else {
+                    panic!("{:?}", input.optional.left_out)
+                };
                 assert_eq!((told.what, told.count, told.of), ("photographs", 1, 20));
                 assert!(told.first == format!("'{name}'") && told.problem.contains("pixels at byte"), "{told}");
-                let [undecodable] = &input.known.undecoded.photographs[..] else { panic!("one") };
+                let [undecodable] = &input.optional.undecoded.photographs[..] else { panic!("one") };
                 assert_eq!((&undecodable.name, undecodable.role), (&name, role));
                 // Everything else is as it is with the photograph.
                 let mut dataset = load(root.path()).expect("loads");
                 let before = dataset.clone();
-                dataset.leave_out(&input.known.undecoded);
+                dataset.leave_out(&input.optional.undecoded);
                 assert!(dataset.views.len() == 19 && dataset.frame == before.frame);
                 let seen = |dataset: &Dataset, point| -> Vec<String> {
                     dataset.tracks.of(point).iter().map(|v| dataset.views[*v as usize].name.clone()).collect()
@@ -366,7 +368,7 @@ fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
             assert!(error.contains(&name) && error.contains("pixels at byte"), "{error}");
             // Counted among all: two are a tenth of twenty, though not of those held out.
             fs::write(file(if k == 8 { 16 } else { 6 }), &bytes).expect("written");
-            assert_eq!(decoded(root.path(), false, u64::MAX).expect("a tenth").known.undecoded.photographs.len(), 2);
+            assert_eq!(decoded(root.path(), false, u64::MAX).expect("a tenth").optional.undecoded.photographs.len(), 2);
             fs::write(file(1), &bytes).expect("written");
             let error = decoded(root.path(), false, u64::MAX).expect_err("three of twenty");
             assert!(error.contains("3 of 20 photographs cannot be used") && error.contains("01.png"), "{error}");
@@ -386,7 +388,7 @@ fn a_photograph_whose_mask_cannot_be_decoded_is_left_out() {
     let bytes = noise(ImageFormat::Png);
     fs::write(masks.join("05.png.png"), &bytes[..bytes.len() / 2]).expect("written");
     let input = decoded(root.path(), false, u64::MAX).expect("one of twenty");
-    let said: Vec<String> = input.known.left_out.iter().map(ToString::to_string).collect();
+    let said: Vec<String> = input.optional.left_out.iter().map(ToString::to_string).collect();
     let want = ["1 of 20 photographs cannot be used and is left out, '05.png'", "05.png.png: pixels at byte"];
     assert!(said.len() == 1 && want.iter().all(|want| said[0].contains(want)), "{said:?}");
     let error = decoded(root.path(), true, u64::MAX).expect_err("strict");

@@ -170,7 +170,7 @@ fn texture_is_left_out_where_that_is_asked_for() {
         let (report, input) = found(&gpu, &dataset, &settings, true);
         assert_eq!(report.reduced_to, None, "small photographs are matched as they are");
         let sizes: Vec<(u32, u32)> = input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
-        let priors = input.known.priors.iter().zip(&sizes).map(|(prior, size)| {
+        let priors = input.optional.priors.iter().zip(&sizes).map(|(prior, size)| {
             let (width, height) = settings.geometry.prior_size(size.0, size.1);
             let depth = prior.as_ref().map_or(vec![0.0; (width * height) as usize], |p| p.depth.clone());
             depth.into_iter().map(|d| d > 0.0).collect::<Vec<bool>>()

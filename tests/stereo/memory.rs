@@ -101,7 +101,7 @@ fn depths_to_train_with_do_not_depend_on_where_photographs_are() {
         let initial = prepare::initial(&dataset, &settings).expect("points");
         let mut input = prepare::input_within(&dataset, initial, share).expect("decoded");
         let report = compute_stereo_priors(&gpu, &dataset, &mut input, &settings, &share, true).expect("matched");
-        (report, input.known.priors)
+        (report, input.optional.priors)
     };
     let kept = depths(u64::MAX, 2);
     assert!(kept.0.views >= 5 && kept.0.share > 0.1, "{:?}", kept.0);

@@ -30,8 +30,8 @@ fn half(input: &mut Input, settings: &Settings) {
         view.camera.resized(width, height)
     };
     let cameras: Vec<_> = input.train.iter().map(reduced).collect();
-    input.known.priors = maps(&cameras, &cloud).into_iter().map(Some).collect();
-    input.known.gate = ProximityIndex::new(&cloud, WITHIN).map(Arc::new);
+    input.optional.priors = maps(&cameras, &cloud).into_iter().map(Some).collect();
+    input.optional.gate = ProximityIndex::new(&cloud, WITHIN).map(Arc::new);
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn splats_grow_near_the_cloud_alone_and_every_run_is_the_same() {
     let free = plane_scene::input(5, 64, 48, 300);
     let mut kept = free.clone();
     half(&mut kept, &settings);
-    assert!(kept.known.priors.iter().flatten().all(|p| p.share() > 0.05), "the views see the cloud");
+    assert!(kept.optional.priors.iter().flatten().all(|p| p.share() > 0.05), "the views see the cloud");
     let [first, without] = [&kept, &free].map(|i| run(&gpu, i.clone(), &settings, Pacing::default()));
     // New ones, on either side; children of splats at the edge may lie a little beyond it.
     let grown = |run: &super::Run, side: f32| {

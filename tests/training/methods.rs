@@ -68,11 +68,11 @@ fn growth_goes_on_where_little_is_known() {
         let mut settings = settings.clone();
         (prepare::grow_on(input, &mut settings), settings.density)
     };
-    input.known.priors = input.train.iter().map(|view| Some(ground(view, &settings))).collect();
-    let known: f64 = input.known.priors.iter().flatten().map(Prior::share).sum::<f64>() / 4.0;
+    input.optional.priors = input.train.iter().map(|view| Some(ground(view, &settings))).collect();
+    let known: f64 = input.optional.priors.iter().flatten().map(Prior::share).sum::<f64>() / 4.0;
     assert!(known > 0.5, "{known}");
     assert_eq!(after(&input), (None, settings.density.clone()));
-    input.known.priors[1..].fill(None);
+    input.optional.priors[1..].fill(None);
     let (share, density) = after(&input);
     assert!(share.is_some_and(|share| share > 0.0 && share < 0.3), "{share:?}");
     assert_eq!((density.densify_until, density.grad_threshold, density.low_grad_threshold), (15_000, 8e-4, 8e-4));
@@ -84,7 +84,7 @@ fn growth_goes_on_where_little_is_known() {
     }
     assert_eq!(after(&input).0, None);
     // Without any depths.
-    input.known.priors.clear();
+    input.optional.priors.clear();
     assert_eq!(after(&input).0, Some(0.0));
     // Nor is there growth to go on where density stays as it is.
     let mut still = settings.clone();
@@ -100,7 +100,7 @@ fn growth_goes_on_where_little_is_known() {
 
 fn input(views: usize, (width, height): (u32, u32), splats: usize, settings: &Settings) -> Input {
     let mut input = plane_scene::input(views, width, height, splats);
-    input.known.priors = input.train.iter().map(|view| Some(ground(view, settings))).collect();
+    input.optional.priors = input.train.iter().map(|view| Some(ground(view, settings))).collect();
     input
 }
 

@@ -46,7 +46,7 @@ fn input(settings: &Settings) -> Input {
     let pixels = |k: usize| input.train[k].photograph.pixels();
     let scene = Scene::new(&pending, &seen, &settings.geometry.stereo(), &share, pixels).expect("pixels");
     assert!(scene.skipped.is_empty());
-    input.known.scene = Some(Arc::new(scene));
+    input.optional.scene = Some(Arc::new(scene));
     input.initial.opacities.fill(2.0);
     input
 }

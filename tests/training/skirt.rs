@@ -24,7 +24,7 @@ fn with_skirt() -> (Settings, Input) {
     // Far beyond what the photographs show, where splats of no weight would be dropped.
     let mut skirt: Gaussians = plane_scene::splats(SPLATS);
     skirt.means.chunks_exact_mut(3).for_each(|mean| mean[0] += 100.0);
-    input.known.skirt = Some(Arc::new(skirt));
+    input.optional.skirt = Some(Arc::new(skirt));
     (s, input)
 }
 

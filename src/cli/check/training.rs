@@ -95,7 +95,7 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
         held_out: Vec::new(),
         initial,
         extent: outline.extent,
-        known: psrgs_vk::train::Known::default(),
+        optional: psrgs_vk::train::OptionalInput::default(),
     };
     let estimate = Estimate::measure(gpu, &input, settings, variants)?;
     Ok(Training {

@@ -41,13 +41,13 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
         cache: cache.as_deref(),
     };
     let setup = Setup::prepare(&gpu, request, &mut |event| startup_log::event(&event, console))?;
-    dataset.leave_out(&setup.input.known.undecoded);
+    dataset.leave_out(&setup.input.optional.undecoded);
     startup_log::setup(&setup, &dataset, console);
     startup_log::demands(&setup, &gpu, console)?;
 
     let Setup { settings, input, restart, host, stereo_seconds, .. } = setup;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
-    let (left_out, undecoded) = (input.known.left_out.clone(), input.known.undecoded.clone());
+    let (left_out, undecoded) = (input.optional.left_out.clone(), input.optional.undecoded.clone());
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
     interrupt.work_begins("stopping after this step and saving; once more to stop at once");
     trainer.give_up_scoring_when({

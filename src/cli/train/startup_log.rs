@@ -121,7 +121,7 @@ fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Con
 pub(super) fn setup(setup: &Setup, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&setup.settings, &setup.input);
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
-        let told = prepare::left_out_besides(dataset, role, views, &input.known.left_out);
+        let told = prepare::left_out_besides(dataset, role, views, &input.optional.left_out);
         told.iter().for_each(|warning| console.warn(warning));
     }
     console.say(format_args!(
@@ -139,7 +139,7 @@ pub(super) fn setup(setup: &Setup, dataset: &Dataset, console: &Console) {
 /// What is to be known of the splats that a training begins with which does not go on.
 fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&setup.settings, &setup.input);
-    if let Some(coloured) = &input.known.coloured {
+    if let Some(coloured) = &input.optional.coloured {
         // Of the dataset's points this has been told with the dataset.
         if !coloured.of_dataset {
             console.warn(&coloured.colourless);

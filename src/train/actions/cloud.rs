@@ -1,4 +1,4 @@
-//! Growth keeps to a cloud: splats far from the cloud have no part in a density change.
+//! Growth keeps to a cloud: splats far from the cloud do not grow in a density change.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ pub(super) struct KeepToCloud {
 }
 
 impl KeepToCloud {
-    /// Splats grow everywhere without a `gate`.
+    /// Without a `gate` splats grow everywhere.
     pub(super) fn new(gate: Option<Arc<ProximityIndex>>) -> Self {
         Self { gate }
     }
@@ -23,6 +23,11 @@ impl KeepToCloud {
 impl HostAction for KeepToCloud {
     fn due(&self, _: &Schedule, event: Event) -> bool {
         self.gate.is_some() && event.kind == Kind::Density
+    }
+
+    /// The schedule makes up for missed steps before every density change.
+    fn catches_up(&self) -> bool {
+        false
     }
 
     fn run(&mut self, engine: &mut Engine, _: &Schedule, _: u32) -> Result<Option<Change>, Error> {

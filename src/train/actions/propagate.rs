@@ -1,4 +1,5 @@
-//! The depths of a view are propagated: they are its prior from then on, and splats are added where the render is far from them.
+//! Propagates the depths of a view: the depths found become the view's prior, and splats are added where the rendered depth
+//! is far from the depth found.
 
 use super::propagation::Propagation;
 use super::{Change, HostAction};
@@ -15,9 +16,9 @@ pub(super) struct Propagate {
 }
 
 impl Propagate {
-    /// Where the input has the views as stereo sees them.
+    /// Propagates only if the input has the views as stereo sees them.
     pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Geometry) -> Result<Self, Error> {
-        let Some(scene) = &input.known.scene else { return Ok(Self { propagation: None }) };
+        let Some(scene) = &input.optional.scene else { return Ok(Self { propagation: None }) };
         let sizes = input.train.iter().map(|view| (view.camera.width, view.camera.height)).collect();
         Ok(Self { propagation: Some(Propagation::new(gpu, scene.clone(), sizes, settings)?) })
     }
@@ -26,6 +27,10 @@ impl Propagate {
 impl HostAction for Propagate {
     fn due(&self, schedule: &Schedule, event: Event) -> bool {
         event.kind == Kind::Step && schedule.propagates(event.step).is_some()
+    }
+
+    fn catches_up(&self) -> bool {
+        true
     }
 
     fn run(&mut self, engine: &mut Engine, schedule: &Schedule, step: u32) -> Result<Option<Change>, Error> {

@@ -1,5 +1,5 @@
-//! Depths and normals found while training: a view's render begins a search for planes that its neighbours agree with, and where what
-//! they agree on is far from what is rendered, splats are added (GaussianPro, Cheng et al. 2024).
+//! Depths and normals found during training (GaussianPro, Cheng et al. 2024). The render of a view begins a search for planes
+//! that neighbouring views agree with. Splats are added where the planes found are far from the rendered depth.
 
 use std::sync::Arc;
 
@@ -11,15 +11,15 @@ use crate::train::density::logit;
 use crate::train::settings::Geometry;
 use crate::vk::Gpu;
 
-/// Views that a view is compared with.
+/// Most views that a view is compared with.
 const SOURCES: usize = 4;
 /// Sweeps over all pixels: renders are farther from the truth than reconstructed points are.
 const SWEEPS: u32 = 2;
-/// Splats are added in every so many-th row and column of the photograph ...
+/// Splats are added at every eighth row and column of the photograph ...
 const GRID: f64 = 8.0;
-/// ... where more pixels of it than this have another depth.
+/// ... if more than this many pixels of the photograph have another depth.
 const LEAST_PIXELS: f64 = 100.0;
-/// Opacity of the splats that are added. The publication's is 1, which has no logit.
+/// Opacity of the splats that are added. The paper has 1, which has no logit.
 const OPACITY: f64 = 0.99;
 
 /// What a training needs to propagate depths.
@@ -30,9 +30,9 @@ pub(super) struct Propagation {
     sizes: Vec<(u32, u32)>,
 }
 
-/// What came of a view.
+/// What was found for a view.
 pub(super) struct Propagated {
-    /// What its neighbours agree with.
+    /// Depths and normals that the neighbouring views agree with.
     pub(super) prior: Prior,
     /// Splats to add, in scene coordinates.
     pub(super) splats: Gaussians,
@@ -50,7 +50,7 @@ impl Propagation {
         Ok(Self { matcher: Matcher::new(gpu, &settings)?, scene, sizes })
     }
 
-    /// A view and those that it is compared with; nothing where there are none.
+    /// The indices of a view and the views that it is compared with; empty if there are none to compare with.
     pub(super) fn together(&self, view: usize) -> Vec<usize> {
         match self.scene.views.get(view) {
             Some(found) if !found.sources.is_empty() => {
@@ -60,13 +60,13 @@ impl Propagation {
         }
     }
 
-    /// The camera of a view at the size that is matched.
+    /// The camera of a view at the size at which views are matched.
     pub(super) fn camera(&self, view: usize) -> Option<Camera> {
         self.scene.views.get(view).map(|v| v.camera)
     }
 
-    /// What is found of the first of views that belong together, from renders of all of them with depth and normals. Splats are added
-    /// where depths differ by more than `ratio` of what is found.
+    /// Depths and splats for the first of the views `together`, from renders of all of them with depth and normals. Splats
+    /// are added where the rendered depth differs from the depth found by more than `ratio` times the latter.
     pub(super) fn found(&self, together: &[usize], renders: &[Picture], ratio: f64) -> Result<Propagated, Error> {
         let views: Vec<View> = (0..together.len())
             .filter_map(|k| {
@@ -88,7 +88,7 @@ impl Propagation {
         Ok(Propagated { prior, splats: Gaussians { opacities: vec![logit(OPACITY); splats.len()], ..splats } })
     }
 
-    /// A view that begins with its render, compared with the others of `count` that belong together.
+    /// The view to match: it begins with its render and is compared with the others of `count` views.
     fn begun(&self, view: &View, number: usize, count: usize, render: &Picture) -> View {
         let (depth, normals) = (render.depth().unwrap_or_default(), render.normals().unwrap_or_default());
         let whole = depth.len() == view.pixels() && normals.len() == view.pixels();
@@ -100,8 +100,8 @@ impl Propagation {
     }
 }
 
-/// Points with colours where a view's rendered depth is wrong: on a grid, if there are enough such pixels. The rendered depth is the
-/// sum of weighted depths, which is less than a depth where little is rendered.
+/// Points with colours at pixels on a grid where the rendered depth is wrong, if enough pixels of the view are wrong. The
+/// rendered depth is a sum of weighted depths, so it is too small where the splats cover little.
 fn wrong(view: &View, prior: &Prior, aux: &[f32], ratio: f64, size: (u32, u32)) -> Vec<([f64; 3], [u8; 3])> {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let reduced = width as f64 / f64::from(size.0.max(1));

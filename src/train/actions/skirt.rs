@@ -1,4 +1,4 @@
-//! Splats of what lies where no photograph looks are added.
+//! Adds splats where no photograph looks.
 
 use std::sync::Arc;
 
@@ -22,6 +22,10 @@ impl AddSkirt {
 impl HostAction for AddSkirt {
     fn due(&self, schedule: &Schedule, event: Event) -> bool {
         event.kind == Kind::Step && schedule.skirts(event.step)
+    }
+
+    fn catches_up(&self) -> bool {
+        true
     }
 
     fn run(&mut self, engine: &mut Engine, _: &Schedule, step: u32) -> Result<Option<Change>, Error> {

@@ -1,4 +1,4 @@
-//! It is settled which splats have spherical harmonics above degree 1, where not all have them.
+//! Chooses the splats that have spherical harmonics above degree 1, if not all splats have them.
 
 use super::{Change, HostAction};
 use crate::raster::{OPACITIES, SCALES, SH0};
@@ -8,13 +8,17 @@ use crate::train::engine::Engine;
 use crate::train::message::Message;
 use crate::train::schedule::{Event, Kind, Schedule};
 
-/// Gives harmonics above degree 1, zero to begin with, to the share of the splats whose colour changes most with the direction, by what
-/// degree 1 has learned. These come first from then on, in the order that they had.
+/// Gives harmonics above degree 1, all zero, to the share of splats whose colour changes most with the direction by the
+/// harmonics of degree 1. The chosen splats are moved before the others; both groups keep their order.
 pub(super) struct SettleHarmonics;
 
 impl HostAction for SettleHarmonics {
     fn due(&self, schedule: &Schedule, event: Event) -> bool {
         event.kind == Kind::Step && schedule.settles_sh(event.step)
+    }
+
+    fn catches_up(&self) -> bool {
+        true
     }
 
     fn run(&mut self, engine: &mut Engine, _: &Schedule, step: u32) -> Result<Option<Change>, Error> {
@@ -35,8 +39,8 @@ impl HostAction for SettleHarmonics {
     }
 }
 
-/// How much of the pictures changes with the direction because of each splat: the energy of its harmonics of degree 1 times its opacity
-/// and the area of its largest section.
+/// How much each splat makes renders depend on the direction: the energy of its harmonics of degree 1 times its opacity times
+/// the area of its largest cross-section.
 fn view_dependence(scales: &[f32], opacities: &[f32], head: &[f32]) -> Vec<f32> {
     let rows = scales.chunks_exact(3).zip(opacities).zip(head.chunks_exact(SH_GROUP_FLOATS));
     rows.map(|((scales, logit), head)| {
@@ -49,7 +53,7 @@ fn view_dependence(scales: &[f32], opacities: &[f32], head: &[f32]) -> Vec<f32> 
     .collect()
 }
 
-/// Which `count` values are the largest; of equal ones the first.
+/// Marks the `count` largest values; of equal values the first.
 fn most(values: &[f32], count: usize) -> Vec<bool> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
@@ -70,7 +74,7 @@ mod tests {
             row.resize(SH_GROUP_FLOATS, linear);
             row
         };
-        // The second changes twice as much, the third is four times as large in two directions, the fourth is faint.
+        // The second colour changes twice as much, the third splat is four times as large in two directions, the fourth is faint.
         let heads = [head(9.0, 0.1), head(0.0, 0.2), head(1.0, 0.1), head(0.0, 0.1), head(0.0, f32::NAN)].concat();
         let four = 4.0_f32.ln();
         let scales = [0.0, 0.0, -3.0, 0.0, -3.0, 0.0, four, four, -3.0, 0.0, 0.0, -3.0, 0.0, 0.0, 0.0];

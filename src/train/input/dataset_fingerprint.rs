@@ -1,4 +1,4 @@
-//! Which photographs a training looks at, kept with it: a resumed one is to look at the same.
+//! Which photographs a training looks at. Checkpoints keep this, because a resumed training has to look at the same.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -8,7 +8,7 @@ use crate::numbers::{counted, grouped, of_count};
 use crate::scene::Camera;
 use crate::train::Error;
 
-/// Numbers of a camera may differ by so much: they are worked out anew, perhaps on another machine.
+/// Relative tolerance of the numbers of a camera, which are computed anew, perhaps on another machine.
 const TOLERANCE: f64 = 1e-6;
 
 /// Names, cameras (in scene coordinates) and checksums of the photographs to train on.
@@ -16,15 +16,15 @@ const TOLERANCE: f64 = 1e-6;
 pub struct TrainedOn {
     pub(in crate::train) names: Vec<String>,
     cameras: Vec<Vec<f64>>,
-    /// Empty in what earlier versions kept.
+    /// Empty in checkpoints of earlier versions.
     #[serde(default)]
     checksums: Vec<u32>,
-    /// What the perceptual loss goes by. Absent where there is no such loss, and in what earlier versions kept.
+    /// What the perceptual loss compares by. Absent without a perceptual loss, and in checkpoints of earlier versions.
     #[serde(default)]
     perceptual: Option<PerceptualBy>,
 }
 
-/// What a perceptual loss goes by.
+/// What a perceptual loss compares by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(in crate::train) enum PerceptualBy {
     /// Oriented filters.
@@ -52,12 +52,12 @@ impl TrainedOn {
         }
     }
 
-    /// Whether a training that looked at these may go on with these views.
+    /// Whether a training that looked at the photographs of `self` may go on with `views`.
     pub fn check_views(&self, views: &[View]) -> Result<(), Error> {
         self.check(&Self::of(views, None))
     }
 
-    /// Whether a training that looked at these may go on with others.
+    /// Whether a training that looked at the photographs of `self` may go on with those of `now`.
     pub(in crate::train) fn check(&self, now: &Self) -> Result<(), Error> {
         let other = |what: String| Err(Error::OtherPhotographs { what });
         let there: HashSet<&str> = now.names.iter().map(String::as_str).collect();
@@ -89,7 +89,7 @@ impl TrainedOn {
             let (a, b) = (self.cameras.get(k), now.cameras.get(k));
             let equal = a.zip(b).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(same));
             if !equal {
-                return other(format!("the camera of '{name}' is another one"));
+                return other(format!("the camera of '{name}' has changed"));
             }
             if self.checksums.get(k).zip(now.checksums.get(k)).is_some_and(|(a, b)| a != b) {
                 return other(format!("the file of '{name}' or its mask has changed"));
@@ -147,7 +147,7 @@ mod tests {
         }
         let mut retouched = view("b", 1.0);
         retouched.photograph = crate::dataset::Supply::of(Pixels::Rgba8([vec![255; 15], vec![254]].concat()));
-        // Alpha is hardened: the same photograph.
+        // Alpha is rounded to 0 or 255, so the photograph is the same.
         assert_eq!(complaint(&[view("a", 0.0), retouched.clone()]), "");
         retouched.photograph = crate::dataset::Supply::of(Pixels::Rgba8([vec![254], vec![255; 15]].concat()));
         let views = [view("a", 0.0), retouched];

@@ -1,4 +1,4 @@
-//! The photographs' exposures on the device: between the blend and the loss, and their own optimiser.
+//! Exposures of photographs on the device: applied between blend and loss, with an optimiser of their own.
 
 use crate::pass::adam;
 use crate::pass::exposure::{self, NUMBERS, ROW};
@@ -6,16 +6,16 @@ use crate::scene::ExposureMatrix;
 use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
-/// One photograph's turn.
+/// The exposure's part of a step.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::train) struct ExposureStep {
-    /// The photograph.
+    /// Index of the photograph.
     pub(in crate::train) view: usize,
-    /// Its pixels.
+    /// Pixels that the step looks at.
     pub(in crate::train) pixels: u32,
     /// How many photographs have been looked at, this one included.
     pub(in crate::train) known: u32,
-    /// How often it has been looked at, this time included.
+    /// How often this photograph has been looked at, this step included.
     pub(in crate::train) seen: u32,
     /// Learning rate.
     pub(in crate::train) rate: f64,
@@ -34,7 +34,7 @@ pub(in crate::train) struct Exposures {
 }
 
 impl Exposures {
-    /// For so many photographs of at most `pixels` pixels; contents undefined.
+    /// For `views` photographs of at most `pixels` pixels; contents undefined.
     pub(in crate::train) fn new(gpu: &Gpu, views: usize, pixels: u32) -> Result<Self, vk::Error> {
         let buffer = |name, bytes| gpu.buffer(name, bytes, Memory::Device);
         Ok(Self {
@@ -62,7 +62,7 @@ impl Exposures {
         Groups::Workgroups(u64::from(exposure::parts(turn.pixels)))
     }
 
-    /// Records the render as the photograph shows it: what the loss compares.
+    /// Records applying the photograph's exposure to the render; the loss compares the result.
     pub(in crate::train) fn record_apply(
         &self,
         recorder: &mut Recorder,
@@ -74,8 +74,8 @@ impl Exposures {
         Ok(&self.exposed)
     }
 
-    /// Records, after the loss, the gradient of the render in place of that of what the loss has seen, and a step of the
-    /// photograph's matrix by as many workgroups as `once` says: one, or none when the event is lost.
+    /// Records the backward pass after the loss: turns the gradient of the exposed render, in `grad_image`, into that of the
+    /// render, and steps the photograph's matrix. `once` dispatches one workgroup, or none when the event is lost.
     pub(in crate::train) fn record_backward(
         &self,
         recorder: &mut Recorder,
@@ -93,17 +93,17 @@ impl Exposures {
         recorder.dispatch(&self.step, &[&self.parts, &self.rows], &push, once)
     }
 
-    /// Bytes per pixel and other bytes of its buffers.
+    /// Bytes of the buffers that depend on pixels, and bytes of the others.
     pub(in crate::train) fn bytes(&self) -> [u64; 2] {
         [self.exposed.size() + self.parts.size(), self.rows.size()]
     }
 
-    /// Everything that a restart needs. Waits.
+    /// Matrices and moments, for a restart. Waits.
     pub(in crate::train) fn state(&self, gpu: &Gpu) -> Result<Vec<f32>, vk::Error> {
         gpu.read_at(&self.rows, 0, exposure::floats(self.views as usize))
     }
 
-    /// Writes what an earlier run had.
+    /// Writes a state of [`Self::state`].
     pub(in crate::train) fn restore(&self, gpu: &Gpu, state: &[f32]) -> Result<(), Error> {
         let expected = exposure::floats(self.views as usize);
         if state.len() != expected {
@@ -113,7 +113,7 @@ impl Exposures {
     }
 }
 
-/// The photographs' matrices from what [`Exposures::state`] gives.
+/// The photographs' matrices from a state of [`Exposures::state`].
 pub(in crate::train) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
     let views = (state.len() / ROW).saturating_sub(1);
     let matrix = |v: usize| {

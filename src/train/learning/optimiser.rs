@@ -9,18 +9,18 @@ use crate::train::schedule::{Adam, StepPlan};
 use crate::train::settings::Settings;
 use crate::vk::{self, Buffer, Gpu, Pipeline, Recorder};
 
-/// How a step is taken.
-enum Form {
-    /// In one pass with the projection's backward.
+/// The passes that take a step.
+enum StepPasses {
+    /// One pass together with the backward of the projection.
     Fused {
-        /// By the highest degree of the spherical harmonics that may have moments.
+        /// Indexed by the highest degree of the spherical harmonics that may have moments.
         of_degree: [Pipeline; 4],
-        /// The same for steps with gradients of depth and normals, where there are such.
+        /// The same for steps with gradients of depth and normals.
         with_aux: Option<[Pipeline; 4]>,
-        /// What makes up for the steps that splats have missed, where they miss some.
+        /// Makes up for the steps that splats have missed.
         catch_up: Option<Pipeline>,
     },
-    /// From gradients in memory, for devices that bind fewer buffers to a pass.
+    /// A pass over gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients(Summed),
 }
 
@@ -30,19 +30,19 @@ struct Summed {
     gradients: Planes,
 }
 
-/// What takes a step.
+/// Inputs of an optimiser step.
 #[derive(Clone, Copy)]
 pub(in crate::train) struct Stepping<'a> {
     pub(in crate::train) plan: &'a StepPlan,
     pub(in crate::train) renderer: &'a Renderer,
     pub(in crate::train) model: &'a Planes,
-    /// The splats' rows of statistics, of which the last number is the optimiser's.
+    /// The splats' rows of statistics; the last number of a row belongs to the optimiser.
     pub(in crate::train) stats: &'a Buffer,
-    /// The view whose gradients it takes.
+    /// Camera and projection whose gradients are stepped by.
     pub(in crate::train) shot: &'a Shot,
-    /// Whether the blend backward had the auxiliary channels.
+    /// Whether the blend backward had the auxiliary channels (depth and normals).
     pub(in crate::train) aux: bool,
-    /// Whether other views have had their part.
+    /// Whether gradients of other views are already in memory.
     pub(in crate::train) beside: bool,
 }
 
@@ -50,20 +50,20 @@ pub(in crate::train) struct Stepping<'a> {
 pub(in crate::train) struct Optimiser {
     /// First and second moments, or the words that hold both.
     moments: Vec<Planes>,
-    form: Form,
-    /// What steps take on several views at once, where some do and the form has no gradients of its own.
+    passes: StepPasses,
+    /// For steps on several views at once, if there are such steps and `passes` has no gradients in memory.
     summed: Option<Summed>,
     settings: adam::Settings,
     extent: f64,
     flatten: f32,
     shrink: f32,
-    /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch none above it.
+    /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch no higher degree.
     degree: AtomicU32,
 }
 
 impl Optimiser {
-    /// Moments for `capacity` splats, contents undefined. `extent` of the scene scales the learning rate of the means; `pixels` of a
-    /// photograph are what its loss is a mean over.
+    /// Moments for `capacity` splats, contents undefined. `extent` is that of the scene and scales the learning rate of the
+    /// means; `pixels` is the mean number of pixels of a photograph, over which the loss is a mean.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         capacity: u32,
@@ -79,7 +79,7 @@ impl Optimiser {
         let (kernel, needed) =
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
-        let form = if limit >= needed {
+        let passes = if limit >= needed {
             let of = |degree, aux| {
                 let constants = fused::flattening(fused::constants(&settings, degree, aux), flatten);
                 let constants = fused::shrinking(constants, shrink);
@@ -88,7 +88,7 @@ impl Optimiser {
             };
             let all =
                 |aux| -> Result<[Pipeline; 4], vk::Error> { Ok([of(0, aux)?, of(1, aux)?, of(2, aux)?, of(3, aux)?]) };
-            Form::Fused {
+            StepPasses::Fused {
                 of_degree: all(false)?,
                 with_aux: aux.then(|| all(true)).transpose()?,
                 catch_up: match shortcuts.visible_adam {
@@ -99,30 +99,30 @@ impl Optimiser {
         } else if packs || training.model.sh_share < 1.0 {
             return Err(Error::ShortcutBuffers { needed, limit });
         } else {
-            Form::FromGradients(Summed::new(gpu, capacity)?)
+            StepPasses::FromGradients(Summed::new(gpu, capacity)?)
         };
-        let several = training.texture.views_at_once() > 1 && matches!(form, Form::Fused { .. });
+        let several = training.texture.views_at_once() > 1 && matches!(passes, StepPasses::Fused { .. });
         let mut moments = vec![Planes::limited(gpu, "m_", capacity, training.model.sh_share)?];
         if !packs {
             moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
         let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
-        Ok(Self { moments, form, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
+        Ok(Self { moments, passes, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
     }
 
-    /// Whether splats that are not on the image take no step: where that is wanted, and the device binds the buffers of the fused variant. The
-    /// separate one steps all, to the same result but for what is expected in advance.
+    /// Whether splats that are not on the image take no step: if the settings say so and the device binds the buffers of the
+    /// fused pass. The separate pass steps all splats.
     pub(in crate::train) fn leaves_out(gpu: &Gpu, training: &Settings) -> bool {
         let needed = if training.shortcuts.moment_bits == 16 { packed::BINDINGS } else { fused::BINDINGS };
         training.shortcuts.visible_adam && gpu.caps().limits.storage_buffers >= needed
     }
 
-    /// First moments, or both.
+    /// First moments, or the words that hold both.
     pub(in crate::train) fn first(&self) -> &Planes {
         &self.moments[0]
     }
 
-    /// Second moments, where they have planes of their own.
+    /// Second moments, if they have planes of their own.
     pub(in crate::train) fn second(&self) -> Option<&Planes> {
         self.moments.get(1)
     }
@@ -132,7 +132,7 @@ impl Optimiser {
         self.moments.iter().try_for_each(|planes| planes.clear(recorder))
     }
 
-    /// Writes moments of an earlier run, which must be as many as these.
+    /// Writes moments of an earlier run. Returns an error if the number of planes differs.
     pub(in crate::train) fn restore(&self, gpu: &Gpu, moments: &[[Vec<f32>; 8]]) -> Result<(), Error> {
         if moments.len() != self.moments.len() {
             let (found, expected) = (moments.len(), self.moments.len());
@@ -146,34 +146,34 @@ impl Optimiser {
         Ok(())
     }
 
-    /// The first `splats` rows of the moments. Blocks.
+    /// The first `splats` rows of the moments. Waits.
     pub(in crate::train) fn read(&self, gpu: &Gpu, splats: u32) -> Result<Vec<[Vec<f32>; 8]>, vk::Error> {
         self.moments.iter().map(|planes| planes.read(gpu, splats)).collect()
     }
 
-    /// Bytes of its buffers.
+    /// Bytes of the buffers.
     pub(in crate::train) fn bytes(&self) -> u64 {
         let gradients = self.summed().map_or(0, |summed| summed.gradients.bytes());
         self.moments.iter().map(Planes::bytes).sum::<u64>() + gradients
     }
 
     fn summed(&self) -> Option<&Summed> {
-        match &self.form {
-            Form::Fused { .. } => self.summed.as_ref(),
-            Form::FromGradients(summed) => Some(summed),
+        match &self.passes {
+            StepPasses::Fused { .. } => self.summed.as_ref(),
+            StepPasses::FromGradients(summed) => Some(summed),
         }
     }
 
     fn summed_mut(&mut self) -> Option<&mut Summed> {
-        match &mut self.form {
-            Form::Fused { .. } => self.summed.as_mut(),
-            Form::FromGradients(summed) => Some(summed),
+        match &mut self.passes {
+            StepPasses::Fused { .. } => self.summed.as_mut(),
+            StepPasses::FromGradients(summed) => Some(summed),
         }
     }
 
-    /// Room for more, with the same moments; gradients are lost. Waits.
+    /// Room for `capacity` splats, with the same moments; gradients are lost. Waits.
     pub(in crate::train) fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
-        // Never two of the gradients at a time.
+        // The old gradients go first, so that memory never holds both.
         if let Some(summed) = self.summed_mut() {
             summed.gradients = Planes::new(gpu, "g_", 1)?;
         }
@@ -184,8 +184,8 @@ impl Optimiser {
         Ok(())
     }
 
-    /// Records the gradients of `model` for one of the views before the last of a step that has several, after the blend backward of its
-    /// shot. Does nothing where there is no room for such steps.
+    /// Records the gradients of `model` for a view beside the step's own, after the blend backward of `shot`. Does nothing if
+    /// steps look at one view only.
     pub(in crate::train) fn record_beside(
         &self,
         recorder: &mut Recorder,
@@ -199,8 +199,8 @@ impl Optimiser {
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
-    /// Records one step of the optimiser, after the blend backward. What splats have missed they make up for when they step, and all of them
-    /// where the plan says so; gives the step of the optimiser with which these were caught up.
+    /// Records one step of the optimiser, after the blend backward. A splat makes up for missed steps when it steps; where
+    /// the plan says so, all splats do. Returns the optimiser step up to which all splats were caught up.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
@@ -221,16 +221,16 @@ impl Optimiser {
             catches_up,
         };
         let catch_up = |recorder: &mut Recorder, most: u32| -> Result<Option<u32>, vk::Error> {
-            let Form::Fused { catch_up: Some(pipeline), .. } = &self.form else { return Ok(None) };
+            let StepPasses::Fused { catch_up: Some(pipeline), .. } = &self.passes else { return Ok(None) };
             let steps = fused::Steps { most, opacities: Some(plan.adam_steps_opacities) };
             renderer.record_backward_step(recorder, &step(pipeline, steps, true), shot)?;
             Ok(Some(most))
         };
         let used = if plan.adam == Adam::None { 0 } else { plan.sh_degree };
         let degree = self.degree.fetch_max(used, Ordering::Relaxed).max(used);
-        match &self.form {
+        match &self.passes {
             _ if plan.adam == Adam::None => {}
-            Form::Fused { of_degree, with_aux, .. } if !beside || self.summed.is_none() => {
+            StepPasses::Fused { of_degree, with_aux, .. } if !beside || self.summed.is_none() => {
                 let of_degree = with_aux.as_ref().filter(|_| aux).unwrap_or(of_degree);
                 let pipeline = &of_degree[degree.min(3) as usize];
                 renderer.record_backward_step(recorder, &step(pipeline, steps, false), shot)?;
@@ -239,7 +239,7 @@ impl Optimiser {
                 let Some(Summed { adam, gradients }) = self.summed() else { return Ok(None) };
                 let terms = Terms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
-                // All splats take this step, from where they are without one of theirs missing.
+                // All splats take this step, so all make up for missed steps first.
                 let caught_up = catch_up(recorder, plan.adam_steps.saturating_sub(1))?;
                 self.record_from_gradients(recorder, of, gradients, steps, adam)?;
                 return Ok(caught_up.map(|before| before + 1));
@@ -289,7 +289,7 @@ impl Summed {
     }
 }
 
-/// Whether a coefficient of this degree has a value other than zero in planes of spherical harmonics.
+/// Whether any coefficient of this degree of the spherical harmonics is not zero.
 fn touches(planes: &[Vec<f32>; 8], degree: u32) -> bool {
     let degree = degree as usize;
     (degree * degree..(degree + 1) * (degree + 1)).any(|k| {

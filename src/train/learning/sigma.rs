@@ -1,6 +1,6 @@
-//! The width of the saliency filter by photograph, learned beside the scene. Every so many steps the step's render is copied to the host;
-//! once the step is done the network takes one update from it, and the photograph gets the mask of its new width some steps later: so
-//! many that every step in flight then has been looked at, so that a run is the same however far the host is ahead, and resumed.
+//! The width of the saliency filter for each photograph, learned during the training. At some steps the render is copied to
+//! the host. When such a step is done, the network takes one update from the render, and [`DELAY`] steps later the photograph
+//! gets the mask of its new width. The delay makes a run the same however far the host runs ahead, and when it is resumed.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,55 +11,56 @@ use crate::train::input::View;
 use crate::train::settings::{Settings as TrainingSettings, SigmaLearning};
 use crate::vk::{self, Buffer, Gpu, Memory, Ticket};
 
-/// Steps from an update to the mask that it makes: more than ever in flight.
+/// Steps from an update to its mask: more than are ever in flight.
 const DELAY: u32 = 64;
 
-/// Widths at which a loss is drawn.
+/// Widths at which a curve of the loss is sampled.
 const CURVE_POINTS: usize = 9;
 
-/// What an update has learned of a photograph.
+/// One update of the width of a photograph's saliency filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaUpdate {
-    /// The photograph, by its position among those that are trained on.
+    /// Index of the training photograph.
     pub view: usize,
-    /// The width that the network gives it from now on, in bins of a spectrum of 256.
+    /// The photograph's new width, in bins of a spectrum of 256.
     pub sigma: f64,
     /// Loss of the mask before the update.
     pub loss: f64,
 }
 
-/// A mask from a step on.
-struct Mask {
+/// A mask that is used from a step on.
+struct LearnedMask {
     from: u32,
     sigma: f64,
     level: f64,
     bytes: Vec<u8>,
 }
 
-/// A photograph as learning needs it, at the size of its mask.
-struct Image {
+/// A photograph at the size of its mask, as learning needs it.
+struct ReducedPhotograph {
     luma: Plane,
-    /// Share of each pixel that is not masked, where any is.
+    /// Share of each pixel that is not masked; `None` for photographs without masked pixels.
     coverage: Option<Plane>,
-    /// Red, green and blue, where composites are learned from.
+    /// Red, green and blue, if composites are learned from; else empty.
     colours: Vec<f32>,
 }
 
-/// The network, the photographs, and the masks that it has made of them.
+/// The network, the photographs, and the learned masks.
 pub(in crate::train) struct SigmaTraining {
     learner: SigmaLearner,
     how: SigmaLearning,
     every: u32,
     settings: Settings,
-    images: Vec<Image>,
-    masks: Vec<Vec<Mask>>,
-    /// Of each step in flight: the render of the full set, and of the constrained set where composites are learned from.
+    images: Vec<ReducedPhotograph>,
+    /// Masks of each view.
+    masks: Vec<Vec<LearnedMask>>,
+    /// For each step in flight: the render of all splats, and of the constrained set if composites are learned from.
     landings: Vec<[Buffer; 2]>,
     sizes: Vec<(u32, u32)>,
 }
 
 impl SigmaTraining {
-    /// For these views and masks of them (`lumas`, at the size of the masks), with at most `in_flight` steps on the device.
+    /// For these views and their luma planes (`lumas`, at the size of the masks), with at most `in_flight` steps in flight.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         views: &[View],
@@ -74,7 +75,7 @@ impl SigmaTraining {
         let (mut features, mut images) = (Vec::new(), Vec::new());
         for (view, luma) in views.iter().zip(lumas) {
             features.push(*Spectrum::new(&luma, &settings)?.features());
-            images.push(Image::new(view, luma, how)?);
+            images.push(ReducedPhotograph::new(view, luma, how)?);
         }
         let pixels = views.iter().map(|v| u64::from(v.camera.width) * u64::from(v.camera.height)).max().unwrap_or(1);
         let of_low = if how == SigmaLearning::Composite { pixels } else { 1 };
@@ -96,23 +97,23 @@ impl SigmaTraining {
         })
     }
 
-    /// Whether both sets are rendered where something is learned.
+    /// Whether steps that learn also render the constrained set.
     pub(in crate::train) fn wants_low(&self) -> bool {
         self.how == SigmaLearning::Composite
     }
 
-    /// Where the renders of a step are kept for the update: of the full set, and of the constrained one.
+    /// Buffers for the renders of a step: of all splats, and of the constrained set.
     pub(in crate::train) fn landing(&self, step: u32) -> &[Buffer; 2] {
         &self.landings[(step / self.every) as usize % self.landings.len()]
     }
 
-    /// The mask of a view in a step, where it is not the one that it began with.
+    /// The learned mask of a view at a step; `None` while the view has its first mask.
     pub(in crate::train) fn mask(&self, view: usize, step: u32) -> Option<&[u8]> {
         let masks = self.masks.get(view)?;
         masks.iter().rev().find(|mask| mask.from <= step).map(|mask| mask.bytes.as_slice())
     }
 
-    /// One update from a step that is done. Nothing where there is nothing to tell.
+    /// One update from a step that is done; `None` if nothing can be learned from the step.
     pub(in crate::train) fn learn(
         &mut self,
         gpu: &Gpu,
@@ -138,14 +139,14 @@ impl SigmaTraining {
         let choice = self.learner.choose(spectrum.features());
         let from = step.saturating_add(DELAY);
         self.add(view, from, [choice.sigma, choice.level], &spectrum)?;
-        // What no later step asks for goes.
+        // Masks that no later step uses are dropped.
         let masks = &mut self.masks[view];
         let used = masks.iter().rposition(|mask| mask.from <= step).unwrap_or(0);
         masks.drain(..used);
         Ok(Some(SigmaUpdate { view, sigma: choice.sigma, loss: update.loss }))
     }
 
-    /// The loss over sigma of a view that is rendered like this (a vec4 per pixel); `None` where there is nothing to tell.
+    /// The loss over sigma of a view with this render (a vec4 per pixel); `None` if nothing can be learned from the render.
     pub(in crate::train) fn curve(&self, view: usize, render: &[f32]) -> Result<Option<Curve>, Error> {
         let (Some(image), Some(size)) = (self.images.get(view), self.sizes.get(view)) else { return Ok(None) };
         let spectrum = Spectrum::new(&image.luma, &self.settings)?;
@@ -161,19 +162,19 @@ impl SigmaTraining {
 
     fn add(&mut self, view: usize, from: u32, [sigma, level]: [f64; 2], spectrum: &Spectrum) -> Result<(), Error> {
         let mask = spectrum.map(sigma)?.mask(level).plane();
-        self.masks[view].push(Mask { from, sigma, level, bytes: bytes(&mask) });
+        self.masks[view].push(LearnedMask { from, sigma, level, bytes: bytes(&mask) });
         Ok(())
     }
 
-    /// What a restart needs.
+    /// Network and masks as JSON, for a restart.
     pub(in crate::train) fn state(&self) -> Result<String, Error> {
         let masks = self.masks.iter().map(|of| of.iter().map(|m| (m.from, m.sigma, m.level)).collect()).collect();
-        Ok(serde_json::to_string(&Kept { learner: self.learner.clone(), masks })?)
+        Ok(serde_json::to_string(&SavedSigma { learner: self.learner.clone(), masks })?)
     }
 
-    /// Goes on from a state of the same training.
+    /// Takes over a state of [`Self::state`].
     pub(in crate::train) fn take_back(&mut self, text: &str) -> Result<(), Error> {
-        let kept: Kept = serde_json::from_str(text)?;
+        let kept: SavedSigma = serde_json::from_str(text)?;
         if kept.masks.len() != self.images.len() {
             let (found, expected) = (kept.masks.len(), self.images.len());
             return Err(Error::Checkpoint { section: "sigma".to_owned(), found, expected });
@@ -187,15 +188,15 @@ impl SigmaTraining {
     }
 }
 
-/// What stands in a checkpoint.
+/// The state in a checkpoint.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct SavedSigma {
     learner: SigmaLearner,
-    /// Of each view: the step from which on a mask is used, its sigma and level.
+    /// For each view its masks: the step from which on the mask is used, sigma and level.
     masks: Vec<Vec<(u32, f64, f64)>>,
 }
 
-impl Image {
+impl ReducedPhotograph {
     fn new(view: &View, luma: Plane, how: SigmaLearning) -> Result<Self, Error> {
         let size = (view.camera.width, view.camera.height);
         let masked = view.masked() > 0;
@@ -221,7 +222,7 @@ impl Image {
         Ok(image)
     }
 
-    /// Where a render (a vec4 per pixel) differs from the photograph, at the size of the mask.
+    /// Absolute differences of luma between a render (a vec4 per pixel) and the photograph, at the size of the mask.
     fn errors(&self, render: &[f32], size: (u32, u32)) -> Result<Plane, Error> {
         let luma = |p: &[f32]| (0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]).clamp(0.0, 1.0);
         let shown = plane(render, size, luma)?.resized(self.luma.width(), self.luma.height());
@@ -249,7 +250,7 @@ fn plane(rgba: &[f32], (width, height): (u32, u32), value: impl Fn(&[f32]) -> f3
     Ok(Plane::new(width, height, values.collect())?)
 }
 
-/// A mask as the device has it: a byte per value, in whole words.
+/// A mask in the device's layout: a byte per value, padded to whole words.
 pub(in crate::train) fn bytes(mask: &Plane) -> Vec<u8> {
     let mut bytes: Vec<u8> = mask.values().iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     bytes.resize(bytes.len().next_multiple_of(4), 0);

@@ -1,4 +1,4 @@
-//! Memory of the host: what a training may take of it, and how the photographs share what is left.
+//! Host memory: how much a training may take, and how the photographs share the rest.
 
 use std::fmt;
 
@@ -14,50 +14,51 @@ use crate::train::photographs::LANDINGS;
 use crate::train::settings::{DepthPrior, LidarCloud, Settings};
 use crate::vk::{DeviceKind, Gpu};
 
-/// Set aside for what nobody counts: compiled passes, the driver, pictures of the report.
+/// Set aside for what is not counted: compiled passes, the driver, renders of the report.
 const SLACK: u64 = 128 << 20;
-/// Photographs that are being decoded, and those decoded ahead, each take at most this share of what is left.
+/// Photographs that are being decoded, and those decoded ahead, each take at most 1 / this of what is left.
 const PART: u64 = 4;
-/// What a checkpoint holds of a splat, and what a picture with depth and normals takes beside a photograph's bytes.
+/// Bytes of a splat in a checkpoint.
 const READ_BACK_PER_SPLAT: u64 = 736;
+/// Bytes of a render with depth and normals, per byte of its photograph.
 const READ_BACK_PER_BYTE: u64 = 12;
-/// Held-out views in a report, beside a photograph's bytes: at most, where they are not reduced.
+/// Most bytes of a held-out view in a report, per byte of its photograph.
 const REPORT_PER_BYTE: u64 = 4;
-/// Photographs decoded ahead.
+/// Fewest and most photographs decoded ahead.
 const AHEAD: (u64, u64) = (2, 8);
-/// Threads that decode at one time.
+/// Most threads that decode at one time.
 const MOST_THREADS: u64 = 16;
 
 /// What the process may take of the host's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostMemory {
-    /// Bytes that it may take.
+    /// Bytes that the process plans to take at most.
     pub budget: u64,
-    /// Bytes that it takes now.
+    /// Bytes that the process takes now.
     pub in_use: u64,
-    /// Bytes beyond which nothing is begun: those that were asked for, or all that the machine has for it.
+    /// Bytes beyond which no work begins: the bytes asked for, or all that the machine has free for the process.
     pub most: u64,
 }
 
 impl HostMemory {
-    /// As asked for (`--host-memory`), else half of what is free.
+    /// With a budget of `asked` bytes, else with the bytes in use and half of the free ones.
     pub fn new(asked: Option<u64>) -> Self {
         let (in_use, free) = (resident().unwrap_or(0), free().unwrap_or(FREE_UNKNOWN));
         let machine = in_use.saturating_add(free);
         Self { budget: asked.unwrap_or(in_use + free / 2), in_use, most: asked.unwrap_or(machine).min(machine) }
     }
 
-    /// When so many bytes more are in use.
+    /// The same with `bytes` more in use.
     pub fn after(self, bytes: u64) -> Self {
         Self { in_use: self.in_use.saturating_add(bytes), ..self }
     }
 
-    /// Bytes that decoding takes beyond what may be used.
+    /// Bytes that decoding takes beyond the budget.
     pub fn short_by(self, share: &HostShare) -> u64 {
         self.in_use.saturating_add(SLACK).saturating_add(share.decoding).saturating_sub(self.budget)
     }
 
-    /// Refuses work that takes these bytes in all, what is in use included, where it may not have them.
+    /// Refuses work that takes `needed` bytes, those in use included, if these are more than the process may take.
     fn allows(self, needed: u64) -> Result<(), Error> {
         if needed <= self.most {
             return Ok(());
@@ -65,12 +66,12 @@ impl HostMemory {
         Err(Error::HostMemoryLimit { needed, most: self.most, in_use: self.in_use, asked: self.most == self.budget })
     }
 
-    /// Refuses decoding that takes more than the process may have.
+    /// Refuses decoding that takes more than the process may take.
     pub fn check(self, share: &HostShare) -> Result<(), Error> {
         self.allows(self.in_use.saturating_add(SLACK).saturating_add(share.decoding))
     }
 
-    /// What photographs may take where nothing is trained.
+    /// What photographs may take if nothing is trained.
     pub fn share(self, largest_decoding: u64) -> HostShare {
         let left = self.budget.saturating_sub(self.in_use).saturating_sub(SLACK);
         let (decoding, threads) = decoders(left, largest_decoding);
@@ -78,13 +79,13 @@ impl HostMemory {
     }
 }
 
-/// Bytes for decoding at one time, and on how many threads.
+/// Bytes for decoding at one time, and the number of threads that decode.
 fn decoders(left: u64, each: u64) -> (u64, usize) {
     let threads = (left / PART / each.max(1)).clamp(1, MOST_THREADS.min(cores() as u64));
     (threads * each, threads as usize)
 }
 
-/// Whether the device works in the host's memory.
+/// Whether the device uses the host's memory as its own.
 pub fn shares_memory(gpu: &Gpu) -> bool {
     matches!(gpu.caps().kind, DeviceKind::Cpu | DeviceKind::Integrated)
 }
@@ -92,23 +93,22 @@ pub fn shares_memory(gpu: &Gpu) -> bool {
 /// How a training shares the host's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HostPlan {
-    /// What may be taken.
+    /// What the process may take.
     pub memory: HostMemory,
-    /// Bytes of the training that are not photographs kept on the host: what is read back for a checkpoint, a picture, the report, its
-    /// buffers where the device works in the host's memory, and what photographs are uploaded from. As at the start: more splats
-    /// take more.
+    /// Bytes of the training that are not photographs kept on the host: model and renders read back, the report, staging
+    /// of photographs, and the device's buffers if the device uses the host's memory. For the number of splats at the start.
     pub training: u64,
-    /// Bytes of all photographs, decoded.
+    /// Bytes of all decoded photographs.
     pub decoded: u64,
-    /// What photographs are kept and decoded in.
+    /// Bytes in which photographs are kept and decoded.
     pub share: HostShare,
     /// Bytes of photographs decoded ahead.
     pub ahead: u64,
     /// Where photographs are, and how many are decoded ahead.
     pub pacing: Pacing,
-    /// Bytes that it takes at the least, what is in use included.
+    /// Fewest bytes with which the training can go on, those in use included.
     pub needed: u64,
-    /// Bytes that are missing even so.
+    /// Bytes of `needed` beyond the budget.
     pub short_by: u64,
 }
 
@@ -118,7 +118,7 @@ impl HostPlan {
         self.memory.allows(self.needed)
     }
 
-    /// For the training that `plan` tells the device memory of.
+    /// For the training whose device memory is `plan`.
     pub fn new(
         gpu: &Gpu,
         memory: HostMemory,
@@ -132,7 +132,7 @@ impl HostPlan {
         let room = MemoryEstimate::of(&settings.geometry.stereo(), sizes);
         let stereo = match settings.geometry.depth_prior {
             DepthPrior::None if settings.density.lidar != Some(LidarCloud::Mvs) => MemoryEstimate::default(),
-            // What views are matched with stays.
+            // Propagation matches during the training: what stereo takes on the host stays.
             DepthPrior::Propagation => MemoryEstimate { results: room.host, ..room },
             _ => room,
         };
@@ -153,13 +153,13 @@ impl HostPlan {
         let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
         let report = REPORT_BYTES.min(REPORT_PER_BYTE * Outline::bytes(&outline.held_out));
         let read_back = READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
-        // Depths are found before the training allocates; what is found stays until it has it.
+        // Depths are found before the training allocates; the results stay until the training has taken them over.
         let before = stereo.host + if shared { stereo.device } else { 0 };
         let model = (on_device + read_back + report + stereo.results).max(before);
         let left = memory.budget.saturating_sub(memory.in_use).saturating_sub(SLACK).saturating_sub(model);
         let (decoding, threads) = decoders(left, each_decoding);
         let ring = largest * (pacing.events_in_flight() as u64 + at_once + if shared { LANDINGS as u64 } else { 0 });
-        // Photographs that the host keeps decoded are there a second time while they are uploaded.
+        // While photographs are uploaded, the host holds a second copy of each that it keeps decoded.
         let resident = if shared { plan.photographs.1 } else { 0 };
         let fits = decoded.saturating_add(resident).saturating_add(decoding) <= left;
         pacing.photographs = match plan.residency {
@@ -169,11 +169,11 @@ impl HostPlan {
         let uploads = if pacing.photographs == Residency::Streamed { ring } else { resident };
         let ahead = (left / PART / largest.max(1)).clamp(AHEAD.0, AHEAD.1);
         (pacing.decoded_ahead, pacing.decoders) = (ahead as usize, threads.min(ahead as usize));
-        // Of the photographs to train on, and of those held out.
+        // Training photographs and held-out photographs are each decoded ahead.
         let ahead = 2 * ahead * largest;
         let least = uploads + decoding;
         let room = left.saturating_sub(least);
-        // What is kept decoded is not decoded ahead.
+        // If all photographs are kept decoded, none is decoded ahead.
         let keep = if decoded <= room { room } else { room.saturating_sub(ahead) };
         let fitting = decoded <= room;
         let least = if fitting { least } else { least + ahead };
@@ -195,7 +195,8 @@ impl fmt::Display for HostPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "host memory: of the {} that may be used {} are in use and {} set aside for the training; photographs take {} decoded",
+            "host memory: of the {} that may be used {} are in use and {} set aside for the training; \
+             photographs take {} decoded",
             readable(self.memory.budget),
             readable(self.memory.in_use),
             readable(self.training),
@@ -206,7 +207,7 @@ impl fmt::Display for HostPlan {
         }
         write!(
             f,
-            ": up to {} of them are kept compressed, the others read again; {} decoded ahead on {} thread{}",
+            ": up to {} are kept compressed, the others are read again; {} photographs decoded ahead on {} thread{}",
             readable(self.share.keep),
             self.pacing.decoded_ahead,
             self.pacing.decoders,
@@ -261,7 +262,7 @@ mod tests {
                 for budget in [400, 600, 1000, 3000] {
                     let plan = planned(budget, views, shared);
                     assert_eq!(plan.short_by, 0, "{plan:?}");
-                    // Where all fit decoded, what is kept is at most what there is.
+                    // If all decoded photographs fit, no more than those are kept.
                     let kept = if plan.ahead == 0 { plan.decoded } else { plan.share.keep };
                     let all = plan.memory.in_use + SLACK + plan.training + plan.share.decoding + plan.ahead + kept;
                     assert!(all <= plan.memory.budget, "{all} bytes: {plan:?}");
@@ -274,7 +275,7 @@ mod tests {
     fn photographs_are_streamed_where_a_second_copy_does_not_fit() {
         let place = |budget, shared| planned(budget, 100, shared).pacing.photographs;
         assert_eq!((place(1000, true), place(400, true)), (Residency::Resident, Residency::Streamed));
-        // Another memory than the host's holds them.
+        // The device's own memory holds them.
         assert_eq!(place(400, false), Residency::Resident);
         assert_eq!(planned(600, 100, true).ahead, 0, "all of them decoded");
         let tight = planned(400, 1000, true);
@@ -287,7 +288,7 @@ mod tests {
         assert!(plan.short_by > 0 && plan.share.threads == 1 && plan.pacing.decoded_ahead == 2, "{plan:?}");
         let Err(Error::HostMemoryLimit { needed, most, asked: true, .. }) = plan.check() else { panic!("{plan}") };
         assert_eq!((needed, most), (plan.short_by + 150 * MIB, 150 * MIB));
-        // More than half of what is free, and less than all of it.
+        // More than half of the free memory, and less than all of it.
         let memory = HostMemory { most: needed, ..plan.memory };
         let plan =
             HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, MemoryEstimate::default()), (true, 1));

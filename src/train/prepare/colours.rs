@@ -67,7 +67,7 @@ impl Uncoloured {
         paint(&mut input.initial, &colours);
         let (points, colours) = (colours.len(), Arc::new(colours));
         let Self { colourless, of_dataset, .. } = self;
-        input.known.coloured = Some(Coloured { colourless, of_dataset, seen, points, colours });
+        input.optional.coloured = Some(Coloured { colourless, of_dataset, seen, points, colours });
         Ok(())
     }
 }

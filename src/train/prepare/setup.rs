@@ -115,7 +115,7 @@ impl Setup {
         }
         tell(SetupEvent::HostMemory(&host));
         let mut input = input_within(dataset, initial, host.share)?;
-        input.known.left_out.iter().for_each(|warning| tell(SetupEvent::PhotographLeftOut(warning)));
+        input.optional.left_out.iter().for_each(|warning| tell(SetupEvent::PhotographLeftOut(warning)));
         // Before depths take their time.
         if let Some(before) = restart.as_ref().and_then(|restart| restart.trained_on.as_ref()) {
             before.check_views(&input.train)?;
@@ -135,7 +135,7 @@ impl Setup {
         if self.settings.texture.lambda_perceptual > 0.0 && weights.is_none() {
             tell(SetupEvent::NoPerceptualWeights);
         }
-        self.input.known.perceptual = weights;
+        self.input.optional.perceptual = weights;
     }
 
     /// Takes what stereo or a cloud says of depths.

@@ -108,7 +108,7 @@ pub fn compute_stereo_priors(
     }
     if let Some(Stereo { scene, priors }) = matched.as_ref().filter(|_| settings.stereo_skirt > 0.0) {
         let points = stereo::skirt(&scene.views, priors, settings.stereo_skirt);
-        input.known.skirt = skirt_splats(&points, settings.stereo_thickness)?.map(Arc::new);
+        input.optional.skirt = skirt_splats(&points, settings.stereo_thickness)?.map(Arc::new);
     }
     let stereo = matched.is_some();
     let matched_alone = matched.as_ref().map(|stereo| stereo.scene.skipped.clone());
@@ -125,13 +125,13 @@ pub fn compute_stereo_priors(
         let scene = scene(dataset, input, &wanted, share)?;
         report.views = scene.views.len() - scene.skipped.len();
         report.skipped = scene.skipped.clone();
-        input.known.scene = Some(Arc::new(scene));
+        input.optional.scene = Some(Arc::new(scene));
     }
     let kept = priors.into_iter().zip(&input.train).map(|(prior, view)| {
         let (width, height) = settings.prior_size(view.camera.width, view.camera.height);
         is_known(&prior).then(|| prior.at_size(width, height))
     });
-    input.known.priors = kept.collect();
+    input.optional.priors = kept.collect();
     Ok(report)
 }
 
@@ -177,7 +177,7 @@ fn keep_growth_to(
     let within = training.density.lidar_distance * f64::from(input.extent);
     let gate = ProximityIndex::new(cloud, within).ok_or(Error::NoCloud)?;
     let near = gate.near(&input.initial.means);
-    input.known.gate = Some(Arc::new(gate));
+    input.optional.gate = Some(Arc::new(gate));
     Ok(CloudReport {
         points: cloud.len(),
         within: within / dataset.frame.scale,
@@ -307,7 +307,7 @@ fn begin_on(
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
     let kept = spread(dataset.usable_points(), room);
     // Points without colours of their own have been given some.
-    let painted = input.known.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
+    let painted = input.optional.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
     let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].colour, |colour| **colour);
     let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
     let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.colour));

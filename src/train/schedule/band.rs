@@ -1,23 +1,23 @@
-//! Part of a photograph. The gradient of a band is its share in the gradient of the photograph: all bands together add up to that, but for
-//! what SSIM compares past their ends.
+//! Bands of a photograph. The gradients of all bands add up to the gradient of the photograph, except that SSIM compares no
+//! pixels past the ends of a band.
 
-/// Rows that bands are made of, as a tile has.
+/// A band begins at a multiple of this many rows, which is the height of a tile.
 const GRAIN: u32 = 16;
-/// Fewer rows make no band of their own: much of what SSIM compares would lie past its ends.
+/// Fewest rows of a band: in a lower band SSIM would compare too few pixels.
 const FEWEST: u32 = 32;
 
 /// One of several bands of rows, from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Band {
-    /// Which.
+    /// Number of the band from the top, from 0.
     pub index: u32,
-    /// Of how many, as far as a photograph has rows for them.
+    /// Number of bands. A photograph with too few rows has fewer.
     pub of: u32,
 }
 
 impl Band {
-    /// Its first row and how many, of a photograph with `height` rows. All bands together are the photograph, none twice; where it is too
-    /// low for so many, it has fewer, and they come in turn.
+    /// The first row and the number of rows of the band in a photograph with `height` rows. The bands cover the photograph
+    /// without overlap. If the photograph is too low for `of` bands, it has fewer, and indices wrap around.
     pub fn rows(self, height: u32) -> (u32, u32) {
         let of = self.of.min(height / FEWEST).max(1);
         let (index, grains) = (u64::from(self.index % of), u64::from(height.div_ceil(GRAIN)));

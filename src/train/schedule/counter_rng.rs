@@ -1,18 +1,18 @@
-//! Random numbers that depend on what they are for and not on when they are asked for.
+//! Random numbers that depend on their purpose and not on the order of the calls.
 
 use crate::scene::random::hash;
 
-/// What a random number is for: streams of one seed are independent.
+/// Purpose of a random number: streams of one seed are independent.
 #[derive(Clone, Copy)]
 pub(in crate::train) enum Stream {
     Views = 1,
     Background = 2,
-    /// Places in a photograph.
+    /// Positions in a photograph.
     Places = 3,
 }
 
-/// A random number for (stream, major, minor), the same in whatever order numbers are asked for: the 64-bit finaliser of
-/// SplitMix (Steele, Lea, Flood 2014) over each part in turn.
+/// The random number of (stream, major, minor): the 64-bit finaliser of SplitMix (Steele, Lea, Flood 2014) over each part in
+/// turn.
 pub(in crate::train) fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
     [stream as u64, major, minor].into_iter().fold(hash(seed), |state, part| hash(state ^ hash(part)))
 }

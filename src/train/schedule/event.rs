@@ -1,11 +1,11 @@
-//! The atoms of training: what is done, undone and replayed as a whole.
+//! Events: the parts of a training that are done, undone and replayed as a whole.
 
 use super::Schedule;
 
 /// What an event does to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// Render a view, compare, go one optimiser step.
+    /// Render a view, compare the render with the photograph, take one optimiser step.
     Step,
     /// Clone, split and prune.
     Density,
@@ -13,8 +13,8 @@ pub enum Kind {
     Reset,
 }
 
-/// One event. Events are ordered and numbered without gaps in meaning: the schedule alone decides which exist, so a lost
-/// event can be found and replayed from its number.
+/// One event. Events are ordered and numbered, and the schedule alone decides which events exist, so a lost event can be found
+/// and replayed from its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Event {
     /// Training step, from 1.
@@ -29,12 +29,12 @@ impl Event {
         Self { step, kind: Kind::Step }
     }
 
-    /// Ascending number that the device stores when the event is done; 0 stands for none.
+    /// Number that the device stores when the event is done, ascending; 0 stands for no event.
     pub fn number(self) -> u32 {
         3 * self.step + self.kind as u32
     }
 
-    /// The event of a number; `None` for the numbers before the first step.
+    /// The event with a number; `None` for numbers before the first step.
     pub fn of_number(number: u32) -> Option<Self> {
         let kind = match number % 3 {
             0 => Kind::Step,
@@ -56,7 +56,7 @@ impl Event {
         }
     }
 
-    /// The event that follows the one whose number the device stored last.
+    /// The event that follows the event with the number `done`.
     pub fn after(done: u32, schedule: &Schedule) -> Self {
         Self::of_number(done).map_or(Self::of_step(1), |event| event.next(schedule))
     }

@@ -1,4 +1,4 @@
-//! What a step with the perceptual distance looks at.
+//! The views that a step with the perceptual distance looks at.
 
 /// Most views beside a step's own.
 pub const MOST_BESIDE: usize = 7;
@@ -6,7 +6,7 @@ pub const MOST_BESIDE: usize = 7;
 /// The perceptual distance in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerceptualStep {
-    /// What the weight of each window is multiplied by.
+    /// Factor of the weight of each window.
     pub times: f64,
     beside: [Beside; MOST_BESIDE],
     count: usize,
@@ -15,15 +15,15 @@ pub struct PerceptualStep {
 /// A view beside the step's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beside {
-    /// The view.
+    /// Index of the view.
     pub view: usize,
-    /// How often it has been looked at by its last step.
+    /// How often the view has been looked at, up to its last step.
     pub seen: u32,
 }
 
 impl PerceptualStep {
-    /// One that carries the weight of `times` steps and looks at `view`; `before` are the views of the steps before it, the last first,
-    /// of which the first `most` are looked at too. A view is looked at once.
+    /// A step that carries the weight of `times` steps and looks at `view`, and at the first `most` of `before`: the views
+    /// of earlier steps, the latest first. No view is looked at twice.
     pub(super) fn new(times: f64, view: usize, before: impl Iterator<Item = Beside>, most: usize) -> Self {
         let mut found: Vec<Beside> = Vec::new();
         for other in before.take(most.min(MOST_BESIDE)) {
@@ -31,7 +31,7 @@ impl PerceptualStep {
                 found.push(other);
             }
         }
-        // In the order in which they were looked at: where photographs lie in places that are given up by age, none changes its rank.
+        // In the order in which the steps looked at them, so that the ages of uploaded photographs keep their order.
         found.reverse();
         let mut beside = [Beside::default(); MOST_BESIDE];
         beside.iter_mut().zip(&found).for_each(|(to, from)| *to = *from);

@@ -2,12 +2,12 @@
 
 use super::{Band, PerceptualStep, Rates};
 
-/// Splats that are dropped before a step for their weight; those too large for where they are go with them, or alone with a weight of 0.
+/// Splats that are dropped before a step because of their weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Dropped {
-    /// Those of less weight than this.
+pub enum DroppedSplats {
+    /// Splats with less weight than this.
     Below(f64),
-    /// This share of them, the lightest, where a limit holds growth up.
+    /// This share of the splats, the lightest, if a limit of splats holds growth up.
     Lightest(f64),
 }
 
@@ -16,9 +16,9 @@ pub enum Dropped {
 pub enum Adam {
     /// All.
     All,
-    /// All but the opacities: the reference replaces the opacity tensor when it resets it, and with it the gradient.
+    /// All but the opacities: an opacity reset of the reference replaces the opacity tensor, and its gradient is lost.
     AllButOpacities,
-    /// None: the reference replaces every tensor when it changes density, and does not step after the last iteration.
+    /// None: a density change of the reference replaces every tensor, and after the last iteration it takes no step.
     None,
 }
 
@@ -27,7 +27,7 @@ pub enum Adam {
 pub struct DensityChange {
     /// Whether splats that are large in the scene are pruned too.
     pub prune_large: bool,
-    /// Whether the photographs looked at since the last change are as many as there are: what none of them shows, no photograph does.
+    /// Whether every photograph was looked at since the last change: a splat unseen since then is seen by no photograph.
     pub sees_all: bool,
 }
 
@@ -45,18 +45,18 @@ pub struct StepPlan {
     pub background: [f32; 3],
     /// Whether the step's screen-space gradients are added to the statistics of density control.
     pub accumulate: bool,
-    /// The density change of this step.
+    /// The density change after this step.
     pub densify: Option<DensityChange>,
     /// Whether opacities are reset.
     pub reset_opacity: bool,
     /// What the optimiser steps.
     pub adam: Adam,
-    /// Optimiser steps taken when this one is done, for Adam's bias correction: of the opacities ...
+    /// Optimiser steps taken when this step is done, for Adam's bias correction: of the opacities ...
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.
     pub adam_steps: u32,
-    /// Whether splats that have missed steps of the optimiser make up for them when this one is done: before rows change their places, and
-    /// before their number no longer tells how many they were.
+    /// Whether, after this step, splats that have missed optimiser steps make up for them. The schedule asks for it before
+    /// rows move and before the stored step of a splat wraps around; the trainer adds what its host actions ask for.
     pub catch_up: bool,
     /// Learning rate of the photograph's exposure.
     pub lr_exposure: f64,
@@ -64,20 +64,20 @@ pub struct StepPlan {
     pub seen: u32,
     /// Whether the step belongs to the low-frequency stage.
     pub low: bool,
-    /// Whether it is the first after that stage: the splats that it sees are the constrained set.
+    /// Whether the step is the first after the low-frequency stage: the splats at this step are the constrained set.
     pub constrain: bool,
-    /// By what the photograph is reduced.
+    /// Factor by which width and height of the photograph are reduced.
     pub factor: u32,
-    /// The part of the photograph that the step looks at, where that is not all of it.
+    /// The band of the photograph that the step looks at, if not the whole photograph.
     pub band: Option<Band>,
-    /// Splats are skipped where their alpha is below 1 / this, where that is not 255.
+    /// Splats are skipped where their alpha is below 1 / this; without, below 1 / 255.
     pub alpha_cutoff: Option<u32>,
-    /// What the weights of depth and normals are multiplied by, where the step has them.
+    /// Factor of the weights of depth and normals, if the step compares depth and normals.
     pub geometry: Option<f64>,
-    /// What the weight of gradient maps is multiplied by, where the step has them.
+    /// Factor of the weight of gradient maps, if the step compares gradient maps.
     pub gradients: Option<f64>,
-    /// The perceptual distance, where the step has it.
+    /// The perceptual distance, if the step has it.
     pub perceptual: Option<PerceptualStep>,
-    /// Whether the width of the saliency filter is learned from what it shows.
+    /// Whether the width of the saliency filter is learned from this step's render.
     pub learn_sigma: bool,
 }

@@ -1,19 +1,19 @@
-//! Which steps have depths propagated before them.
+//! The steps before which depths are propagated.
 
 use crate::train::settings::{DepthPrior, Geometry};
 
-/// The steps, ascending: multiples of an interval, one for each photograph at most.
+/// The steps, ascending: multiples of an interval, at most one for each photograph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Propagations {
     steps: Vec<u32>,
     from: u32,
     until: u32,
-    /// At the first step and at the last.
+    /// Depth ratio from which on splats are added, at the first step and at the last.
     ratio: [f64; 2],
 }
 
 impl Propagations {
-    /// For steps scaled by `scaled` and the views that steps look at.
+    /// With step numbers of the settings scaled by `scaled`; `view_at` is the view of a step.
     pub(super) fn new(settings: &Geometry, scaled: impl Fn(u32) -> u32, view_at: impl Fn(u32) -> usize) -> Self {
         if settings.depth_prior != DepthPrior::Propagation {
             return Self::default();
@@ -31,7 +31,7 @@ impl Propagations {
         Self { steps, from, until, ratio: [settings.propagate_ratio, settings.propagate_ratio_final] }
     }
 
-    /// The ratio of a step that has one: linear between its ends.
+    /// The ratio of a step, linear between the two ends; `None` if no depths are propagated before the step.
     pub(super) fn at(&self, t: u32) -> Option<f64> {
         self.steps.binary_search(&t).ok()?;
         let u = f64::from(t - self.from) / f64::from((self.until - self.from).max(1));

@@ -3,13 +3,13 @@
 use super::REFERENCE_ITERATIONS;
 use crate::train::settings::Settings;
 
-/// Shorter runs have the rates of one with so many steps: nothing shorter was tried.
+/// Runs of fewer steps have the rates of a run of this many, because no shorter run was tried.
 const SHORTEST_TRIED: u32 = 750;
 
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Of the means, per unit of the scene's extent: multiply by the extent.
+    /// Of the means, per unit of the scene's extent.
     pub means: f64,
     /// Of the quaternions.
     pub rotations: f64,
@@ -24,7 +24,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// All of them times `gain`, but for those of the higher spherical harmonics.
+    /// All rates times `gain`, except that of the higher spherical harmonics, which is multiplied by `sh_rest`.
     fn times(self, gain: f64, sh_rest: f64) -> Self {
         Self {
             means: self.means * gain,
@@ -40,20 +40,20 @@ impl Rates {
 /// How rates change over a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RateSchedule {
-    /// At step 0.
+    /// Rates at step 0.
     first: Rates,
-    /// Of the means when their decay ends.
+    /// Rate of the means when their decay ends.
     means_final: f64,
     means_steps: u32,
-    /// What is left of the others at the last step.
+    /// Share of the other rates that is left at the last step.
     left: f64,
     iterations: u32,
 }
 
 impl RateSchedule {
-    /// The published rates are for the published number of steps. Adam moves a parameter by about its rate in a step, so in fewer
-    /// steps at these rates parameters do not get as far. Runs whose schedule is scaled begin with higher ones, which would keep
-    /// parameters from settling and so fall again.
+    /// The published rates are for the published number of steps. Adam moves a parameter by about its rate in a step, so in
+    /// fewer steps at the published rates parameters do not get as far. Runs with a scaled schedule begin with higher rates,
+    /// and the rates fall so that parameters can settle.
     pub(super) fn new(settings: &Settings, means_steps: u32) -> Self {
         let (run, optimiser) = (&settings.run, &settings.optimiser);
         let fewer = fewer(settings);
@@ -75,19 +75,19 @@ impl RateSchedule {
         }
     }
 
-    /// At `t`: log-linear between first and last.
+    /// Rates at step `t`: log-linear between first and last.
     pub(super) fn at(&self, t: u32) -> Rates {
         let left = log_linear([1.0, self.left], t, self.iterations);
         Rates { means: self.means_at(t), ..self.first.times(left, left) }
     }
 
-    /// Of the means at `t`.
+    /// Rate of the means at step `t`.
     pub(super) fn means_at(&self, t: u32) -> f64 {
         log_linear([self.first.means, self.means_final], t, self.means_steps)
     }
 }
 
-/// How many times the published number of steps is that of the run, where its schedule is scaled.
+/// The published number of steps over the number of the run, at least 1; 1 if the schedule is not scaled.
 fn fewer(settings: &Settings) -> f64 {
     match settings.run.scale_schedule {
         true => (REFERENCE_ITERATIONS / f64::from(settings.run.iterations.max(SHORTEST_TRIED))).max(1.0),
@@ -95,7 +95,7 @@ fn fewer(settings: &Settings) -> f64 {
     }
 }
 
-/// From one rate to another over so many steps.
+/// Interpolates log-linearly from `first` to `last` over `steps` steps.
 pub(super) fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
     let u = (f64::from(t) / f64::from(steps)).min(1.0);
     ((1.0 - u) * first.ln() + u * last.ln()).exp()

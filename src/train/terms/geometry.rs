@@ -6,14 +6,14 @@ use crate::raster::MemoryFootprint;
 use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::train::Error;
-use crate::train::input::Known as KnownBefore;
+use crate::train::input::OptionalInput;
 use crate::train::settings::Geometry as Settings;
 use crate::train::state::State;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
 /// Priors of all views on the device, and the loss that compares with them.
 pub(in crate::train) struct Geometry {
-    priors: Vec<Known>,
+    priors: Vec<ViewPrior>,
     loss: GeometryLoss,
     settings: Settings,
     /// Whether priors change while training goes on, and are a part of its state.
@@ -21,14 +21,14 @@ pub(in crate::train) struct Geometry {
 }
 
 /// What is known of a view.
-struct Known {
+struct ViewPrior {
     buffer: Buffer,
     size: (u32, u32),
     /// Median depth; 0 where nothing is known.
     median: f32,
 }
 
-impl Known {
+impl ViewPrior {
     fn words(&self) -> usize {
         2 * self.size.0 as usize * self.size.1 as usize
     }
@@ -37,10 +37,10 @@ impl Known {
 impl Geometry {
     /// For views of these cameras, nothing being known of any.
     pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera], settings: &Settings) -> Result<Self, vk::Error> {
-        let known = |camera: &Camera| -> Result<Known, vk::Error> {
+        let known = |camera: &Camera| -> Result<ViewPrior, vk::Error> {
             let size = settings.prior_size(camera.width, camera.height);
             let bytes = 8 * u64::from(size.0) * u64::from(size.1);
-            Ok(Known { buffer: gpu.buffer("prior", bytes, Memory::Device)?, size, median: 0.0 })
+            Ok(ViewPrior { buffer: gpu.buffer("prior", bytes, Memory::Device)?, size, median: 0.0 })
         };
         let pixels = cameras.iter().map(|c| c.width * c.height).max().unwrap_or(1);
         Ok(Self {
@@ -52,7 +52,7 @@ impl Geometry {
     }
 
     /// Uploads what is known of the views; what is missing or of another size stays unknown.
-    pub(in crate::train) fn fill(&mut self, gpu: &Gpu, input: &KnownBefore) -> Result<(), Error> {
+    pub(in crate::train) fn fill(&mut self, gpu: &Gpu, input: &OptionalInput) -> Result<(), Error> {
         self.propagated = input.scene.is_some();
         for (view, prior) in input.priors.iter().enumerate() {
             if let Some(prior) = prior {

@@ -1,4 +1,4 @@
-//! A training as a checkpoint and back, and what a resumed one begins with.
+//! Writing a training to a checkpoint and reading it back.
 
 use super::History;
 use crate::format::checkpoint::Checkpoint;
@@ -9,17 +9,17 @@ use crate::train::input::TrainedOn;
 use crate::train::settings::Settings;
 use crate::train::state::State;
 
-/// Names of the sections of moments, before the planes' names. Packed moments are all in the first.
+/// Prefixes of the sections of moments, before the planes' names. Packed moments use the first prefix alone.
 const MOMENTS: [&str; 2] = ["m_", "v_"];
-/// Section of the scores of sampled growth, where there are any.
+/// Section of the scores of sampled growth; absent without scores.
 const SCORES: &str = "scores";
-/// Section of the exposures, where there are any.
+/// Section of the exposures; absent without exposures.
 const EXPOSURES: &str = "exposures";
-/// Section of the learned widths of the saliency filter, where there are any.
+/// Section of the learned widths of the saliency filter; absent if no width is learned.
 const SIGMA: &str = "sigma";
-/// Section of the depths and normals that were propagated, where there are any.
+/// Section of propagated depths and normals; absent if no depths are propagated.
 const PRIORS: &str = "priors";
-/// Section of the photographs that are trained on; older checkpoints have none.
+/// Section of the training photographs; absent in older checkpoints.
 const VIEWS: &str = "views";
 
 /// What a resumed training begins with.
@@ -31,24 +31,24 @@ pub struct Restart {
     pub seconds: f64,
     /// Everything the device holds between steps.
     pub state: State,
-    /// The variant set in use: a run goes on with the variants of the passes it began with.
+    /// The variants of the passes: a run goes on with those it began with.
     pub variants: Variants,
     /// The curves so far.
     pub history: History,
-    /// What it has looked at; `None` where that is not known.
+    /// The training photographs; `None` for older checkpoints.
     pub trained_on: Option<TrainedOn>,
 }
 
-/// What a checkpoint of a training holds.
+/// Contents of a checkpoint of a training.
 pub struct Checkpointed {
-    /// Where to go on.
+    /// What the resumed training begins with.
     pub restart: Restart,
     /// The settings of the run, as `settings.toml` has them.
     pub settings: String,
 }
 
 impl Checkpointed {
-    /// Gathers what is to be kept.
+    /// The contents for `restart`, with `settings` as text.
     pub fn new(restart: Restart, settings: &Settings) -> Result<Self, Error> {
         Ok(Self { restart, settings: settings.to_toml()? })
     }
@@ -89,7 +89,7 @@ impl Checkpointed {
         Ok(out)
     }
 
-    /// Reads the sections; sizes that do not fit together are errors that name the section.
+    /// Reads the sections. Returns an error that names the section if sizes do not fit together.
     pub fn from_checkpoint(file: &Checkpoint) -> Result<Self, Error> {
         let ids: Vec<u32> = file.values("ids")?;
         let rows = |name: &str, row: u32| -> Result<Vec<f32>, Error> {

@@ -8,30 +8,28 @@ use crate::train::schedule::Kind;
 use crate::vk::{SubmitSync, Ticket};
 
 impl Trainer {
-    /// Submits the next step, with the density change and the opacity reset that belong to it, and gives the ticket of the last of
-    /// these submits; `None` when no step is left, and then nothing is submitted or signalled.
+    /// Submits the next step with its density change and opacity reset, and returns the ticket of the last submission. `None`
+    /// when no step is left; then nothing is submitted or signalled.
     ///
-    /// The step waits for `order.wait` on the device. `order.signal` is reached when it is done, with the model whole. Should it turn
-    /// out that a buffer was too small, the step has changed nothing by then and is repeated in a later call;
-    /// [`Message::Step`] says which steps were really done.
+    /// The step waits for `order.wait` on the device. `order.signal` is reached when the step is done and the model is whole.
+    /// If a buffer was too small, the step has changed nothing and is repeated in a later call; [`Message::Step`] names the
+    /// steps that were done.
     ///
-    /// The host is held up only by what earlier calls have submitted: when as many events as [`crate::train::Pacing`] allows are on
-    /// their way, when buffers grow, where an evaluation or a checkpoint is due, and where the host has a part in training (a cloud
-    /// that growth keeps to, depths that are propagated). So everything that a step waits for must
-    /// come without further calls.
+    /// The call blocks only on what earlier calls have submitted: when as many events as [`crate::train::Pacing`] allows are
+    /// in flight, when buffers grow, when an evaluation or a checkpoint is due, and when the host acts on the model (a cloud
+    /// that growth keeps to, propagated depths). So whatever a step waits for must come without further calls of `step`.
     pub fn step(&mut self, order: SubmitSync<'_>) -> Result<Option<Ticket>, Error> {
         loop {
             if self.finished {
                 return Ok(None);
             }
-            let (_, _, last) = self.due();
-            if self.has_room() && self.next <= last {
+            if self.has_room() && self.next <= self.due().last {
                 break;
             }
             self.advance()?;
         }
-        // What an evaluation has left of the step before comes along.
-        let (_, _, last) = self.due();
+        // After an evaluation, the density change and reset of the step before are submitted with this step.
+        let last = self.due().last;
         let (mut events, mut next, mut stepped) = (0, self.next, false);
         while next <= last && !(stepped && next.kind == Kind::Step) {
             stepped |= next.kind == Kind::Step;
@@ -45,7 +43,7 @@ impl Trainer {
         Ok(ticket)
     }
 
-    /// The next message about what is done so far; `None` where there is none yet. Waits only where buffers have to grow.
+    /// The next message about events that are done; `None` if there is none yet. Waits only when buffers have to grow.
     pub fn poll(&mut self) -> Result<Option<Message>, Error> {
         while self.messages.is_empty() {
             match self.in_flight.front() {
@@ -60,12 +58,13 @@ impl Trainer {
         Ok(self.messages.pop_front())
     }
 
-    /// A handle of the model, for views of it while training goes on. To be taken again after [`Message::Grown`].
+    /// A handle for rendering the model during the training. Take a new one after [`Message::Grown`].
     pub fn live_model(&self) -> LiveModel {
         self.engine.live_model()
     }
 
-    /// How a camera sees the model as it is: with the spherical harmonics in use at this step, and the background of evaluations.
+    /// The shot of a camera for the current model: with the spherical harmonics in use at this step and the background of
+    /// evaluations.
     pub fn shot(&self, camera: &Camera) -> Shot {
         let sh_degree = self.schedule.step(self.next.step.clamp(1, self.schedule.iterations.max(1))).sh_degree;
         self.engine.view_shot(camera, sh_degree, self.settings.model.background.evaluated())

@@ -1,4 +1,4 @@
-//! Held-out views, rendered and compared.
+//! Renders held-out views and compares the renders with the photographs.
 
 use crate::dataset::Pixels;
 use crate::eval::{
@@ -10,7 +10,7 @@ use crate::train::engine::Engine;
 use crate::train::input::View;
 use crate::train::photographs::Feed;
 
-/// Held-out photographs, and how the model is drawn beside them.
+/// Held-out photographs, and how the model is rendered for them.
 pub(super) struct HeldOut<'a> {
     pub(super) views: &'a [View],
     pub(super) photographs: &'a Feed,
@@ -21,8 +21,8 @@ pub(super) struct HeldOut<'a> {
     pub(super) exposures: Option<&'a Exposures>,
 }
 
-/// Renders every view, exposed as is expected of its photograph, and compares the render with the photograph, both rounded to 8 bits.
-/// `None` if `given_up` says so on the way.
+/// Renders every view with the exposure expected of its photograph, and compares the render with the photograph, both rounded
+/// to 8 bits. `None` as soon as `given_up` returns true.
 pub(super) fn quality(
     engine: &mut Engine,
     held_out: &HeldOut<'_>,
@@ -43,12 +43,12 @@ pub(super) fn quality(
         };
         images.push(score(view, &*photographs.get(i)?, &picture.rgb8()));
     }
-    // Nothing stays decoded until the next time.
+    // No photograph stays decoded until the next evaluation.
     photographs.look_ahead(&[]);
     Ok(Some(Quality::of(images)))
 }
 
-/// Compares 8-bit RGB with a view's photograph, rounded to 8 bits as well, where that is not masked.
+/// Compares an 8-bit RGB render with a view's photograph, also rounded to 8 bits, at the pixels that are not masked.
 pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
     let truth = photograph.rgb8();
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);

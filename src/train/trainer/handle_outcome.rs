@@ -1,4 +1,4 @@
-//! What a trainer makes of an event that is done: messages, and what is learned from it.
+//! Handles the outcome of an event: messages, and learning of the saliency filter's width.
 
 use super::{Message, Trainer};
 use crate::numbers::{counted, of_count};

@@ -1,10 +1,10 @@
-//! The curves of a run, kept through checkpoints.
+//! The curves of a run, which checkpoints keep.
 
 use serde::{Deserialize, Serialize};
 
 use crate::train::message::Message;
 
-/// Loss at the steps, and quality and number of splats where they were looked at.
+/// Loss of the steps, and quality and number of splats at some of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
     /// Loss of every step, from the first.
@@ -19,7 +19,7 @@ pub struct History {
 }
 
 impl History {
-    /// Takes in what a message tells.
+    /// Adds the numbers of a message.
     pub fn add(&mut self, message: &Message) {
         match message {
             Message::Step { step, loss, splats, .. } => {
@@ -47,7 +47,7 @@ impl History {
         }
     }
 
-    /// Forgets what lies after a step.
+    /// Removes everything after a step.
     pub fn rewind(&mut self, step: u32) {
         self.loss.truncate(step as usize);
         self.splats.retain(|(s, _)| *s <= step);

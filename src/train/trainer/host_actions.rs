@@ -1,12 +1,12 @@
-//! What the host does before some events, with nothing else on its way.
+//! What the host does before some events, with no event in flight.
 
 use super::{Message, Trainer};
 use crate::train::Error;
 use crate::train::actions::Change;
 
 impl Trainer {
-    /// Does what the next event needs of the host, once everything before it is done. Where that had to be repeated, another event is
-    /// the next.
+    /// Runs the host actions that are due before the next event, once every earlier event is done. If an earlier event has to
+    /// be repeated, that event is the next one.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         if !self.actions.are_due(&self.schedule, self.next) {
             return Ok(());
@@ -21,7 +21,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Counts splats that came or went, and says what is to be told.
+    /// Takes over the number of splats after an action, and queues the messages about it.
     fn take_in(&mut self, change: Change) {
         self.last_splats = change.splats.unwrap_or(self.last_splats);
         if let Some(capacity) = change.capacity {

@@ -1,15 +1,15 @@
-//! How well a training fits each of its photographs, by the losses of its steps.
+//! The losses of a training by photograph.
 
 use super::Trainer;
 use crate::eval::{TrainingPhotograph, worst_first};
 use crate::train::schedule::Schedule;
 
-/// Passes over all photographs that losses are taken of, at most.
+/// Most passes over all photographs from which losses are taken.
 const PASSES: u32 = 4;
 
 impl Trainer {
-    /// The mean loss of each photograph over the last steps that it had, of half of the training and four passes over all at most. The
-    /// worst comes first.
+    /// The mean loss of each photograph over the last steps of the run: the second half of the steps, at most four passes over
+    /// all photographs. The worst photograph comes first.
     pub fn training_photographs(&self) -> Vec<TrainingPhotograph> {
         let mut out = by_photograph(&self.history.loss, &self.schedule, &self.trained_on.names);
         worst_first(&mut out);
@@ -55,7 +55,7 @@ mod tests {
                 assert!((found.loss.unwrap() - f64::from(of(view))).abs() < 1e-6, "{found:?}");
             }
         }
-        // Early losses, which are high for all, have no part.
+        // Early losses, which are high for all photographs, do not count.
         let mut some = losses(700);
         some[..600].fill(9.0);
         assert!(by_photograph(&some, &schedule, &names).iter().all(|p| p.loss.unwrap() < 0.6));

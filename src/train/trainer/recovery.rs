@@ -1,4 +1,4 @@
-//! What a trainer does when something did not fit.
+//! What a trainer does when a buffer was too small.
 
 use super::{Message, Trainer};
 use crate::numbers::counted;
@@ -6,7 +6,7 @@ use crate::train::Error;
 use crate::train::schedule::{Event, Kind};
 
 impl Trainer {
-    /// Drains, grows what was too small, clears the status and goes back to the first event that was lost.
+    /// Waits for the events in flight, grows what was too small, clears the status and goes back to the first lost event.
     pub(super) fn recover(&mut self) -> Result<(), Error> {
         self.in_flight.clear();
         let (done, grown) = match self.engine.grow() {
@@ -20,7 +20,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Saves what was trained before an error that ends the training, where checkpoints are kept and the last step is whole.
+    /// Saves a checkpoint before an error that ends the training, if checkpoints are kept and the last step is whole.
     fn saved_before(&mut self, error: Error) -> Error {
         if self.checkpoints.is_none() {
             return error;
@@ -38,7 +38,7 @@ impl Trainer {
         }
     }
 
-    /// Says once that growth has come to the end of the memory.
+    /// Warns once that memory has stopped growth.
     pub(super) fn warn_of_full_memory(&mut self, step: u32, splats: u32) {
         let Some(most) = self.engine.most_splats() else { return };
         let asked = self.settings.density.max_splats.is_some_and(|max| max <= most);
@@ -48,7 +48,7 @@ impl Trainer {
         self.told_full = true;
         self.tell(Message::Warning(format!(
             "step {step}: growth stops at {}, because the device memory that may be used has room for no more; \
-             a higher `max-device-memory` gives more, a lower `max-side` leaves more of it",
+             raise `max-device-memory`, or lower `max-side`",
             counted(splats, "splat")
         )));
     }

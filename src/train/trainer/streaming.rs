@@ -1,4 +1,4 @@
-//! Photographs decoded before they are needed.
+//! Photographs decoded before their steps.
 
 use super::Trainer;
 use crate::eval::{PhotographWait, Streaming};
@@ -6,14 +6,14 @@ use crate::train::pacing::Pacing;
 use crate::train::photographs::FeedCounts;
 use crate::train::schedule::{Kind, Schedule};
 
-/// The views that are looked at first after a step: as many as are decoded ahead.
+/// The views of the first steps after `step`, as many as are decoded ahead.
 pub(super) fn first_views(schedule: &Schedule, step: u32, pacing: Pacing) -> Vec<usize> {
     let last = step.saturating_add(pacing.decoded_ahead.max(1) as u32).min(schedule.iterations);
     (step + 1..=last).map(|t| schedule.view_at(t)).collect()
 }
 
 impl Trainer {
-    /// Has the photographs of the next steps decoded.
+    /// Begins decoding the photographs of the next steps.
     pub(super) fn look_ahead(&self) {
         let (ahead, step) = (self.engine.ahead() as u32, self.next.step);
         if ahead > 0 && self.next.kind == Kind::Step {
@@ -22,7 +22,7 @@ impl Trainer {
         }
     }
 
-    /// Has the first held-out photographs decoded while the last steps before a scoring are on their way.
+    /// Begins decoding the first held-out photographs while the last steps before a scoring are in flight.
     pub(super) fn look_ahead_to_scoring(&self) {
         self.truth.look_ahead(&(0..self.held_out.len().min(self.truth.ahead())).collect::<Vec<_>>());
     }
@@ -32,12 +32,12 @@ impl Trainer {
         self.engine.feed_counts()
     }
 
-    /// The steps that had to wait for their photographs, in the order in which they did.
+    /// The steps that had to wait for their photographs, in their order.
     pub fn photograph_waits(&self) -> Vec<PhotographWait> {
         self.engine.photograph_waits()
     }
 
-    /// Both of these, as they stand in the metrics of a run.
+    /// Counts and waits of streamed photographs, for the metrics of a run.
     pub fn streaming(&self) -> Option<Streaming> {
         let FeedCounts { asked, reused, decoded, .. } = self.feed_counts()?;
         Some(Streaming { asked, reused, decoded, waits: self.photograph_waits() })
