@@ -16,7 +16,7 @@ use host::Host;
 use host::memory::{Allocator, HostBuffer};
 use psrgs_vk::format::image_out;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, Shot, Viewer};
+use psrgs_vk::raster::{Picture, RenderView, Viewer};
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::scene::{Camera, Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::vk::ash::vk;
@@ -43,13 +43,13 @@ pub fn model() -> Gaussians {
 }
 
 /// What frame `frame` shows: from somewhat to the side along z, and in the last frame from the origin.
-pub fn shot(frame: u64) -> Shot {
+pub fn shot(frame: u64) -> RenderView {
     let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let aside = 0.2 * (FRAMES - 1 - frame) as f64;
     let (width, height) = (96, 64);
     let camera =
         Camera { rotation, translation: [aside, 0.0, 0.0], fx: 80.0, fy: 80.0, cx: 48.0, cy: 32.0, width, height };
-    Shot { camera, projection: Projection::default(), background: [0.0; 3] }
+    RenderView { camera, projection: Projection::default(), background: [0.0; 3] }
 }
 
 /// Frames that are drawn.

@@ -16,7 +16,7 @@ use host::memory::{Allocator, HostBuffer, HostImage};
 use host::{Commands, Host, Timeline};
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::format::image_out;
-use psrgs_vk::raster::{LiveModel, Picture, Shot, Viewer};
+use psrgs_vk::raster::{LiveModel, Picture, RenderView, Viewer};
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer, prepare};
 use psrgs_vk::vk::ash::vk;
@@ -41,7 +41,7 @@ struct Shared {
     /// The model that is being trained.
     model: LiveModel,
     /// How it is seen.
-    shot: Shot,
+    shot: RenderView,
     /// The last step that has been submitted, a value of the timeline of steps.
     step: u64,
     /// The last frame that has been submitted, a value of the timeline of frames.

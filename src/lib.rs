@@ -10,7 +10,7 @@
 //! use psrgs_vk::dataset::{Dataset, LoadOptions};
 //! use psrgs_vk::format::{image_out, ply};
 //! use psrgs_vk::pass::camera::Projection;
-//! use psrgs_vk::raster::{Shot, Viewer};
+//! use psrgs_vk::raster::{RenderView, Viewer};
 //! use psrgs_vk::vk::{Gpu, OpenOptions};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -22,7 +22,7 @@
 //!
 //! let mut viewer = Viewer::new(&gpu);
 //! let planes = viewer.upload(&model)?;
-//! let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
+//! let shot = RenderView { camera, projection: Projection::default(), background: [0.0; 3] };
 //! let render = viewer.render(&planes, model.len() as u32, &shot, false)?;
 //! image_out::write_png("fox.png".as_ref(), render.width, render.height, &render.rgb8())?;
 //! # Ok(())

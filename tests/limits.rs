@@ -10,7 +10,7 @@ use common::splats::to_scene;
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{
-    self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer, most_pairs, most_splats,
+    self, GradientSum, Planes, RenderView, Renderer, Size, Target, TileShape, Variants, Viewer, most_pairs, most_splats,
 };
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, State, Trainer};
@@ -129,7 +129,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     model.opacities.fill(-4.4);
     model.sh.iter_mut().flatten().for_each(|f| *f = 0.2 * random.symmetric() as f32);
     let projection = Projection { near: NEAR, ..Projection::default() };
-    let shot = Shot { camera, projection, background: [0.5; 3] };
+    let shot = RenderView { camera, projection, background: [0.5; 3] };
     let variants = Variants::choose(&gpu, true);
     let side = variants.tile.size();
     let tiles = 64u32.div_ceil(side) * 48u32.div_ceil(side);
@@ -193,8 +193,11 @@ fn a_buffer_past_the_largest_binding_is_named_with_the_limit() {
         let renderer = Renderer::new(&gpu, variants, Size::training(1, pairs, 4)).unwrap();
         let planes = Planes::new(&gpu, "", 1).unwrap();
         let target = Target::new(&gpu, "", 256, false).unwrap();
-        let shot =
-            Shot { camera: common::splats::camera(16, 16), projection: Projection::default(), background: [0.0; 3] };
+        let shot = RenderView {
+            camera: common::splats::camera(16, 16),
+            projection: Projection::default(),
+            background: [0.0; 3],
+        };
         let mut rec = gpu.recorder("too large").unwrap();
         let lists = renderer.record_forward(&mut rec, &planes, &shot, &target, false).unwrap();
         let gradients = raster::Gradients { model: &planes, of_model: &planes, of_image: (&target.image).into() };
@@ -293,7 +296,7 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
         splat.store(&mut model, i);
     }
     let background = [0.25f32, 0.5, 0.75];
-    let shot = Shot { camera, projection: Projection { near: NEAR, ..Projection::default() }, background };
+    let shot = RenderView { camera, projection: Projection { near: NEAR, ..Projection::default() }, background };
     let wanted = reference::Settings {
         sh_degree: 3,
         near: NEAR,
@@ -333,7 +336,8 @@ fn one_splat_is_drawn_and_trained() {
     let camera = common::splats::camera(33, 17);
     let mut model = Gaussians::zeros(1);
     common::splats::in_view(&mut common::splats::seeded(2), &camera).store(&mut model, 0);
-    let shot = Shot { camera, projection: Projection { near: NEAR, ..Projection::default() }, background: [0.0; 3] };
+    let shot =
+        RenderView { camera, projection: Projection { near: NEAR, ..Projection::default() }, background: [0.0; 3] };
     let wanted = reference::Settings {
         sh_degree: 3,
         near: NEAR,

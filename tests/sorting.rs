@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::plan::{self, Entry};
-use psrgs_vk::raster::scan::{self, Extent, Scan, Summand};
-use psrgs_vk::raster::sort::{Keys, RadixSort, Shape};
-use psrgs_vk::raster::tiles::{Capacities, ENTRIES, Inputs, Lists, SPLAT_ENTRIES, TileLists};
+use psrgs_vk::raster::scan::{self, Scan, ScanExtent, Summand};
+use psrgs_vk::raster::sort::{KeyCount, RadixSort, SortShape};
+use psrgs_vk::raster::tiles::{Capacities, ENTRIES, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLists};
 use psrgs_vk::scene::tile::{TileGrid, list};
 use psrgs_vk::vk::{Addresses, Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Subgroup};
 
@@ -47,7 +47,7 @@ fn planned(gpu: &Gpu, counts: &Buffer, counter: u32, entries: &[Entry]) -> Buffe
 
 /// Sorts on the device, with the count on the host or in a counter, and compares with a stable sort of 64-bit (key,
 /// position).
-fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
+fn sort(gpu: &Gpu, shape: SortShape, keys: &[u32], bits: u32, counted: bool) {
     let n = keys.len();
     let what = format!("{shape:?}, {n} keys, {bits} bits, counted {counted}");
     let sorter = RadixSort::new(gpu, "test", shape, n as u64, bits).unwrap();
@@ -62,7 +62,8 @@ fn sort(gpu: &Gpu, shape: Shape, keys: &[u32], bits: u32, counted: bool) {
     let counts = counters_with(gpu, &[(counters::VISIBLE, n as u32)]);
     let [passes, table] = shape.entries(bits);
     let args = planned(gpu, &counts, counter, &[passes, table, Entry::fixed(1)]);
-    let extent = if counted { Keys::Counted { counter, args: &args, first: 0, once: 2 } } else { Keys::Host(n as u32) };
+    let extent =
+        if counted { KeyCount::Counted { counter, args: &args, first: 0, once: 2 } } else { KeyCount::Host(n as u32) };
     let mut rec = gpu.recorder("sort").unwrap();
     let k = [&keys_buffers[0], &keys_buffers[1]];
     let v = [&vals_buffers[0], &vals_buffers[1]];
@@ -88,19 +89,19 @@ fn the_shape_of_a_sort_fits_the_shared_memory() {
         let mut caps = gpu.caps().clone();
         (caps.kind, caps.subgroup) = (DeviceKind::Discrete, Subgroup::Hardware(width));
         (caps.limits.workgroup_size, caps.limits.shared_bytes) = (1024, shared_kib << 10);
-        Shape::of(&caps, most)
+        SortShape::of(&caps, most)
     };
-    assert_eq!(shape(48, 32, 1 << 20), Shape::Groups);
-    assert_eq!(shape(48, 32, 1 << 24), Shape::LongGroups);
+    assert_eq!(shape(48, 32, 1 << 20), SortShape::Groups);
+    assert_eq!(shape(48, 32, 1 << 24), SortShape::LongGroups);
     // What Vulkan promises at least holds 2,048 keys and not 4,096.
-    assert_eq!(shape(16, 32, 1 << 24), Shape::Groups);
-    assert_eq!(shape(16, 8, 1 << 24), Shape::Runs);
+    assert_eq!(shape(16, 32, 1 << 24), SortShape::Groups);
+    assert_eq!(shape(16, 8, 1 << 24), SortShape::Runs);
 }
 
 #[test]
 fn radix_sort_agrees_with_a_64_bit_sort() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
         for n in [0, 1, 255, 256, 257, 8191, 8192, 8193, 30_000] {
             let random = words(n as u64, n);
             sort(&gpu, shape, &random, 32, true);
@@ -121,7 +122,7 @@ fn radix_sort_agrees_with_a_64_bit_sort() {
 #[test]
 fn radix_sort_of_a_million_and_more() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
         sort(&gpu, shape, &words(3, 1_000_000), 32, true);
         // Tiles of a 4K image in 8x8 tiles, more numbers than 16 bits hold.
         let tiles: Vec<u32> = words(5, 3_000_001).iter().map(|w| w % 129_601).collect();
@@ -132,7 +133,7 @@ fn radix_sort_of_a_million_and_more() {
 
 /// More keys than 2^25, so that no array of them fits one descriptor of 128 MiB; with more workgroups than `plan` puts
 /// on one axis in the groups shape. The keys are tile numbers of a 4K image.
-fn sort_beyond_2_to_the_25(shape: Shape, n: usize, bits: u32, counted: bool) {
+fn sort_beyond_2_to_the_25(shape: SortShape, n: usize, bits: u32, counted: bool) {
     let Some(gpu) = common::gpu() else { return };
     let caps = gpu.caps();
     if caps.largest_buffer() < 4 * n as u64 + 4 {
@@ -155,14 +156,14 @@ fn sort_beyond_2_to_the_25(shape: Shape, n: usize, bits: u32, counted: bool) {
 
 #[test]
 fn radix_sort_of_40_million_pairs() {
-    sort_beyond_2_to_the_25(Shape::Runs, 40_000_003, 17, true);
+    sort_beyond_2_to_the_25(SortShape::Runs, 40_000_003, 17, true);
 }
 
 /// `cargo test --release --test sorting -- --ignored --nocapture`: some minutes and 2.5 GB on a CPU.
 #[test]
 #[ignore = "takes minutes on a CPU"]
 fn radix_sort_of_2_to_the_26_pairs() {
-    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
         // One more, so that the groups shape has 65,537 workgroups.
         for (bits, counted) in [(17, true), (32, false)] {
             sort_beyond_2_to_the_25(shape, (1 << 26) + 1, bits, counted);
@@ -190,7 +191,7 @@ fn prefix_sum(n: usize) {
     let counts = counters_with(&gpu, &[(counters::PAIRS, n as u32)]);
     let args = planned(&gpu, &counts, counters::PAIRS as u32, &[scan::entry(), Entry::fixed(1)]);
     let scan = Scan::new(&gpu, "test", n as u64).unwrap();
-    for extent in [Extent::host(n as u32), Extent::counted(counters::PAIRS as u32, &args, 0, 1)] {
+    for extent in [ScanExtent::host(n as u32), ScanExtent::counted(counters::PAIRS as u32, &args, 0, 1)] {
         let mut rec = gpu.recorder("scan").unwrap();
         let total = counters::SCAN_TOTAL as u32;
         scan.record(&mut rec, [&input, &output], &counts, extent, Summand::Words, total).unwrap();
@@ -269,20 +270,21 @@ fn frame(gpu: &Gpu, scene: &Scene) -> Frame {
     }
 }
 
-fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &'a Frame, grid: &TileGrid) -> Lists<'a> {
+fn record<'a>(gpu: &Gpu, lists: &'a TileLists, frame: &'a Frame, grid: &TileGrid) -> FrameLists<'a> {
     let Frame { splat2d, tile_counts, counts, args } = frame;
     let mut rec = gpu.recorder("lists").unwrap();
     let first_entry = 32 - ENTRIES;
     let pipeline = gpu.pipeline(&plan::PASS.kernel, &[]).unwrap();
     let push = plan::Push::unlimited(counters::SPLATS as u32, first_entry, &SPLAT_ENTRIES).voiding(32);
     rec.dispatch(&pipeline, &[counts, args], &push, Groups::Workgroups(1)).unwrap();
-    let inputs = Inputs { splat2d, tile_counts, counters: counts, args, first_entry, entries: 32, alpha_cutoff: None };
+    let inputs =
+        TileListInputs { splat2d, tile_counts, counters: counts, args, first_entry, entries: 32, alpha_cutoff: None };
     let result = lists.record(&mut rec, inputs, grid).unwrap();
     rec.submit().unwrap();
     result
 }
 
-fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &Lists<'_>) {
+fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &FrameLists<'_>) {
     let expected = scene.expected();
     let counts: Vec<u32> = gpu.read(&frame.counts).unwrap();
     let visible = scene.tiles.iter().filter(|tiles| !tiles.is_empty()).count();
@@ -326,7 +328,7 @@ fn tile_lists_hold_every_pair_in_depth_order() {
     let Some(gpu) = common::gpu() else { return };
     let grids =
         [TileGrid::new([640, 360], [16, 16]), TileGrid::new([250, 131], [8, 8]), TileGrid::new([64, 64], [16, 16])];
-    for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
         for (grid, n) in grids.into_iter().zip([5000, 1025, 1]) {
             let scene = Scene::new(n, grid);
             let capacities = Capacities { splats: n as u64, pairs: scene.pairs() as u64, tiles: 1000 };

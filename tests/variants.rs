@@ -7,7 +7,7 @@ use common::plane_scene;
 use common::splats::{camera, seeded, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{GradientSum, Planes, RenderView, Renderer, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
 use psrgs_vk::vk::{self, FloatAtomics, Gpu};
@@ -161,7 +161,7 @@ fn what_is_possible_can_be_made_and_nothing_else() {
 }
 
 /// Counts and every array of the tile lists, as far as they hold something.
-fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &Shot) -> Vec<Vec<u32>> {
+fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &RenderView) -> Vec<Vec<u32>> {
     let n = model.len() as u32;
     let side = variants.tile.size();
     let (width, height) = (shot.camera.width, shot.camera.height);
@@ -205,7 +205,7 @@ fn tile_lists_are_the_same_bits_in_every_form() {
     let mut random = seeded(9);
     let mut model = Gaussians::zeros(1500);
     (0..model.len()).for_each(|i| spread(&mut random, &camera, 1.4).store(&mut model, i));
-    let shot = Shot { camera, projection: Projection::default(), background: [0.0; 3] };
+    let shot = RenderView { camera, projection: Projection::default(), background: [0.0; 3] };
     let emulated = [8, 16, 32, 64].map(|width| common::gpu_with(|o| o.emulate_subgroup = Some(width)).unwrap());
     for tile in SHAPES {
         let want = lists(&native, Variants::new(tile, GradientSum::Slots), &model, &shot);

@@ -1,6 +1,6 @@
 //! Bytes that each pass moves by design.
 
-use crate::raster::sort::{Digits, Shape};
+use crate::raster::sort::{Digits, SortShape};
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
 use crate::raster::{GradientSum, PLANES, Variants};
 
@@ -34,7 +34,7 @@ pub struct Work {
     /// Variants of the passes.
     pub variants: Variants,
     /// Variant of the sorts.
-    pub shape: Shape,
+    pub shape: SortShape,
     /// Digits of the sort by depth.
     pub depth: Digits,
     /// Digits of the sort by tile.
@@ -102,7 +102,7 @@ impl Work {
             (table(self.visible, self.depth), most(self.splat_capacity, DEPTH_BITS)),
             (table(self.pairs, self.tile), most(self.pair_capacity, tile_bits(self.tile_capacity as u64))),
         ];
-        let sums = if self.shape == Shape::Runs { &sums[..] } else { &sums[..1] };
+        let sums = if self.shape == SortShape::Runs { &sums[..] } else { &sums[..1] };
         let mut words = [0.0; 2];
         sums.iter().for_each(|&(n, most)| words[usize::from(most > self.most_at_once)] += n);
         words

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Error, Quartiles};
 use crate::pass::counters;
-use crate::raster::sort::{Keys, RadixSort, Shape};
+use crate::raster::sort::{KeyCount, RadixSort, SortShape};
 use crate::vk::{Gpu, Memory, PassTime};
 
 /// Results of a benchmark of the sort.
@@ -34,7 +34,7 @@ pub struct SortReport {
 pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
     let bits = bits.clamp(1, 32);
     let n = u64::from(keys);
-    let shape = Shape::of(gpu.caps(), n);
+    let shape = SortShape::of(gpu.caps(), n);
     let words = |name: &str| gpu.buffer(name, 4 * n.max(1), Memory::Device);
     let start = words("sort_start")?;
     let (key_sides, val_sides) =
@@ -55,7 +55,7 @@ pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, 
         recorder.copy(&start, 0, &key_sides[0], 0, 4 * n)?;
         let before = recorder.len();
         let (k, v) = ([&key_sides[0], &key_sides[1]], [&val_sides[0], &val_sides[1]]);
-        side = sorter.record(&mut recorder, k, v, &counts, Keys::Host(keys), bits)?;
+        side = sorter.record(&mut recorder, k, v, &counts, KeyCount::Host(keys), bits)?;
         dispatches = recorder.len() - before;
         let ticket = recorder.submit()?;
         gpu.wait(ticket)?;

@@ -7,7 +7,7 @@ use std::path::Path;
 use psrgs_vk::format::{FrameFile, ply};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, Planes, Shot, Variants, Viewer};
+use psrgs_vk::raster::{Picture, Planes, RenderView, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::train::settings::BlendingVariants;
 use psrgs_vk::vk::{self, Gpu};
@@ -149,7 +149,7 @@ pub(crate) struct Drawn {
 impl Drawn {
     /// A picture from a camera of the scene, with depth and normals when `aux`.
     pub(crate) fn picture(&mut self, camera: &Camera, aux: bool) -> Result<Picture, vk::Error> {
-        let shot = Shot { camera: *camera, projection: self.projection, background: self.background };
+        let shot = RenderView { camera: *camera, projection: self.projection, background: self.background };
         let picture = self.viewer.render(&self.planes, self.splats, &shot, aux)?;
         self.seen |= picture.rgbt.chunks_exact(4).any(|pixel| pixel[3] < 1.0);
         Ok(picture)

@@ -7,7 +7,7 @@ use psrgs_vk::eval::{StagePanel, ViewPanel};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::{counted, of_count, percent};
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Shot, Variants, Viewer};
+use psrgs_vk::raster::{RenderView, Variants, Viewer};
 use psrgs_vk::saliency::{Plane, Settings as SaliencySettings};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{Trainer, View};
@@ -43,7 +43,8 @@ pub(crate) fn add(
         let sh_degree = trainer.schedule().step(settings.run.iterations).sh_degree;
         let projection = Projection { sh_degree, antialias: settings.model.antialias, ..Projection::default() };
         for view in views {
-            let shot = Shot { camera: view.camera, projection, background: settings.model.background.evaluated() };
+            let shot =
+                RenderView { camera: view.camera, projection, background: settings.model.background.evaluated() };
             let picture = viewer.render(&planes, set.len() as u32, &shot, false)?;
             pictures.push(RgbImage::from_raw(picture.width, picture.height, picture.rgb8()).context("picture size")?);
         }

@@ -2,14 +2,14 @@
 
 use super::Photograph;
 use crate::dataset::Depth;
-use crate::pass::loss::{self, Layout, Push, SumPush};
+use crate::pass::loss::{self, LossLayout, Push, SumPush};
 use crate::vk::{self, Buffer, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Subgroup};
 
 /// L1 + SSIM between a render and a photograph, value and gradient.
 pub struct PhotometricLoss {
     lambda: f32,
     /// Layout of the largest image. Strips of other images have the same numbers of rows and channels.
-    layout: Layout,
+    layout: LossLayout,
     /// For photographs with 8 bits per channel.
     eight: Passes,
     /// For photographs with 16 bits per channel, where there are any.
@@ -47,7 +47,7 @@ impl PhotometricLoss {
             _ => ("EMULATED_WIDTH", loss::EMULATED_LANES),
         };
         let (width, height) = sizes.iter().copied().max_by_key(|&(w, h)| u64::from(w) * u64::from(h)).unwrap_or((1, 1));
-        let mut layout = Layout::new(width, height, lanes);
+        let mut layout = LossLayout::new(width, height, lanes);
         let (strips, grad) = if constant == "EMULATED_WIDTH" {
             layout.apart = 3;
             (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED)
@@ -70,8 +70,8 @@ impl PhotometricLoss {
             let [strips, grad] = if weighted { one(1)? } else { [None, None] };
             Ok(Passes { strips: [plain_strips, strips], grad: [plain_grad, grad] })
         };
-        let most = |f: &dyn Fn(Layout) -> u64| {
-            let layouts = sizes.iter().map(|&(width, height)| Layout { width, height, ..layout });
+        let most = |f: &dyn Fn(LossLayout) -> u64| {
+            let layouts = sizes.iter().map(|&(width, height)| LossLayout { width, height, ..layout });
             layouts.map(f).max().unwrap_or(1)
         };
         let pixels = most(&|l| u64::from(l.width) * u64::from(l.height));
@@ -100,7 +100,7 @@ impl PhotometricLoss {
         weights: Option<PixelWeights<'_>>,
     ) -> Result<(), vk::Error> {
         let (width, height) = photograph.size;
-        let layout = Layout { width, height, ..self.layout };
+        let layout = LossLayout { width, height, ..self.layout };
         let passes = self.sixteen.as_ref().filter(|_| photograph.bits == 16).unwrap_or(&self.eight);
         let form = usize::from(weights.is_some());
         let (Some(strips), Some(grad)) = (&passes.strips[form], &passes.grad[form]) else { return Ok(()) };

@@ -33,7 +33,7 @@ crate::push_constants! {
 
 /// Settings of Adam; the default is the 3DGS reference's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct AdamSettings {
     /// Decay of the first moment.
     pub beta1: f64,
     /// Decay of the second moment.
@@ -42,7 +42,7 @@ pub struct Settings {
     pub eps: f64,
 }
 
-impl Default for Settings {
+impl Default for AdamSettings {
     fn default() -> Self {
         Self { beta1: 0.9, beta2: 0.999, eps: 1e-15 }
     }
@@ -51,7 +51,7 @@ impl Default for Settings {
 impl Push {
     /// The push constants of step `step` (the first is 1) for a plane with rows of `row` floats, of which the first
     /// `head` learn at `lr_head` and the others at `lr_rest`. Bias corrections are computed in double precision.
-    pub fn new(settings: &Settings, step: u32, row: u32, head: u32, lr_head: f64, lr_rest: f64) -> Self {
+    pub fn new(settings: &AdamSettings, step: u32, row: u32, head: u32, lr_head: f64, lr_rest: f64) -> Self {
         let t = f64::from(step.max(1));
         Self {
             row,

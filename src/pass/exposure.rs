@@ -64,7 +64,7 @@ impl StepPush {
     /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been looked at, and
     /// this one `seen` times, both with this time.
     pub fn new(
-        settings: &adam::Settings,
+        settings: &adam::AdamSettings,
         pixels: u32,
         [view, views]: [u32; 2],
         [known, seen]: [u32; 2],

@@ -1,6 +1,6 @@
 //! L1 + SSIM between a render and a photograph, value and gradient: two passes and a sum.
 //!
-//! Subgroups own strips and rows, so partial sums and dispatches depend on the subgroup's width: see [`Layout`].
+//! Subgroups own strips and rows, so partial sums and dispatches depend on the subgroup's width: see [`LossLayout`].
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
@@ -67,7 +67,7 @@ const SHORT: u32 = 16;
 
 /// How an image is divided among subgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct LossLayout {
     /// Image width in pixels.
     pub width: u32,
     /// Image height in pixels.
@@ -80,7 +80,7 @@ pub struct Layout {
     pub apart: u32,
 }
 
-impl Layout {
+impl LossLayout {
     /// For a device's subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups
     /// at work, which walk one row after the other: in small images each takes one channel of a short strip, though
     /// short ones read their 20 rows more often.

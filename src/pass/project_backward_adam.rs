@@ -1,6 +1,6 @@
 //! Gradients of the 3D Gaussians and one optimiser step with them, without gradients in between.
 
-use super::adam::{self, Settings};
+use super::adam::{self, AdamSettings};
 use super::camera::CameraPush;
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write};
@@ -15,7 +15,7 @@ pub const STEP_SHIFT: u32 = 16;
 
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
+pub struct LearningRates {
     /// Of the means, scene units.
     pub means: f64,
     /// Of the quaternions.
@@ -32,7 +32,7 @@ pub struct Rates {
 
 /// Optimiser steps that an element has taken, this one included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Steps {
+pub struct StepCounts {
     /// All but the opacities.
     pub most: u32,
     /// The opacities; `None` leaves them as they are.
@@ -59,15 +59,15 @@ crate::push_constants! {
         pub focal: [f32; 2],
         /// Learning rates.
         pub lr_means: f32,
-        /// See [`Rates`].
+        /// See [`LearningRates`].
         pub lr_quats: f32,
-        /// See [`Rates`].
+        /// See [`LearningRates`].
         pub lr_scales: f32,
-        /// See [`Rates`].
+        /// See [`LearningRates`].
         pub lr_opacities: f32,
-        /// See [`Rates`].
+        /// See [`LearningRates`].
         pub lr_sh_base: f32,
-        /// See [`Rates`].
+        /// See [`LearningRates`].
         pub lr_sh_rest: f32,
         /// 1 / (1 - beta1^t).
         pub inv_bias1: f32,
@@ -82,7 +82,7 @@ crate::push_constants! {
 
 impl Push {
     /// The push constants of a step that looked through `camera`.
-    pub fn new(camera: &CameraPush, settings: &Settings, rates: &Rates, steps: Steps) -> Self {
+    pub fn new(camera: &CameraPush, settings: &AdamSettings, rates: &LearningRates, steps: StepCounts) -> Self {
         let adam = |t: u32| adam::Push::new(settings, t, 1, 0, 0.0, 0.0);
         let (most, opacities) = (adam(steps.most), adam(steps.opacities.unwrap_or(1)));
         let stepped = if steps.opacities.is_some() { STEPS_OPACITIES } else { 0 };
@@ -139,7 +139,7 @@ pub fn catching_up(constants: Constants) -> Constants {
 
 /// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that
 /// their moments are zero and a step would change nothing of them.
-pub fn constants(settings: &Settings, degree: u32, aux: bool) -> Constants {
+pub fn constants(settings: &AdamSettings, degree: u32, aux: bool) -> Constants {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
         ("AUX", u32::from(aux)),
@@ -226,12 +226,12 @@ pub const BINDINGS: u32 = PASS.kernel.bindings.len() as u32;
 
 #[cfg(test)]
 mod tests {
-    use super::{PASS, Settings, constants};
+    use super::{AdamSettings, PASS, constants};
 
     #[test]
     fn default_constants_are_the_default_settings() {
         for ((name, value), constant) in
-            constants(&Settings::default(), 3, false).into_iter().zip(PASS.kernel.constants)
+            constants(&AdamSettings::default(), 3, false).into_iter().zip(PASS.kernel.constants)
         {
             assert_eq!((name, value), (constant.name, constant.default));
         }

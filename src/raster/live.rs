@@ -1,14 +1,14 @@
-//! A model that changes on the device while others look at it.
+//! A model in training, for concurrent viewers.
 
 use super::planes::Planes;
 use crate::pass::counters;
 use crate::vk::Buffer;
 
-/// The planes of a model in training, with the buffer in which the device counts its splats. A handle: cloning it
-/// copies nothing, and it keeps the planes alive.
+/// The planes of a model in training, with the buffer in which the device counts the splats. A cheap handle that keeps
+/// the planes alive.
 ///
-/// Between any two submits to the engine's queue it is a whole model. When training makes room for more splats it goes
-/// on in new planes, and a handle taken before stays with the last model of the old ones, whose memory it holds.
+/// Between any two submits to the engine's queue the model is consistent. When training needs room for more splats,
+/// training continues in new planes. An older handle keeps the last model in the old planes, and their memory.
 #[derive(Clone)]
 pub struct LiveModel {
     planes: Planes,
@@ -31,7 +31,7 @@ impl LiveModel {
         &self.counters
     }
 
-    /// Where the number of splats stands in [`Self::counters`], in bytes.
+    /// Byte offset of the number of splats in [`Self::counters`].
     pub fn count_offset(&self) -> u64 {
         4 * counters::SPLATS as u64
     }

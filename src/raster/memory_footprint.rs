@@ -1,19 +1,19 @@
-//! What buffers cost, by what they grow with.
+//! Memory of buffers, by the quantity that their size depends on.
 
-/// Bytes allocated, by what their number follows from.
+/// Bytes allocated, by the quantity that they grow with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryFootprint {
-    /// By splats.
+    /// Grow with splats.
     pub splats: u64,
-    /// By (splat, tile) pairs.
+    /// Grow with (splat, tile) pairs.
     pub pairs: u64,
-    /// By pixels, or by tiles.
+    /// Grow with pixels or tiles.
     pub pixels: u64,
-    /// Only because gradients are summed in slots: by pairs ...
+    /// Needed only for gradient sums in slots; grow with pairs.
     pub slot_pairs: u64,
-    /// ... and by splats.
+    /// Needed only for gradient sums in slots; grow with splats.
     pub slot_splats: u64,
-    /// By nothing.
+    /// Fixed size.
     pub fixed: u64,
 }
 
@@ -32,7 +32,7 @@ impl std::ops::Add for MemoryFootprint {
 }
 
 impl MemoryFootprint {
-    /// All of it.
+    /// Sum of all fields.
     pub fn total(&self) -> u64 {
         self.splats + self.pairs + self.pixels + self.slot_pairs + self.slot_splats + self.fixed
     }

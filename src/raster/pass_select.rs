@@ -1,19 +1,19 @@
-//! Which kernel of the blending passes a variant set means on a device.
+//! Selection of the kernels for a variant set on a device.
 
 use super::variants::{COLUMN_WIDTH, GradientSum, TileShape, Variants};
 use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit, project};
 use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
 
-/// Least width of subgroups that emit together.
+/// Least subgroup width for emission by whole subgroups.
 const WIDE: u32 = 16;
 
-/// A pass, and the constants that the device and the variants decide.
-pub(super) struct Chosen {
+/// A pass, with the constants that depend on the device and the variants.
+pub(super) struct ChosenPass {
     pub(super) pass: &'static Pass,
     pub(super) constants: Vec<(&'static str, u32)>,
 }
 
-impl Chosen {
+impl ChosenPass {
     fn plain(pass: &'static Pass) -> Self {
         Self { pass, constants: Vec::new() }
     }
@@ -27,35 +27,35 @@ fn columns_by_hardware(gpu: &Gpu) -> bool {
     gpu.caps().subgroup == Subgroup::Hardware(COLUMN_WIDTH)
 }
 
-/// Pixels of the blocks that splats are tested against: what a subgroup owns.
+/// Pixels of a block that splats are tested against: the pixels of one subgroup.
 fn block(gpu: &Gpu) -> (&'static str, u32) {
     ("BLOCK", gpu.caps().subgroup.width().clamp(8, 256))
 }
 
-/// The emission of pairs: by subgroups where these are wide enough that a splat of many tiles would keep many threads
-/// waiting.
+/// The emission of pairs. By whole subgroups where subgroups are wide: there, one splat with many tiles would keep many
+/// threads waiting.
 pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
     let caps = gpu.caps();
     let wide = matches!(caps.subgroup, Subgroup::Hardware(WIDE..));
     if wide && caps.kind != DeviceKind::Cpu { &emit::TOGETHER } else { &emit::PASS }
 }
 
-/// The projection of models as they are trained.
+/// The projection for models in 32 bits.
 pub(super) fn projection(gpu: &Gpu) -> &'static Pass {
     if columns_by_hardware(gpu) && gpu.caps().kind == DeviceKind::Cpu { &project::SPARSE } else { &project::PASS }
 }
 
 /// The forward pass.
-pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> Chosen {
+pub(super) fn blend_forward(gpu: &Gpu, variants: Variants) -> ChosenPass {
     match variants.tile {
-        TileShape::Column if columns_by_hardware(gpu) => Chosen::plain(&forward::COLUMN),
-        TileShape::Column => Chosen::plain(&forward::COLUMN_EMULATED),
-        TileShape::Pixel => Chosen::with(&forward::PIXEL, &[block(gpu)]),
+        TileShape::Column if columns_by_hardware(gpu) => ChosenPass::plain(&forward::COLUMN),
+        TileShape::Column => ChosenPass::plain(&forward::COLUMN_EMULATED),
+        TileShape::Pixel => ChosenPass::with(&forward::PIXEL, &[block(gpu)]),
     }
 }
 
-/// The backward pass; an error where the device has no way to run this variant.
-pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
+/// The backward pass. Fails with [`Error::MissingFeature`] when the device cannot run the variant.
+pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<ChosenPass> {
     use GradientSum::{Atomic, CompareAndSwap, Slots};
     use TileShape::{Column, Pixel};
     let lacks = |feature: &'static str, what: &str| {
@@ -65,18 +65,18 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<Chosen> {
     let block = block(gpu);
     let width = ("EMULATED_WIDTH", gpu.caps().subgroup.width());
     Ok(match (variants.tile, variants.gradients) {
-        (Column, Slots) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_SLOTS),
-        (Column, Slots) => Chosen::plain(&backward::COLUMN_EMULATED_SLOTS),
-        (Column, Atomic) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_ATOMIC),
-        (Column, CompareAndSwap) if columns_by_hardware(gpu) => Chosen::plain(&backward::COLUMN_CAS),
+        (Column, Slots) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_SLOTS),
+        (Column, Slots) => ChosenPass::plain(&backward::COLUMN_EMULATED_SLOTS),
+        (Column, Atomic) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_ATOMIC),
+        (Column, CompareAndSwap) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_CAS),
         (Column, _) => {
-            return lacks("subgroups of width 8", "gradients of column tiles summed other than in slots");
+            return lacks("subgroups of width 8", "gradients of column tiles without slots");
         }
-        (Pixel, Slots) if hardware => Chosen::with(&backward::PIXEL_APART_SLOTS, &[block]),
-        (Pixel, Slots) => Chosen::plain(&backward::PIXEL_SLOTS),
-        (Pixel, Atomic) if hardware => Chosen::with(&backward::PIXEL_ATOMIC, &[block]),
-        (Pixel, CompareAndSwap) if hardware => Chosen::with(&backward::PIXEL_CAS, &[block]),
-        (Pixel, CompareAndSwap) => Chosen::with(&backward::PIXEL_EMULATED_CAS, &[width]),
+        (Pixel, Slots) if hardware => ChosenPass::with(&backward::PIXEL_APART_SLOTS, &[block]),
+        (Pixel, Slots) => ChosenPass::plain(&backward::PIXEL_SLOTS),
+        (Pixel, Atomic) if hardware => ChosenPass::with(&backward::PIXEL_ATOMIC, &[block]),
+        (Pixel, CompareAndSwap) if hardware => ChosenPass::with(&backward::PIXEL_CAS, &[block]),
+        (Pixel, CompareAndSwap) => ChosenPass::with(&backward::PIXEL_EMULATED_CAS, &[width]),
         (Pixel, Atomic) => return lacks("subgroup operations", "gradients summed by float atomics"),
     })
 }

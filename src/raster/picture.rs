@@ -1,27 +1,29 @@
-//! A rendered view on the host.
+//! A render on the host.
 
 use crate::scene::ExposureMatrix;
 
-/// A rendered view, row-major.
+/// A render, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// (r, g, b, final transmittance) per pixel; colours as blended, neither clamped nor rounded.
+    /// (r, g, b, final transmittance) per pixel, shape [height, width, 4]. Blended colours, neither clamped nor
+    /// rounded.
     pub rgbt: Vec<f32>,
-    /// (sum w z, sum w n) per pixel in scene units and the camera frame, when asked for.
+    /// (sum w z, sum w n) per pixel, shape [height, width, 4], with depth z in scene units and normal n in the camera
+    /// frame; `None` unless requested.
     pub aux: Option<Vec<f32>>,
 }
 
 impl Picture {
-    /// 8-bit RGB, rounded to the nearest.
+    /// 8-bit RGB, rounded to nearest.
     pub fn rgb8(&self) -> Vec<u8> {
         crate::format::image_out::to_rgb8(&self.rgbt, 4)
     }
 
-    /// The picture as a photograph of this exposure shows it: colours, background included, under an affine map.
+    /// The render under an exposure: an affine map of the colours, background included.
     #[must_use]
     pub fn exposed(mut self, exposure: &ExposureMatrix) -> Self {
         let rows = exposure.map(|row| row.map(|v| v as f32));
@@ -33,14 +35,14 @@ impl Picture {
         self
     }
 
-    /// Expected depth per pixel in scene units: sum w z / sum w where something is there (sum w > 0.01), else 0.
+    /// Expected depth per pixel in scene units: sum w z / sum w, or 0 for a nearly empty pixel (sum w <= 0.01).
     pub fn depth(&self) -> Option<Vec<f32>> {
         let aux = self.aux.as_ref()?;
         let pixels = self.rgbt.chunks_exact(4).zip(aux.chunks_exact(4));
         Some(pixels.map(|(c, a)| if c[3] < 0.99 { a[0] / (1.0 - c[3]) } else { 0.0 }).collect())
     }
 
-    /// Unit normal per pixel in the camera frame, zero where nothing is there.
+    /// Unit normal per pixel in the camera frame; zero for a nearly empty pixel.
     pub fn normals(&self) -> Option<Vec<[f32; 3]>> {
         let aux = self.aux.as_ref()?;
         let unit = |a: &[f32]| {

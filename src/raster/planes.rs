@@ -1,4 +1,4 @@
-//! The model's attribute planes on the device, and everything that has the same rows (gradients, moments).
+//! Attribute planes on the device: of a model, its gradients, or its moments.
 
 use half::f16;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
-/// Name and floats per splat of each plane, in the order that every pass uses.
+/// (name, floats per splat) of each plane, in the order that every pass uses.
 pub const PLANES: [(&str, u32); 8] = [
     ("means", 3),
     ("quats", 4),
@@ -34,27 +34,27 @@ pub const SH0: usize = 4;
 pub struct Plane<'a> {
     /// Name, as in [`PLANES`].
     pub name: &'static str,
-    /// Numbers per splat. Splat i has those from number `i * floats` on, with nothing in between.
+    /// Numbers per splat. The numbers of splat i start at index `i * floats`; rows are tightly packed.
     pub floats: u32,
-    /// Bits of a number: 32, or 16 where half floats were asked for.
+    /// Bits per number: 32, or 16 for half floats.
     pub bits: u32,
-    /// The buffer: [`Buffer::raw`] is its Vulkan handle, [`Buffer::address`] where shaders find it.
+    /// The buffer. [`Buffer::raw`] is the Vulkan handle, [`Buffer::address`] the device address.
     pub buffer: &'a Buffer,
 }
 
-/// Index of the first plane of harmonics above degree 1 in [`PLANES`]: the groups before it have those up to degree 1.
+/// Index in [`PLANES`] of the first spherical-harmonics group above degree 1.
 pub const SH_HIGHER: usize = 5;
 
-/// Eight buffers with the rows of [`PLANES`]. Cloning gives another handle to the same memory.
+/// Eight buffers, one per entry of [`PLANES`]. Cloning gives another handle to the same memory.
 ///
-/// The planes of the harmonics above degree 1 may have fewer rows than the others ([`Self::limited`]): splats from some
-/// row on have none, which passes know by [`crate::pass::counters::PLAIN`].
-/// Where such planes have rows beyond those splats, they hold zeros.
+/// The planes above degree 1 may have fewer rows than the others ([`Self::limited`]). Splats from some row on then have
+/// no coefficients above degree 1; [`crate::pass::counters::PLAIN`] counts these splats for the passes. Unused rows of
+/// limited planes hold zeros.
 #[derive(Clone)]
 pub struct Planes {
     capacity: u32,
     sh: ShStorage,
-    /// Share of the rows that the upper planes have.
+    /// Rows of the planes above degree 1, as a fraction of `capacity`.
     share: f64,
     buffers: [Buffer; 8],
 }
@@ -66,18 +66,18 @@ fn row_bytes(k: usize, sh: ShStorage) -> u64 {
 }
 
 impl Planes {
-    /// Room for `capacity` splats; contents undefined. `prefix` tells gradients and moments apart in captures.
+    /// Planes for `capacity` splats, with undefined contents. `prefix` begins the buffers' names.
     pub fn new(gpu: &Gpu, prefix: &str, capacity: u32) -> Result<Self, vk::Error> {
         Self::with_sh(gpu, prefix, capacity, ShStorage::Full)
     }
 
-    /// The same with the numbers of spherical harmonics stored so.
+    /// Like [`Self::new`], with a storage format for spherical harmonics.
     pub fn with_sh(gpu: &Gpu, prefix: &str, capacity: u32, sh: ShStorage) -> Result<Self, vk::Error> {
         Self::allocated(gpu, prefix, capacity, sh, 1.0)
     }
 
-    /// The same with harmonics above degree 1 for this share of the splats, rounded up. They are to be set to zero
-    /// before anything reads them: [`Self::clear_upper`].
+    /// Like [`Self::new`], with coefficients above degree 1 for only a fraction `share` of the splats, rounded up. The
+    /// caller sets the planes above degree 1 to zero before any read: [`Self::clear_upper`].
     pub fn limited(gpu: &Gpu, prefix: &str, capacity: u32, share: f64) -> Result<Self, vk::Error> {
         Self::allocated(gpu, prefix, capacity, ShStorage::Full, share)
     }
@@ -92,28 +92,28 @@ impl Planes {
         Ok(Self { capacity, sh, share, buffers })
     }
 
-    /// Splats that fit.
+    /// Most splats that fit.
     pub fn capacity(&self) -> u32 {
         self.capacity
     }
 
-    /// Splats that fit with harmonics above degree 1: as many as fit at all,
-    /// unless these planes are [limited](Self::limited).
+    /// Most splats with coefficients above degree 1; fewer than [`Self::capacity`] only in [limited](Self::limited)
+    /// planes.
     pub fn full_rows(&self) -> u32 {
         rows_at(SH_HIGHER, self.capacity, self.share)
     }
 
-    /// What [`crate::pass::counters::PLAIN`] has to be at least for a model of so many splats in these planes.
+    /// Least value of [`crate::pass::counters::PLAIN`] for a model of `splats` splats in these planes.
     pub fn plain(&self, splats: u32) -> u32 {
         splats.saturating_sub(self.full_rows())
     }
 
-    /// How the numbers of spherical harmonics are stored.
+    /// Storage format of spherical harmonics.
     pub fn sh(&self) -> ShStorage {
         self.sh
     }
 
-    /// Bytes of all of them.
+    /// Total bytes of the buffers.
     pub fn bytes(&self) -> u64 {
         self.buffers.iter().map(Buffer::size).sum()
     }
@@ -123,9 +123,8 @@ impl Planes {
         &self.buffers
     }
 
-    /// Every plane with its layout. Units and orders are those of `docs/CONVENTIONS.md`: positions in scene
-    /// coordinates, rotations (w, x, y, z) of any length, logarithms of scales, logits of opacities,
-    /// coefficients with colour fastest.
+    /// Every plane with its layout. Units and order follow `docs/CONVENTIONS.md`: means in scene coordinates, quats (w,
+    /// x, y, z) of any length, logarithms of scales, logits of opacities, sh coefficients with colour fastest.
     pub fn layout(&self) -> [Plane<'_>; 8] {
         std::array::from_fn(|k| {
             let bits = if k < SH0 { 32 } else { self.sh.bits() };
@@ -133,13 +132,13 @@ impl Planes {
         })
     }
 
-    /// Makes room for `capacity` splats, keeping the contents: one plane after the other, so that only one is held
-    /// twice. Waits. After an error every plane holds what it held, some with more room.
+    /// Makes room for `capacity` splats and keeps the contents. Grows one plane after another, so that only one plane
+    /// is in memory twice. Waits. After an error every plane keeps its contents; some planes may have grown.
     pub fn grow(&mut self, gpu: &Gpu, capacity: u32) -> Result<(), vk::Error> {
         let capacity = capacity.max(self.capacity);
         for (k, buffer) in self.buffers.iter_mut().enumerate() {
             let bytes = row_bytes(k, self.sh) * u64::from(rows_at(k, capacity, self.share));
-            let beyond = if k >= SH_HIGHER && self.share < 1.0 { Beyond::Zero } else { Beyond::Undefined };
+            let beyond = if k >= SH_HIGHER && self.share < 1.0 { Padding::Zero } else { Padding::Undefined };
             *buffer = grown_with(gpu, buffer, bytes, beyond)?;
         }
         self.capacity = capacity;
@@ -154,7 +153,7 @@ impl Planes {
         Ok(())
     }
 
-    /// Sets the harmonics above degree 1 to zero.
+    /// Sets the coefficients above degree 1 to zero.
     pub fn clear_upper(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         for buffer in &self.buffers[SH_HIGHER..] {
             recorder.fill(buffer, 0)?;
@@ -162,12 +161,12 @@ impl Planes {
         Ok(())
     }
 
-    /// Writes the planes of `gaussians` to the first rows.
+    /// Writes `gaussians` to the first rows.
     pub fn write(&self, gpu: &Gpu, gaussians: &Gaussians) -> Result<(), vk::Error> {
         self.write_rows(gpu, &planes_of(gaussians))
     }
 
-    /// Writes the first rows of every plane, as many as it has.
+    /// Writes the first rows of every plane. Rows that a limited plane lacks are dropped.
     pub fn write_rows<T: AsRef<[f32]>>(&self, gpu: &Gpu, values: &[T; 8]) -> Result<(), vk::Error> {
         for (k, values) in values.iter().map(AsRef::as_ref).enumerate().filter(|(_, values)| !values.is_empty()) {
             let values = if k < SH_HIGHER { values } else { &values[..values.len().min(self.upper_numbers())] };
@@ -182,12 +181,12 @@ impl Planes {
         Ok(())
     }
 
-    /// Numbers in a plane of harmonics above degree 1.
+    /// Numbers in a plane above degree 1.
     fn upper_numbers(&self) -> usize {
         self.full_rows() as usize * SH_GROUP_FLOATS
     }
 
-    /// Reads the first `splats` rows; those that a plane does not have are zeros. Blocks.
+    /// Reads the first `splats` rows. Rows that a limited plane lacks are zeros. Waits.
     pub fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 8], vk::Error> {
         let mut out: [Vec<f32>; 8] = Default::default();
         if splats == 0 {
@@ -213,32 +212,32 @@ impl Planes {
     }
 }
 
-/// The nearest finite half float; not a number stays what it is.
+/// The nearest finite half float; NaN stays NaN.
 fn half_of(value: f32) -> u16 {
     f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()
 }
 
-/// Rows of plane `k` where there is room for `capacity` splats.
+/// Rows of plane `k` for `capacity` splats.
 fn rows_at(k: usize, capacity: u32, share: f64) -> u32 {
     if k < SH_HIGHER || share >= 1.0 { capacity } else { ((share * f64::from(capacity)).ceil() as u32).max(1) }
 }
 
-/// What a larger buffer holds behind the contents of the smaller one.
+/// Content of a grown buffer after the copied content.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Beyond {
+enum Padding {
     Undefined,
     Zero,
 }
 
-/// A buffer of `bytes` bytes, not fewer than another has, that begins with that one's contents. Waits.
+/// A new buffer of `bytes` bytes (at least `buffer`'s size) that begins with the contents of `buffer`. Waits.
 pub fn grown(gpu: &Gpu, buffer: &Buffer, bytes: u64) -> Result<Buffer, vk::Error> {
-    grown_with(gpu, buffer, bytes, Beyond::Undefined)
+    grown_with(gpu, buffer, bytes, Padding::Undefined)
 }
 
-fn grown_with(gpu: &Gpu, buffer: &Buffer, bytes: u64, beyond: Beyond) -> Result<Buffer, vk::Error> {
+fn grown_with(gpu: &Gpu, buffer: &Buffer, bytes: u64, beyond: Padding) -> Result<Buffer, vk::Error> {
     let larger = gpu.buffer(buffer.name(), bytes, Memory::Device)?;
     let mut recorder = gpu.recorder("grow")?;
-    if beyond == Beyond::Zero {
+    if beyond == Padding::Zero {
         recorder.fill(&larger, 0)?;
     }
     recorder.copy(buffer, 0, &larger, 0, buffer.size())?;
@@ -246,31 +245,31 @@ fn grown_with(gpu: &Gpu, buffer: &Buffer, bytes: u64, beyond: Beyond) -> Result<
     Ok(larger)
 }
 
-/// The planes of a model on the host, in the order of [`PLANES`].
+/// The attributes of a model on the host, in the order of [`PLANES`].
 pub fn planes_of(gaussians: &Gaussians) -> [&[f32]; 8] {
     let [a, b, c, d] = &gaussians.sh;
     [&gaussians.means, &gaussians.quats, &gaussians.scales, &gaussians.opacities, a, b, c, d]
 }
 
-/// The model made of planes in the order of [`PLANES`].
+/// A model made of attributes in the order of [`PLANES`].
 pub fn gaussians_of(planes: [Vec<f32>; 8], ids: Vec<u32>) -> Gaussians {
     let [means, quats, scales, opacities, a, b, c, d] = planes;
     Gaussians { means, quats, scales, opacities, sh: [a, b, c, d], ids }
 }
 
-/// How the numbers of spherical harmonics are stored on the device.
+/// Storage format of spherical harmonics on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShStorage {
-    /// In 32 bits.
+    /// 32-bit floats.
     #[default]
     Full,
-    /// In half floats, which take half the memory: for pictures, training needs all bits.
+    /// Half floats: half the memory, for renders only. Training needs 32 bits.
     Half,
 }
 
 impl ShStorage {
-    /// Bits of a number.
+    /// Bits per number.
     pub fn bits(self) -> u32 {
         match self {
             Self::Full => 32,

@@ -1,8 +1,8 @@
-//! Forward and backward of one view, recorded as passes.
+//! Forward and backward pass of one view.
 
 mod backward;
 
-pub use backward::{BackwardStep, Gradients, ImageGradients, Terms};
+pub use backward::{BackwardStep, GradientTerms, Gradients, ImageGradients};
 
 use backward::Backward;
 
@@ -10,11 +10,11 @@ use super::memory_footprint::MemoryFootprint;
 use super::pass_select;
 use super::planes::Planes;
 use super::planes::ShStorage;
-use super::scratch_buffers::{Layout, ScratchBuffers};
+use super::scratch_buffers::{ScratchBuffers, ScratchLayout};
 use super::size::{LEAST_2D, ROW_2D, Size};
-use super::sort::Shape;
+use super::sort::SortShape;
 use super::target::Target;
-use super::tiles::{Capacities, Inputs, Lists, SPLAT_ENTRIES, TileLists};
+use super::tiles::{Capacities, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLists};
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
@@ -23,8 +23,8 @@ use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, BufferRange, Gpu, Groups, Memory, Pipeline, Recorder, slices};
 
-/// Entries of `args` that the renderer plans from the number of splats; those of the tile lists follow at once, because
-/// their first ones are planned with them.
+/// Entries of `args` that the renderer plans from the number of splats. The entries of the tile lists follow directly,
+/// because one dispatch plans both.
 mod entry {
     /// One thread per splat, 64 in a workgroup.
     pub(super) const SPLATS: u32 = 0;
@@ -34,7 +34,7 @@ mod entry {
     pub(super) const ROWS_4: u32 = 2;
     /// One thread per float of rows of 12.
     pub(super) const ROWS_12: u32 = 3;
-    /// One workgroup of a pass that does something once per event.
+    /// One workgroup, for a pass that runs once per event.
     pub(super) const ONCE: u32 = 4;
     /// First entry of the tile lists.
     pub(super) const TILES: u32 = 5;
@@ -46,19 +46,19 @@ pub const DENSITY_ENTRY: u32 = 32;
 /// Entries in the `args` buffer.
 const ENTRIES: u32 = 64;
 
-/// A view to render.
+/// A view to render: camera, projection and background.
 #[derive(Clone, Copy, Debug)]
-pub struct Shot {
+pub struct RenderView {
     /// Camera in scene coordinates.
     pub camera: Camera,
     /// How splats are projected.
     pub projection: Projection,
-    /// Colour behind the splats.
+    /// Background colour (r, g, b).
     pub background: [f32; 3],
 }
 
-impl Shot {
-    /// The same of a window of the image: its pixels are the same.
+impl RenderView {
+    /// The view of a window of the image, `at` (x, y), of `size` (width, height). Pixels keep their values.
     pub fn window(&self, at: (u32, u32), size: (u32, u32)) -> Self {
         let limits = self.projection.limits.unwrap_or_else(|| clamp_limits(&self.camera));
         let projection = Projection { limits: Some(limits), ..self.projection };
@@ -71,16 +71,16 @@ impl Shot {
     }
 }
 
-/// Pipelines that differ by whether depth and normals are blended too, and by where alphas are cut off.
+/// Forward pipelines that depend on the auxiliary channels (depth, normals) and on the alpha cutoff.
 #[derive(Clone)]
-struct Channels {
+struct ForwardPipelines {
     project: Pipeline,
-    /// Constants of the projection, in whichever form.
+    /// Constants of every variant of the projection.
     projection: [(&'static str, u32); 4],
     blend: Pipeline,
 }
 
-impl Channels {
+impl ForwardPipelines {
     /// `cutoff`: see [`alpha_min`].
     fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, count: bool) -> Result<Self, vk::Error> {
         let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
@@ -97,13 +97,13 @@ impl Channels {
     }
 }
 
-/// The passes from a model to an image and back, with the buffers between them.
+/// The differentiable renderer: passes from a model to an image and back, with their intermediate buffers.
 pub struct Renderer {
     gpu: Gpu,
     variants: Variants,
-    /// Counts and status; see [`counters`].
+    /// Counters and status: see [`counters`].
     pub counters: Buffer,
-    /// Indirect workgroup numbers.
+    /// Indirect workgroup counts.
     pub args: Buffer,
     /// Projected splats, 12 floats each.
     pub splat2d: Buffer,
@@ -111,14 +111,14 @@ pub struct Renderer {
     pub tile_counts: Buffer,
     normals: Buffer,
     pair_counts: Buffer,
-    /// Stands for the largest weights of splats where these are not asked for.
+    /// Placeholder for the weights buffer of [`Self::record_weights`].
     no_weights: Buffer,
     lists: TileLists,
-    /// See [`Layout`]; the gradients of the projected splats begin it.
+    /// Scratch memory: see [`ScratchLayout`]. Begins with the gradients of the projected splats.
     early: Buffer,
     plan: Pipeline,
-    colour: Channels,
-    all: Channels,
+    colour: ForwardPipelines,
+    all: ForwardPipelines,
     backward: Option<Backward>,
     splat_capacity: u32,
     pair_capacity: u32,
@@ -127,18 +127,17 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Room for `splats` splats, `pairs` (splat, tile) pairs and images of up to `pixels` pixels and `tiles` tiles.
-    /// `aux` makes depth and normals available, `train` the backward, both the backward of depth and normals.
+    /// Allocates buffers and creates pipelines for models and images of up to `size`.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let channels = |aux: bool| Channels::new(gpu, variants, None, aux, size.count);
+        let channels = |aux: bool| ForwardPipelines::new(gpu, variants, None, aux, size.count);
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
         let capacities = Capacities { splats, pairs, tiles };
-        let shape = Shape::of(gpu.caps(), pairs);
+        let shape = SortShape::of(gpu.caps(), pairs);
         let slots = size.train && variants.gradients == GradientSum::Slots;
-        let for_lists = Layout::new(gpu, &capacities, shape).bytes();
+        let for_lists = ScratchLayout::new(gpu, &capacities, shape).bytes();
         let early = if size.train {
             gpu.buffer("grad2d", for_lists.max(ROW_2D * n).max(LEAST_2D), Memory::Device)?
         } else {
@@ -149,7 +148,7 @@ impl Renderer {
         } else {
             None
         };
-        // Splats of slots are dead when gradients come to the slots.
+        // The splats of slots are no longer needed when gradients are written to the slots, so both share memory.
         let slot_splat =
             backward.as_ref().filter(|_| slots).map(|b| BufferRange::of(&b.slot_grads, 0..4 * pairs.max(1)));
         let lists =
@@ -177,7 +176,7 @@ impl Renderer {
         })
     }
 
-    /// Sorts by so many of the highest bits of a depth: see [`TileLists::sort_depths_by`].
+    /// Sorts splats by only the highest `bits` bits of their depth: see [`TileLists::sort_depths_by`].
     pub fn sort_depths_by(&mut self, bits: u32) {
         self.lists.sort_depths_by(bits);
     }
@@ -187,17 +186,18 @@ impl Renderer {
         self.variants
     }
 
-    /// Splats that fit.
+    /// Most splats that fit.
     pub fn splat_capacity(&self) -> u32 {
         self.splat_capacity
     }
 
-    /// Pairs that fit.
+    /// Most (splat, tile) pairs that fit.
     pub fn pair_capacity(&self) -> u32 {
         self.pair_capacity
     }
 
-    /// Evaluated and blended pixel-splats, forward then backward, since the last clearing; zeros unless counting is on.
+    /// Counts of evaluated and blended (pixel, splat) pairs, forward then backward, since the last clearing; zeros
+    /// unless [`Size::count`] is on.
     pub fn pair_counts(&self) -> &Buffer {
         &self.pair_counts
     }
@@ -218,12 +218,12 @@ impl Renderer {
         Groups::Indirect(&self.args, Entry::offset(entry))
     }
 
-    /// One workgroup, or none when the event is lost.
+    /// One workgroup, or none when the event is void.
     pub fn once(&self) -> Groups<'_> {
         Groups::Indirect(&self.args, Entry::offset(entry::ONCE))
     }
 
-    /// Plans the dispatches that depend on the number of splats alone.
+    /// Plans the dispatches that depend only on the number of splats.
     fn record_plan(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         let rows = |floats: u32| Entry { divide: 1, multiply: floats, items: 64 };
         let [scan, items, once] = SPLAT_ENTRIES;
@@ -234,74 +234,75 @@ impl Renderer {
         recorder.dispatch(&self.plan, &[&self.counters, &self.args], &push, Groups::Workgroups(1))
     }
 
-    /// Renders `model` into `target`. `aux` blends depth and normals too (the renderer and the target must have them).
+    /// Renders `model` into `target`. `aux` adds depth and normals; the renderer and the target must have auxiliary
+    /// channels.
     pub fn record_forward(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
-        shot: &Shot,
+        view: &RenderView,
         target: &Target,
         aux: bool,
-    ) -> Result<Lists<'_>, vk::Error> {
-        self.record_forward_of(recorder, model, shot, target, aux, None)
+    ) -> Result<FrameLists<'_>, vk::Error> {
+        self.record_forward_of(recorder, model, view, target, aux, None)
     }
 
-    /// Renders `model` into `target`, and raises `weights` (a float for each splat) to the largest weight, alpha times
-    /// transmittance, that a splat has in any pixel.
+    /// Renders `model` into `target`, and raises `weights` (one float per splat) to the splat's largest blending
+    /// weight, alpha times transmittance, in any pixel.
     pub fn record_weights(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
-        shot: &Shot,
+        view: &RenderView,
         target: &Target,
         weights: &Buffer,
     ) -> Result<(), vk::Error> {
         let chosen = pass_select::blend_forward(&self.gpu, self.variants);
-        let mut switches = vec![("AUX", 0), ("WEIGHTS", 1), alpha_min::constant(shot.projection.alpha_cutoff)];
+        let mut switches = vec![("AUX", 0), ("WEIGHTS", 1), alpha_min::constant(view.projection.alpha_cutoff)];
         switches.extend(chosen.constants);
         let blend = self.gpu.pipeline(&chosen.pass.kernel, &switches)?;
-        let channels = self.channels(shot, false)?;
-        self.record_lists(recorder, model, shot, &channels, None)
-            .and_then(|lists| self.record_blend(recorder, &blend, &lists, shot, target, weights))
+        let channels = self.channels(view, false)?;
+        self.record_lists(recorder, model, view, &channels, None)
+            .and_then(|lists| self.record_blend(recorder, &blend, &lists, view, target, weights))
     }
 
-    /// The same of the constrained set alone, where the model's identities are given: of those below the bound that
-    /// stands in [`counters::CONSTRAINED`].
+    /// Like [`Self::record_forward`]. With `constrained`, the identities of the model's splats, renders only splats
+    /// whose identity is below the bound in [`counters::CONSTRAINED`].
     pub fn record_forward_of(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
-        shot: &Shot,
+        view: &RenderView,
         target: &Target,
         aux: bool,
         constrained: Option<&Buffer>,
-    ) -> Result<Lists<'_>, vk::Error> {
-        let channels = self.channels(shot, aux)?;
-        let lists = self.record_lists(recorder, model, shot, &channels, constrained)?;
-        self.record_blend(recorder, &channels.blend, &lists, shot, target, &self.no_weights)?;
+    ) -> Result<FrameLists<'_>, vk::Error> {
+        let channels = self.channels(view, aux)?;
+        let lists = self.record_lists(recorder, model, view, &channels, constrained)?;
+        self.record_blend(recorder, &channels.blend, &lists, view, target, &self.no_weights)?;
         Ok(lists)
     }
 
-    fn channels(&self, shot: &Shot, aux: bool) -> Result<Channels, vk::Error> {
+    fn channels(&self, view: &RenderView, aux: bool) -> Result<ForwardPipelines, vk::Error> {
         let aux = aux && self.with_aux;
-        match shot.projection.alpha_cutoff {
-            cutoff @ Some(_) => Channels::new(&self.gpu, self.variants, cutoff, aux, self.counts),
+        match view.projection.alpha_cutoff {
+            cutoff @ Some(_) => ForwardPipelines::new(&self.gpu, self.variants, cutoff, aux, self.counts),
             None => Ok(if aux { &self.all } else { &self.colour }.clone()),
         }
     }
 
-    /// Projects `model` and lists its splats by tile.
+    /// Projects `model` and builds the splat list of every tile.
     fn record_lists(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
-        shot: &Shot,
-        channels: &Channels,
+        view: &RenderView,
+        channels: &ForwardPipelines,
         constrained: Option<&Buffer>,
-    ) -> Result<Lists<'_>, vk::Error> {
-        let (width, height) = (shot.camera.width, shot.camera.height);
+    ) -> Result<FrameLists<'_>, vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
         self.record_plan(recorder)?;
-        let push = CameraPush::new(&shot.camera, &shot.projection);
+        let push = CameraPush::new(&view.camera, &view.projection);
         let mut buffers = vec![&self.counters];
         buffers.extend(model.buffers());
         buffers.extend([&self.splat2d, &self.tile_counts, &self.normals]);
@@ -318,14 +319,14 @@ impl Renderer {
         }
 
         let side = self.variants.tile.size();
-        let inputs = Inputs {
+        let inputs = TileListInputs {
             splat2d: &self.splat2d,
             tile_counts: &self.tile_counts,
             counters: &self.counters,
             args: &self.args,
             first_entry: entry::TILES,
             entries: ENTRIES,
-            alpha_cutoff: shot.projection.alpha_cutoff,
+            alpha_cutoff: view.projection.alpha_cutoff,
         };
         self.lists.record(recorder, inputs, &TileGrid::new([width, height], [side, side]))
     }
@@ -334,12 +335,12 @@ impl Renderer {
         &self,
         recorder: &mut Recorder,
         blend: &Pipeline,
-        lists: &Lists<'_>,
-        shot: &Shot,
+        lists: &FrameLists<'_>,
+        view: &RenderView,
         target: &Target,
         weights: &Buffer,
     ) -> Result<(), vk::Error> {
-        let (width, height) = (shot.camera.width, shot.camera.height);
+        let (width, height) = (view.camera.width, view.camera.height);
         let [splat2d, normals, image, aux, last, counted, weights] = slices([
             &self.splat2d,
             &self.normals,
@@ -350,7 +351,7 @@ impl Renderer {
             weights,
         ]);
         let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted, weights];
-        recorder.dispatch(blend, &buffers, &shot.blend_push(), Groups::Workgroups(self.tiles(width, height)))
+        recorder.dispatch(blend, &buffers, &view.blend_push(), Groups::Workgroups(self.tiles(width, height)))
     }
 
     fn tiles(&self, width: u32, height: u32) -> u64 {
@@ -358,16 +359,16 @@ impl Renderer {
         u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side))
     }
 
-    /// Two buffers of at least 48 bytes per splat and [`LEAST_2D`] bytes: the projected splats and their gradients.
-    /// Between two steps nobody reads them.
+    /// Two buffers, each of at least 48 bytes per splat and at least [`LEAST_2D`] bytes: the projected splats and their
+    /// gradients. Free for other use between two steps.
     pub fn idle(&self) -> [&Buffer; 2] {
         [&self.splat2d, &self.early]
     }
 
-    /// Bytes of its buffers.
+    /// Bytes of the renderer's buffers.
     pub fn held(&self) -> MemoryFootprint {
         let backward = self.backward.as_ref();
-        // What the lists need beyond the gradients is there for pairs: the tables of their sort.
+        // Memory of the lists beyond the gradients is for pairs: the tables of their sort.
         let of_splats = backward.map_or(self.early.size(), |b| b.grad2d.slice().bytes().max(LEAST_2D));
         let slots = backward.map_or(0, |b| b.slot_grads.size() + b.slot_normals.size());
         let of_normals = backward.map_or(0, |b| b.grad_normals.size());

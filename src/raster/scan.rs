@@ -7,17 +7,17 @@ use crate::vk::{Buffer, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Pipe
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
 
-/// Words of a thread of the wide form in a turn.
+/// Words per thread and turn in the wide variant.
 const WIDE_ITEMS: u32 = 4;
 
-/// How many words there are, and the dispatches that cover them.
+/// Number of words to sum, and the dispatches that cover them.
 #[derive(Clone, Copy, Debug)]
-pub struct Extent<'a> {
-    /// Counter that holds the count, or [`NO_COUNTER`].
+pub struct ScanExtent<'a> {
+    /// Index of the counter that holds the count, or [`NO_COUNTER`].
     pub source: u32,
-    /// The count when there is no counter.
+    /// The count for [`NO_COUNTER`].
     pub count: u32,
-    /// The words are `ceil(count / divide) * multiply`.
+    /// The number of words is `ceil(count / divide) * multiply`.
     pub divide: u32,
     /// See `divide`.
     pub multiply: u32,
@@ -27,17 +27,17 @@ pub struct Extent<'a> {
     pub once: Groups<'a>,
 }
 
-impl<'a> Extent<'a> {
-    /// A number of words that the host knows.
-    pub fn host(count: u32) -> Extent<'a> {
+impl<'a> ScanExtent<'a> {
+    /// An extent whose number of words the host knows.
+    pub fn host(count: u32) -> ScanExtent<'a> {
         let blocks = Groups::Workgroups(u64::from(count.div_ceil(BLOCK)));
-        Extent { source: NO_COUNTER, count, divide: 1, multiply: 1, blocks, once: Groups::Workgroups(1) }
+        ScanExtent { source: NO_COUNTER, count, divide: 1, multiply: 1, blocks, once: Groups::Workgroups(1) }
     }
 
-    /// As many words as a counter says. Entry `blocks` of `args` was planned by [`entry`], entry `once` by
-    /// [`Entry::fixed`]`(1)`.
-    pub fn counted(source: u32, args: &'a Buffer, blocks: u32, once: u32) -> Extent<'a> {
-        Extent {
+    /// An extent of as many words as counter `source`. Entry `blocks` of `args` was planned by [`entry`], entry `once`
+    /// by [`Entry::fixed`]`(1)`.
+    pub fn counted(source: u32, args: &'a Buffer, blocks: u32, once: u32) -> ScanExtent<'a> {
+        ScanExtent {
             source,
             count: 0,
             divide: 1,
@@ -53,17 +53,17 @@ pub const fn entry() -> Entry {
     Entry::items(BLOCK)
 }
 
-/// What is summed.
+/// The summand of each word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Summand {
-    /// The words.
+    /// The word itself.
     Words,
-    /// 1 for every word that is not 0.
+    /// 1 for a nonzero word, else 0.
     NonZero,
 }
 
-/// Most words that one workgroup sums by itself: about as many as are faster so than by three dispatches, each of which
-/// a processor pays with the time of some ten thousand words.
+/// Most words that one workgroup sums alone. Above roughly this number three dispatches are faster; on a CPU device a
+/// dispatch costs the time of about ten thousand words.
 pub(crate) fn most_at_once(caps: &Caps) -> u64 {
     match caps.kind {
         DeviceKind::Cpu if in_runs(caps) => 1 << 18,
@@ -72,25 +72,25 @@ pub(crate) fn most_at_once(caps: &Caps) -> u64 {
     }
 }
 
-/// Whether one subgroup sums by itself, a run of words to each thread.
+/// Whether a single subgroup does the sum, with a run of words per thread.
 fn in_runs(caps: &Caps) -> bool {
     caps.kind == DeviceKind::Cpu && caps.subgroup == Subgroup::Hardware(8)
 }
 
 /// The passes of a prefix sum.
 pub struct Scan {
-    form: Form,
+    form: ScanPasses,
 }
 
-enum Form {
+enum ScanPasses {
     /// One workgroup.
     Once(Pipeline),
-    /// Three passes, and the sums between them.
+    /// Three passes, with the sums of blocks between them.
     Blocks { reduce: Pipeline, spine: Pipeline, add: Pipeline, sums: Buffer },
 }
 
 impl Scan {
-    /// For up to `most` words at a time. `name` is the owner's, for the buffer.
+    /// Creates a prefix sum of up to `most` words. `name` begins the buffer's name.
     pub fn new(gpu: &Gpu, name: &str, most: u64) -> Result<Scan> {
         let (kernels, once, width) = match gpu.caps().subgroup {
             Subgroup::Hardware(_) if gpu.caps().kind != DeviceKind::Cpu => {
@@ -116,30 +116,30 @@ impl Scan {
             } else {
                 gpu.pipeline(&once.kernel, width.as_slice())?
             };
-            return Ok(Scan { form: Form::Once(once) });
+            return Ok(Scan { form: ScanPasses::Once(once) });
         }
         let [reduce, spine, add] = kernels.map(|pass| gpu.pipeline(&pass.kernel, width.as_slice()));
         let bytes = 4 * most.div_ceil(u64::from(BLOCK)).max(1);
         let sums = gpu.buffer(&format!("{name}.sums"), bytes, Memory::Device)?;
-        Ok(Scan { form: Form::Blocks { reduce: reduce?, spine: spine?, add: add?, sums } })
+        Ok(Scan { form: ScanPasses::Blocks { reduce: reduce?, spine: spine?, add: add?, sums } })
     }
 
-    /// Bytes of its own buffer.
+    /// Bytes of the intermediate buffer.
     pub fn bytes(&self) -> u64 {
         match &self.form {
-            Form::Once(_) => 0,
-            Form::Blocks { sums, .. } => sums.size(),
+            ScanPasses::Once(_) => 0,
+            ScanPasses::Blocks { sums, .. } => sums.size(),
         }
     }
 
-    /// Writes to word i of the second buffer the sum of words 0..i of the first, and the sum of all to counter `total`
-    /// (or nowhere: [`NO_COUNTER`]).
+    /// Writes the sum of words 0..i of the first buffer to word i of the second buffer, and the sum of all words to
+    /// counter `total` (unless [`NO_COUNTER`]).
     pub fn record<'b, B: Into<BufferSlice<'b>>>(
         &self,
         rec: &mut Recorder,
         [source, target]: [B; 2],
         counters: &Buffer,
-        extent: Extent<'_>,
+        extent: ScanExtent<'_>,
         summand: Summand,
         total: u32,
     ) -> Result<()> {
@@ -154,8 +154,8 @@ impl Scan {
             total,
         };
         match &self.form {
-            Form::Once(once) => rec.dispatch(once, &[source, counters, target], &push, extent.once),
-            Form::Blocks { reduce, spine, add, sums } => {
+            ScanPasses::Once(once) => rec.dispatch(once, &[source, counters, target], &push, extent.once),
+            ScanPasses::Blocks { reduce, spine, add, sums } => {
                 let sums: BufferSlice<'_> = sums.into();
                 rec.dispatch(reduce, &[source, counters, sums], &push, extent.blocks)?;
                 rec.dispatch(spine, &[counters, sums], &push, extent.once)?;

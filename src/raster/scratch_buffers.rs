@@ -1,31 +1,31 @@
-//! Memory that the tile lists borrow from what a training step writes later.
+//! Scratch memory of the tile lists, shared with buffers that a training step writes later.
 
 use std::ops::Range;
 
-use super::sort::Shape;
+use super::sort::SortShape;
 use super::tiles::{Capacities, DEPTH_BITS, tile_bits};
 use crate::vk::{Buffer, BufferRange, Gpu, Memory, Result};
 
-/// Where the tile lists keep what is dead before the backward, in bytes of one buffer:
+/// Byte ranges in one buffer for data of the tile lists that are not needed in the backward pass:
 ///
-/// | who | from | until |
+/// | data | from | until |
 /// |---|---|---|
-/// | keys of the depth sort, two sides; the first also holds tile counts in depth order | `compact` | the prefix sum over these counts |
-/// | values of the depth sort, two sides: the order, and the first place of the pairs of each | `compact` | `emit` |
+/// | keys of the depth sort, two sides; side 0 then holds tile counts | `compact` | the prefix sum over the tile counts |
+/// | values of the depth sort: the depth order, and each splat's first pair | `compact` | `emit` |
 /// | two tables of the depth sort | the depth sort | its end |
-/// | two tables of the tile sort, over all the above | after `emit` | the end of the tile sort |
+/// | two tables of the tile sort, overlapping all rows above | after `emit` | the end of the tile sort |
 ///
-/// In training the buffer is that of the projected splats' gradients: nothing is written there before the lists are
-/// complete, and these are not looked at after.
-pub(super) struct Layout {
+/// In training the buffer also holds the gradients of the projected splats. The gradients are written after the lists
+/// are complete, when these ranges are no longer read.
+pub(super) struct ScratchLayout {
     pub(super) keys: [Range<u64>; 2],
     pub(super) vals: [Range<u64>; 2],
     pub(super) depth_tables: [Range<u64>; 2],
     pub(super) tile_tables: [Range<u64>; 2],
 }
 
-impl Layout {
-    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, shape: Shape) -> Layout {
+impl ScratchLayout {
+    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, shape: SortShape) -> ScratchLayout {
         let alignment = gpu.caps().limits.storage_alignment;
         let place = |end: &mut u64, bytes: u64| {
             let begin = end.next_multiple_of(alignment);
@@ -40,7 +40,7 @@ impl Layout {
         let keys = two(splats);
         let vals = two(splats);
         let depth_tables = two(depth);
-        Layout { keys, vals, depth_tables, tile_tables: [place(&mut late, tile), place(&mut late, tile)] }
+        ScratchLayout { keys, vals, depth_tables, tile_tables: [place(&mut late, tile), place(&mut late, tile)] }
     }
 
     /// Bytes of the buffer.
@@ -49,20 +49,21 @@ impl Layout {
     }
 }
 
-/// What the lists are given to work in.
+/// Scratch memory lent to the tile lists.
 pub(super) struct ScratchBuffers<'a> {
-    /// At least as large as the layout.
+    /// At least [`ScratchLayout::bytes`] bytes.
     pub(super) early: &'a Buffer,
-    /// With slots: a word per pair that is dead once the backward begins. Without, pairs carry the splat itself.
+    /// With slots: one word per pair, unused once the backward pass begins. `None` without slots: pairs then carry the
+    /// splat.
     pub(super) slot_splat: Option<BufferRange>,
 }
 
-/// Parts of a buffer.
+/// Two ranges of a buffer.
 pub(super) fn parts(buffer: &Buffer, ranges: &[Range<u64>; 2]) -> [BufferRange; 2] {
     ranges.clone().map(|range| BufferRange::of(buffer, range))
 }
 
-/// Buffers of words.
+/// Two buffers of `count` words.
 pub(super) fn words(gpu: &Gpu, names: [&str; 2], count: u64) -> Result<[BufferRange; 2]> {
     let [a, b] = names.map(|name| gpu.buffer(name, 4 * count.max(1), Memory::Device));
     Ok([BufferRange::whole(a?), BufferRange::whole(b?)])

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::scan::{BLOCK as SCAN_BLOCK, Extent, Scan, Summand};
+use super::scan::{BLOCK as SCAN_BLOCK, Scan, ScanExtent, Summand};
 use crate::pass::Pass;
 use crate::pass::plan::{Entry, NO_COUNTER};
 use crate::pass::radix::{self as pass, Push};
@@ -10,93 +10,93 @@ use crate::vk::{
     Buffer, BufferRange, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Pipeline, Recorder, Result, Subgroup,
 };
 
-/// How the passes split their work.
+/// How the passes divide the keys among threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// A thread owns a run of keys: for CPU devices, where shared memory and barriers are dear,
-    /// and where there is little of it.
+pub enum SortShape {
+    /// A thread owns a run of keys. For CPU devices, where shared memory and barriers are slow, and for devices with
+    /// little shared memory.
     Runs,
-    /// A workgroup owns a block of keys: for GPUs.
+    /// A workgroup owns a block of keys. For GPUs.
     Groups,
-    /// The same with blocks twice as long, for many keys.
+    /// Like `Groups`, with blocks twice as long. For many keys.
     LongGroups,
 }
 
-/// Keys from which blocks are long: with fewer, more workgroups are worth more than longer stretches to write to.
+/// Least number of keys for long blocks: with fewer keys, more workgroups gain more than longer contiguous writes.
 const MANY: u64 = 4 << 20;
 
-impl fmt::Display for Shape {
+impl fmt::Display for SortShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Shape::Runs => "runs",
-            Shape::Groups => "groups",
-            Shape::LongGroups => "long groups",
+            SortShape::Runs => "runs",
+            SortShape::Groups => "groups",
+            SortShape::LongGroups => "long groups",
         })
     }
 }
 
-impl Shape {
-    /// The shape for a device and up to `most` keys.
-    pub fn of(caps: &Caps, most: u64) -> Shape {
-        let room = |shape: Shape| {
+impl SortShape {
+    /// The best shape for a device and up to `most` keys.
+    pub fn of(caps: &Caps, most: u64) -> SortShape {
+        let room = |shape: SortShape| {
             let Kernels { scatter, width, .. } = Kernels::of(shape, caps.subgroup);
             let given = [&shape.items(), width.as_slice()].concat();
             caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, &given)
         };
-        if caps.kind == DeviceKind::Cpu || !room(Shape::Groups) {
-            Shape::Runs
-        } else if most < MANY || !room(Shape::LongGroups) {
-            Shape::Groups
+        if caps.kind == DeviceKind::Cpu || !room(SortShape::Groups) {
+            SortShape::Runs
+        } else if most < MANY || !room(SortShape::LongGroups) {
+            SortShape::Groups
         } else {
-            Shape::LongGroups
+            SortShape::LongGroups
         }
     }
 
-    /// Keys in a block, a column of the table of digit counts.
+    /// Keys in a block. Each block has a column in the table of digit counts.
     pub const fn block(self) -> u32 {
         match self {
-            Shape::Runs => pass::RUNS_BLOCK,
-            Shape::Groups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS,
-            Shape::LongGroups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS_OF_MANY,
+            SortShape::Runs => pass::RUNS_BLOCK,
+            SortShape::Groups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS,
+            SortShape::LongGroups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS_OF_MANY,
         }
     }
 
-    /// The constant of keys per thread, where it is not its default.
+    /// The specialization constant for keys per thread, unless default.
     fn items(self) -> Vec<(&'static str, u32)> {
-        if self == Shape::LongGroups { vec![("ITEMS", pass::GROUPS_ITEMS_OF_MANY)] } else { Vec::new() }
+        if self == SortShape::LongGroups { vec![("ITEMS", pass::GROUPS_ITEMS_OF_MANY)] } else { Vec::new() }
     }
 
     /// Keys covered by one workgroup.
     pub const fn keys_per_group(self) -> u32 {
         match self {
-            Shape::Runs => pass::RUNS_BLOCK * pass::RUNS_LOCAL_SIZE,
-            Shape::Groups | Shape::LongGroups => self.block(),
+            SortShape::Runs => pass::RUNS_BLOCK * pass::RUNS_LOCAL_SIZE,
+            SortShape::Groups | SortShape::LongGroups => self.block(),
         }
     }
 
-    /// The digits of a sort by the lowest `bits` bits: as few as the shape allows, all of the same width but for the
-    /// bits that the last one leaves out.
+    /// The digits of a sort by the lowest `bits` bits: as few digits as possible, of equal width; the last digit may
+    /// have unused bits.
     pub fn digits(self, bits: u32) -> Digits {
         let bits = bits.min(32);
         let passes = bits.div_ceil(pass::MOST_BITS);
         Digits { bits, passes, width: bits.div_ceil(passes.max(1)) }
     }
 
-    /// Words of the table that sorts of up to `most` keys by up to `bits` bits need.
+    /// Words of the digit-count table for sorts of up to `most` keys by up to `bits` bits.
     pub(crate) fn table_words(self, most: u64, bits: u32) -> u64 {
-        // Fewer bits may mean wider digits: 17 are three of 6, 16 are two of 8.
+        // Fewer bits may mean wider digits: 17 bits are three digits of 6 bits, 16 bits are two digits of 8 bits.
         let rows = (0..=bits).map(|bits| self.digits(bits).rows()).max().unwrap_or(1);
-        let sums = if self == Shape::Runs { 0 } else { rows };
+        let sums = if self == SortShape::Runs { 0 } else { rows };
         most.div_ceil(u64::from(self.block())).max(1) * u64::from(rows) + u64::from(sums)
     }
 
-    /// The entries of `args` for a sort by `bits` bits of as many keys as a counter says: the passes,
-    /// the prefix sums of the table.
+    /// The entries of `args` for a sort by `bits` bits, with the number of keys in a counter: the entry of the passes
+    /// over keys, and the entry of the prefix sums of the table.
     pub fn entries(self, bits: u32) -> [Entry; 2] {
         let rows = self.digits(bits).rows();
         let table = match self {
-            Shape::Runs => Entry { divide: self.block(), multiply: rows, items: SCAN_BLOCK },
-            Shape::Groups | Shape::LongGroups => Entry::fixed(rows),
+            SortShape::Runs => Entry { divide: self.block(), multiply: rows, items: SCAN_BLOCK },
+            SortShape::Groups | SortShape::LongGroups => Entry::fixed(rows),
         };
         [Entry::items(self.keys_per_group()), table]
     }
@@ -113,7 +113,7 @@ pub struct Digits {
 }
 
 impl Digits {
-    /// Values of a digit: rows of the table.
+    /// Number of values of a digit: the rows of the table.
     pub fn rows(self) -> u32 {
         1 << self.width
     }
@@ -129,56 +129,56 @@ impl Digits {
     }
 }
 
-/// How many keys there are.
+/// Number of keys to sort.
 #[derive(Clone, Copy, Debug)]
-pub enum Keys<'a> {
-    /// A number that the host knows.
+pub enum KeyCount<'a> {
+    /// Known to the host.
     Host(u32),
-    /// As many as a counter says.
+    /// Held by a counter on the device.
     Counted {
-        /// The counter.
+        /// Index of the counter.
         counter: u32,
-        /// Workgroup numbers.
+        /// Indirect workgroup counts.
         args: &'a Buffer,
-        /// The entry of the two of [`Shape::entries`].
+        /// Index of the first of the two entries of [`SortShape::entries`].
         first: u32,
-        /// An entry of [`Entry::fixed`]`(1)`.
+        /// Index of an entry of [`Entry::fixed`]`(1)`.
         once: u32,
     },
 }
 
-/// What a sort works in: two sides each, of which the first holds the input.
+/// Memory of a sort: two sides each for keys and values. Side 0 holds the input.
 #[derive(Clone, Copy)]
 pub(crate) struct SortMemory<'a> {
-    /// Digit counts, and their places: [`Shape::table_words`] each.
+    /// Digit counts and their prefix sums, [`SortShape::table_words`] words each.
     pub(crate) tables: [BufferSlice<'a>; 2],
     /// Keys.
     pub(crate) keys: [BufferSlice<'a>; 2],
     /// Values.
     pub(crate) vals: [BufferSlice<'a>; 2],
-    /// The values of the input, where these are to stay.
+    /// Input values to read instead of `vals[0]`, which the sort keeps unchanged.
     pub(crate) apart: Option<BufferSlice<'a>>,
 }
 
-/// The passes of a sort, for tables of digit counts that somebody lends.
+/// The passes of a sort, without memory for the tables of digit counts.
 pub(crate) struct SortPasses {
-    shape: Shape,
+    shape: SortShape,
     count: Pipeline,
     sums: Sums,
     scatter: Pipeline,
 }
 
-/// What makes places of digit counts.
+/// How the prefix sums of digit counts are computed.
 enum Sums {
-    /// The prefix sum of the table.
+    /// One prefix sum over the whole table.
     Whole(Scan),
-    /// Those of its rows.
+    /// One prefix sum per row.
     Rows(Pipeline),
 }
 
 impl SortPasses {
-    /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffer of the prefix sum.
-    pub(crate) fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<SortPasses> {
+    /// Creates passes for up to `most` keys of up to `bits` bits. `name` begins the name of the prefix sum's buffer.
+    pub(crate) fn new(gpu: &Gpu, name: &str, shape: SortShape, most: u64, bits: u32) -> Result<SortPasses> {
         let Kernels { count, rows, scatter, width } = Kernels::of(shape, gpu.caps().subgroup);
         let (items, width) = (shape.items(), width.as_slice());
         let sums = match rows {
@@ -193,7 +193,7 @@ impl SortPasses {
         })
     }
 
-    /// Bytes of its own buffers.
+    /// Bytes of the prefix sum's buffer.
     pub(crate) fn bytes(&self) -> u64 {
         match &self.sums {
             Sums::Whole(scan) => scan.bytes(),
@@ -201,30 +201,30 @@ impl SortPasses {
         }
     }
 
-    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
-    /// Values that are given apart take the place of `vals[0]` and stay as they are.
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys. Returns the side that holds the result.
+    /// With `apart`, reads the values there instead of from `vals[0]`.
     pub(crate) fn record(
         &self,
         rec: &mut Recorder,
         memory: SortMemory<'_>,
         counters: &Buffer,
-        extent: Keys<'_>,
+        extent: KeyCount<'_>,
         bits: u32,
     ) -> Result<usize> {
         let SortMemory { tables: [table_words, places], keys, vals, apart } = memory;
         let digits = self.shape.digits(bits);
         let block = self.shape.block();
         let (source, number, groups, rows, table) = match extent {
-            Keys::Host(n) => {
+            KeyCount::Host(n) => {
                 let groups = Groups::Workgroups(u64::from(n.div_ceil(self.shape.keys_per_group())));
                 let words = n.div_ceil(block).saturating_mul(digits.rows());
-                (NO_COUNTER, n, groups, Groups::Workgroups(u64::from(digits.rows())), Extent::host(words))
+                (NO_COUNTER, n, groups, Groups::Workgroups(u64::from(digits.rows())), ScanExtent::host(words))
             }
-            Keys::Counted { counter, args, first, once } => {
-                let table = Extent {
+            KeyCount::Counted { counter, args, first, once } => {
+                let table = ScanExtent {
                     divide: block,
                     multiply: digits.rows(),
-                    ..Extent::counted(counter, args, first + 1, once)
+                    ..ScanExtent::counted(counter, args, first + 1, once)
                 };
                 let at = |entry| Groups::Indirect(args, Entry::offset(entry));
                 (counter, 0, at(first), at(first + 1), table)
@@ -250,19 +250,19 @@ impl SortPasses {
     }
 }
 
-/// The passes of a shape, with what is given for their constants beside [`Shape::items`].
+/// The passes of a shape, with further constants besides [`SortShape::items`].
 struct Kernels {
     count: &'static Pass,
-    /// Of the groups shape.
+    /// Only for `Groups` and `LongGroups`.
     rows: Option<(&'static Pass, Option<(&'static str, u32)>)>,
     scatter: &'static Pass,
     width: Option<(&'static str, u32)>,
 }
 
 impl Kernels {
-    fn of(shape: Shape, subgroup: Subgroup) -> Kernels {
+    fn of(shape: SortShape, subgroup: Subgroup) -> Kernels {
         match (shape, subgroup) {
-            (Shape::Runs, _) => {
+            (SortShape::Runs, _) => {
                 Kernels { count: &pass::COUNT_RUNS, rows: None, scatter: &pass::SCATTER_RUNS, width: None }
             }
             (_, Subgroup::Hardware(width)) => Kernels {
@@ -280,27 +280,27 @@ impl Kernels {
     }
 }
 
-/// The passes with tables of their own.
+/// A sort with its own tables of digit counts.
 pub struct RadixSort {
     passes: SortPasses,
-    /// Digit counts, and their places.
+    /// Digit counts and their prefix sums.
     tables: [BufferRange; 2],
 }
 
 impl RadixSort {
-    /// For up to `most` keys of up to `bits` bits. `name` is the owner's, for the buffers.
-    pub fn new(gpu: &Gpu, name: &str, shape: Shape, most: u64, bits: u32) -> Result<RadixSort> {
+    /// Creates a sort of up to `most` keys of up to `bits` bits. `name` begins the buffers' names.
+    pub fn new(gpu: &Gpu, name: &str, shape: SortShape, most: u64, bits: u32) -> Result<RadixSort> {
         let words = shape.table_words(most, bits);
         let table =
             |what: &str| gpu.buffer(&format!("{name}.{what}"), 4 * words, Memory::Device).map(BufferRange::whole);
         RadixSort::within(gpu, name, shape, most, bits, [table("table")?, table("places")?])
     }
 
-    /// The same with the memory of the tables given: [`Shape::table_words`] each.
+    /// Like [`Self::new`], with given memory for the two tables, [`SortShape::table_words`] words each.
     pub(super) fn within(
         gpu: &Gpu,
         name: &str,
-        shape: Shape,
+        shape: SortShape,
         most: u64,
         bits: u32,
         tables: [BufferRange; 2],
@@ -308,32 +308,32 @@ impl RadixSort {
         Ok(RadixSort { passes: SortPasses::new(gpu, name, shape, most, bits)?, tables })
     }
 
-    /// Bytes of its own buffers, the tables aside.
+    /// Bytes of the prefix sum's buffer, without the tables.
     pub(super) fn bytes(&self) -> u64 {
         self.passes.bytes()
     }
 
-    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys; returns the side that holds the result.
+    /// Sorts `keys[0]` and `vals[0]` by the lowest `bits` bits of the keys. Returns the side that holds the result.
     pub fn record<'b, B: Into<BufferSlice<'b>>>(
         &self,
         rec: &mut Recorder,
         keys: [B; 2],
         vals: [B; 2],
         counters: &Buffer,
-        extent: Keys<'_>,
+        extent: KeyCount<'_>,
         bits: u32,
     ) -> Result<usize> {
         let of = Unsorted { keys: keys.map(Into::into), vals: vals.map(Into::into), apart: None };
         self.record_from(rec, of, counters, extent, bits)
     }
 
-    /// The same of what is given together, whose values may be apart.
+    /// Like [`Self::record`], with optional separate input values.
     pub(super) fn record_from(
         &self,
         rec: &mut Recorder,
         of: Unsorted<'_>,
         counters: &Buffer,
-        extent: Keys<'_>,
+        extent: KeyCount<'_>,
         bits: u32,
     ) -> Result<usize> {
         let Unsorted { keys, vals, apart } = of;
@@ -342,22 +342,22 @@ impl RadixSort {
     }
 }
 
-/// Keys and values to be sorted, with as much room beside each.
+/// Keys and values to sort: side 0 holds the input, side 1 is scratch of the same size.
 #[derive(Clone, Copy)]
 pub(super) struct Unsorted<'a> {
     pub(super) keys: [BufferSlice<'a>; 2],
     pub(super) vals: [BufferSlice<'a>; 2],
-    /// The values of the input, where they are not in `vals[0]`: they stay as they are.
+    /// Input values to read instead of `vals[0]`, which the sort keeps unchanged.
     pub(super) apart: Option<BufferSlice<'a>>,
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Shape;
+    use super::SortShape;
 
     #[test]
     fn digits_cover_every_bit_once() {
-        for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+        for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
             for bits in 0..=32 {
                 let digits = shape.digits(bits);
                 let covered = (0..digits.passes).fold(0u64, |seen, digit| {

@@ -1,26 +1,27 @@
-//! Buffers of the size of an image.
+//! Image buffers of the renderer.
 
 use crate::vk::{self, Buffer, Gpu, Memory};
 
-/// What a forward pass leaves and a backward pass reads, for images of up to a given number of pixels.
+/// Outputs of a forward pass, which the backward pass reads.
 pub struct Target {
-    /// Pixels that fit.
+    /// Most pixels of an image.
     pub pixels: u32,
     /// (r, g, b, transmittance) per pixel.
     pub image: Buffer,
-    /// (sum w z, sum w n) per pixel; a single entry when the auxiliary channels are off.
+    /// (sum w z, sum w n) per pixel; a single entry without auxiliary channels.
     pub aux: Buffer,
-    /// Position of the last contributor in the tile's list.
+    /// Per pixel, the position of the last contributing splat in the tile's list.
     pub last: Buffer,
 }
 
 impl Target {
-    /// Bytes of all of them.
+    /// Total bytes of the buffers.
     pub fn bytes(&self) -> u64 {
         self.image.size() + self.aux.size() + self.last.size()
     }
 
-    /// Room for `pixels` pixels.
+    /// Buffers for images of up to `pixels` pixels; `aux` adds the auxiliary channels. `name` begins the buffers'
+    /// names.
     pub fn new(gpu: &Gpu, name: &str, pixels: u32, aux: bool) -> Result<Self, vk::Error> {
         let pixels = pixels.max(1);
         let n = u64::from(pixels);

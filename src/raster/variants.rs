@@ -1,20 +1,20 @@
-//! Which variant of each pass runs: fixed when an engine is opened, printed, and written into settings and checkpoints.
+//! Variants of the passes: chosen when an engine is opened, printed, and written into settings and checkpoints.
 
 use serde::{Deserialize, Serialize};
 
 use super::pass_select;
 use crate::vk::{DeviceKind, FloatAtomics, Gpu, Subgroup};
 
-/// The column shape is written for subgroups of this width.
+/// Subgroup width that column tiles are written for.
 pub(super) const COLUMN_WIDTH: u32 = 8;
 
 /// How the blending passes share a tile among threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum TileShape {
-    /// 8x8 tiles, a thread owns a column of 8 pixels: for devices that run a workgroup as one vector (CPU drivers).
+    /// 8x8 tiles; a thread owns a column of 8 pixels. For devices that run a workgroup as one vector (CPU drivers).
     Column,
-    /// 16x16 tiles, a thread owns a pixel, splats staged in shared memory: for GPUs.
+    /// 16x16 tiles; a thread owns a pixel, and splats are staged in shared memory. For GPUs.
     Pixel,
 }
 
@@ -28,15 +28,15 @@ impl TileShape {
     }
 }
 
-/// Where the blend backward leaves its gradients.
+/// How the blend backward pass sums gradients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum GradientSum {
-    /// Native float atomics; the order of additions is the device's.
+    /// Native float atomics, in an order that the device chooses.
     Atomic,
-    /// Compare-and-swap loops, where the device has no float atomics.
+    /// Compare-and-swap loops, for devices without float atomics.
     CompareAndSwap,
-    /// One slot per (splat, tile), summed in order afterwards: bit-reproducible.
+    /// One slot per (splat, tile) pair, summed afterwards in a fixed order: bit-reproducible.
     Slots,
 }
 
@@ -65,12 +65,12 @@ impl std::fmt::Display for Variants {
 }
 
 impl Variants {
-    /// Of tiles and sums.
+    /// Variants with this tile shape and gradient sum.
     pub const fn new(tile: TileShape, gradients: GradientSum) -> Self {
         Self { tile, gradients }
     }
 
-    /// Every variant that the device can run, whichever is best.
+    /// Every variant that the device can run.
     pub fn possible(gpu: &Gpu) -> Vec<Self> {
         let mut found = Vec::new();
         for tile in [TileShape::Column, TileShape::Pixel] {
@@ -82,9 +82,8 @@ impl Variants {
         found
     }
 
-    /// Whether the device can run this variant: slots always, other sums of column tiles with subgroups of 8 only,
-    /// float atomics where there are some and subgroup operations too;
-    /// and what takes no more shared memory than there is.
+    /// Whether the device can run this variant. Slots always run. Other sums of column tiles need subgroups of width 8.
+    /// Float atomics need native support and hardware subgroups. Every variant needs enough shared memory.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
         let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
@@ -99,15 +98,15 @@ impl Variants {
         there && self.fits(gpu)
     }
 
-    /// Whether a workgroup has as much shared memory as this form takes;
-    /// also where the form is not there for other reasons.
+    /// Whether the variant's shared memory fits into the device's limit. Also true when the device cannot run the
+    /// variant for another reason.
     pub(crate) fn fits(self, gpu: &Gpu) -> bool {
         let limits = &gpu.caps().limits;
         pass_select::blend_backward(gpu, self).map_or(true, |chosen| chosen.pass.kernel.fits(limits, &[]))
             && pass_select::blend_forward(gpu, self).pass.kernel.fits(limits, &[])
     }
 
-    /// What suits the device; `deterministic` allows only bit-reproducible variants.
+    /// The best variants for the device; `deterministic` allows only bit-reproducible variants.
     pub fn choose(gpu: &Gpu, deterministic: bool) -> Self {
         let caps = gpu.caps();
         let cpu = caps.kind == DeviceKind::Cpu;
@@ -115,11 +114,12 @@ impl Variants {
         // On CPU devices slots are also the faster variant: atomics there are compare-and-swap loops per lane.
         let slots = Self::new(tile, GradientSum::Slots);
         let best = if deterministic || cpu { slots } else { slots.without_slots(gpu) };
-        // Column tiles need next to no shared memory.
+        // Column tiles need almost no shared memory.
         if best.runs_on(gpu) { best } else { Self::new(TileShape::Column, GradientSum::Slots) }
     }
 
-    /// The same with sums by atomics, which need no memory per pair; in the tiles for which the device can do them.
+    /// These variants with atomic sums instead of slots, which need no memory per pair. Changes the tile shape if the
+    /// device requires.
     pub fn without_slots(self, gpu: &Gpu) -> Self {
         let caps = gpu.caps();
         let gradients = match (caps.buffer_floats, caps.subgroup) {
@@ -130,7 +130,7 @@ impl Variants {
         Self { tile, gradients }
     }
 
-    /// The same with some forms given.
+    /// These variants with a given tile shape or gradient sum.
     pub fn with(self, tile: Option<TileShape>, gradients: Option<GradientSum>) -> Self {
         Self { tile: tile.unwrap_or(self.tile), gradients: gradients.unwrap_or(self.gradients) }
     }

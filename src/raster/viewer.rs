@@ -1,10 +1,10 @@
-//! Pictures of a model, outside of training.
+//! Renders of a model, outside of training.
 
 use super::live::LiveModel;
 use super::picture::Picture;
 use super::planes::Planes;
 use super::planes::ShStorage;
-use super::renderer::{Renderer, Shot};
+use super::renderer::{RenderView, Renderer};
 use super::size::{Size, most_pairs};
 use super::target::Target;
 use super::tiles::DEPTH_BITS;
@@ -13,52 +13,52 @@ use crate::pass::counters;
 use crate::scene::Gaussians;
 use crate::vk::{self, Buffer, Done, Gpu, Memory, Recorder, SubmitSync, Ticket};
 
-/// Renders pictures of models; grows as they need.
+/// Renders models, and grows its buffers as needed.
 pub struct Viewer {
     gpu: Gpu,
     variants: Variants,
     size: Size,
     depth_bits: u32,
     renderer: Option<(Renderer, Target)>,
-    /// Width, height and auxiliary channels of a picture to be collected.
+    /// (width, height, auxiliary channels) of a recorded render to be collected.
     recorded: Option<(u32, u32, bool)>,
-    /// Where the counters of a picture come to be read without waiting.
+    /// Read-back buffer for the counters of a render.
     landing: Option<Buffer>,
 }
 
-/// Whose splats are drawn, and how many.
+/// The model to render, with the number of splats.
 #[derive(Clone, Copy)]
-enum Drawn<'a> {
+enum DrawnModel<'a> {
     First(&'a Planes, u32),
     Live(&'a LiveModel),
 }
 
-impl Drawn<'_> {
+impl DrawnModel<'_> {
     fn planes(&self) -> &Planes {
         match self {
-            Drawn::First(planes, _) => planes,
-            Drawn::Live(model) => model.planes(),
+            DrawnModel::First(planes, _) => planes,
+            DrawnModel::Live(model) => model.planes(),
         }
     }
 
-    /// No more than these.
+    /// Upper bound for the number of splats.
     fn most(&self) -> u32 {
         match self {
-            Drawn::First(_, splats) => *splats,
-            Drawn::Live(model) => model.planes().capacity(),
+            DrawnModel::First(_, splats) => *splats,
+            DrawnModel::Live(model) => model.planes().capacity(),
         }
     }
 }
 
 impl Viewer {
-    /// A viewer that allocates at the first picture.
+    /// A viewer with the best variants for the device. Allocates at the first render.
     pub fn new(gpu: &Gpu) -> Self {
         Self::with_variants(gpu, Variants::choose(gpu, false))
     }
 
-    /// The same with these variants of the passes.
+    /// Like [`Self::new`], with given variants of the passes.
     pub fn with_variants(gpu: &Gpu, variants: Variants) -> Self {
-        // Without a backward there are no slots, which would limit the pairs.
+        // Avoid slots: only the backward pass uses them, and slots would limit the number of pairs.
         let variants = Variants { gradients: GradientSum::CompareAndSwap, ..variants };
         let size = Size {
             splats: 1,
@@ -73,19 +73,19 @@ impl Viewer {
         Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None }
     }
 
-    /// Sorts by so many of the highest bits of a depth, for a comparison of speed and error: see
+    /// Sorts splats by only the highest `bits` bits of their depth, to compare speed and error: see
     /// [`TileLists::sort_depths_by`](super::tiles::TileLists::sort_depths_by).
     pub fn sort_depths_by(&mut self, bits: u32) {
         self.depth_bits = bits;
         self.renderer = None;
     }
 
-    /// The model on the device, for [`Self::render`].
+    /// Uploads a model for [`Self::render`].
     pub fn upload(&self, model: &Gaussians) -> Result<Planes, vk::Error> {
         self.upload_with(model, ShStorage::Full)
     }
 
-    /// The same with spherical harmonics stored so.
+    /// Like [`Self::upload`], with a storage format for spherical harmonics.
     pub fn upload_with(&self, model: &Gaussians, sh: ShStorage) -> Result<Planes, vk::Error> {
         let planes = Planes::with_sh(&self.gpu, "", model.len() as u32, sh)?;
         planes.write(&self.gpu, model)?;
@@ -93,10 +93,10 @@ impl Viewer {
     }
 
     /// Renders the first `splats` splats of `model`. Waits.
-    pub fn render(&mut self, model: &Planes, splats: u32, shot: &Shot, aux: bool) -> Result<Picture, vk::Error> {
+    pub fn render(&mut self, model: &Planes, splats: u32, view: &RenderView, aux: bool) -> Result<Picture, vk::Error> {
         loop {
             let mut recorder = self.gpu.recorder("view")?;
-            self.record(&mut recorder, model, splats, shot, aux)?;
+            self.record(&mut recorder, model, splats, view, aux)?;
             recorder.submit()?;
             if let Some(picture) = self.collect()? {
                 return Ok(picture);
@@ -104,7 +104,7 @@ impl Viewer {
         }
     }
 
-    /// Makes room for pictures of a size of so many splats; their pairs are guessed.
+    /// Makes room for renders of `width` by `height` pixels with `splats` splats. The number of pairs is a guess.
     pub fn reserve(&mut self, splats: u32, width: u32, height: u32) -> Result<(), vk::Error> {
         let side = self.variants.tile.size();
         let tiles = width.div_ceil(side) * height.div_ceil(side);
@@ -118,64 +118,64 @@ impl Viewer {
         self.ready(width * height).map(|_| ())
     }
 
-    /// Records a picture of the first `splats` splats of `model`, for a caller that submits it as a part of more,
-    /// between semaphores of its own, or in a command buffer of its own ([`Recorder::record_into`]). Once it has been
-    /// submitted to the device's queue, [`Self::collect`] gives the picture; [`Self::fits`] tells without waiting
-    /// whether it is whole in [`Self::target`].
+    /// Records a render of the first `splats` splats of `model`. The caller submits the recorder with further commands,
+    /// with semaphores, or in a command buffer of the host ([`Recorder::record_into`]). After the submit
+    /// [`Self::collect`] returns the render; [`Self::fits`] tells without waiting whether the render in
+    /// [`Self::target`] is complete.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
         model: &Planes,
         splats: u32,
-        shot: &Shot,
+        view: &RenderView,
         aux: bool,
     ) -> Result<(), vk::Error> {
-        self.record_drawn(recorder, Drawn::First(model, splats), shot, aux)
+        self.record_drawn(recorder, DrawnModel::First(model, splats), view, aux)
     }
 
-    /// The same of a model that is being trained: of as many splats as it has when the device comes to this recording.
+    /// Like [`Self::record`], for a model in training: renders as many splats as the model has when the device executes
+    /// the recording.
     pub fn record_live(
         &mut self,
         recorder: &mut Recorder,
         model: &LiveModel,
-        shot: &Shot,
+        view: &RenderView,
         aux: bool,
     ) -> Result<(), vk::Error> {
-        self.record_drawn(recorder, Drawn::Live(model), shot, aux)
+        self.record_drawn(recorder, DrawnModel::Live(model), view, aux)
     }
 
-    /// Records a picture as [`Self::record`] does and submits it between points of a host's timelines.
-    /// Waits for nothing.
+    /// Records a render like [`Self::record`], and submits the recording with semaphores of a host. Does not wait.
     pub fn submit(
         &mut self,
         model: &Planes,
         splats: u32,
-        shot: &Shot,
+        view: &RenderView,
         aux: bool,
         order: SubmitSync<'_>,
     ) -> Result<Ticket, vk::Error> {
         let mut recorder = self.gpu.recorder("view")?;
-        self.record(&mut recorder, model, splats, shot, aux)?;
+        self.record(&mut recorder, model, splats, view, aux)?;
         recorder.submit_with(order)
     }
 
-    /// As [`Self::submit`], of a model that is being trained.
+    /// Like [`Self::submit`], for a model in training.
     pub fn submit_live(
         &mut self,
         model: &LiveModel,
-        shot: &Shot,
+        view: &RenderView,
         aux: bool,
         order: SubmitSync<'_>,
     ) -> Result<Ticket, vk::Error> {
         let mut recorder = self.gpu.recorder("live view")?;
-        self.record_live(&mut recorder, model, shot, aux)?;
+        self.record_live(&mut recorder, model, view, aux)?;
         recorder.submit_with(order)
     }
 
-    /// Raises `weights` (a float for each splat, as many as `splats`) to the largest weight, alpha times transmittance,
-    /// that a splat has in any pixel of a picture. Waits.
-    pub fn weigh(&mut self, model: &Planes, splats: u32, shot: &Shot, weights: &Buffer) -> Result<(), vk::Error> {
-        let (width, height) = (shot.camera.width, shot.camera.height);
+    /// Raises `weights` (`splats` floats, one per splat) to the splat's largest blending weight, alpha times
+    /// transmittance, in any pixel of the render. Waits.
+    pub fn weigh(&mut self, model: &Planes, splats: u32, view: &RenderView, weights: &Buffer) -> Result<(), vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
         loop {
             self.reserve(splats, width, height)?;
             let mut recorder = self.gpu.recorder("weights")?;
@@ -183,7 +183,7 @@ impl Viewer {
             let mut words = [0u32; counters::COUNT];
             (words[counters::SPLATS], words[counters::PLAIN]) = (splats, model.plain(splats));
             recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
-            renderer.record_weights(&mut recorder, model, shot, target, weights)?;
+            renderer.record_weights(&mut recorder, model, view, target, weights)?;
             let counters = renderer.counters.clone();
             recorder.submit()?;
             let words: Vec<u32> = self.gpu.read_at(&counters, 0, counters::COUNT)?;
@@ -196,11 +196,11 @@ impl Viewer {
     fn record_drawn(
         &mut self,
         recorder: &mut Recorder,
-        drawn: Drawn<'_>,
-        shot: &Shot,
+        drawn: DrawnModel<'_>,
+        view: &RenderView,
         aux: bool,
     ) -> Result<(), vk::Error> {
-        let (width, height) = (shot.camera.width, shot.camera.height);
+        let (width, height) = (view.camera.width, view.camera.height);
         self.reserve(drawn.most(), width, height)?;
         let landing = match self.landing.take() {
             Some(landing) => landing,
@@ -209,31 +209,32 @@ impl Viewer {
         let landing = self.landing.insert(landing).clone();
         let (renderer, target) = self.ready(width * height)?;
         let mut words = [0u32; counters::COUNT];
-        if let Drawn::First(planes, splats) = drawn {
+        if let DrawnModel::First(planes, splats) = drawn {
             (words[counters::SPLATS], words[counters::PLAIN]) = (splats, planes.plain(splats));
         }
         recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
-        if let Drawn::Live(model) = drawn {
+        if let DrawnModel::Live(model) = drawn {
             for at in [model.count_offset(), 4 * counters::PLAIN as u64] {
                 recorder.copy(model.counters(), at, &renderer.counters, at, 4)?;
             }
         }
-        renderer.record_forward(recorder, drawn.planes(), shot, target, aux)?;
+        renderer.record_forward(recorder, drawn.planes(), view, target, aux)?;
         recorder.copy(&renderer.counters, 0, &landing, 0, 4 * counters::COUNT as u64)?;
         self.recorded = Some((width, height, aux));
         Ok(())
     }
 
-    /// Whether the picture that was recorded last is whole in [`Self::target`], once `by` has finished: its ticket, or
-    /// what a host says of its own command buffer. `None` before. After `false` there is room,
-    /// and it has to be recorded again. Never waits.
+    /// Whether the last recorded render in [`Self::target`] is complete; `None` before `by` has finished. `by` is the
+    /// render's ticket, or a host's proof that its command buffer has run. After `false` the viewer has more room, and
+    /// the caller records the render again. Never waits.
     pub fn fits(&mut self, by: impl Into<Done>) -> Result<Option<bool>, vk::Error> {
         let Some(landing) = &self.landing else { return Ok(None) };
         let words: Option<Vec<u32>> = self.gpu.read_ready(landing, 0, counters::COUNT, by)?;
         Ok(words.map(|words| !self.make_room(&words)))
     }
 
-    /// Drops the buffers where the counters of a picture say that they were too small; the next ones will be larger.
+    /// Returns whether the buffers were too small, by the counters of a render. If so, drops the buffers; the next
+    /// buffers will be larger.
     fn make_room(&mut self, words: &[u32]) -> bool {
         let full = words[counters::STATUS] & counters::PAIRS_BIT != 0;
         if full {
@@ -245,8 +246,8 @@ impl Viewer {
         full
     }
 
-    /// The picture that was recorded last and has been submitted since; waits for it. `None` when there was no room for
-    /// its (splat, tile) pairs (or nothing was recorded): there is room now, and it has to be recorded again.
+    /// The last recorded render, after its submit. Waits. `None` when its (splat, tile) pairs did not fit, or nothing
+    /// was recorded. After pairs that did not fit, the viewer has more room, and the caller records the render again.
     pub fn collect(&mut self) -> Result<Option<Picture>, vk::Error> {
         let (Some((width, height, aux)), Some((renderer, _))) = (self.recorded.take(), &self.renderer) else {
             return Ok(None);
@@ -265,7 +266,7 @@ impl Viewer {
         }))
     }
 
-    /// Where the picture that was recorded last is (or will be) on the device.
+    /// The last recorded render on the device.
     pub fn target(&self) -> Option<&Target> {
         self.renderer.as_ref().map(|(_, target)| target)
     }

@@ -16,8 +16,8 @@ use crate::pass::{
     densify_means, densify_sample, opacity_reset,
 };
 use crate::raster::SH_HIGHER;
-use crate::raster::scan::{Extent, Scan, Summand};
-use crate::raster::sort::Shape;
+use crate::raster::scan::{Scan, ScanExtent, Summand};
+use crate::raster::sort::SortShape;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
 
 /// Entries of `args` that a density change plans.
@@ -139,14 +139,14 @@ pub struct DensityControl {
     gathers: [(u32, Pipeline); 5],
     finish: Pipeline,
     reset: Pipeline,
-    shape: Shape,
+    shape: SortShape,
     order: Ordering,
 }
 
 impl DensityControl {
     /// For models with room for `capacity` splats in a scene of the given extent. Entries `first_entry` to `first_entry + ARGS` of `args`
     /// are its own; `shape` is that of the sorts.
-    pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32, extent: f64, shape: Shape) -> Result<Self> {
+    pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32, extent: f64, shape: SortShape) -> Result<Self> {
         let capacity = capacity.max(1);
         let n = u64::from(capacity);
         let gather = |width: u32| -> Result<(u32, Pipeline)> {
@@ -303,7 +303,7 @@ impl DensityControl {
     }
 
     fn scan_flags(&self, rec: &mut Recorder, model: &Model<'_>, parts: &Parts<'_>) -> Result<()> {
-        let extent = Extent::host(4 * self.capacity);
+        let extent = ScanExtent::host(4 * self.capacity);
         let total = counters::SCAN_TOTAL as u32;
         self.scan.record(rec, [parts.flags, parts.offsets], model.counters, extent, Summand::Words, total)
     }

@@ -29,8 +29,8 @@ use super::state::State;
 use super::terms::Terms;
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::{counters, finish};
-use crate::raster::sort::Shape;
-use crate::raster::{DENSITY_ENTRY, Planes, Renderer, Shot, Size, Target, Variants, Viewer, most_splats};
+use crate::raster::sort::SortShape;
+use crate::raster::{DENSITY_ENTRY, Planes, RenderView, Renderer, Size, Target, Variants, Viewer, most_splats};
 use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitSync, Ticket};
@@ -58,7 +58,7 @@ pub struct Outcome {
 
 /// Density control for as many splats.
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
-    let shape = Shape::of(gpu.caps(), u64::from(splats));
+    let shape = SortShape::of(gpu.caps(), u64::from(splats));
     Ok(DensityControl::new(gpu, splats, DENSITY_ENTRY, needs.extent, shape)?)
 }
 
@@ -296,7 +296,7 @@ impl Engine {
         self.reports.record(recorder, &self.renderer.counters, self.terms.photometric.result(), &push)
     }
 
-    fn shot(&self, camera: Camera, plan: &StepPlan) -> Shot {
+    fn shot(&self, camera: Camera, plan: &StepPlan) -> RenderView {
         let projection = Projection {
             sh_degree: plan.sh_degree,
             near: NEAR,
@@ -306,7 +306,7 @@ impl Engine {
             limits: None,
             alpha_cutoff: plan.alpha_cutoff,
         };
-        Shot { camera, projection, background: plan.background }
+        RenderView { camera, projection, background: plan.background }
     }
 
     /// Learns what a step that is done tells of the saliency filter's width, where `plan` says so. Steps are to be told in their order.

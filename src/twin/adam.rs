@@ -105,12 +105,12 @@ pub fn run(call: &mut TwinCall<'_>) {
 #[cfg(test)]
 mod tests {
     use super::{Element, Missed, adam, catch_up};
-    use crate::pass::adam::{Push, Settings};
+    use crate::pass::adam::{AdamSettings, Push};
 
     /// Without a gradient, one step after the other and all at once. The bias corrections of late steps hardly differ.
     #[test]
     fn missed_steps_are_made_up_for_at_once() {
-        let push = |t: u32| Push::new(&Settings::default(), t, 1, 0, 0.0, 0.0);
+        let push = |t: u32| Push::new(&AdamSettings::default(), t, 1, 0, 0.0, 0.0);
         for (count, start) in [(0, 9_000), (1, 9_000), (7, 9_000), (28, 9_000), (1_000, 20_000), (65_535, 20_000)] {
             let (mut one, mut all) = ((0.3_f64, -2e-4, 5e-7), (0.3_f64, -2e-4, 5e-7));
             fn of((param, first, second): &mut (f64, f64, f64)) -> Element<'_, f64> {

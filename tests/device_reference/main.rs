@@ -12,7 +12,7 @@ use common::guards::Guards;
 use common::splats::{camera, rounded, seeded, spread};
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::{adam, counters, project_backward_adam as fused};
-use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Shot, Size, Target, TileShape, Variants, Viewer};
+use psrgs_vk::raster::{self, GradientSum, Planes, RenderView, Renderer, Size, Target, TileShape, Variants, Viewer};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
@@ -31,7 +31,7 @@ const IMAGE_ERROR: f64 = 2e-5;
 struct Case {
     name: String,
     model: Gaussians,
-    shot: Shot,
+    shot: RenderView,
     settings: Settings,
     splats: Vec<Splat<f64>>,
     image: Image,
@@ -77,7 +77,7 @@ fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: 
     let splats = Splat::all(&model);
     let image = reference::render(&splats, &camera, &settings);
     let name = format!("{}x{}, SH {sh_degree}, antialias {antialias}", size.0, size.1);
-    Case { name, model, shot: Shot { camera, projection, background }, settings, splats, image }
+    Case { name, model, shot: RenderView { camera, projection, background }, settings, splats, image }
 }
 
 /// Sizes that are and are not multiples of the tiles, every SH degree, with and without anti-aliasing.
@@ -225,8 +225,9 @@ fn device_gradients(
         renderer.record_backward(&mut rec, &lists, &gradients, &case.shot, &target).unwrap();
     } else {
         renderer.record_blend_backward(&mut rec, &lists, of_image, &case.shot, &target).unwrap();
-        let settings = adam::Settings::default();
-        let rates = fused::Rates { means: 0.0, quats: 0.0, scales: 0.0, opacities: 0.0, sh_base: 0.0, sh_rest: 0.0 };
+        let settings = adam::AdamSettings::default();
+        let rates =
+            fused::LearningRates { means: 0.0, quats: 0.0, scales: 0.0, opacities: 0.0, sh_base: 0.0, sh_rest: 0.0 };
         let second = Planes::new(gpu, "v_", n).unwrap();
         second.clear(&mut rec).unwrap();
         let stats = gpu.buffer("stats", 16 * u64::from(n), Memory::Device).unwrap();
@@ -236,7 +237,7 @@ fn device_gradients(
             pipeline: &gpu.pipeline(&fused::PASS.kernel, &fused::constants(&settings, 3, aux)).unwrap(),
             settings: &settings,
             rates: &rates,
-            steps: fused::Steps { most: 1, opacities: Some(1) },
+            steps: fused::StepCounts { most: 1, opacities: Some(1) },
             stats: &stats,
             catches_up: false,
         };

@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{self, Planes, Renderer, Shot, Size, Target, Variants, Viewer};
+use psrgs_vk::raster::{self, Planes, RenderView, Renderer, Size, Target, Variants, Viewer};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
@@ -25,7 +25,7 @@ pub(crate) const SH0: usize = 4;
 /// A model, a camera, and both in f64 with the values that the device gets.
 pub(crate) struct Scene {
     pub(crate) model: Gaussians,
-    pub(crate) shot: Shot,
+    pub(crate) shot: RenderView,
     pub(crate) splats: Vec<Splat<f64>>,
     settings: Settings,
     pub(crate) clamp_gradient_passes: bool,
@@ -94,7 +94,7 @@ impl Scene {
         Self {
             splats: Splat::all(&model),
             model,
-            shot: Shot { camera: rounded(camera), projection, background },
+            shot: RenderView { camera: rounded(camera), projection, background },
             settings: Settings {
                 sh_degree: 3,
                 near,

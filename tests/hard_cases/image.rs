@@ -1,6 +1,6 @@
 //! Photographs that say little, and backgrounds that hide holes.
 
-use psrgs_vk::raster::{Shot, Viewer};
+use psrgs_vk::raster::{RenderView, Viewer};
 use psrgs_vk::train::Input;
 use psrgs_vk::train::settings::Background;
 use psrgs_vk::vk::Gpu;
@@ -60,7 +60,7 @@ fn holes(gpu: &Gpu, input: &Input, background: Background) -> [f64; 2] {
         let counts: Vec<usize> = (0..rgba.len() / 4).filter(|i| rgba[4 * i + 3] == 255).collect();
         let mut render = |background: [f32; 3]| {
             let projection = psrgs_vk::pass::camera::Projection::default();
-            let shot = Shot { camera: view.camera, projection, background };
+            let shot = RenderView { camera: view.camera, projection, background };
             viewer.render(&planes, model.len() as u32, &shot, false).unwrap().rgbt
         };
         let [dark, bright] = [render([0.0; 3]), render([1.0; 3])];

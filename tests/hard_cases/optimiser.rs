@@ -1,6 +1,6 @@
 //! Steps of the optimiser and changes of density where models get stuck or end.
 
-use psrgs_vk::pass::adam::{Push, Settings};
+use psrgs_vk::pass::adam::{AdamSettings, Push};
 use psrgs_vk::scene::{Frame, init};
 use psrgs_vk::train::{Input, Pacing, Trainer};
 use psrgs_vk::twin::Real;
@@ -16,7 +16,7 @@ fn longest<R: Real>(gradient: f64, start: u32) -> f64 {
     let mut longest = 0.0f64;
     for t in start..start + 10 {
         let before = param;
-        let push = Push::new(&Settings::default(), t, 1, 0, 1.0, 1.0);
+        let push = Push::new(&AdamSettings::default(), t, 1, 0, 1.0, 1.0);
         let element = Element { param: &mut param, first: &mut first, second: &mut second };
         adam(&push, R::of(1e-3), R::of(gradient), element);
         assert!(param.is_finite() && first.is_finite() && second.is_finite(), "gradient {gradient:e} at {t}");

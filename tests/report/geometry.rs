@@ -9,7 +9,7 @@ use psrgs_vk::eval::{Geometry, GeometryTruth};
 use psrgs_vk::format::image_out::{read_depth, read_normals};
 use psrgs_vk::format::ply::Mesh;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, Shot, Viewer};
+use psrgs_vk::raster::{Picture, RenderView, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::vk::Gpu;
 use psrgs_vk::world::{Effects, LidarParams, WorldParams, generate};
@@ -202,7 +202,7 @@ fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
     let mut viewer = Viewer::new(gpu);
     let planes = viewer.upload(model).unwrap();
     measure(truth, model, |camera| {
-        let shot = Shot { camera: *camera, projection: Projection::default(), background: [0.0; 3] };
+        let shot = RenderView { camera: *camera, projection: Projection::default(), background: [0.0; 3] };
         anyhow::Ok(viewer.render(&planes, model.len() as u32, &shot, true)?)
     })
     .unwrap()

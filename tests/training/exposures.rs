@@ -5,7 +5,7 @@ use psrgs_vk::dataset::Pixels;
 use psrgs_vk::eval::Exposures;
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Shot, Viewer};
+use psrgs_vk::raster::{RenderView, Viewer};
 use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::train::settings::Exposure;
 use psrgs_vk::train::{self, Checkpointed, ExposureMatrix, Input, Message, Pacing, Settings, Trainer, View};
@@ -56,7 +56,7 @@ fn exposed_input(gpu: &Gpu) -> Input {
     let planes = viewer.upload(&model).unwrap();
     let projection = Projection { sh_degree: 0, ..Projection::default() };
     for (v, view) in input.train.iter_mut().enumerate() {
-        let shot = Shot { camera: view.camera, projection, background: [0.0; 3] };
+        let shot = RenderView { camera: view.camera, projection, background: [0.0; 3] };
         let picture = viewer.render(&planes, model.len() as u32, &shot, false).unwrap();
         let e = truth(v);
         let mut rgba = vec![0_u8; picture.rgbt.len()];

@@ -1,6 +1,6 @@
 //! `adam`: many steps against the f64 twin, rates of head and rest, gradients of every magnitude, non-finite gradients.
 
-use psrgs_vk::pass::adam::{PASS, Push, Settings};
+use psrgs_vk::pass::adam::{AdamSettings, PASS, Push};
 use psrgs_vk::twin::adam::{Element, adam};
 use psrgs_vk::vk::Gpu;
 
@@ -39,7 +39,7 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
     };
     let scale: Vec<f64> = (0..elements).map(|_| 10f64.powf(random.range(-9.0, 3.0))).collect();
     for t in 1..=12 {
-        let push = Push::new(&Settings::default(), t, row, head, 2.5e-3, 1.25e-4);
+        let push = Push::new(&AdamSettings::default(), t, row, head, 2.5e-3, 1.25e-4);
         let grad: Vec<f32> = scale.iter().map(|s| (s * random.symmetric()) as f32).collect();
         let before = (plane.param.clone(), plane.first.clone(), plane.second.clone());
         step(gpu, n, &push, &grad, &mut plane);
@@ -68,7 +68,7 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
 
 /// Constant gradients from 1e-25 to 1e+5, and poison: no step is longer than the method's bound, poison moves nothing.
 fn magnitudes(gpu: &Gpu) {
-    let settings = Settings::default();
+    let settings = AdamSettings::default();
     let grad: Vec<f32> = (-25..=18)
         .map(|e| 10f64.powi(e) as f32)
         .chain((-25..=18).map(|e| -10f64.powi(e) as f32))

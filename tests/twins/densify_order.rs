@@ -3,7 +3,7 @@
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS};
 use psrgs_vk::pass::densify_order::{BIRTHS, CODES, CodesPush, FLAGS, ORDER, Push};
-use psrgs_vk::raster::sort::Shape;
+use psrgs_vk::raster::sort::SortShape;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::densify_order::{cell, code};
@@ -105,7 +105,7 @@ fn cells_double_in_size_away_from_the_origin() {
 fn a_change_in_morton_order_keeps_splats_along_the_curve() {
     let Some(gpu) = gpu() else { return };
     for n in [0, 1, 2, 64, 65, 500, 1025] {
-        for (max_splats, shape) in [(None, Shape::Runs), (Some(n as u32 + 3), Shape::Groups)] {
+        for (max_splats, shape) in [(None, SortShape::Runs), (Some(n as u32 + 3), SortShape::Groups)] {
             let random = &mut Random::new(n as u64);
             let (rows, born) = random_rows(random, n);
             let mut mixed: Vec<Row> = rows.clone();

@@ -11,7 +11,7 @@ use super::harness::rounds_alike;
 use glam::{DQuat, DVec3};
 use psrgs_vk::pass::counters::{self, SPLATS_BIT, STATUS, WANT_SPLATS};
 use psrgs_vk::pass::{densify_stats, opacity_reset};
-use psrgs_vk::raster::sort::Shape;
+use psrgs_vk::raster::sort::SortShape;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::{
     ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Sampled, Scratch, logit,
@@ -39,11 +39,11 @@ pub(crate) struct OnDevice {
 
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, model: &Model) -> Self {
-        Self::in_scene(gpu, model, 5.0, Shape::of(gpu.caps(), model.capacity as u64))
+        Self::in_scene(gpu, model, 5.0, SortShape::of(gpu.caps(), model.capacity as u64))
     }
 
     /// In a scene of the given extent, with sorts of the given shape.
-    pub(crate) fn in_scene(gpu: &Gpu, model: &Model, extent: f64, shape: Shape) -> Self {
+    pub(crate) fn in_scene(gpu: &Gpu, model: &Model, extent: f64, shape: SortShape) -> Self {
         let buffer = |name: &str, words: &[u32]| {
             let buffer = gpu.buffer(name, 4 * words.len() as u64, Memory::Device).unwrap();
             gpu.write(&buffer, words).unwrap();

@@ -1,7 +1,7 @@
 //! `exposure_apply`, `exposure_backward`, `exposure_step`: against f64, around workgroup edges; gradients against
 //! finite differences; the mean over photographs stays the identity.
 
-use psrgs_vk::pass::adam::Settings;
+use psrgs_vk::pass::adam::AdamSettings;
 use psrgs_vk::pass::exposure::{self, NUMBERS, PIXELS, Push, ROW, StepPush};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::exposure as twin;
@@ -101,7 +101,7 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
     for turn in 0..3 * views as u32 {
         let view = (turn * 7 + 3) % views as u32;
         let counts = [(turn + 1).min(views as u32), turn / views as u32 + 1];
-        let push = StepPush::new(&Settings::default(), pixels, [view, views as u32], counts, 0.01);
+        let push = StepPush::new(&AdamSettings::default(), pixels, [view, views as u32], counts, 0.01);
         assert_eq!(push.parts as usize, parts);
         let grad: Vec<f32> = (0..NUMBERS * parts).map(|_| random.between(-1e-3, 1e-3)).collect();
         let outcome = harness::run(gpu, &exposure::STEP, &[], &[bytes(&grad), bytes(&rows)], &push, 1);
@@ -131,7 +131,7 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
         rows = got;
     }
     // A gradient that says nothing moves nothing, and no workgroup does nothing.
-    let push = StepPush::new(&Settings::default(), pixels, [0, views as u32], [views as u32, 9], 0.01);
+    let push = StepPush::new(&AdamSettings::default(), pixels, [0, views as u32], [views as u32, 9], 0.01);
     let poison = vec![f32::NAN; NUMBERS * parts];
     for (grad, groups) in [(poison, 1), (vec![1.0; NUMBERS * parts], 0)] {
         let outcome = harness::run(gpu, &exposure::STEP, &[], &[bytes(&grad), bytes(&rows)], &push, groups);

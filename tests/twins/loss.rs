@@ -1,7 +1,7 @@
 //! The passes of the image loss against their twins, and their chain against the definition with all 121 taps in f64.
 
 use psrgs_vk::pass::Pass;
-use psrgs_vk::pass::loss::{self as passes, Layout, Push, SumPush};
+use psrgs_vk::pass::loss::{self as passes, LossLayout, Push, SumPush};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::loss::{Loss, counting, unpack, weighted_loss};
 use psrgs_vk::vk::{Gpu, Groups, Memory, Subgroup};
@@ -84,8 +84,8 @@ impl With {
         if matches!(self, Self::Hardware(_) | Self::Three(_)) { 1 } else { 3 }
     }
 
-    fn layout(self, width: usize, height: usize, segment: u32) -> Layout {
-        Layout { segment, apart: self.apart(), ..Layout::new(width as u32, height as u32, self.lanes()) }
+    fn layout(self, width: usize, height: usize, segment: u32) -> LossLayout {
+        LossLayout { segment, apart: self.apart(), ..LossLayout::new(width as u32, height as u32, self.lanes()) }
     }
 
     fn passes(self) -> [&'static Pass; 2] {

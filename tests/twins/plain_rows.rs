@@ -2,7 +2,7 @@
 //! and planes that end before them.
 
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::pass::project_backward_adam::Steps;
+use psrgs_vk::pass::project_backward_adam::StepCounts;
 use psrgs_vk::pass::{Pass, counters, project, project_backward_adam, project_backward_adam_packed};
 use psrgs_vk::vk::Gpu;
 
@@ -72,7 +72,7 @@ fn stepped(gpu: &Gpu, pass: &Pass, case: &Case, buffers: &[Vec<u8>]) -> Vec<Vec<
 }
 
 fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
-    let steps = Steps { most: 9, opacities: Some(4) };
+    let steps = StepCounts { most: 9, opacities: Some(4) };
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
         // Which splats have gradients, and of what, does not depend on the degree in use.
         let of = |degree: u32, most: u32| {

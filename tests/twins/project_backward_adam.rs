@@ -1,9 +1,9 @@
 //! `project_backward_adam`: against the f64 twin, and bit for bit against `project_backward` followed by `adam`.
 
-use psrgs_vk::pass::adam::{self, Settings};
+use psrgs_vk::pass::adam::{self, AdamSettings};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::project_backward_adam::{
-    Constants, PASS, Push, Rates, STEP_SHIFT, Steps, catching_up, constants, flattening, listed, shrinking,
+    Constants, LearningRates, PASS, Push, STEP_SHIFT, StepCounts, catching_up, constants, flattening, listed, shrinking,
 };
 use psrgs_vk::pass::{Pass, counters, project_backward};
 use psrgs_vk::scene::Gaussians;
@@ -22,8 +22,8 @@ use super::harness::{self, bytes, garbage};
 use super::projection_scene as scene;
 
 pub(super) const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
-const RATES: Rates =
-    Rates { means: 8e-4, quats: 1e-3, scales: 5e-3, opacities: 0.025, sh_base: 2.5e-3, sh_rest: 1.25e-4 };
+const RATES: LearningRates =
+    LearningRates { means: 8e-4, quats: 1e-3, scales: 5e-3, opacities: 0.025, sh_base: 2.5e-3, sh_rest: 1.25e-4 };
 
 /// What a dispatch is given, and what f64 makes of it.
 pub(super) struct Case {
@@ -34,7 +34,7 @@ pub(super) struct Case {
     flatten: f32,
     shrink: f32,
     steppers: Steppers,
-    settings: Settings,
+    settings: AdamSettings,
     /// In binding order. `stats` come last.
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
@@ -70,7 +70,7 @@ pub(super) type Kept = fn(f64, f64) -> (f64, f64);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Form {
     pub(super) aux: bool,
-    pub(super) steps: Steps,
+    pub(super) steps: StepCounts,
     /// Some gradients are not finite.
     pub(super) poison: bool,
     /// Weight of the smallest standard deviation.
@@ -83,7 +83,7 @@ pub(super) struct Form {
 }
 
 /// A step of all parameters of all splats, with the published decay, on finite gradients of depth and normals too.
-pub(super) fn plain(steps: Steps) -> Form {
+pub(super) fn plain(steps: StepCounts) -> Form {
     Form { aux: true, steps, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All, beta2: 0.999 }
 }
 
@@ -101,7 +101,7 @@ pub(super) enum Steppers {
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
     let Form { aux, steps, poison, flatten, shrink, steppers, beta2 } = form;
     let n = model.len();
-    let settings = Settings { beta2, ..Settings::default() };
+    let settings = AdamSettings { beta2, ..AdamSettings::default() };
     let camera = scene::push(projection);
     let push = Push::new(&camera, &settings, &RATES, steps);
     let full = View::<f64>::of(&camera);
@@ -232,7 +232,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
 }
 
 /// All that moments would ever move an element by, to a factor of the bias corrections, which is at most 4 here.
-fn all_moves(rates: &Rates, adam: &Settings, k: usize, first: f64, second: f64) -> f64 {
+fn all_moves(rates: &LearningRates, adam: &AdamSettings, k: usize, first: f64, second: f64) -> f64 {
     let decay = adam.beta1 / adam.beta2.sqrt();
     let rate = match k {
         0..3 => rates.means,
@@ -371,7 +371,7 @@ impl Case {
     }
 
     /// The same by `project_backward` and eight times `adam`.
-    fn check_against_unfused(&self, gpu: &Gpu, steps: Steps, what: &str) {
+    fn check_against_unfused(&self, gpu: &Gpu, steps: StepCounts, what: &str) {
         let groups = self.n.div_ceil(64).max(1) as u32;
         let of = |pass: &Pass, given: &[(&str, u32)], buffers: &[Vec<u8>], groups| {
             assert_eq!(buffers.len(), pass.kernel.bindings.len());
@@ -414,7 +414,7 @@ impl Case {
 pub fn run(gpu: &Gpu) {
     // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
-    let all = Steps { most: 9, opacities: Some(4) };
+    let all = StepCounts { most: 9, opacities: Some(4) };
     let form = plain(all);
     let exact: Kept = |m, v| (m, v);
     for n in [0, 1, 63, 64, 65] {
@@ -424,7 +424,7 @@ pub fn run(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         // The degree in use, and one more where one more was in use before.
         let most = (projection.sh_degree + u32::from(k >= 4)).min(3);
-        let steps = if k % 3 == 2 { Steps { most: 30, opacities: None } } else { all };
+        let steps = if k % 3 == 2 { StepCounts { most: 30, opacities: None } } else { all };
         let form = Form {
             aux: k % 2 == 1,
             poison: k == 5,
@@ -453,7 +453,7 @@ pub fn run(gpu: &Gpu) {
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = projection.sh_degree.min(3);
         let beta2 = if k % 4 < 2 { 0.98 } else { 0.999 };
-        let steps = if k % 2 == 0 { Steps { most: 70_000, opacities: Some(69_999) } } else { all };
+        let steps = if k % 2 == 0 { StepCounts { most: 70_000, opacities: Some(69_999) } } else { all };
         let form = Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, steps, beta2, ..form };
         let model = scene::ordinary(600, 80 + k as u64);
         let listed = case(&model, &projection, most, form, exact);
@@ -469,7 +469,7 @@ pub fn run(gpu: &Gpu) {
 
 /// The twin's adapter over raw buffers agrees with the typed twin, to f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
-    let steps = Steps { most: 3, opacities: Some(2) };
+    let steps = StepCounts { most: 3, opacities: Some(2) };
     let form = Form { steppers, beta2: 0.98, ..plain(steps) };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");

@@ -1,7 +1,7 @@
 //! `project_backward_adam_packed`: a step against f64 from the same moments, which it keeps in 16 bits each.
 
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::pass::project_backward_adam::Steps;
+use psrgs_vk::pass::project_backward_adam::StepCounts;
 use psrgs_vk::pass::project_backward_adam_packed::PASS;
 use psrgs_vk::twin::project_backward_adam_packed::{pack, unpack};
 use psrgs_vk::twin::splat::PARAMETERS;
@@ -56,7 +56,7 @@ fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETE
 }
 
 pub fn run(gpu: &Gpu) {
-    let steps = Steps { most: 9, opacities: Some(4) };
+    let steps = StepCounts { most: 9, opacities: Some(4) };
     let form = plain(steps);
     for n in [0, 1, 64, 65] {
         let case = case(&scene::ordinary(n, 500 + n as u64), &Projection::default(), 3, form, kept);
@@ -69,7 +69,7 @@ pub fn run(gpu: &Gpu) {
         let flatten = if k == 2 { 0.7 } else { 0.0 };
         let form = Form {
             aux: k % 2 == 1,
-            steps: Steps { opacities, ..steps },
+            steps: StepCounts { opacities, ..steps },
             poison: k == 5,
             flatten,
             shrink: 0.5,

@@ -3,7 +3,7 @@
 use super::super::Error;
 use super::{AGAIN, Reference, Setting, Table};
 use crate::raster::tiles::DEPTH_BITS;
-use crate::raster::{Picture, Planes, ShStorage, Shot, TileShape, Variants, Viewer};
+use crate::raster::{Picture, Planes, RenderView, ShStorage, TileShape, Variants, Viewer};
 use crate::vk::{self, Gpu};
 
 /// A way to render.
@@ -121,7 +121,13 @@ pub fn pictures(gpu: &Gpu, reference: &Reference, rounds: u32) -> Result<Table, 
 }
 
 /// A render, and the time of its passes on the device in milliseconds.
-fn timed(gpu: &Gpu, viewer: &mut Viewer, planes: &Planes, splats: u32, shot: &Shot) -> Result<(Picture, f64), Error> {
+fn timed(
+    gpu: &Gpu,
+    viewer: &mut Viewer,
+    planes: &Planes,
+    splats: u32,
+    shot: &RenderView,
+) -> Result<(Picture, f64), Error> {
     loop {
         let mut recorder = gpu.recorder("picture")?;
         recorder.profile(true);

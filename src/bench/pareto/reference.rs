@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::Error;
 use crate::pass::camera::{NEAR, Projection};
-use crate::raster::Shot;
+use crate::raster::RenderView;
 use crate::scene::{Camera, Gaussians};
 use crate::twin::reference::{self, Gradients, Image, ImageGradient, Settings};
 use crate::twin::splat::Splat;
@@ -19,7 +19,7 @@ pub struct Reference {
     pub model: Gaussians,
     splats: Vec<Splat<f64>>,
     /// The views.
-    pub shots: Vec<Shot>,
+    pub shots: Vec<RenderView>,
     settings: Settings,
     /// Compared pixels of each view, none near a decision.
     pub pixels: Vec<Vec<usize>>,
@@ -43,8 +43,8 @@ impl Reference {
             alpha_cutoff: None,
         };
         // The device gets cameras in f32.
-        let shots: Vec<Shot> =
-            cameras.iter().map(|camera| Shot { camera: rounded(camera), projection, background }).collect();
+        let shots: Vec<RenderView> =
+            cameras.iter().map(|camera| RenderView { camera: rounded(camera), projection, background }).collect();
         let settings = Settings {
             sh_degree,
             near: f64::from(NEAR as f32),

@@ -1,6 +1,6 @@
-//! The backward of a view: from the gradient of its image to gradients of the model, or to an optimiser step.
+//! Backward pass of a view: from the gradient of the image to gradients of the model, or to an optimiser step.
 
-use super::{Renderer, Shot, entry};
+use super::{RenderView, Renderer, entry};
 use crate::pass::camera::CameraPush;
 use crate::pass::turns::per_turn;
 use crate::pass::{adam, alpha_min, project_backward, project_backward_adam, slot_sum};
@@ -9,18 +9,18 @@ use crate::raster::planes::Planes;
 use crate::raster::planes::ShStorage;
 use crate::raster::size::Size;
 use crate::raster::target::Target;
-use crate::raster::tiles::Lists;
+use crate::raster::tiles::FrameLists;
 use crate::raster::variants::{GradientSum, Variants};
 use crate::vk::{self, Buffer, BufferRange, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, slices};
 
-/// Gradients of what a forward pass wrote; of an image alone, its buffer turned into this.
+/// Gradients of the outputs of a forward pass. A buffer with the gradient of the image converts into this type.
 #[derive(Clone, Copy)]
 pub struct ImageGradients<'a> {
-    /// dL/d(image), a vec4 per pixel: of the colour, and of the final transmittance beyond what the background's part
-    /// of the colour says about it.
+    /// dL/d(image), a vec4 per pixel: the gradient of the colour, and the gradient of the final transmittance apart
+    /// from the transmittance's effect on the background colour.
     pub of_image: &'a Buffer,
-    /// dL/d(auxiliary image), a vec4 per pixel: of the sums of weighted depths and normals. The forward pass must have
-    /// written them, and the renderer have the auxiliary channels ([`Size::aux`]).
+    /// dL/d(auxiliary image), a vec4 per pixel: the gradients of the weighted sums of depth and normals. Needs a
+    /// forward pass with `aux`, and a renderer with auxiliary channels ([`Size::aux`]).
     pub of_aux: Option<&'a Buffer>,
 }
 
@@ -30,65 +30,70 @@ impl<'a> From<&'a Buffer> for ImageGradients<'a> {
     }
 }
 
-/// Whose gradients a backward pass computes, from what, and where they go.
+/// Inputs and outputs of a backward pass.
 #[derive(Clone, Copy)]
 pub struct Gradients<'a> {
-    /// The model that was rendered.
+    /// The rendered model.
     pub model: &'a Planes,
-    /// dL/d(what was rendered).
+    /// Gradients of the forward pass's outputs.
     pub of_image: ImageGradients<'a>,
-    /// dL/d(model), written.
+    /// dL/d(model); written.
     pub of_model: &'a Planes,
 }
 
-/// What the gradients of a model hold beyond those of its colour.
+/// Terms of a model's gradients beyond colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Terms {
-    /// The depth's and the normals', after a blend backward with auxiliary channels.
+pub struct GradientTerms {
+    /// Gradients of depth and normals, after a blend backward pass with auxiliary channels.
     pub aux: bool,
-    /// Those of a loss of this times the smallest standard deviation of every splat on the image, in scene units.
+    /// Weight of a loss on the smallest standard deviation, in scene units, of every splat on the image.
     pub flatten: f32,
-    /// Those of a loss of this times half the squares of the view-dependent coefficients in use of every splat on the
-    /// image.
+    /// Weight of a loss on half the squared view-dependent sh coefficients in use, of every splat on the image.
     pub shrink: f32,
-    /// Whether the gradients of the model are added to what is there, in place of being written.
+    /// Whether the gradients are added to the model's gradients instead of overwriting them.
     pub add: bool,
 }
 
-/// An optimiser step that takes the place of gradients: see [`Renderer::record_backward_step`].
+/// An optimiser step fused with the backward pass: see [`Renderer::record_backward_step`].
 #[derive(Clone, Copy)]
 pub struct BackwardStep<'a> {
-    /// The model that was rendered, and changes.
+    /// The rendered model, which the step updates.
     pub model: &'a Planes,
-    /// The first and second moments, or both in one, which change with it.
+    /// The first and second moments, or both packed in one set of planes. Updated with the model.
     pub moments: &'a [Planes],
-    /// The pipeline of [`project_backward_adam`], or of its variant for packed moments, with the optimiser's constants:
-    /// with `AUX` exactly after a blend backward of the auxiliary channels, and with `LISTED` exactly where the
-    /// renderer lists the splats on the image ([`Size::listed`]).
+    /// The pipeline of [`project_backward_adam`], or of its variant for packed moments, with the optimiser's constants.
+    /// `AUX` is on if and only if the blend backward pass had auxiliary channels; `LISTED` if and only if the renderer
+    /// lists the splats on the image ([`Size::listed`]).
     pub pipeline: &'a Pipeline,
     /// The optimiser's settings.
-    pub settings: &'a adam::Settings,
+    pub settings: &'a adam::AdamSettings,
     /// Learning rates.
-    pub rates: &'a project_backward_adam::Rates,
-    /// How many steps have been taken.
-    pub steps: project_backward_adam::Steps,
-    /// Rows of four, of which the last is the step in which a splat has last taken one, modulo 2^16; read and written
-    /// with `LISTED` and `CATCHES_UP` alone.
+    pub rates: &'a project_backward_adam::LearningRates,
+    /// Number of steps taken.
+    pub steps: project_backward_adam::StepCounts,
+    /// Rows of four numbers per splat. The last number is the last step of the splat, modulo 2^16; used only with
+    /// `LISTED` and `CATCHES_UP`.
     pub stats: &'a Buffer,
     /// Whether the pipeline has `CATCHES_UP`.
     pub catches_up: bool,
 }
 
-/// Pipelines that differ by whether depth and normals have gradients too, and by where alphas are cut off.
+/// Backward pipelines that depend on the auxiliary channels (depth, normals) and on the alpha cutoff.
 #[derive(Clone)]
-struct Channels {
+struct BackwardPipelines {
     blend: Pipeline,
     slot_sum: Option<Pipeline>,
 }
 
-impl Channels {
+impl BackwardPipelines {
     /// `cutoff`: see [`alpha_min`].
-    fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, form: Form) -> Result<Self, vk::Error> {
+    fn new(
+        gpu: &Gpu,
+        variants: Variants,
+        cutoff: Option<u32>,
+        aux: bool,
+        form: BackwardConstants,
+    ) -> Result<Self, vk::Error> {
         let chosen = pass_select::blend_backward(gpu, variants)?;
         let aux = ("AUX", u32::from(aux));
         let mut switches = vec![
@@ -106,30 +111,30 @@ impl Channels {
     }
 }
 
-/// What all of them have in common.
+/// Constants shared by all backward pipelines.
 #[derive(Clone, Copy)]
-struct Form {
+struct BackwardConstants {
     count: bool,
     clamp_gradient_passes: bool,
     turn: (&'static str, u32),
 }
 
-/// Pipelines and buffers of the backward.
+/// Pipelines and buffers of the backward pass.
 pub(super) struct Backward {
-    colour: Channels,
-    /// Where the renderer has the auxiliary channels.
-    all: Option<Channels>,
-    form: Form,
+    colour: BackwardPipelines,
+    /// `None` without auxiliary channels.
+    all: Option<BackwardPipelines>,
+    form: BackwardConstants,
     pub(super) slot_grads: Buffer,
-    /// A single entry where the auxiliary channels or the slots are off.
+    /// A single entry when the auxiliary channels or the slots are off.
     pub(super) slot_normals: Buffer,
-    /// A single entry where the auxiliary channels are off.
+    /// A single entry when the auxiliary channels are off.
     pub(super) grad_normals: Buffer,
-    /// Beginning of the buffer that the tile lists use before.
+    /// Beginning of the buffer that the tile lists use before the backward pass.
     pub(super) grad2d: BufferRange,
 }
 
-/// Gradients are those of models in 32 bits.
+/// Checks that the model is in 32 bits, as gradients require.
 fn all_bits(model: &Planes) -> Result<(), vk::Error> {
     match model.sh() {
         ShStorage::Full => Ok(()),
@@ -143,12 +148,12 @@ fn all_bits(model: &Planes) -> Result<(), vk::Error> {
 impl Backward {
     pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: BufferRange) -> Result<Self, vk::Error> {
         let slots = variants.gradients == GradientSum::Slots;
-        let form = Form {
+        let form = BackwardConstants {
             count: size.count,
             clamp_gradient_passes: size.clamp_gradient_passes,
             turn: per_turn(u64::from(size.tiles)),
         };
-        let channels = |aux: bool| Channels::new(gpu, variants, None, aux, form);
+        let channels = |aux: bool| BackwardPipelines::new(gpu, variants, None, aux, form);
         let rows = |name, there: bool, bytes: u64, count: u32| {
             gpu.buffer(name, if there { bytes * u64::from(count.max(1)) } else { 16 }, Memory::Device)
         };
@@ -163,48 +168,48 @@ impl Backward {
         })
     }
 
-    /// The pipelines for gradients of colour alone, or of all channels.
-    fn channels(&self, aux: bool) -> &Channels {
+    /// The pipelines for gradients of colour only, or of all channels.
+    fn channels(&self, aux: bool) -> &BackwardPipelines {
         self.all.as_ref().filter(|_| aux).unwrap_or(&self.colour)
     }
 }
 
 impl Renderer {
-    /// Gradients of a model from those of its image, after [`Self::record_forward`] of the same shot. Does nothing
-    /// without a backward.
+    /// Computes the gradients of a model from the gradients of the image, after [`Self::record_forward`] of the same
+    /// view. Does nothing unless [`Size::train`] is on.
     pub fn record_backward(
         &self,
         recorder: &mut Recorder,
-        lists: &Lists<'_>,
+        lists: &FrameLists<'_>,
         gradients: &Gradients<'_>,
-        shot: &Shot,
+        view: &RenderView,
         target: &Target,
     ) -> Result<(), vk::Error> {
-        self.record_blend_backward(recorder, lists, gradients.of_image, shot, target)?;
-        let terms = Terms { aux: gradients.of_image.of_aux.is_some(), ..Terms::default() };
-        self.record_project_backward_of(recorder, gradients.model, gradients.of_model, shot, terms)
+        self.record_blend_backward(recorder, lists, gradients.of_image, view, target)?;
+        let terms = GradientTerms { aux: gradients.of_image.of_aux.is_some(), ..GradientTerms::default() };
+        self.record_project_backward_of(recorder, gradients.model, gradients.of_model, view, terms)
     }
 
-    /// Gradients of `model`, written to `of_model`, after [`Self::record_blend_backward`] of the same shot without
-    /// auxiliary channels. Does nothing without a backward.
+    /// Writes the gradients of `model` to `of_model`, after [`Self::record_blend_backward`] of the same view without
+    /// auxiliary channels. Does nothing unless [`Size::train`] is on.
     pub fn record_project_backward(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
         of_model: &Planes,
-        shot: &Shot,
+        view: &RenderView,
     ) -> Result<(), vk::Error> {
-        self.record_project_backward_of(recorder, model, of_model, shot, Terms::default())
+        self.record_project_backward_of(recorder, model, of_model, view, GradientTerms::default())
     }
 
-    /// The same with terms beyond the colour's.
+    /// Like [`Self::record_project_backward`], with further gradient terms.
     pub fn record_project_backward_of(
         &self,
         recorder: &mut Recorder,
         model: &Planes,
         of_model: &Planes,
-        shot: &Shot,
-        terms: Terms,
+        view: &RenderView,
+        terms: GradientTerms,
     ) -> Result<(), vk::Error> {
         all_bits(model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
@@ -215,7 +220,7 @@ impl Renderer {
             ("SHRINK", terms.shrink.to_bits()),
         ];
         let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
-        let push = CameraPush::new(&shot.camera, &shot.projection);
+        let push = CameraPush::new(&view.camera, &view.projection);
         let [counts, splat2d, tile_counts, grad_normals] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
         let mut buffers = vec![counts];
@@ -225,17 +230,18 @@ impl Renderer {
         recorder.dispatch(&pipeline, &buffers, &push, self.per_splat())
     }
 
-    /// One optimiser step, after [`Self::record_blend_backward`] of the same shot: what gradients of the model and the
-    /// optimiser would do, without gradients in memory. Does nothing without a backward.
+    /// One optimiser step, after [`Self::record_blend_backward`] of the same view. Equivalent to computing the
+    /// gradients of the model and running the optimiser, but keeps no gradients in memory. Does nothing unless
+    /// [`Size::train`] is on.
     pub fn record_backward_step(
         &self,
         recorder: &mut Recorder,
         step: &BackwardStep<'_>,
-        shot: &Shot,
+        view: &RenderView,
     ) -> Result<(), vk::Error> {
         all_bits(step.model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
-        let camera = CameraPush::new(&shot.camera, &shot.projection);
+        let camera = CameraPush::new(&view.camera, &view.projection);
         let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
         let [counts, splat2d, tile_counts, grad_normals] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
@@ -249,27 +255,29 @@ impl Renderer {
         recorder.dispatch(step.pipeline, &buffers, &push, groups)
     }
 
-    /// Gradients of the projected splats ([`Self::grad2d`], and the normals' with auxiliary channels) from those of the
-    /// image, after [`Self::record_forward`] of the same shot. Does nothing without a backward.
+    /// Computes the gradients of the projected splats ([`Self::grad2d`], and [`Self::grad_normals`] with auxiliary
+    /// channels) from the gradients of the image, after [`Self::record_forward`] of the same view. Does nothing unless
+    /// [`Size::train`] is on.
     pub fn record_blend_backward<'a>(
         &self,
         recorder: &mut Recorder,
-        lists: &Lists<'_>,
+        lists: &FrameLists<'_>,
         gradients: impl Into<ImageGradients<'a>>,
-        shot: &Shot,
+        view: &RenderView,
         target: &Target,
     ) -> Result<(), vk::Error> {
         let Some(backward) = &self.backward else { return Ok(()) };
         let ImageGradients { of_image, of_aux } = gradients.into();
         let of_aux = of_aux.filter(|_| self.with_aux);
         let aux = of_aux.is_some();
-        let channels = match shot.projection.alpha_cutoff {
-            cutoff @ Some(_) => Channels::new(&self.gpu, self.variants, cutoff, aux, backward.form)?,
+        let channels = match view.projection.alpha_cutoff {
+            cutoff @ Some(_) => BackwardPipelines::new(&self.gpu, self.variants, cutoff, aux, backward.form)?,
             None => backward.channels(aux).clone(),
         };
-        let (width, height) = (shot.camera.width, shot.camera.height);
-        let push = shot.blend_push();
-        // Without the auxiliary channels other buffers stand for what is not read; what is not written has its own.
+        let (width, height) = (view.camera.width, view.camera.height);
+        let push = view.blend_push();
+        // Without auxiliary channels, placeholders are bound for unused inputs; unused outputs have buffers of their
+        // own.
         let [splat2d, normals, image, last, of_image, of_aux] = slices([
             &self.splat2d,
             &self.normals,
@@ -300,12 +308,12 @@ impl Renderer {
         }
     }
 
-    /// Gradients of the projected splats; `None` without a backward.
+    /// Gradients of the projected splats, 12 floats each; `None` unless [`Size::train`] is on.
     pub fn grad2d(&self) -> Option<BufferSlice<'_>> {
         self.backward.as_ref().map(|b| b.grad2d.slice())
     }
 
-    /// Gradients of the projected splats' normals, a vec4 each; `None` without a backward of auxiliary channels.
+    /// Gradients of the projected splats' normals, a vec4 each; `None` without backward pass or auxiliary channels.
     pub fn grad_normals(&self) -> Option<&Buffer> {
         self.backward.as_ref().filter(|_| self.with_aux).map(|b| &b.grad_normals)
     }

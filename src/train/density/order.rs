@@ -6,7 +6,7 @@ use super::{Model, Scratch};
 use crate::pass::densify_order::{self as pass, CODE_BITS, CodesPush, Push};
 use crate::pass::plan::Entry;
 use crate::pass::{Pass, counters};
-use crate::raster::sort::{Keys, Shape, SortMemory, SortPasses};
+use crate::raster::sort::{KeyCount, SortMemory, SortPasses, SortShape};
 use crate::vk::{BufferSlice, Gpu, Groups, Pipeline, Recorder, Result, slices};
 
 /// Bits of an identity.
@@ -14,7 +14,7 @@ const ID_BITS: u32 = 32;
 
 /// Passes that sort splats by their birth and along Morton's curve.
 pub(super) struct Ordering {
-    shape: Shape,
+    shape: SortShape,
     sort: SortPasses,
     births: Pipeline,
     flags: Pipeline,
@@ -63,7 +63,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(shape: Shape, capacity: u32, alignment: u64) -> Self {
+    fn new(shape: SortShape, capacity: u32, alignment: u64) -> Self {
         let word = 4 * u64::from(capacity);
         let table = 4 * shape.table_words(u64::from(capacity), ID_BITS);
         let place = |end: &mut u64, bytes: u64| {
@@ -84,7 +84,7 @@ impl Layout {
 
 impl Ordering {
     /// For models with room for `capacity` splats in a scene of the given extent.
-    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, shape: Shape) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, capacity: u32, extent: f64, shape: SortShape) -> Result<Self> {
         let pipeline = |pass: &Pass| gpu.pipeline(&pass.kernel, &[]);
         Ok(Self {
             shape,
@@ -106,7 +106,7 @@ impl Ordering {
     }
 
     /// The entries of `args` for the sort of the new rows, from the counter of rows: two, and one of one workgroup.
-    pub(super) fn entries(shape: Shape) -> [Entry; 3] {
+    pub(super) fn entries(shape: SortShape) -> [Entry; 3] {
         let [sort, table] = shape.entries(CODE_BITS);
         [sort, table, Entry::fixed(1)]
     }
@@ -122,7 +122,7 @@ impl Ordering {
         let push = Push { stride: self.capacity };
         rec.dispatch(&self.births, &[counts, ids, keys[0], vals[0]], &push, self.all())?;
         let memory = SortMemory { tables, keys, vals, apart: None };
-        let side = self.sort.record(rec, memory, model.counters, Keys::Host(self.capacity), ID_BITS)?;
+        let side = self.sort.record(rec, memory, model.counters, KeyCount::Host(self.capacity), ID_BITS)?;
         Ok(ByBirth {
             ids: keys[side],
             row_of: vals[side],
@@ -157,7 +157,7 @@ impl Ordering {
         let bound = [counts, sorted.row_of, means, sorted.map, sorted.codes[0], sorted.births[0]];
         rec.dispatch(&self.codes, &bound, &CodesPush { scale: self.scale }, rows)?;
         let counter = counters::SCAN_TOTAL as u32;
-        let extent = Keys::Counted { counter, args: model.args, first: first + 1, once: first + 3 };
+        let extent = KeyCount::Counted { counter, args: model.args, first: first + 1, once: first + 3 };
         let memory = SortMemory { tables: sorted.tables, keys: sorted.codes, vals: sorted.births, apart: None };
         let side = self.sort.record(rec, memory, model.counters, extent, CODE_BITS)?;
         let bound = [counts, sorted.births[side], sorted.map, sorted.new_ids, map, ids];
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn everything_fits_the_lent_memory() {
-        for shape in [Shape::Runs, Shape::Groups, Shape::LongGroups] {
+        for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
             for alignment in [4, 16, 64, 256] {
                 let around = [1_023, 1_024, 1_025, 2_049, 100_000, 5_000_001, 80_000_000];
                 for capacity in (1..600).chain(around) {

@@ -4,7 +4,7 @@ use crate::dataset::Depth;
 use crate::loss::Photograph;
 use crate::pass::camera::CameraPush;
 use crate::pass::{densify_scores, densify_stats, densify_views};
-use crate::raster::{MEANS, Planes, QUATS, Renderer, SCALES, Shot, grown};
+use crate::raster::{MEANS, Planes, QUATS, RenderView, Renderer, SCALES, grown};
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::settings::{Growth, Settings};
@@ -30,7 +30,7 @@ struct Scores {
 #[derive(Clone, Copy)]
 pub(in crate::train) struct Seen<'a> {
     pub(in crate::train) model: &'a Planes,
-    pub(in crate::train) shot: &'a Shot,
+    pub(in crate::train) shot: &'a RenderView,
     /// Rows of the image that this is a part of, or all of.
     pub(in crate::train) of_height: u32,
     pub(in crate::train) image: &'a Buffer,

@@ -3,7 +3,9 @@
 use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
-use crate::raster::{LiveModel, MemoryFootprint, PLANES, Picture, Planes, SH_HIGHER, Shot, gaussians_of, planes_of};
+use crate::raster::{
+    LiveModel, MemoryFootprint, PLANES, Picture, Planes, RenderView, SH_HIGHER, gaussians_of, planes_of,
+};
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians, rows_of};
@@ -106,7 +108,7 @@ impl Engine {
     }
 
     /// How a camera sees the model outside of training steps.
-    pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> Shot {
+    pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> RenderView {
         let projection = Projection {
             sh_degree,
             near: NEAR,
@@ -116,7 +118,7 @@ impl Engine {
             limits: None,
             alpha_cutoff: None,
         };
-        Shot { camera: *camera, projection, background }
+        RenderView { camera: *camera, projection, background }
     }
 
     /// The model's planes.

@@ -30,7 +30,7 @@ pub(in crate::train) struct Exposures {
     apply: Pipeline,
     backward: Pipeline,
     step: Pipeline,
-    settings: adam::Settings,
+    settings: adam::AdamSettings,
 }
 
 impl Exposures {
@@ -45,7 +45,7 @@ impl Exposures {
             apply: gpu.pipeline(&exposure::APPLY.kernel, &[])?,
             backward: gpu.pipeline(&exposure::BACKWARD.kernel, &[])?,
             step: gpu.pipeline(&exposure::STEP.kernel, &[])?,
-            settings: adam::Settings::default(),
+            settings: adam::AdamSettings::default(),
         })
     }
 

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
-use crate::raster::{BackwardStep, OPACITIES, PLANES, Planes, Renderer, SH0, Shot, Terms};
+use crate::raster::{BackwardStep, GradientTerms, OPACITIES, PLANES, Planes, RenderView, Renderer, SH0};
 use crate::train::Error;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::settings::Settings;
@@ -39,7 +39,7 @@ pub(in crate::train) struct Stepping<'a> {
     /// The splats' rows of statistics; the last number of a row belongs to the optimiser.
     pub(in crate::train) stats: &'a Buffer,
     /// Camera and projection whose gradients are stepped by.
-    pub(in crate::train) shot: &'a Shot,
+    pub(in crate::train) shot: &'a RenderView,
     /// Whether the blend backward had the auxiliary channels (depth and normals).
     pub(in crate::train) aux: bool,
     /// Whether gradients of other views are already in memory.
@@ -53,7 +53,7 @@ pub(in crate::train) struct Optimiser {
     passes: StepPasses,
     /// For steps on several views at once, if there are such steps and `passes` has no gradients in memory.
     summed: Option<Summed>,
-    settings: adam::Settings,
+    settings: adam::AdamSettings,
     extent: f64,
     flatten: f32,
     shrink: f32,
@@ -71,7 +71,7 @@ impl Optimiser {
         pixels: f64,
         training: &Settings,
     ) -> Result<Self, Error> {
-        let (settings, shortcuts) = (adam::Settings::default(), &training.shortcuts);
+        let (settings, shortcuts) = (adam::AdamSettings::default(), &training.shortcuts);
         let aux = training.geometry.has_loss();
         let flatten = (training.geometry.lambda_flatten / extent) as f32;
         let shrink = (training.optimiser.lambda_sh / pixels) as f32;
@@ -191,11 +191,11 @@ impl Optimiser {
         recorder: &mut Recorder,
         renderer: &Renderer,
         model: &Planes,
-        shot: &Shot,
+        shot: &RenderView,
         first: bool,
     ) -> Result<(), vk::Error> {
         let Some(summed) = self.summed() else { return Ok(()) };
-        let terms = Terms { shrink: self.shrink, add: !first, ..Terms::default() };
+        let terms = GradientTerms { shrink: self.shrink, add: !first, ..GradientTerms::default() };
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
@@ -209,7 +209,7 @@ impl Optimiser {
         let Stepping { plan, renderer, model, stats, shot, aux, beside } = *of;
         let rates = self.rates(plan);
         let opacities = (plan.adam == Adam::All).then_some(plan.adam_steps_opacities);
-        let steps = fused::Steps { most: plan.adam_steps, opacities };
+        let steps = fused::StepCounts { most: plan.adam_steps, opacities };
         let step = |pipeline, steps, catches_up| BackwardStep {
             model,
             moments: &self.moments,
@@ -222,7 +222,7 @@ impl Optimiser {
         };
         let catch_up = |recorder: &mut Recorder, most: u32| -> Result<Option<u32>, vk::Error> {
             let StepPasses::Fused { catch_up: Some(pipeline), .. } = &self.passes else { return Ok(None) };
-            let steps = fused::Steps { most, opacities: Some(plan.adam_steps_opacities) };
+            let steps = fused::StepCounts { most, opacities: Some(plan.adam_steps_opacities) };
             renderer.record_backward_step(recorder, &step(pipeline, steps, true), shot)?;
             Ok(Some(most))
         };
@@ -237,7 +237,7 @@ impl Optimiser {
             }
             _ => {
                 let Some(Summed { adam, gradients }) = self.summed() else { return Ok(None) };
-                let terms = Terms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
+                let terms = GradientTerms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 // All splats take this step, so all make up for missed steps first.
                 let caught_up = catch_up(recorder, plan.adam_steps.saturating_sub(1))?;
@@ -248,8 +248,8 @@ impl Optimiser {
         if plan.catch_up { catch_up(recorder, plan.adam_steps) } else { Ok(None) }
     }
 
-    fn rates(&self, plan: &StepPlan) -> fused::Rates {
-        fused::Rates {
+    fn rates(&self, plan: &StepPlan) -> fused::LearningRates {
+        fused::LearningRates {
             means: plan.rates.means * self.extent,
             quats: plan.rates.rotations,
             scales: plan.rates.scales,
@@ -264,7 +264,7 @@ impl Optimiser {
         recorder: &mut Recorder,
         of: &Stepping<'_>,
         gradients: &Planes,
-        steps: fused::Steps,
+        steps: fused::StepCounts,
         pipeline: &Pipeline,
     ) -> Result<(), vk::Error> {
         let Stepping { renderer, model: params, .. } = *of;

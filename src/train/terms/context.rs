@@ -1,8 +1,8 @@
 //! What one step is about.
 
 use crate::loss::Photograph;
-use crate::raster::tiles::Lists;
-use crate::raster::{ImageGradients, Planes, Renderer, Shot, Target};
+use crate::raster::tiles::FrameLists;
+use crate::raster::{ImageGradients, Planes, RenderView, Renderer, Target};
 use crate::train::density::Seen;
 use crate::train::learning::exposures::{ExposureStep, Exposures};
 use crate::train::learning::optimiser::Stepping;
@@ -23,7 +23,7 @@ pub(in crate::train) struct StepContext<'a> {
     /// What the render is written to.
     pub(in crate::train) target: &'a Target,
     /// What is rendered: the whole photograph, reduced where the plan says so, or a band of rows of it.
-    pub(in crate::train) shot: Shot,
+    pub(in crate::train) shot: RenderView,
     /// The first row of the band ...
     pub(in crate::train) top: u32,
     /// ... and the rows of the image that the band belongs to.
@@ -52,12 +52,19 @@ impl<'a> StepContext<'a> {
     }
 
     /// Records the render, with depth and normals where `aux`.
-    pub(in crate::train) fn record_forward(&self, recorder: &mut Recorder, aux: bool) -> Result<Lists<'a>, vk::Error> {
+    pub(in crate::train) fn record_forward(
+        &self,
+        recorder: &mut Recorder,
+        aux: bool,
+    ) -> Result<FrameLists<'a>, vk::Error> {
         self.renderer.record_forward(recorder, self.model, &self.shot, self.target, aux)
     }
 
     /// Records the render of the constrained set alone.
-    pub(in crate::train) fn record_constrained_forward(&self, recorder: &mut Recorder) -> Result<Lists<'a>, vk::Error> {
+    pub(in crate::train) fn record_constrained_forward(
+        &self,
+        recorder: &mut Recorder,
+    ) -> Result<FrameLists<'a>, vk::Error> {
         self.renderer.record_forward_of(recorder, self.model, &self.shot, self.target, false, Some(self.ids))
     }
 
@@ -82,7 +89,7 @@ impl<'a> StepContext<'a> {
     pub(in crate::train) fn record_blend_backward(
         &self,
         recorder: &mut Recorder,
-        lists: &Lists<'_>,
+        lists: &FrameLists<'_>,
     ) -> Result<(), vk::Error> {
         let gradients = ImageGradients { of_image: self.grad_image, of_aux: self.grad_aux };
         self.renderer.record_blend_backward(recorder, lists, gradients, &self.shot, self.target)

@@ -1,7 +1,7 @@
 //! Training inside a host program: step by step, between points of the host's timelines, with the model in sight.
 
 use super::{Message, Trainer};
-use crate::raster::{LiveModel, Shot};
+use crate::raster::{LiveModel, RenderView};
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::schedule::Kind;
@@ -65,7 +65,7 @@ impl Trainer {
 
     /// The shot of a camera for the current model: with the spherical harmonics in use at this step and the background of
     /// evaluations.
-    pub fn shot(&self, camera: &Camera) -> Shot {
+    pub fn shot(&self, camera: &Camera) -> RenderView {
         let sh_degree = self.schedule.step(self.next.step.clamp(1, self.schedule.iterations.max(1))).sh_degree;
         self.engine.view_shot(camera, sh_degree, self.settings.model.background.evaluated())
     }
