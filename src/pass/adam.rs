@@ -8,7 +8,7 @@ crate::push_constants! {
     pub struct Push {
         /// Floats per splat in this plane.
         pub row: u32,
-        /// Floats at the start of a row that learn at `lr_head`.
+        /// Number of floats at the start of a row that learn at `lr_head`.
         pub head: u32,
         /// Learning rate of the head.
         pub lr_head: f32,
@@ -31,7 +31,7 @@ crate::push_constants! {
     }
 }
 
-/// Settings of Adam; the default is the 3DGS reference's.
+/// Settings of Adam (Kingma and Ba 2015). The default is that of the 3DGS reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdamSettings {
     /// Decay of the first moment.
@@ -49,8 +49,8 @@ impl Default for AdamSettings {
 }
 
 impl Push {
-    /// The push constants of step `step` (the first is 1) for a plane with rows of `row` floats, of which the first
-    /// `head` learn at `lr_head` and the others at `lr_rest`. Bias corrections are computed in double precision.
+    /// The push constants of step `step` (counted from 1) for a plane with rows of `row` floats. The first `head`
+    /// floats of a row learn at `lr_head`, the others at `lr_rest`. Bias corrections are computed in double precision.
     pub fn new(settings: &AdamSettings, step: u32, row: u32, head: u32, lr_head: f64, lr_rest: f64) -> Self {
         let t = f64::from(step.max(1));
         Self {
@@ -80,7 +80,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one float of an attribute plane with its two moments; a workgroup owns 64 consecutive \
-          floats. An element whose gradient is not finite stays as it is.",
+          floats. An element with a non-finite gradient stays unchanged.",
     dispatch: "one thread per float: splats of the model x floats per splat",
     push: Push::FIELDS,
 };

@@ -1,18 +1,18 @@
-//! The alpha below which a splat is skipped at a pixel: a specialization constant of the passes that project,
-//! list tiles and blend.
+//! The alpha cutoff: a splat is skipped at a pixel where its alpha is lower. A specialization constant of the passes
+//! that project, list tiles and blend.
 
 use crate::scene::tile;
 use crate::vk::Constant;
 
-/// The constant, a float as bits.
+/// The constant, as the bits of a float.
 pub(super) const ALPHA_MIN: Constant = Constant { id: 20, name: "ALPHA_MIN", default: tile::ALPHA_MIN.to_bits() };
 
-/// Its value where splats are skipped below an alpha of 1 / `cutoff`; without, of 1/255 (Kerbl et al. 2023).
+/// The alpha cutoff 1 / `cutoff`; for `None` 1/255 (Kerbl et al. 2023).
 pub fn alpha_min(cutoff: Option<u32>) -> f32 {
     cutoff.map_or(tile::ALPHA_MIN, |n| (1.0 / f64::from(n.max(1))) as f32)
 }
 
-/// The constant with that value.
+/// The specialization constant for `cutoff`.
 pub fn constant(cutoff: Option<u32>) -> (&'static str, u32) {
     (ALPHA_MIN.name, alpha_min(cutoff).to_bits())
 }

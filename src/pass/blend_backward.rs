@@ -1,16 +1,16 @@
-//! Gradients of the blended image with respect to the projected splats: two shapes of tiles,
-//! three ways of adding up.
+//! Gradients of the blended image with respect to the projected splats, for two tile shapes and three ways of
+//! summation.
 
 use super::alpha_min::ALPHA_MIN;
 use super::blend_forward::{AUX, BLOCK, COUNT, Push};
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
-/// Sum absolute values of the mean's per-pixel gradient into columns 10 and 11 (0 or 1); without it they are 0.
+/// Sum absolute values of the mean's per-pixel gradient into columns 10 and 11 (0 or 1). With 0 the columns are 0.
 pub(super) const ABS: Constant = Constant { id: 2, name: "ABS", default: 1 };
-/// Let the gradient through min(0.99, alpha), as the 3DGS reference does (0 or 1).
+/// Pass the gradient through min(0.99, alpha), as the 3DGS reference does (0 or 1).
 pub(super) const CLAMP_GRADIENT_PASSES: Constant = Constant { id: 3, name: "CLAMP_GRADIENT_PASSES", default: 0 };
-/// Width of an emulated subgroup in the COLUMN shape, which is written for 8.
+/// Width of an emulated subgroup in the COLUMN shape, which requires 8.
 pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 8 };
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
@@ -18,8 +18,8 @@ const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_M
 const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN];
 const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN];
 
-/// Slots: every row of `slot_grads` that a pair of the tile lists owns is written, zeros included, and nothing else.
-/// What is read of it has no part in the result: reading brings the row near.
+/// Slots: the pass writes every row of `slot_grads` of a pair in the tile lists, zeros included, and no other row. The
+/// pass also reads `slot_grads`, but only to prefetch the row.
 const SLOT_BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),
@@ -50,7 +50,7 @@ const SUM_BINDINGS: &[Binding] = &[
     read_write("pair_counts"),
 ];
 
-/// What threads and workgroups own.
+/// Whether a thread owns a column or a pixel.
 #[derive(Clone, Copy)]
 enum Owned {
     Columns,
@@ -78,7 +78,7 @@ const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], co
     }
 }
 
-/// COLUMN shape (subgroups exactly 8 wide), partial sums to slots: deterministic, and on lavapipe the fastest.
+/// COLUMN shape (subgroups of width 8), partial sums to slots: deterministic, and fastest on lavapipe.
 pub const COLUMN_SLOTS: Pass = pass("blend_backward_column_slots", Owned::Columns, SLOT_BINDINGS, CONSTANTS);
 /// COLUMN shape, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const COLUMN_ATOMIC: Pass = pass("blend_backward_column_atomic", Owned::Columns, SUM_BINDINGS, CONSTANTS);
@@ -93,13 +93,13 @@ pub const COLUMN_EMULATED_SLOTS: Pass = pass(
 );
 /// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
 pub const PIXEL_SLOTS: Pass = pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS);
-/// PIXEL shape, subgroup sums to slots: deterministic at any one width of subgroups.
+/// PIXEL shape, subgroup sums to slots: deterministic for a given subgroup width.
 pub const PIXEL_APART_SLOTS: Pass =
     pass("blend_backward_pixel_apart_slots", Owned::Pixels, SLOT_BINDINGS, BLOCK_CONSTANTS);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
 pub const PIXEL_ATOMIC: Pass = pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
 /// PIXEL shape, subgroup sums and compare-and-swap.
 pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
-/// PIXEL shape, emulated subgroups of any width and compare-and-swap: no optional feature at all.
+/// PIXEL shape, emulated subgroups of any width and compare-and-swap: needs no optional feature.
 pub const PIXEL_EMULATED_CAS: Pass =
     pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS);

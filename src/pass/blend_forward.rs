@@ -1,11 +1,11 @@
-//! Alpha blending front to back, in two shapes of one kernel.
+//! Alpha blending front to back, for two tile shapes.
 
 use super::alpha_min::ALPHA_MIN;
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 crate::push_constants! {
-    /// Push constants of the blending passes: the image and the background that shows through.
+    /// Push constants of the blending passes: image size and background colour.
     pub struct Push {
         /// Image width in pixels.
         pub width: u32,
@@ -25,25 +25,25 @@ pub const COLUMN_SIDE: u32 = 8;
 /// Side of a tile of the PIXEL shape, in pixels.
 pub const PIXEL_SIDE: u32 = 16;
 
-/// Entries of `pair_counts` (4 x u32, never cleared by the passes): pixel-splats evaluated and blended,
-/// forward and backward.
+/// Entries of `pair_counts` (4 x u32, never cleared by the passes): evaluated and blended (pixel, splat) pairs of the
+/// forward pass, then of the backward pass.
 pub const PAIR_COUNTS: usize = 4;
 
 /// Blend depth and normal too (0 or 1).
 pub(super) const AUX: Constant = Constant { id: 0, name: "AUX", default: 0 };
-/// Count pixel-splats into `pair_counts` (0 or 1).
+/// Count (pixel, splat) pairs in `pair_counts` (0 or 1).
 pub(super) const COUNT: Constant = Constant { id: 1, name: "COUNT", default: 0 };
 
-/// Pixels of the blocks of a tile that splats are tested against: a power of two from 8 to 256, best the width of a
-/// subgroup; 0: no test. PIXEL shape only, and backward where subgroups add up for themselves;
-/// results are the same bits either way.
+/// Pixels of a block of a tile that splats are tested against: a power of two from 8 to 256, best the subgroup width; 0
+/// for no test. Only in the PIXEL shape; in the backward pass only in variants with subgroup sums. The test does not
+/// change the results.
 pub(super) const BLOCK: Constant = Constant { id: 4, name: "BLOCK", default: 0 };
 
-/// Keep the largest weight of every splat in any pixel, in `weights` (0 or 1).
+/// Keep the largest blending weight of every splat in `weights` (0 or 1).
 const WEIGHTS: Constant = Constant { id: 5, name: "WEIGHTS", default: 0 };
 
-/// `aux` and `normals` are not touched unless AUX, `pair_counts` not unless COUNT, `weights` (floats as bits, not below
-/// what they were) not unless WEIGHTS; they are bound all the same.
+/// The pass uses `aux` and `normals` only with AUX, `pair_counts` only with COUNT, and `weights` (bits of floats, which
+/// only grow) only with WEIGHTS. All are bound in any case.
 const BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),
@@ -75,14 +75,14 @@ const fn pass(name: &'static str, local_size: u32, doc: &'static str) -> Pass {
 const COLUMN_DOC: &str = "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels.";
 const PIXEL_DOC: &str = "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.";
 
-/// For devices whose subgroups are exactly 8 wide: lavapipe.
+/// For devices with subgroups of width 8: lavapipe.
 pub const COLUMN: Pass = pass("blend_forward_column", 8, COLUMN_DOC);
 /// COLUMN with its shuffles through shared memory, for any device (EMULATED_WIDTH is fixed at 8).
 pub const COLUMN_EMULATED: Pass = with(
     &[AUX, COUNT, super::blend_backward::EMULATED_WIDTH_8, WEIGHTS, ALPHA_MIN],
     pass("blend_forward_column_emulated", 8, COLUMN_DOC),
 );
-/// For devices with wide subgroups and shared memory of their own.
+/// For devices with wide subgroups and fast shared memory.
 pub const PIXEL: Pass = with(&[AUX, COUNT, BLOCK, WEIGHTS, ALPHA_MIN], pass("blend_forward_pixel", 256, PIXEL_DOC));
 
 const fn with(constants: &'static [Constant], pass: Pass) -> Pass {

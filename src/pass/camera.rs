@@ -1,13 +1,13 @@
-//! The camera of a frame as push constants, shared by the passes that project (`glsl/include/camera.glsl`).
+//! The camera of a view as push constants of the projecting passes (`glsl/include/camera.glsl`).
 
 use crate::scene::Camera;
 
 /// [`CameraPush::flags`]: multiply opacities by sqrt(det before / det after dilation), as in Mip-Splatting.
 pub const ANTIALIAS: u32 = 1;
-/// [`CameraPush::flags`]: where the field-of-view clamp of the EWA Jacobian is active, keep the 3DGS reference's
-/// derivative by depth (twice the true one) instead of the true one.
+/// [`CameraPush::flags`]: where the field-of-view clamp of the EWA Jacobian is active, use the 3DGS reference's
+/// derivative by depth, twice the true derivative.
 pub const REFERENCE_CLAMP: u32 = 2;
-/// [`CameraPush::flags`]: a colour at its lower bound has a gradient where a descent step would raise it. Bit 2 is
+/// [`CameraPush::flags`]: a colour at its lower bound has a gradient if a descent step would raise the colour. Bit 2 is
 /// [`super::project_backward_adam::STEPS_OPACITIES`].
 pub const BLACK_LEARNS: u32 = 8;
 
@@ -17,17 +17,17 @@ pub const NEAR: f64 = 0.2;
 crate::push_constants! {
     /// Push constants of `project` and `project_backward`.
     pub struct CameraPush {
-        /// Row 0 of the rotation from the scene to the camera frame, and the translation along x.
+        /// Row 0 of the rotation from scene to camera frame, then the translation along x.
         pub row0: [f32; 4],
-        /// Row 1 and the translation along y.
+        /// Row 1 of the rotation, then the translation along y.
         pub row1: [f32; 4],
-        /// Row 2 and the translation along z.
+        /// Row 2 of the rotation, then the translation along z.
         pub row2: [f32; 4],
-        /// Camera centre in the scene; fourth: the near plane, above zero.
+        /// Camera centre in scene coordinates, then the near plane (above zero).
         pub center: [f32; 4],
         /// fx, fy, cx, cy in pixels.
         pub intrinsics: [f32; 4],
-        /// Smallest and largest x/z, then y/z, that the EWA Jacobian sees.
+        /// Smallest and largest x/z, then smallest and largest y/z, for the EWA Jacobian.
         pub limits: [f32; 4],
         /// Image width in pixels.
         pub width: u32,
@@ -35,28 +35,29 @@ crate::push_constants! {
         pub height: u32,
         /// Highest degree of spherical harmonics in use, 0 to 3.
         pub sh_degree: u32,
-        /// [`ANTIALIAS`], [`REFERENCE_CLAMP`], [`BLACK_LEARNS`].
+        /// Sum of [`ANTIALIAS`], [`REFERENCE_CLAMP`] and [`BLACK_LEARNS`].
         pub flags: u32,
     }
 }
 
-/// How a camera's splats are projected.
+/// Options of the projection of splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
     /// Highest degree of spherical harmonics in use, 0 to 3.
     pub sh_degree: u32,
-    /// Splats at this depth or nearer are culled; scene units, above zero.
+    /// Near plane: splats at this depth or nearer are culled. In scene units, above zero.
     pub near: f64,
-    /// Whether opacities carry the anti-aliasing factor.
+    /// Whether opacities are multiplied by the anti-aliasing factor.
     pub antialias: bool,
-    /// Whether gradients keep the 3DGS reference's derivative of the field-of-view clamp.
+    /// Whether gradients use the 3DGS reference's derivative of the field-of-view clamp.
     pub reference_clamp: bool,
-    /// Whether gradients lead colours at their lower bound back inside: max(0, .) passes a gradient there where a
-    /// descent step would raise the colour, and none otherwise. Without, it passes none, as in the 3DGS reference.
+    /// Whether a colour at its lower bound can recover: max(0, .) then passes a gradient that would raise the colour.
+    /// If false, max(0, .) passes no gradient at the bound, as in the 3DGS reference.
     pub black_learns: bool,
-    /// The range of [`clamp_limits`] where it is not that of the camera itself: a window's is that of its whole image.
+    /// The range of [`clamp_limits`]; `None` for the range of the camera itself. A window needs the range of its whole
+    /// image.
     pub limits: Option<[f64; 4]>,
-    /// A splat is skipped at a pixel where its alpha is below 1 / this, where that is not 255.
+    /// Alpha cutoff n: a splat is skipped at a pixel where its alpha is below 1 / n. `None` stands for 255.
     pub alpha_cutoff: Option<u32>,
 }
 
@@ -74,7 +75,7 @@ impl Default for Projection {
     }
 }
 
-/// Range of x/z, then y/z, that the EWA Jacobian sees: the image's field of view, and 0.3 tan(fov/2) on each side.
+/// Ranges of x/z, then y/z, for the EWA Jacobian: the image's field of view, extended by 0.3 tan(fov/2) on each side.
 pub fn clamp_limits(camera: &Camera) -> [f64; 4] {
     let axis = |size: u32, focal: f64, principal: f64| {
         let size = f64::from(size);
@@ -87,8 +88,7 @@ pub fn clamp_limits(camera: &Camera) -> [f64; 4] {
 }
 
 impl CameraPush {
-    /// Rounds a camera to what the device gets; the camera centre and the limits are computed in double precision
-    /// first.
+    /// Converts a camera to push constants. Camera centre and limits are computed in double precision, then rounded.
     pub fn new(camera: &Camera, projection: &Projection) -> Self {
         let row = |k: usize| {
             let r = camera.rotation[k];

@@ -1,4 +1,4 @@
-//! Lists the visible splats in the order of their index, with depth as sort key.
+//! Lists the visible splats in index order, with depths as sort keys.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
@@ -6,7 +6,7 @@ use crate::vk::{Kernel, read, write};
 crate::push_constants! {
     /// Push constants of [`PASS`].
     pub struct Push {
-        /// Lowest bits of a depth that are dropped.
+        /// Number of low bits of a depth to drop.
         pub shift: u32,
     }
 }

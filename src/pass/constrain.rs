@@ -1,9 +1,9 @@
-//! The constrained set and what is rendered of it: see [`super::counters::CONSTRAINED`].
+//! Renders of the constrained set: see [`super::counters::CONSTRAINED`].
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write, write};
 
-/// Leaves nothing of a projection but the constrained set.
+/// Culls all splats except the constrained set.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "constrain",
@@ -13,13 +13,13 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity from the bound \
-        on touch no tile.",
+    doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity at or \
+        above the bound touch no tile.",
     dispatch: "one thread per splat",
     push: &[],
 };
 
-/// Keeps gradients of projected splats while another picture of the same view is rendered.
+/// Saves the gradients of projected splats before another render of the same view.
 pub const KEEP: Pass = Pass {
     kernel: Kernel {
         name: "grad2d_keep",
@@ -29,13 +29,13 @@ pub const KEEP: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats. Zero where a \
-        splat is not on the image.",
+    doc: "One thread owns the row of 12 floats of one splat; a workgroup owns 64 consecutive splats. Zero for \
+        splats that are not on the image.",
     dispatch: "one thread per splat",
     push: &[],
 };
 
-/// Adds them to those of the other picture.
+/// Adds the saved gradients to the gradients of the other render.
 pub const ADD: Pass = Pass {
     kernel: Kernel {
         name: "grad2d_add",

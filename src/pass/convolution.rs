@@ -1,4 +1,4 @@
-//! Convolutions of channels-last images: eight output channels at a time, for several pixels.
+//! Convolutions of channels-last images. A thread computes eight output channels of several pixels.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write};
@@ -8,11 +8,11 @@ pub const PIXELS: u32 = 4;
 /// Output channels that a thread owns.
 pub const CHANNELS: u32 = 8;
 
-/// Flag: the result is added to what is there.
+/// Flag: add to the result buffer instead of overwriting.
 pub const FLAG_ADD: u32 = 1;
 /// Flag: negative values become 0.
 pub const FLAG_RELU: u32 = 2;
-/// Flag: the result is 0 where the gate, laid out as the result, is not positive.
+/// Flag: the result is 0 where the gate (same layout as the result) is not positive.
 pub const FLAG_GATE: u32 = 4;
 
 crate::push_constants! {
@@ -22,34 +22,34 @@ crate::push_constants! {
         pub in_width: u32,
         /// Height of the source in pixels.
         pub in_height: u32,
-        /// Rows of a pixel of the source.
+        /// Rows per pixel of the source.
         pub in_row: u32,
-        /// The first row of a pixel that is read.
+        /// First row of a pixel to read.
         pub in_first: u32,
-        /// How many of its rows are read.
+        /// Number of rows of a pixel to read.
         pub in_quads: u32,
-        /// Pixel of the source that is all zeros: what lies outside of the image.
+        /// Index of an all-zero pixel of the source, read outside of the image.
         pub zero_pixel: u32,
         /// Width of the result in pixels.
         pub out_width: u32,
         /// Height of the result in pixels.
         pub out_height: u32,
-        /// Rows of a pixel of the result.
+        /// Rows per pixel of the result.
         pub out_row: u32,
-        /// The first row of a pixel that is written.
+        /// First row of a pixel to write.
         pub out_first: u32,
         /// Groups of [`CHANNELS`] output channels.
         pub groups: u32,
-        /// Images, 1 or 2, one after the other in source and result.
+        /// Number of images, 1 or 2, stored one after the other in source and result.
         pub images: u32,
-        /// Taps along a side.
+        /// Taps along a side of the filter.
         pub size: u32,
-        /// Pixels of the source from one pixel of the result to the next.
+        /// Step in the source, in pixels, per pixel of the result.
         pub stride: u32,
         /// Pixels of zeros around the source.
         pub pad: u32,
-        /// First row of the filters. Their order: group, tap row by row, four input channels, one of these,
-        /// two rows of outputs.
+        /// First row of the filters. Order: group, tap (row by row), group of four input channels, channel in the
+        /// group, two rows of outputs.
         pub filter_row: u32,
         /// First row of the biases.
         pub bias_row: u32,

@@ -1,4 +1,4 @@
-//! Windows of a render and of its photograph, for a distance between them, and the way back for its gradient.
+//! Windows of a render and of its photograph for a perceptual distance, and the reverse for the gradient.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write, write};
@@ -16,7 +16,7 @@ crate::push_constants! {
         pub width: u32,
         /// Height of the window in pixels.
         pub height: u32,
-        /// 1: the render is of the window alone.
+        /// 1: the render covers only the window.
         pub cropped: u32,
     }
 }
@@ -34,14 +34,14 @@ crate::push_constants! {
         pub width: u32,
         /// Height of the window in pixels.
         pub height: u32,
-        /// What the gradient is multiplied by.
+        /// Factor of the gradient.
         pub weight: f32,
-        /// 1: the render is of the window alone.
+        /// 1: the render covers only the window.
         pub cropped: u32,
     }
 }
 
-/// Render and photograph in the window, one after the other.
+/// Copies the window of the render, then the window of the photograph, into one buffer.
 pub const PAIR: Pass = Pass {
     kernel: Kernel {
         name: "crop_pair",
@@ -56,7 +56,7 @@ pub const PAIR: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// The gradient in the window, which comes in blocks of 2x2 pixels, added to that of the render.
+/// Adds the gradient of the window, given in blocks of 2x2 pixels, to the gradient of the render.
 pub const GRADIENT: Pass = Pass {
     kernel: Kernel {
         name: "crop_gradient",

@@ -12,13 +12,13 @@ crate::push_constants! {
         pub clone_threshold: f32,
         /// Mean gradient norm from which a large splat is split.
         pub split_threshold: f32,
-        /// 1: splits are judged by the norm of the absolute gradient (AbsGS); 0: by the signed one (3DGS).
+        /// 1: splits use the norm of the absolute gradient (AbsGS); 0: of the signed gradient (3DGS).
         pub split_absolute: u32,
         /// Largest logarithmic scale of a small splat.
         pub split_scale: f32,
-        /// Logit of the opacity below which a splat is pruned.
+        /// Logit of the opacity threshold for pruning.
         pub prune_opacity: f32,
-        /// Largest logarithmic scale that is not pruned.
+        /// Largest logarithmic scale that is kept.
         pub prune_scale: f32,
         /// 1: prune by `prune_scale`.
         pub prune_large: u32,
@@ -50,7 +50,7 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one splat of the capacity and its flags in the segments kept, clone, first child, second \
           child; a workgroup owns 64 consecutive splats. Flags beyond the model are 0. `tally[0]` counts splats with \
-          a value that is not finite, which are always pruned.",
+          a non-finite value, which are always pruned.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,
 };

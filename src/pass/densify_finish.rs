@@ -1,4 +1,4 @@
-//! The counts after a density change.
+//! Updates the counters after a density change.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write};
@@ -21,9 +21,9 @@ pub const PASS: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread does all. Unless an overflow is noted: the number of splats, the next identity, and how many \
-          splats were cloned, replaced by two children, pruned (the rest: splits whose children were pruned count \
-          here), and met with a value that is not finite.",
+    doc: "One thread does everything. Unless `status` has an overflow, updates the number of splats, the next \
+          identity, and the numbers of splats that were cloned, replaced by two children, pruned (all others, \
+          including splits whose children were pruned), or non-finite.",
     dispatch: "one workgroup",
     push: Push::FIELDS,
 };

@@ -3,19 +3,19 @@
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, write};
 
-/// Every row as its source.
+/// Copies every row from its source.
 pub const MODE_COPY: u32 = 0;
 /// Logarithmic scales: children of a split are 1.6 times smaller.
 pub const MODE_SHRINK: u32 = 1;
-/// Moments of the optimiser: zero for rows that are new.
+/// Moments of the optimiser: zero for new rows.
 pub const MODE_MOMENT: u32 = 2;
 /// Statistics: zero for all rows.
 pub const MODE_ZERO: u32 = 3;
-/// Logarithmic scales: children are shorter along the axis that they stand along,
-/// so that both have their parent's covariance together.
+/// Logarithmic scales: children are shorter along the split axis, so that both together have the covariance of the
+/// parent.
 pub const MODE_SHRINK_AXIS: u32 = 4;
-/// Opacity logits: two children along an axis show at their parent's centre what it showed, and every opacity is
-/// multiplied by `keep`.
+/// Opacity logits: two children along an axis together match the parent's opacity at the parent's centre, and every
+/// opacity is multiplied by `keep`.
 pub const MODE_SHARE: u32 = 5;
 
 crate::push_constants! {
@@ -23,7 +23,7 @@ crate::push_constants! {
     pub struct Push {
         /// One of the modes of this module.
         pub mode: u32,
-        /// What [`MODE_SHARE`] multiplies opacities by.
+        /// Factor of opacities in [`MODE_SHARE`].
         pub keep: f32,
     }
 }

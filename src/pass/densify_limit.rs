@@ -8,7 +8,7 @@ crate::push_constants! {
     pub struct Push {
         /// Words between the four segments of `flags` and of `offsets`.
         pub stride: u32,
-        /// Splats that growth may reach. More splats than that stay, but do not grow.
+        /// Limit on the number of splats by growth. A larger model is kept, but does not grow.
         pub max_splats: u32,
         /// The run's seed.
         pub seed: u32,
@@ -28,7 +28,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat and its four flags; a workgroup owns 64 consecutive splats. Withdraws clones and \
-          splits, spread evenly over the order of birth, until the limit is kept; the scan of the flags is then \
+          splits, spread evenly over the order of birth, until the limit holds; the scan of the flags is then \
           repeated.",
     dispatch: "one thread per splat of the capacity",
     push: Push::FIELDS,

@@ -1,4 +1,4 @@
-//! Where every row of the model comes from after a density change, and its identity.
+//! Source and identity of every row of the model after a density change.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};

@@ -1,4 +1,4 @@
-//! The centres after a density change.
+//! The means after a density change.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
@@ -8,10 +8,10 @@ crate::push_constants! {
     pub struct Push {
         /// The run's seed.
         pub seed: u32,
-        /// Number of the event.
+        /// Number of the density change.
         pub event: u32,
-        /// 1: children stand along their parent's longest axis, or along that which the map notes; 0:
-        /// they are drawn from its Gaussian.
+        /// 1: children are placed along the parent's longest axis, or the axis in `map`; 0: children are drawn from the
+        /// parent's Gaussian.
         pub along_axis: u32,
     }
 }
@@ -36,7 +36,7 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one new row; a workgroup owns 64 consecutive rows. Children of a split are drawn from their \
           parent's Gaussian or stand along one of its axes, other rows keep their source's centre. `source` is a copy \
-          of the old centres; rotations and scales are still the old ones.",
+          of the old means; quats and scales are still the old ones.",
     dispatch: "one thread per new row, through `args`",
     push: Push::FIELDS,
 };

@@ -1,8 +1,8 @@
-//! The rows of a density change in the order of a space-filling curve.
+//! Orders the rows after a density change along a space-filling curve.
 //!
-//! Decisions, identities and random draws go by the order of birth, so that the order in memory decides nothing:
-//! `BIRTHS` gives the keys that bring the old rows into the order of birth, `FLAGS` brings their flags there, `CODES`
-//! gives the keys of the new rows along the curve, and `ORDER` brings map and identities into the order of these.
+//! Decisions, identities and random draws follow the order of birth, so the order in memory does not matter. `BIRTHS`
+//! writes keys that sort the old rows by birth, and `FLAGS` reorders the flags accordingly. `CODES` writes keys that
+//! sort the new rows along the curve, and `ORDER` reorders map and identities accordingly.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Kernel, read, read_write, write};
@@ -18,19 +18,19 @@ crate::push_constants! {
 crate::push_constants! {
     /// Push constants of [`CODES`].
     pub struct CodesPush {
-        /// One over the distance from the origin within which cells are smallest.
+        /// Inverse of the distance from the origin within which cells are smallest.
         pub scale: f32,
     }
 }
 
-/// Bits of a code.
+/// Bits of a curve code.
 pub const CODE_BITS: u32 = 30;
 
 const fn kernel(name: &'static str, bindings: &'static [Binding], push_bytes: u32) -> Kernel {
     Kernel { name, spirv: module(name), bindings, push_bytes, constants: &[], local_size: Some(64) }
 }
 
-/// Identities as sort keys, with their rows.
+/// Writes identities as sort keys, and rows as values.
 pub const BIRTHS: Pass = Pass {
     kernel: kernel("densify_births", &[read("counters"), read("ids"), write("keys"), write("vals")], Push::BYTES),
     doc: "One thread owns one row of the capacity; a workgroup owns 64 consecutive rows. Rows beyond the model get \
@@ -39,7 +39,7 @@ pub const BIRTHS: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// Flags by row into the order of birth.
+/// Reorders flags from row order to the order of birth.
 pub const FLAGS: Pass = Pass {
     kernel: kernel("densify_flags", &[read("row_of"), read("by_row"), write("flags")], Push::BYTES),
     doc: "One thread owns one splat of the capacity and its four flags; a workgroup owns 64 consecutive splats.",
@@ -47,7 +47,7 @@ pub const FLAGS: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// Codes of the new rows as sort keys, with their place in the order of birth.
+/// Writes curve codes of the new rows as sort keys, and their ranks in the order of birth as values.
 pub const CODES: Pass = Pass {
     kernel: kernel(
         "densify_codes",
@@ -60,7 +60,7 @@ pub const CODES: Pass = Pass {
     push: CodesPush::FIELDS,
 };
 
-/// Map and identities into the order that the codes were sorted into.
+/// Reorders map and identities into the sorted order of the codes.
 pub const ORDER: Pass = Pass {
     kernel: kernel(
         "densify_order",

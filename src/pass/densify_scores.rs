@@ -1,4 +1,4 @@
-//! Adds a view's mask values and errors to what sampled growth knows of splats.
+//! Adds a view's mask values and errors to the scores for sampled growth.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write};
@@ -10,9 +10,9 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// 1: there is a mask value for each pixel.
+        /// 1: `mask` has a value for each pixel.
         pub masked: u32,
-        /// Mean absolute difference of the channels above which the render is wrong.
+        /// Threshold on the mean absolute difference of the channels: above, the render is wrong.
         pub error: f32,
     }
 }

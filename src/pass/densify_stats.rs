@@ -25,7 +25,7 @@ pub const PASS: Pass = Pass {
     },
     doc: "One thread owns one splat and its row of `stats`; a workgroup owns 64 consecutive splats. Adds, for splats \
           on screen, the norms of the signed and the absolute gradient of the 2D mean (in normalised device \
-          coordinates) and 1 view. What stands fourth in the row is the optimiser's.",
+          coordinates) and 1 view. The fourth number of the row belongs to the optimiser.",
     dispatch: "one thread per splat of the model, through `args`",
     push: Push::FIELDS,
 };

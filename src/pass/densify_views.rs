@@ -1,4 +1,4 @@
-//! Counts the views that 3DGS counts although they show no pixel of a splat.
+//! Counts the views that 3DGS counts for a splat although the splat covers no pixel.
 
 use super::camera::CameraPush;
 use super::{Pass, module};

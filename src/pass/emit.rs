@@ -1,4 +1,4 @@
-//! Writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot, or of a tile and the splat.
+//! Writes the tiles of each visible splat, in depth order, as (tile, slot) or (tile, splat) pairs.
 
 use super::alpha_min::ALPHA_MIN;
 use super::turns::PER_TURN;
@@ -6,7 +6,7 @@ use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
 crate::push_constants! {
-    /// Push constants of all forms.
+    /// Push constants of all variants.
     pub struct Push {
         /// Image width in pixels.
         pub width: u32,
@@ -16,12 +16,12 @@ crate::push_constants! {
         pub tile_width: u32,
         /// Tile height in pixels.
         pub tile_height: u32,
-        /// Pairs that fit.
+        /// Most pairs that fit.
         pub capacity: u32,
     }
 }
 
-/// Pairs carry the splat itself (0 or 1): nothing is written to `slot_splat`, and `slot_offsets` is not read.
+/// Pairs carry the splat itself (0 or 1). With 1 the pass does not use `slot_splat` and `slot_offsets`.
 pub(super) const CARRIED: Constant = Constant { id: 0, name: "CARRIED", default: 0 };
 
 const BINDINGS: &[Binding] = &[
@@ -52,18 +52,18 @@ const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static 
     }
 }
 
-const TOGETHER_DOC: &str = "One thread owns one visible splat with its places and slots, a subgroup those of its \
-     threads' splats that have many; a workgroup owns 64 consecutive visible splats.";
+const TOGETHER_DOC: &str = "One thread owns one visible splat with its pairs and slots; a subgroup together writes the pairs \
+     of its splats with many tiles; a workgroup owns 64 consecutive visible splats.";
 
 /// A thread writes the pairs of its splat.
 pub const PASS: Pass = pass(
     "emit",
     &[CARRIED, PER_TURN, ALPHA_MIN],
-    "One thread owns one visible splat with its places and slots; a workgroup owns 64 consecutive visible splats.",
+    "One thread owns one visible splat with its pairs and slots; a workgroup owns 64 consecutive visible splats.",
 );
-/// A subgroup writes the pairs of its large splats together: for wide subgroups. The same bits.
+/// A subgroup writes the pairs of its large splats together, for wide subgroups. Same results as [`PASS`].
 pub const TOGETHER: Pass = pass("emit_together_subgroup", &[CARRIED, PER_TURN, ALPHA_MIN], TOGETHER_DOC);
-/// The same with emulated subgroups.
+/// [`TOGETHER`] with emulated subgroups.
 pub const TOGETHER_EMULATED: Pass = pass(
     "emit_together_emulated",
     &[Constant { id: 100, name: "EMULATED_WIDTH", default: 32 }, CARRIED, PER_TURN, ALPHA_MIN],

@@ -1,19 +1,19 @@
-//! Affine colour transforms of photographs between the blend and the loss, with an optimiser of their own.
+//! Exposures: affine colour transforms of photographs between blend and loss, with their own optimiser.
 //!
-//! A camera exposes each photograph differently, and the model is not to learn that. So photograph v is compared with
-//! `E_v (r, g, b, 1)` of the render, E_v a 3x4 matrix (idea: the exposure compensation of the 3DGS reference). Kept are
-//! deviations: `E_v = I + D_v - mean of all D`. So the mean over photographs is the identity at every step, and what
-//! all photographs have in common is left to the model. A step, too, goes by what a photograph's gradient differs in
-//! from the mean of all photographs' last ones, which is the gradient of the sum of their losses in these coordinates:
-//! while the model as a whole is too dark or too bright, that is no photograph's fault.
+//! A camera exposes each photograph differently, and the model should not learn the exposure. So photograph v is
+//! compared with `E_v (r, g, b, 1)` of the render, with a 3x4 matrix E_v (idea: the exposure compensation of the 3DGS
+//! reference). The buffer stores deviations D: `E_v = I + D_v - mean of all D`. The mean of E over photographs is
+//! therefore always the identity, and the model learns what all photographs share. A step uses the photograph's
+//! gradient minus the mean of the last gradients of all photographs, which is the gradient of the summed loss with
+//! respect to D. So a model that is too dark or too bright as a whole moves no exposure.
 
 use super::{Pass, adam, module};
 use crate::vk::{Kernel, read, read_write, write};
 
 /// Numbers of a matrix, row-major.
 pub const NUMBERS: usize = 12;
-/// Floats of a row of `exposures`: deviation, two moments and the last gradient. Photograph v has row v;
-/// the row behind them begins with the mean.
+/// Floats of a row of `exposures`: deviation, two moments and the last gradient. Photograph v has row v. The row after
+/// the last photograph begins with the mean.
 pub const ROW: usize = 4 * NUMBERS;
 /// Pixels that a workgroup of the passes over pixels owns.
 pub const PIXELS: u32 = 1024;
@@ -25,7 +25,7 @@ crate::push_constants! {
         pub pixels: u32,
         /// Row of the photograph.
         pub view: u32,
-        /// Photographs.
+        /// Number of photographs.
         pub views: u32,
     }
 }
@@ -37,9 +37,9 @@ crate::push_constants! {
         pub parts: u32,
         /// Row of the photograph.
         pub view: u32,
-        /// Photographs.
+        /// Number of photographs.
         pub views: u32,
-        /// Photographs that have been looked at, this one included.
+        /// Number of photographs seen so far, including this photograph.
         pub known: u32,
         /// Learning rate.
         pub lr: f32,
@@ -61,8 +61,8 @@ crate::push_constants! {
 }
 
 impl StepPush {
-    /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been looked at, and
-    /// this one `seen` times, both with this time.
+    /// The step of row `view` of `views`, a photograph of `pixels` pixels. `known` photographs have been seen so far,
+    /// and this photograph `seen` times, both including this time.
     pub fn new(
         settings: &adam::AdamSettings,
         pixels: u32,
@@ -88,12 +88,12 @@ impl StepPush {
     }
 }
 
-/// Workgroups of the passes over pixels, and rows of 12 that the backward leaves.
+/// Workgroups of the passes over pixels, and rows of 12 floats that [`BACKWARD`] writes.
 pub fn parts(pixels: u32) -> u32 {
     pixels.div_ceil(PIXELS)
 }
 
-/// Floats of `exposures` for so many photographs.
+/// Floats of `exposures` for `views` photographs.
 pub fn floats(views: usize) -> usize {
     ROW * (views + 1)
 }

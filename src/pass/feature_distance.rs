@@ -1,13 +1,13 @@
-//! The distance of two images' features per pixel with its gradient, and the sum over pixels and layers.
+//! Distance of two images' features per pixel, with gradient, and the sum over pixels and layers.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
 
 pub use super::convolution::FLAG_GATE;
 
-/// Flag: the gradient is written.
+/// Flag: write the gradient.
 pub const FLAG_GRADIENT: u32 = 8;
-/// Most layers that are summed.
+/// Most layers.
 pub const MOST_LAYERS: usize = 8;
 
 crate::push_constants! {
@@ -19,9 +19,9 @@ crate::push_constants! {
         pub quads: u32,
         /// First row of the layer's channel weights.
         pub weight_row: u32,
-        /// First of the layer's parts.
+        /// Index of the layer's first part.
         pub part_first: u32,
-        /// Added to the length of a feature before it is divided by it.
+        /// Added to the length of a feature before normalisation.
         pub eps: f32,
         /// Sum of [`FLAG_GATE`] and [`FLAG_GRADIENT`].
         pub flags: u32,
@@ -31,14 +31,15 @@ crate::push_constants! {
 crate::push_constants! {
     /// Push constants of [`SUM`].
     pub struct SumPush {
-        /// Ends of the layers' parts; a layer begins where the one before it ends.
+        /// End of each layer's parts. A layer begins at the end of the previous layer.
         pub ends: [u32; 8],
         /// Number of layers.
         pub layers: u32,
     }
 }
 
-/// The distance at each pixel, divided by their number, and the gradient with respect to the first image's features.
+/// The distance at each pixel, divided by the number of pixels, and the gradient with respect to the first image's
+/// features.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "feature_distance",
@@ -53,7 +54,7 @@ pub const PASS: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// A sum per layer, and their sum behind them.
+/// A sum per layer, then the sum of all layers.
 pub const SUM: Pass = Pass {
     kernel: Kernel {
         name: "distance_sum",

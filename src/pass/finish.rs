@@ -8,14 +8,14 @@ crate::push_constants! {
     pub struct Push {
         /// Number of the event.
         pub event: u32,
-        /// 1 to make the splats that there are the constrained set.
+        /// 1: the current splats become the constrained set.
         pub constrain: u32,
-        /// Step of the optimiser with which every splat was caught up, modulo 2^16; [`NOT_CAUGHT_UP`] where none was.
+        /// Optimiser step, modulo 2^16, at which the event caught up every splat; otherwise [`NOT_CAUGHT_UP`].
         pub caught_up: u32,
     }
 }
 
-/// [`Push::caught_up`] of an event that catches up with nothing.
+/// [`Push::caught_up`] of an event that does not catch up splats.
 pub const NOT_CAUGHT_UP: u32 = u32::MAX;
 
 /// Words of the report: the counters, then total loss, L1 and SSIM.

@@ -1,13 +1,13 @@
-//! Depth and normals of a render against those of a prior: loss and gradient, in two passes.
+//! Geometry loss between a render's depth and normals and a prior, with gradient, in two passes.
 //!
-//! [`crate::loss::GeometryLoss`] composes them. `image` and `aux` are what the blend forward wrote. The first pass,
-//! [`DEPTH`], counts what the means are taken over; its parts, added up by [`super::part_sum`], are the totals of the
-//! second, [`GRAD`], whose own parts add up to the loss: depth, smoothness, normals, and their sum. The formulas stand
-//! in `glsl/include/geometry.glsl`. GRAD adds to the fourth component of `grad_image` and leaves the others, so it
-//! follows every pass that writes that buffer anew.
+//! [`crate::loss::GeometryLoss`] composes the passes. `image` and `aux` are the outputs of the forward blend. The first
+//! pass, [`DEPTH`], counts the pixels for the means; [`super::part_sum`] adds its parts to the totals for the second
+//! pass. The parts of the second pass, [`GRAD`], add up to the loss: depth, smoothness, normals, and their sum. The
+//! formulas are in `glsl/include/geometry.glsl`. GRAD adds to the fourth component of `grad_image` and leaves the
+//! others unchanged, so GRAD follows every pass that overwrites `grad_image`.
 //!
 //! Sources: the Huber loss on relative residuals and the second differences of unit-free depth are PSRGS'; the
-//! edge-aware weights are those of monocular depth estimation (Godard et al. 2017).
+//! edge-aware weights are from monocular depth estimation (Godard et al. 2017).
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};
@@ -19,28 +19,27 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// Width of the prior in pixels of its own, at least 1. The prior and the mask cover the same view as the
-        /// image.
+        /// Width of the prior in its own pixels, at least 1. Prior and mask cover the same view as the image.
         pub prior_width: u32,
         /// Height of the prior.
         pub prior_height: u32,
-        /// Width of the mask, which is looked at where MASK is 1.
+        /// Width of the mask, used only when MASK is 1.
         pub mask_width: u32,
         /// Height of the mask.
         pub mask_height: u32,
-        /// Pixels of the photograph that are not masked: a third of [`super::loss::values`].
+        /// Number of unmasked pixels of the photograph: a third of [`super::loss::values`].
         pub pixels: f32,
-        /// Median depth of the view, in which smoothness measures depths.
+        /// Median depth of the view, the unit of depth for smoothness.
         pub median: f32,
-        /// Weight of the depths; 0 leaves them out, as with the other weights.
+        /// Weight of the depth term. A weight of 0 turns a term off.
         pub depth_weight: f32,
-        /// Relative residual at which the depths' Huber function turns linear.
+        /// Relative residual at which the depth term's Huber function becomes linear.
         pub huber: f32,
-        /// Weight of edges in the depths' E, the formula of which the constant EDGES chooses.
+        /// Weight of edges in the depth term's factor E; the constant EDGES chooses its formula.
         pub edge: f32,
-        /// Weight of smoothness.
+        /// Weight of the smoothness term.
         pub smooth_weight: f32,
-        /// How fast smoothness ends towards edges: exp(-edge_stop |grad I|), I in 0 to 1.
+        /// Decay of smoothness at edges: the weight is exp(-edge_stop |grad I|), with I from 0 to 1.
         pub edge_stop: f32,
         /// Weight of 1 - cosine of the normals' angle.
         pub cosine_weight: f32,
@@ -65,10 +64,10 @@ pub const fn parts(width: u32, height: u32) -> u32 {
 /// Largest coordinate of a packed normal.
 const FOLDED: f64 = 4094.0;
 
-/// A pixel of a prior: depth along the camera's axis in scene units (0, or what is not finite: none), unit normal in
-/// the camera frame, confidence from 0 to 1 (0: neither counts). The normal is exact to a fifteenth of a degree.
+/// Packs a pixel of a prior: depth along the camera's axis in scene units (0 or non-finite for none), unit normal in
+/// the camera frame, confidence from 0 to 1 (0 ignores the pixel). The normal is exact to a fifteenth of a degree.
 pub fn pack_prior(depth: f32, normal: Option<[f32; 3]>, confidence: f32) -> [u32; 2] {
-    // The octahedron's coordinates (Meyer et al. 2010); both 0 mean that there is none.
+    // Octahedral coordinates (Meyer et al. 2010); both 0 stand for no normal.
     let code = normal.map_or(0, |normal| {
         let [x, y, z] = normal.map(f64::from);
         let size = x.abs() + y.abs() + z.abs();
@@ -84,22 +83,23 @@ pub fn pack_prior(depth: f32, normal: Option<[f32; 3]>, confidence: f32) -> [u32
         };
         let [u, v] = folded.map(|v| ((v + 1.0) * 0.5 * FOLDED).round() as u32);
         match u | v << 12 {
-            // The corner of (0, 0, -1), which the other corners are, too.
+            // (0, 0) is reserved, so (0, 0, -1) uses another corner; all corners stand for (0, 0, -1).
             0 => FOLDED as u32 | (FOLDED as u32) << 12,
             code => code,
         }
     });
-    // A confidence that is not a number becomes 0.
+    // A NaN confidence becomes 0.
     [depth.to_bits(), code | ((confidence.clamp(0.0, 1.0) * 255.0).round() as u32) << 24]
 }
 
-/// 1: a mask is bound; 0: M = 0.
+/// 1: a mask M is bound; 0: M = 0.
 const MASK: Constant = Constant { id: 0, name: "MASK", default: 0 };
-/// E. 0: 1 + edge |grad I| / (|grad I| + mean |grad I|), more weight at edges; 1: exp(-edge |grad I|), less.
+/// Formula of E. 0: 1 + edge |grad I| / (|grad I| + mean |grad I|), more weight at edges; 1: exp(-edge |grad I|), less
+/// weight at edges.
 const EDGES: Constant = Constant { id: 0, name: "EDGES", default: 0 };
 const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
-/// What depths there are, and how many.
+/// Writes the depth map, and counts valid depths.
 pub const DEPTH: Pass = Pass {
     kernel: Kernel {
         name: "geometry_depth",

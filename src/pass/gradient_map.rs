@@ -1,13 +1,13 @@
-//! Gradient maps of a render and a photograph: their correlation in windows, and the total variation of the residual.
+//! Loss on gradient maps of render and photograph: correlation in windows, and total variation of the residual.
 //!
-//! [`crate::loss::GradientMapLoss`] composes the passes. [`SOBEL`] makes the maps, [`WINDOWS`] correlates them,
-//! [`super::part_sum`] adds the windows up to the totals of [`GRAD`], which adds to `grad_image` and whose parts, added
-//! up, are the loss: (correlation term, variation, mean correlation, sum of both terms). The formulas stand in
-//! `glsl/include/gradient_map.glsl`. GRAD follows the pass that writes `grad_image` anew; where a photograph has an
-//! exposure, the image is the exposed one, and the exposure's backward comes after.
+//! [`crate::loss::GradientMapLoss`] composes the passes. [`SOBEL`] computes the maps, and [`WINDOWS`] correlates them
+//! in windows. [`super::part_sum`] adds the windows to the totals for [`GRAD`]. GRAD adds to `grad_image`, and its
+//! parts add up to the loss: (correlation term, variation, mean correlation, sum of both terms). The formulas are in
+//! `glsl/include/gradient_map.glsl`. GRAD follows the pass that overwrites `grad_image`. For a photograph with
+//! exposure, the image is the exposed image, and the exposure's backward pass comes after.
 //!
-//! Sources: correlation of gradient maps and total variation, PSRGS; the residual's variation instead of the render's,
-//! which would blur texture, is a reading of it.
+//! Source: PSRGS (correlation of gradient maps, total variation). The variation is taken of the residual, not of the
+//! render, because the variation of the render would blur texture.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};
@@ -19,15 +19,15 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// Width of the mask, which covers the same view and is looked at where MASK is 1.
+        /// Width of the mask, used only when MASK is 1. The mask covers the same view.
         pub mask_width: u32,
         /// Height of the mask.
         pub mask_height: u32,
         /// Weight of 1 - the mean correlation.
         pub weight: f32,
-        /// Weight of the residual's total variation, which is a mean over pixels and channels.
+        /// Weight of the residual's total variation, a mean over pixels and channels.
         pub tv_weight: f32,
-        /// What the variation's mean is taken over: see [`super::loss::values`].
+        /// Number of values in the variation's mean: see [`super::loss::values`].
         pub values: f32,
     }
 }
@@ -52,9 +52,9 @@ pub const fn parts(width: u32, height: u32) -> u32 {
     64 * groups(width, height)
 }
 
-/// 1: a mask is bound; 0: M = 1.
+/// 1: a mask M is bound; 0: M = 1.
 const MASK: Constant = Constant { id: 0, name: "MASK", default: 0 };
-/// 0: the residual's variation is left out.
+/// 0: leaves out the residual's variation.
 const VARIATION: Constant = Constant { id: 0, name: "VARIATION", default: 1 };
 const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
@@ -73,7 +73,7 @@ pub const SOBEL: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// Correlations, and their derivatives in place of the maps.
+/// Correlations per window; overwrites the maps with the derivatives.
 pub const WINDOWS: Pass = Pass {
     kernel: Kernel {
         name: "gradient_map_windows",

@@ -1,19 +1,19 @@
-//! L1 + SSIM between a render and a photograph, value and gradient: two passes and a sum.
+//! Photometric loss between a render and a photograph: L1 and SSIM, with gradient, in two passes and a sum.
 //!
-//! Subgroups own strips and rows, so partial sums and dispatches depend on the subgroup's width: see [`LossLayout`].
+//! A subgroup owns a strip or a row, so partial sums and dispatches depend on the subgroup width: see [`LossLayout`].
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
-/// Floats of a slot of the `loss` ring: total, L1, SSIM, and one that is not written.
+/// Floats of a slot of the `loss` ring: total, L1, SSIM, and one unused.
 pub const SLOT_FLOATS: u32 = 4;
-/// Narrowest subgroup that the window fits: its reach must not go past the neighbours.
+/// Least subgroup width for the SSIM window, whose reach must not exceed the neighbouring subgroups.
 pub const LEAST_LANES: u32 = 8;
-/// Threads in a workgroup of the emulated variants: as many as the widest subgroup emulated.
+/// Threads in a workgroup of the emulated variants: the width of the widest emulated subgroup.
 pub const EMULATED_LOCAL_SIZE: u32 = 64;
-/// Threads that add the parts up; a multiple of it on devices that wait for memory longer than they add.
+/// Least number of threads of [`SUM`]. Devices with long memory latency use a multiple.
 pub const SUM_THREADS: u32 = 64;
-/// Width of the subgroups that the emulated variants have in training.
+/// Subgroup width of the emulated variants in training.
 pub const EMULATED_LANES: u32 = 32;
 
 crate::push_constants! {
@@ -25,11 +25,11 @@ crate::push_constants! {
         pub height: u32,
         /// Weight of 1 - SSIM; L1 has the rest.
         pub lambda: f32,
-        /// What the means are taken over: see [`values`].
+        /// Number of values in the means: see [`values`].
         pub values: f32,
-        /// Weight in the gradient of a pixel with saliency 0, where WEIGHTED is 1 ...
+        /// Gradient weight of a pixel with saliency 0; used only when WEIGHTED is 1.
         pub low_weight: f32,
-        /// ... and of one with saliency 1.
+        /// Gradient weight of a pixel with saliency 1; used only when WEIGHTED is 1.
         pub high_weight: f32,
     }
 }
@@ -37,7 +37,7 @@ crate::push_constants! {
 crate::push_constants! {
     /// Push constants of [`SUM`].
     pub struct SumPush {
-        /// What the means are taken over: see [`values`].
+        /// Number of values in the means: see [`values`].
         pub values: f32,
         /// Floats in `ssim_parts`.
         pub ssim_count: u32,
@@ -50,7 +50,7 @@ crate::push_constants! {
     }
 }
 
-/// Channels times pixels that count, where `masked` pixels of an image do not.
+/// Number of values in the means: channels times unmasked pixels. `masked` is the number of masked pixels.
 pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     match masked {
         0 => 3.0 * width as f32 * height as f32,
@@ -58,7 +58,7 @@ pub fn values(width: u32, height: u32, masked: u32) -> f32 {
     }
 }
 
-/// Subgroups that keep the largest devices at work: more than one on each of their units.
+/// Number of subgroups that occupies the largest devices, with several per compute unit.
 const ENOUGH_STRIPS: u64 = 1000;
 /// Rows of the strips of large images.
 const LONG: u32 = 64;
@@ -72,18 +72,18 @@ pub struct LossLayout {
     pub width: u32,
     /// Image height in pixels.
     pub height: u32,
-    /// Width of a subgroup: a power of two, at least 8.
+    /// Subgroup width: a power of two, at least 8.
     pub lanes: u32,
-    /// Rows of a strip: the constant SEGMENT. Each strip reads 20 rows more.
+    /// Rows of a strip: the constant SEGMENT. Each strip reads 20 additional rows.
     pub segment: u32,
-    /// Subgroups that share the channels of a strip: 3, of which each takes one, or 1 that takes them all.
+    /// Subgroups per strip: 3 with one channel each, or 1 with all channels.
     pub apart: u32,
 }
 
 impl LossLayout {
-    /// For a device's subgroup width. Devices of 8 lanes are processors with few cores. Wide ones need many subgroups
-    /// at work, which walk one row after the other: in small images each takes one channel of a short strip, though
-    /// short ones read their 20 rows more often.
+    /// The layout for a device's subgroup width. Devices with 8 lanes are CPUs with few cores. Devices with wide
+    /// subgroups need many subgroups at work. So in small images a subgroup takes one channel of a short strip,
+    /// although short strips read more additional rows in total.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
         if lanes <= LEAST_LANES {
             return Self { width, height, lanes, segment: 1024, apart: 1 };
@@ -99,7 +99,7 @@ impl LossLayout {
         apart
     }
 
-    /// Subgroups of the strips.
+    /// Number of subgroups of the strips.
     const fn strips(&self) -> u64 {
         let strips = self.width.div_ceil(self.lanes) as u64 * self.height.div_ceil(self.segment) as u64;
         strips * self.apart as u64
@@ -137,7 +137,7 @@ const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", def
 /// Bits per channel of the photograph, 8 or 16.
 const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
-/// 1: pixels have weights.
+/// 1: pixels are weighted by saliency.
 const WEIGHTED: Constant = Constant { id: 3, name: "WEIGHTED", default: 0 };
 
 const STRIPS: &[Binding] = &[
@@ -180,26 +180,27 @@ const fn grad(name: &'static str, constants: &'static [Constant], local_size: Op
     }
 }
 
-/// SSIM and its derivatives, weighted by the window along columns. LOCAL_SIZE is the subgroup's width.
+/// SSIM and its derivatives, filtered by the window along columns. LOCAL_SIZE is the subgroup width.
 pub const STRIPS_SUBGROUP: Pass =
     strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same, three rows a turn: for processors, which merge all that a loop changes under the mask of active lanes at
-/// every turn.
+/// [`STRIPS_SUBGROUP`] with three rows per loop turn. For CPU devices, which at every turn merge all changed variables
+/// under the mask of active lanes.
 pub const STRIPS_SUBGROUP_THREE: Pass =
     strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same as [`STRIPS_SUBGROUP`], one channel of a strip per subgroup: for subgroups wider than [`LEAST_LANES`].
+/// [`STRIPS_SUBGROUP`] with one channel of a strip per subgroup. For subgroups wider than [`LEAST_LANES`].
 pub const STRIPS_SUBGROUP_APART: Pass =
     strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same as [`STRIPS_SUBGROUP_APART`] without subgroup operations.
+/// [`STRIPS_SUBGROUP_APART`] with emulated subgroups.
 pub const STRIPS_EMULATED: Pass =
     strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
-/// The window along rows, and the gradient with respect to the render. LOCAL_SIZE is the subgroup's width.
+/// Filters by the window along rows, and computes the gradient with respect to the render. LOCAL_SIZE is the subgroup
+/// width.
 pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// The same without subgroup operations.
+/// [`GRAD_SUBGROUP`] with emulated subgroups.
 pub const GRAD_EMULATED: Pass =
     grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
 
-/// The parts of the loss added up, in a fixed order.
+/// Sums the parts of the loss in a fixed order.
 pub const SUM: Pass = Pass {
     kernel: Kernel {
         name: "loss_sum",

@@ -58,8 +58,7 @@ pub use shaders::module;
 
 use crate::vk::Kernel;
 
-/// A push-constant field: what the shader's block must contain at the same offset (checked against the SPIR-V by a
-/// test).
+/// A push-constant field. A test checks that the shader's block has the same member at the same offset.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     /// Member name in Rust and in GLSL.
@@ -76,14 +75,13 @@ pub struct Pass {
     pub kernel: Kernel,
     /// What one thread and one workgroup own, and what the pass computes.
     pub doc: &'static str,
-    /// How many threads or workgroups are dispatched, in words.
+    /// Size of the dispatch, in words.
     pub dispatch: &'static str,
     /// The push-constant block.
     pub push: &'static [Field],
 }
 
-/// Every pass. A pass that is not listed here cannot be run by [`crate::raster`] or [`crate::train`] (they take `&Pass`
-/// from their modules, and a test compares the shader folder with this list).
+/// Every pass. A test compares the shader folder with this list.
 pub const ALL: &[&Pass] = &[
     &adam::PASS,
     &blend_backward::COLUMN_ATOMIC,
@@ -199,7 +197,7 @@ macro_rules! push_constants {
         #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
         pub struct $name { $($(#[$fmeta])* pub $field: $ty),* }
         impl $name {
-            /// Layout of the block, compared with the shader by a test.
+            /// Layout of the block; a test compares the layout with the shader.
             pub const FIELDS: &'static [$crate::pass::Field] = &[$($crate::pass::Field {
                 name: stringify!($field),
                 offset: std::mem::offset_of!($name, $field) as u32,

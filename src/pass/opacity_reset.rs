@@ -1,4 +1,4 @@
-//! Caps every opacity and forgets its moments.
+//! Caps every opacity and clears its moments.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write, write};
@@ -6,7 +6,7 @@ use crate::vk::{Kernel, read, read_write, write};
 crate::push_constants! {
     /// Push constants of [`PASS`].
     pub struct Push {
-        /// Logit of the largest opacity that stays.
+        /// Logit of the largest allowed opacity.
         pub logit_cap: f32,
     }
 }

@@ -1,4 +1,4 @@
-//! Rows of four floats added up in a fixed order.
+//! Sums rows of four floats in a fixed order.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};

@@ -8,7 +8,7 @@ crate::push_constants! {
     pub struct Push {
         /// Width of the photograph in pixels.
         pub width: u32,
-        /// Its height.
+        /// Height of the photograph in pixels.
         pub height: u32,
         /// Pixels of the photograph along each side of a pixel of the result.
         pub factor: u32,
@@ -26,8 +26,8 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns a pixel of the result, the mean of `factor` x `factor` pixels; a workgroup owns 64 \
-          consecutive ones. Masked pixels have no part in the mean, and a pixel is masked where more than half of its \
-          pixels are.",
+          consecutive ones. The mean excludes masked pixels. A pixel of the result is masked when more than half of \
+          its source pixels are.",
     dispatch: "one thread per pixel of the result",
     push: Push::FIELDS,
 };

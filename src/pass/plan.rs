@@ -1,15 +1,15 @@
-//! Counts into workgroup numbers for indirect dispatches, and the end of an event.
+//! Turns counts into workgroup counts for indirect dispatches, and voids an event.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read_write, write};
 
-/// Stands for "no counter" in push constants.
+/// "No counter" in push constants.
 pub const NO_COUNTER: u32 = u32::MAX;
 
-/// Most entries that one `plan` writes.
+/// Most entries that one dispatch of `plan` writes.
 pub const MOST_ENTRIES: usize = 8;
 
-/// Most workgroups that `plan` puts on one axis; what is more goes to y.
+/// Most workgroups on one axis; more workgroups are spread over y.
 pub const MOST_ON_AXIS: u32 = 32_768;
 
 crate::push_constants! {
@@ -17,7 +17,7 @@ crate::push_constants! {
     pub struct Push {
         /// Counter that holds the count.
         pub source: u32,
-        /// Most that fits.
+        /// Largest count that fits.
         pub capacity: u32,
         /// Bit to set in `status` when the count does not fit.
         pub status_bit: u32,
@@ -27,25 +27,25 @@ crate::push_constants! {
         pub first: u32,
         /// Entries to write, at most [`MOST_ENTRIES`].
         pub entries: u32,
-        /// Entries from the first of `args` on that are zeroed when the event is void.
+        /// Number of entries, from the first entry of `args`, to zero when the event is void.
         pub void_entries: u32,
-        /// An entry's elements are `ceil(count / divide) * multiply`.
+        /// Per entry, the number of elements is `ceil(count / divide) * multiply`.
         pub divide: [u32; 8],
         /// See `divide`.
         pub multiply: [u32; 8],
-        /// Elements per workgroup; 0 means `multiply` workgroups whatever the count.
+        /// Elements per workgroup; 0 stands for `multiply` workgroups regardless of the count.
         pub items: [u32; 8],
     }
 }
 
-/// One entry of `args`: how a count becomes workgroups.
+/// Plan of one entry of `args`: how a count becomes a number of workgroups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// The elements are `ceil(count / divide) * multiply`.
+    /// The number of elements is `ceil(count / divide) * multiply`.
     pub divide: u32,
     /// See `divide`.
     pub multiply: u32,
-    /// Elements per workgroup; 0 means `multiply` workgroups whatever the count.
+    /// Elements per workgroup; 0 stands for `multiply` workgroups regardless of the count.
     pub items: u32,
 }
 
@@ -55,20 +55,20 @@ impl Entry {
         Entry { divide: 1, multiply: 1, items }
     }
 
-    /// `groups` workgroups whatever the count, also for a count of zero.
+    /// `groups` workgroups regardless of the count, even for a count of zero.
     pub const fn fixed(groups: u32) -> Entry {
         Entry { divide: 1, multiply: groups, items: 0 }
     }
 
-    /// Bytes from the beginning of `args` to entry `n`.
+    /// Byte offset of entry `n` in `args`.
     pub const fn offset(n: u32) -> u64 {
         16 * n as u64
     }
 }
 
 impl Push {
-    /// Plans `entries` (at most [`MOST_ENTRIES`]; the rest is left out) from entry `first` on,
-    /// for a count without a limit.
+    /// Plans `entries` (at most [`MOST_ENTRIES`]; further entries are ignored) from entry `first` on, for a count
+    /// without a limit.
     pub fn unlimited(source: u32, first: u32, entries: &[Entry]) -> Push {
         let mut push = Push {
             source,
@@ -88,19 +88,19 @@ impl Push {
         push
     }
 
-    /// The same, zeroing what was planned before in the first `entries` entries of `args` when the event is void.
+    /// Also zeroes the first `entries` entries of `args` when the event is void.
     pub fn voiding(self, entries: u32) -> Push {
         Push { void_entries: entries, ..self }
     }
 
-    /// The same with a capacity, the status bit that tells of more, and the counter that keeps the largest count.
+    /// Adds a capacity, the status bit for a count above the capacity, and the counter that keeps the largest count.
     pub fn limited(self, capacity: u32, status_bit: u32, want: u32) -> Push {
         Push { capacity, status_bit, want, ..self }
     }
 }
 
-/// Turns a count into workgroup numbers, or into zeros when it does not fit or `status` was set before; then also what
-/// was planned before can be zeroed, see [`Push::voiding`].
+/// Turns a count into workgroup counts; zeros when the count does not fit or `status` is set. Zeros can extend to
+/// entries planned before: see [`Push::voiding`].
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "plan",

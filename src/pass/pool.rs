@@ -1,4 +1,4 @@
-//! Max pooling, 3x3 with stride 2 and windows that may hang over (ceil mode), and its gradient.
+//! Max pooling, 3x3 with stride 2, with windows that may extend past the border (ceil mode), and its gradient.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write, write};
@@ -18,21 +18,21 @@ crate::push_constants! {
         pub out_height: u32,
         /// Rows of four channels in a pixel.
         pub quads: u32,
-        /// Images, 1 or 2, one after the other.
+        /// Number of images, 1 or 2, stored one after the other.
         pub images: u32,
     }
 }
 
 crate::push_constants! {
-    /// Push constants of [`BACKWARD`], which has one image.
+    /// Push constants of [`BACKWARD`], for one image.
     pub struct BackwardPush {
         /// Width of the source of the forward pass in pixels.
         pub in_width: u32,
-        /// Its height.
+        /// Height of the source of the forward pass in pixels.
         pub in_height: u32,
-        /// Width of the result of the forward pass.
+        /// Width of the result of the forward pass in pixels.
         pub out_width: u32,
-        /// Its height.
+        /// Height of the result of the forward pass in pixels.
         pub out_height: u32,
         /// Rows of four channels in a pixel.
         pub quads: u32,
@@ -41,12 +41,12 @@ crate::push_constants! {
     }
 }
 
-/// Pixels along a side of what is pooled from `side` of them, of which there must be two at least.
+/// Side of the result in pixels for a source of `side` pixels, at least 2.
 pub const fn pooled(side: u32) -> u32 {
     side / 2
 }
 
-/// The largest of 3x3 values, and which it was.
+/// The largest of 3x3 values, and its index in the window.
 pub const FORWARD: Pass = Pass {
     kernel: Kernel {
         name: "pool",
@@ -61,7 +61,7 @@ pub const FORWARD: Pass = Pass {
     push: Push::FIELDS,
 };
 
-/// The gradient of every maximum, given to the pixel that it was taken from.
+/// Passes the gradient of every maximum to the source pixel of the maximum.
 pub const BACKWARD: Pass = Pass {
     kernel: Kernel {
         name: "pool_backward",
@@ -71,8 +71,8 @@ pub const BACKWARD: Pass = Pass {
         constants: &[],
         local_size: Some(64),
     },
-    doc: "One thread owns four channels of an input pixel and looks at the windows over it; a workgroup owns 64 \
-        consecutive threads.",
+    doc: "One thread owns four channels of an input pixel and reads the windows that cover the pixel; a \
+        workgroup owns 64 consecutive threads.",
     dispatch: "one thread per pixel and four channels of the source",
     push: BackwardPush::FIELDS,
 };

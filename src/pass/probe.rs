@@ -1,26 +1,26 @@
-//! What measures the device itself: a copy, and arithmetic on registers alone.
-//! The floors of a benchmark come from them.
+//! Measures the device: a copy, and arithmetic on registers only. Benchmarks derive lower bounds on time from the
+//! results.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
 
 /// Groups of four words that a workgroup of [`COPY`] owns.
 pub const COPY_GROUPS: u32 = 256;
-/// Chains of operations of a thread of the arithmetic.
+/// Chains of operations per thread of the arithmetic passes.
 pub const CHAINS: u32 = 8;
-/// Operations of every chain in a turn of the loop.
+/// Operations per chain and turn of the loop.
 pub const UNROLL: u32 = 8;
 
 crate::push_constants! {
     /// Push constants of [`COPY`].
     pub struct CopyPush {
-        /// Groups of four words.
+        /// Number of groups of four words.
         pub count: u32,
     }
 }
 
 crate::push_constants! {
-    /// Push constants of the arithmetic.
+    /// Push constants of the arithmetic passes.
     pub struct RatePush {
         /// Turns of [`UNROLL`] operations in every chain, at most 65,535.
         pub turns: u32,
@@ -67,7 +67,7 @@ const fn rate(name: &'static str) -> Pass {
     }
 }
 
-/// x a + b, again and again: two operations each time.
+/// Repeated x a + b: two operations each.
 pub const MULTIPLY_ADD: Pass = rate("probe_rate_multiply_add");
-/// 2^-x, again and again.
+/// Repeated 2^-x.
 pub const EXP2: Pass = rate("probe_rate_exp2");

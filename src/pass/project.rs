@@ -53,22 +53,22 @@ pub const PASS: Pass = pass(
     PER_SPLAT,
 );
 
-/// The same with the coefficients of spherical harmonics in half floats: coefficient `c` of a group of 12 is the lower
-/// half of word `c / 2` of the row for even `c`, the upper for odd.
+/// [`PASS`] with sh coefficients in half floats. Coefficient `c` of a group of 12 is in word `c / 2` of the row: in the
+/// lower half for even `c`, in the upper half for odd `c`.
 pub const HALF: Pass = pass(
     "project_half",
     64,
-    "One thread owns one splat; a workgroup owns 64 consecutive splats. As project, with spherical harmonics in half \
-     floats: for pictures only.",
+    "One thread owns one splat; a workgroup owns 64 consecutive splats. Like project, with sh coefficients in half \
+     floats, for renders only.",
     PER_SPLAT,
 );
 
-/// For devices whose subgroups are exactly 8 wide and that run through a branch that no thread takes: lavapipe.
-/// The same results.
+/// [`PASS`] for devices with subgroups of width 8 that also execute branches that no thread takes: lavapipe. Same
+/// results.
 pub const SPARSE: Pass = pass(
     "project_sparse",
     8,
-    "A workgroup of 8 threads owns 64 consecutive splats: one thread a splat in turn looks whether it may be seen, \
-     then one thread of these in turn projects it. Otherwise as project.",
+    "A workgroup of 8 threads owns 64 consecutive splats. First each thread tests splats in turn for visibility, then \
+     each thread projects visible splats in turn. Otherwise like project.",
     "one workgroup per 64 splats of the model",
 );

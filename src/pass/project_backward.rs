@@ -42,7 +42,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Recomputes the projection and writes the \
-          gradients of all 59 parameters, zeros for culled splats; where ADD = 1 it adds them to what is there. \
+          gradients of all 59 parameters, zeros for culled splats; with ADD = 1 adds to them instead. \
           Normals take part when AUX = 1. FLATTEN and SHRINK, floats as bits, are the weights of the smallest \
           standard deviation and of half the squares of the view-dependent coefficients in use in the loss.",
     dispatch: "one thread per splat of the model",

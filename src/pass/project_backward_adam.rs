@@ -1,63 +1,63 @@
-//! Gradients of the 3D Gaussians and one optimiser step with them, without gradients in between.
+//! Gradients of the 3D Gaussians fused with an optimiser step, without gradients in memory.
 
 use super::adam::{self, AdamSettings};
 use super::camera::CameraPush;
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write};
 
-/// [`Push::flags`]: opacities take the step too.
+/// [`Push::flags`]: the step includes opacities.
 pub const STEPS_OPACITIES: u32 = 4;
-/// [`Push::flags`]: place of the degree of the spherical harmonics in use.
+/// [`Push::flags`]: first bit of the degree of spherical harmonics in use.
 pub const DEGREE_SHIFT: u32 = 8;
 
-/// [`Push::flags`]: place of the lower half of the number of the step, which keys the rounding of packed moments.
+/// [`Push::flags`]: first bit of the step number, modulo 2^16, which keys the rounding of packed moments.
 pub const STEP_SHIFT: u32 = 16;
 
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearningRates {
-    /// Of the means, scene units.
+    /// Of the means, in scene units.
     pub means: f64,
-    /// Of the quaternions.
+    /// Of the quats.
     pub quats: f64,
     /// Of the log scales.
     pub scales: f64,
     /// Of the opacity logits.
     pub opacities: f64,
-    /// Of the constant spherical harmonic.
+    /// Of the sh coefficients of degree 0.
     pub sh_base: f64,
-    /// Of the other spherical harmonics.
+    /// Of the sh coefficients above degree 0.
     pub sh_rest: f64,
 }
 
-/// Optimiser steps that an element has taken, this one included.
+/// Number of optimiser steps of an element, including this step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepCounts {
-    /// All but the opacities.
+    /// Steps of all parameters except opacities.
     pub most: u32,
-    /// The opacities; `None` leaves them as they are.
+    /// Steps of opacities; `None` leaves opacities unchanged.
     pub opacities: Option<u32>,
 }
 
 crate::push_constants! {
     /// Push constants of [`PASS`]; see [`Push::new`].
     pub struct Push {
-        /// As in [`CameraPush`].
+        /// See [`CameraPush`].
         pub row0: [f32; 4],
-        /// As in [`CameraPush`].
+        /// See [`CameraPush`].
         pub row1: [f32; 4],
-        /// As in [`CameraPush`].
+        /// See [`CameraPush`].
         pub row2: [f32; 4],
         /// Camera centre in the scene.
         pub center: [f32; 3],
-        /// Those of [`CameraPush`], [`STEPS_OPACITIES`], the degree of the spherical harmonics from [`DEGREE_SHIFT`] on
-        /// and the step from [`STEP_SHIFT`] on.
+        /// Flags of [`CameraPush`] and [`STEPS_OPACITIES`], the degree of spherical harmonics from bit [`DEGREE_SHIFT`]
+        /// on, and the step from bit [`STEP_SHIFT`] on.
         pub flags: u32,
-        /// As in [`CameraPush`].
+        /// See [`CameraPush`].
         pub limits: [f32; 4],
         /// fx, fy in pixels.
         pub focal: [f32; 2],
-        /// Learning rates.
+        /// Learning rate of the means; see [`LearningRates`].
         pub lr_means: f32,
         /// See [`LearningRates`].
         pub lr_quats: f32,
@@ -73,15 +73,15 @@ crate::push_constants! {
         pub inv_bias1: f32,
         /// 1 / sqrt(1 - beta2^t).
         pub inv_sqrt_bias2: f32,
-        /// The same with the opacities' t.
+        /// With t of the opacities.
         pub inv_bias1_opacities: f32,
-        /// The same with the opacities' t.
+        /// With t of the opacities.
         pub inv_sqrt_bias2_opacities: f32,
     }
 }
 
 impl Push {
-    /// The push constants of a step that looked through `camera`.
+    /// The push constants of a step with a view of `camera`.
     pub fn new(camera: &CameraPush, settings: &AdamSettings, rates: &LearningRates, steps: StepCounts) -> Self {
         let adam = |t: u32| adam::Push::new(settings, t, 1, 0, 0.0, 0.0);
         let (most, opacities) = (adam(steps.most), adam(steps.opacities.unwrap_or(1)));
@@ -113,32 +113,32 @@ impl Push {
 /// Specialization constants, by name.
 pub type Constants = [(&'static str, u32); 11];
 
-/// The same constants with a loss of `weight` times the smallest standard deviation of every splat on the image,
-/// in scene units.
+/// Adds a loss to `constants`: `weight` times the smallest standard deviation, in scene units, of every splat on the
+/// image.
 pub fn flattening(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "FLATTEN" { weight.to_bits() } else { value }))
 }
 
-/// The same constants with a loss of `weight` times half the squares of the view-dependent coefficients in use of every
-/// splat on the image.
+/// Adds a loss to `constants`: `weight` times half the squared view-dependent sh coefficients in use, of every splat on
+/// the image.
 pub fn shrinking(constants: Constants, weight: f32) -> Constants {
     constants.map(|(name, value)| (name, if name == "SHRINK" { weight.to_bits() } else { value }))
 }
 
-/// The same constants for a step of the splats on the image alone: the second buffer of words then lists them in the
-/// order of their index, and `counters.visible` says how many they are.
-/// Each makes up for the steps that it has missed, as its row of `stats` says.
+/// Changes `constants` for a step of only the splats on the image. The buffer `on_image` then lists these splats in
+/// index order, and `counters.visible` holds their number. Each splat first makes up for its missed steps, by its row
+/// of `stats`.
 pub fn listed(constants: Constants) -> Constants {
     constants.map(|(name, value)| (name, if name == "LISTED" { 1 } else { value }))
 }
 
-/// The same constants to make up for what every splat has missed, without a step.
+/// Changes `constants` to make up for the missed steps of every splat, without a new step.
 pub fn catching_up(constants: Constants) -> Constants {
     constants.map(|(name, value)| (name, if name == "CATCHES_UP" { 1 } else { value }))
 }
 
-/// The specialization constants of [`PASS`]. `degree`: no spherical harmonic above it ever had a gradient, so that
-/// their moments are zero and a step would change nothing of them.
+/// The specialization constants of [`PASS`]. No sh coefficient above `degree` ever had a gradient, so their moments are
+/// zero and the step skips them.
 pub fn constants(settings: &AdamSettings, degree: u32, aux: bool) -> Constants {
     let adam = adam::Push::new(settings, 1, 1, 0, 0.0, 0.0);
     [
@@ -212,11 +212,11 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. \
-          Gradients as project_backward has them, then a step of adam with them on every parameter; culled splats \
-          step with a gradient of zero. Spherical harmonics above DEGREE are not touched. \
-          FLATTEN and SHRINK as there. Where LISTED, `on_image` is no tile counts but the splats on the image, and \
-          these alone step, after what the steps since the one that their row of `stats` names would have made of \
-          them without a gradient. CATCHES_UP does that for every splat, and no step.",
+          Gradients as in project_backward, FLATTEN and SHRINK included, then a step of adam on every parameter; \
+          culled splats step with a gradient of zero. Coefficients above DEGREE stay unchanged. With LISTED, \
+          `on_image` holds the splats on the image instead of tile counts, and only these splats step, after \
+          making up for their missed steps (since the step in their row of `stats`) with gradients of zero. \
+          CATCHES_UP makes up for the missed steps of every splat, without a step.",
     dispatch: "one thread per splat of the model, or of the image (LISTED)",
     push: Push::FIELDS,
 };

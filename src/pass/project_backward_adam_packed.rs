@@ -1,10 +1,10 @@
-//! [`super::project_backward_adam`] on moments of half the size: both moments of a parameter share a word.
+//! [`super::project_backward_adam`] with packed moments: both moments of a parameter share a word.
 
 use super::project_backward_adam::{self as full, CONSTANTS, Push};
 use super::{Pass, module};
 use crate::vk::{Binding, Kernel};
 
-/// The second moments, which come last but for the statistics there, have no planes of their own.
+/// The bindings of the full pass without the planes of second moments, which stand before the statistics at the end.
 const WITHOUT_SECOND_MOMENTS: [Binding; 22] = {
     let all = full::PASS.kernel.bindings;
     let mut kept = [all[all.len() - 1]; 22];
@@ -16,7 +16,7 @@ const WITHOUT_SECOND_MOMENTS: [Binding; 22] = {
     kept
 };
 
-/// The pass; its constants are those of [`full::constants`].
+/// The pass. See [`full::constants`] for the constants.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "project_backward_adam_packed",
@@ -27,7 +27,7 @@ pub const PASS: Pass = Pass {
         local_size: full::PASS.kernel.local_size,
     },
     doc: "One thread owns one splat, its parameters and a word for both moments of each; a workgroup owns 64 \
-          consecutive splats. As project_backward_adam, on moments of 16 bits each, the second rounded at random.",
+          consecutive splats. Like project_backward_adam, with moments of 16 bits each; second moments are rounded at random.",
     dispatch: full::PASS.dispatch,
     push: Push::FIELDS,
 };

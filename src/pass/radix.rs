@@ -1,8 +1,8 @@
-//! One digit of a stable radix sort of (key, value) words: table of digit counts, and the move.
+//! Passes for one digit of a stable radix sort of (key, value) words: digit counts, and the scatter.
 //!
-//! Between the two stand the prefix sum of the table (runs), or those of its rows ([`ROWS`], groups). Two shapes:
-//! `RUNS` for CPU devices (a thread owns a block and private counters) and `GROUPS` for GPUs (a workgroup owns a
-//! block). Digits have up to 8 bits.
+//! Between them runs one prefix sum over the table of digit counts (runs), or one per row of the table ([`ROWS`],
+//! groups). Two shapes: `RUNS` for CPU devices (a thread owns a block and private counters), `GROUPS` for GPUs (a
+//! workgroup owns a block). Digits have up to 8 bits.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, write};
@@ -17,7 +17,7 @@ pub const MOST_BITS: u32 = 8;
 pub const GROUPS_LOCAL_SIZE: u32 = 256;
 /// Default of the constant `ITEMS`: keys per thread of the groups shape.
 pub const GROUPS_ITEMS: u32 = 8;
-/// `ITEMS` for many keys: neighbours in a block then have longer stretches to write to, and tables are half as large.
+/// `ITEMS` for many keys: longer contiguous writes per block, and tables half as large.
 pub const GROUPS_ITEMS_OF_MANY: u32 = 16;
 
 crate::push_constants! {
@@ -25,7 +25,7 @@ crate::push_constants! {
     pub struct Push {
         /// Counter that holds the number of keys, or [`super::plan::NO_COUNTER`].
         pub source: u32,
-        /// The number when there is no counter.
+        /// The number of keys for `NO_COUNTER`.
         pub count: u32,
         /// A key's digit is `(key >> shift) & mask`.
         pub shift: u32,
@@ -75,11 +75,11 @@ const fn pass(name: &'static str, bindings: &'static [Binding], constants: &'sta
 pub const COUNT_RUNS: Pass = pass("radix_count_runs", COUNT, RUNS);
 /// Digit counts, groups shape.
 pub const COUNT_GROUPS: Pass = pass("radix_count_groups", COUNT, GROUPS);
-/// Move by a digit, runs shape.
+/// Scatter by a digit, runs shape.
 pub const SCATTER_RUNS: Pass = pass("radix_scatter_runs", SCATTER, RUNS);
-/// Move by a digit, groups shape. WIDTH is the subgroup's.
+/// Scatter by a digit, groups shape. WIDTH is the subgroup width.
 pub const SCATTER_GROUPS: Pass = pass("radix_scatter_groups", SCATTER, SUBGROUPS);
-/// Move by a digit, groups shape with emulated subgroups.
+/// Scatter by a digit, groups shape with emulated subgroups.
 pub const SCATTER_GROUPS_EMULATED: Pass = pass("radix_scatter_groups_emulated", SCATTER, EMULATED);
 
 const fn rows(name: &'static str, constants: &'static [Constant]) -> Pass {
@@ -98,7 +98,7 @@ const fn rows(name: &'static str, constants: &'static [Constant]) -> Pass {
     }
 }
 
-/// Prefix sums of the rows of the table, and the sums of the rows behind them, groups shape.
+/// Prefix sums within the rows of the table, followed by the sums of the rows; groups shape.
 pub const ROWS: Pass = rows("radix_rows_subgroup", GROUPS);
 /// [`ROWS`] with emulated subgroups.
 pub const ROWS_EMULATED: Pass = rows("radix_rows_emulated", EMULATED);

@@ -1,4 +1,4 @@
-//! The saliency of a view's pixels from its mask of reduced size.
+//! Saliency per pixel of a view, interpolated from a mask of reduced size.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
@@ -10,11 +10,11 @@ crate::push_constants! {
         pub width: u32,
         /// Image height in pixels.
         pub height: u32,
-        /// Its first row in the image that the mask is of.
+        /// First row of this image in the full image that the mask covers.
         pub top: u32,
-        /// Rows of that image.
+        /// Rows of the full image.
         pub of_height: u32,
-        /// Width of the mask: a byte per value, row after row.
+        /// Width of the mask (one byte per value, row-major).
         pub mask_width: u32,
         /// Height of the mask.
         pub mask_height: u32,

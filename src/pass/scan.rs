@@ -1,5 +1,5 @@
 //! Exclusive prefix sum of words in three passes: sums of blocks, prefix sum of the sums, prefix sums within blocks.
-//! Few words are summed by one workgroup in one pass.
+//! For few words, one workgroup in one pass.
 //!
 //! No workgroup waits for another. Each pass exists with hardware subgroup operations and with emulated ones.
 
@@ -18,13 +18,13 @@ crate::push_constants! {
     pub struct Push {
         /// Counter that holds the count, or [`super::plan::NO_COUNTER`].
         pub source: u32,
-        /// The count when there is no counter.
+        /// The count for `NO_COUNTER`.
         pub count: u32,
-        /// Elements to sum: `ceil(count / divide) * multiply`.
+        /// The number of words is `ceil(count / divide) * multiply`.
         pub divide: u32,
         /// See `divide`.
         pub multiply: u32,
-        /// Not 0: sum 1 for every word that is not 0.
+        /// Nonzero: sum 1 for every nonzero word.
         pub predicate: u32,
         /// Counter that gets the total, or [`super::plan::NO_COUNTER`].
         pub total: u32,
@@ -64,7 +64,7 @@ const PER_BLOCK: &str = "one workgroup per 64 * ITEMS words";
 
 /// Sum of each block.
 pub const REDUCE: Pass = pass("scan_reduce_subgroup", REDUCE_BINDINGS, HARDWARE, PER_BLOCK);
-/// Prefix sum of the sums, and the total.
+/// Prefix sum of the block sums, and the total.
 pub const SPINE: Pass = pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup");
 /// Prefix sum of every word.
 pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK);
@@ -76,7 +76,7 @@ pub const REDUCE_EMULATED: Pass = pass("scan_reduce_emulated", REDUCE_BINDINGS, 
 pub const SPINE_EMULATED: Pass = pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup");
 /// [`ADD`] with emulated subgroups.
 pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK);
-/// The whole of it by one workgroup.
+/// The whole prefix sum by one workgroup.
 pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup");
 /// [`ONCE`] by a larger workgroup, for GPUs.
 pub const ONCE_WIDE: Pass = {
@@ -84,7 +84,7 @@ pub const ONCE_WIDE: Pass = {
     let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
     Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
 };
-/// [`ONCE`] by one subgroup of 8 threads, for processors.
+/// [`ONCE`] by one subgroup of 8 threads, for CPU devices.
 pub const ONCE_RUNS: Pass = {
     let blocks = pass("scan_once_runs", ONCE_BINDINGS, &[], "one workgroup");
     let kernel = Kernel { local_size: Some(8), ..blocks.kernel };

@@ -1,4 +1,4 @@
-//! Sums of the slots of each visible splat, in order.
+//! Sums the slots of each visible splat in a fixed order.
 
 use super::blend_forward::AUX;
 use super::turns::PER_TURN;
@@ -8,8 +8,8 @@ use crate::vk::{Kernel, read, write};
 /// Visible splats that one workgroup owns.
 pub const SPLATS_PER_WORKGROUP: u32 = 16;
 
-/// The pass. `listed` are the visible splats in the order of their index, `slot_offsets` the first slot of every splat.
-/// Rows of splats that are not visible are left as they are.
+/// The pass. `listed` holds the visible splats in index order, `slot_offsets` the first slot of every splat. Rows of
+/// invisible splats stay unchanged.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "slot_sum",

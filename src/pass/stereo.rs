@@ -1,22 +1,23 @@
-//! Multi-view stereo by PatchMatch: pictures made ready for sampling, sweeps over hypotheses of planes, and the check
-//! of views against each other.
+//! Multi-view stereo by PatchMatch: conversion of photographs for sampling, sweeps over plane hypotheses, and the
+//! consistency check between views.
 //!
 //! A hypothesis at a pixel is (d, gx, gy): inverse depth along the camera's axis, and its change per pixel to the right
-//! and down. On a plane both slopes are constant, so hypotheses are carried to other pixels by adding. A row of
-//! `planes` is a hypothesis and its score: 1 + NCC, 0 where there is none.
+//! and down. On a plane both slopes are constant, so propagation to another pixel is an addition. A row of `planes` is
+//! a hypothesis and its score: 1 + NCC, or 0 for no hypothesis.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write, write};
 
-/// Most sources that windows are compared with.
+/// Most source views for the comparison of windows.
 pub const MOST_SOURCES: usize = 4;
-/// Most sources that depths are checked against.
+/// Most source views for the consistency check.
 pub const MOST_CHECKS: usize = 8;
-/// Rows of four floats that a source has in `links`: three of (A, b), its size, three of the way back.
+/// Rows of four floats per source view in `links`: three rows of (A, b), one row of the image size, three rows of the
+/// inverse map.
 pub const LINK_ROWS: usize = 7;
-/// Arms along which a sweep looks for better hypotheses.
+/// Number of arms along which a sweep searches better hypotheses.
 pub const ARMS: u32 = 8;
-/// Flag: what is there is scored, with random hypotheses; nothing is propagated.
+/// Flag: scores the given and random hypotheses, without propagation.
 pub const FLAG_START: u32 = 1;
 
 crate::push_constants! {
@@ -36,17 +37,17 @@ crate::push_constants! {
     pub struct SweepPush {
         /// Width of the reference in pixels.
         pub width: u32,
-        /// Its height.
+        /// Height of the reference in pixels.
         pub height: u32,
-        /// Pixels from one picture to the next in `blocks`.
+        /// Distance between photographs in `blocks`, in pixels.
         pub stride: u32,
-        /// Sources, at most [`MOST_SOURCES`].
+        /// Number of source views, at most [`MOST_SOURCES`].
         pub sources: u32,
-        /// How many of the best of them count, from 1.
+        /// Number of best source views that count, at least 1.
         pub best: u32,
-        /// First of the list that is looked at.
+        /// Index of the first pixel of the list to process.
         pub first: u32,
-        /// How many of the list.
+        /// Number of pixels of the list to process.
         pub count: u32,
         /// Number of the call, for random draws.
         pub turn: u32,
@@ -56,13 +57,13 @@ crate::push_constants! {
         pub draws: u32,
         /// [`FLAG_START`], or 0.
         pub flags: u32,
-        /// Focal length of the reference in pixels.
+        /// Focal length of the reference along x, in pixels.
         pub focal_x: f32,
-        /// The same along y.
+        /// Focal length along y.
         pub focal_y: f32,
-        /// Principal point.
+        /// Principal point along x, in pixels.
         pub centre_x: f32,
-        /// The same along y.
+        /// Principal point along y.
         pub centre_y: f32,
         /// Smallest possible inverse depth.
         pub least: f32,
@@ -70,13 +71,13 @@ crate::push_constants! {
         pub most: f32,
         /// Largest random change of an inverse depth.
         pub amplitude: f32,
-        /// Largest random change of its slopes.
+        /// Largest random change of a slope.
         pub slope: f32,
-        /// Factor of squared distances in a weight's exponent.
+        /// Factor of squared pixel distance in the exponent of a weight.
         pub by_distance: f32,
-        /// Factor of squared differences of luma in it.
+        /// Factor of squared luma difference in the exponent of a weight.
         pub by_luma: f32,
-        /// Least cosine between a plane's normal and the ray.
+        /// Least cosine of the angle between a plane's normal and the ray.
         pub facing: f32,
     }
 }
@@ -86,17 +87,17 @@ crate::push_constants! {
     pub struct FilterPush {
         /// Width of the reference in pixels.
         pub width: u32,
-        /// Its height.
+        /// Height of the reference in pixels.
         pub height: u32,
-        /// Pixels from one picture to the next in `planes`.
+        /// Distance between photographs in `planes`, in pixels.
         pub stride: u32,
-        /// Sources.
+        /// Number of source views.
         pub sources: u32,
-        /// How many must agree.
+        /// Number of source views that must agree.
         pub needed: u32,
-        /// Distance in pixels from which on views disagree.
+        /// Reprojection distance, in pixels, at which views disagree.
         pub pixels: f32,
-        /// The same for depths, relative.
+        /// Relative depth difference at which views disagree.
         pub depth: f32,
         /// Least score.
         pub score: f32,
@@ -110,14 +111,14 @@ crate::push_constants! {
         pub width: u32,
         /// Height in pixels.
         pub height: u32,
-        /// Pixels to each side that are looked at.
+        /// Half side of the window, in pixels.
         pub reach: u32,
-        /// Share of an inverse depth by which another may differ from the pixel's plane.
+        /// Largest relative difference of a neighbour's inverse depth from the pixel's plane.
         pub tolerance: f32,
     }
 }
 
-/// A picture as rows of 2x2 pixels.
+/// Converts a photograph to one row of 2x2 pixels per pixel.
 pub const BLOCKS: Pass = Pass {
     kernel: Kernel {
         name: "stereo_blocks",
@@ -168,7 +169,7 @@ sweep! {
     SWEEP_6, "stereo_sweep_side6", 6
 }
 
-/// What sources agree with.
+/// Keeps hypotheses that enough source views agree with.
 pub const FILTER: Pass = Pass {
     kernel: Kernel {
         name: "stereo_filter",
@@ -183,7 +184,7 @@ pub const FILTER: Pass = Pass {
     push: FilterPush::FIELDS,
 };
 
-/// Planes through what was kept.
+/// Refits planes to the kept hypotheses.
 pub const REFIT: Pass = Pass {
     kernel: Kernel {
         name: "stereo_refit",

@@ -11,7 +11,7 @@ pub const RESULTS: usize = 12;
 crate::push_constants! {
     /// Push constants of the passes.
     pub struct Push {
-        /// What the subgroup's width should be.
+        /// Expected subgroup width.
         pub width: u32,
     }
 }

@@ -1,4 +1,4 @@
-//! Where each tile's list begins and ends in the sorted pairs, and the splat of each sorted pair.
+//! The range of each tile in the sorted pairs, and the splat of each sorted pair.
 
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, write};
@@ -11,8 +11,8 @@ crate::push_constants! {
     }
 }
 
-/// The pass. `tile_ranges` must be zero beforehand. With CARRIED the pairs' values are splats and not slots, and
-/// `sorted_splats` is left as it is.
+/// The pass. `tile_ranges` must be zero beforehand. With CARRIED the values of pairs are splats instead of slots, and
+/// the pass does not write `sorted_splats`.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "tile_ranges",

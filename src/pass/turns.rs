@@ -1,16 +1,16 @@
-//! How many tiles of a splat the loops of `emit` and `slot_sum` take a turn: a specialization constant.
+//! Tiles per turn in the loops over a splat's tiles in `emit` and `slot_sum`: a specialization constant.
 //!
-//! lavapipe ends the loops of a thread after 65,535 turns in all, and a splat may cover more tiles. More a turn than
-//! that needs is work for nothing: a processor stores and loads lane by lane, also for lanes that have no tile left.
+//! lavapipe ends the loops of a thread after 65,535 turns in total, and a splat may cover more tiles. More tiles per
+//! turn than necessary are slow: a CPU device loads and stores lane by lane, even for lanes without a tile.
 
 use crate::vk::Constant;
 
-/// Tiles a turn. What a kernel has where nothing is told is enough for 520,000 tiles.
+/// Tiles per turn. The default suffices for 520,000 tiles.
 pub(super) const PER_TURN: Constant = Constant { id: 23, name: "PER_TURN", default: 8 };
 
-/// Up to so many tiles are taken one a turn, with room for rows of tiles that have none listed.
+/// Most tiles for one tile per turn, with a reserve for rows of tiles without listed tiles.
 const FEW: u64 = 32_767;
-/// Turns that are never exceeded.
+/// Upper bound on turns.
 const MOST: u64 = 65_000;
 
 /// The constant for images of up to `tiles` tiles.
