@@ -52,8 +52,8 @@ const fn pass(name: &'static str, constants: &'static [Constant], doc: &'static 
     }
 }
 
-const TOGETHER_DOC: &str = "One thread owns one visible splat with its pairs and slots; a subgroup together writes the pairs \
-     of its splats with many tiles; a workgroup owns 64 consecutive visible splats.";
+const TOGETHER_DOC: &str = "One thread owns one visible splat with its pairs and slots; a subgroup together writes \
+     the pairs of its splats with many tiles; a workgroup owns 64 consecutive visible splats.";
 
 /// A thread writes the pairs of its splat.
 pub const PASS: Pass = pass(

@@ -27,7 +27,8 @@ pub const PASS: Pass = Pass {
         local_size: full::PASS.kernel.local_size,
     },
     doc: "One thread owns one splat, its parameters and a word for both moments of each; a workgroup owns 64 \
-          consecutive splats. Like project_backward_adam, with moments of 16 bits each; second moments are rounded at random.",
+          consecutive splats. Like project_backward_adam, with moments of 16 bits each; second \
+          moments are rounded at random.",
     dispatch: full::PASS.dispatch,
     push: Push::FIELDS,
 };
