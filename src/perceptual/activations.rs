@@ -8,33 +8,33 @@ use super::trunk::Trunk;
 use crate::pass::{crop, pool};
 use crate::vk::{self, Buffer, BufferSlice, Memory, Pipeline};
 
-/// Buffers of one window size. Images lie one after the other, pixels with their channels together, and behind the last
-/// image there is a pixel of zeros, for convolutions that reach outside.
+/// Buffers of one window size. Each tensor holds its images one after the other, with the channels of a pixel together,
+/// and after the last image a pixel of zeros for convolutions that reach outside.
 pub(super) struct Activations {
     /// Width and height of each tensor.
     pub(super) sizes: Vec<(u32, u32)>,
-    /// Features of both images by tensor; those of a room for values share memory.
+    /// Features of both images by tensor. Without gradients, tensors share memory.
     pub(super) features: Vec<Buffer>,
-    /// Where the maxima came from, by step.
+    /// Positions of the maxima, by step; `None` for steps that do not pool.
     pub(super) winners: Vec<Option<Buffer>>,
     /// Distances by layer and pixel.
     pub(super) parts: Buffer,
-    /// Ends of the layers' parts.
+    /// End of each layer's range in `parts`.
     pub(super) ends: Vec<u32>,
-    /// Distance by layer, and the sum.
+    /// Distance per layer, and their sum.
     pub(super) result: Buffer,
     pub(super) gradients: Option<Gradients>,
-    /// Of all its buffers.
+    /// Total size of the buffers in bytes.
     pub(super) bytes: u64,
 }
 
-/// Where gradients come to be.
+/// Buffers and pipelines of the gradients.
 pub(super) struct Gradients {
-    /// Of the image, in blocks of 2x2 pixels.
+    /// Gradient of the image, in blocks of 2x2 pixels.
     pub(super) blocks: Buffer,
     /// Width and height in blocks.
     pub(super) block_size: (u32, u32),
-    /// Of the first image's features by tensor; that of the image itself is not used.
+    /// Gradients of the first image's features by tensor; tensor 0, the image itself, is not used.
     pub(super) features: Vec<Buffer>,
     pub(super) pool_backward: Pipeline,
     pub(super) to_image: Pipeline,
@@ -60,7 +60,7 @@ impl Activations {
         for op in &network.ops {
             winners.push(match op {
                 Op::Convolution(_) => None,
-                // For values nobody reads them: the first pooling's room is the largest.
+                // Without gradients nothing reads the winners: all poolings share the first and largest buffer.
                 Op::Pool { .. } if !gradient && winners.iter().any(Option::is_some) => {
                     winners.iter().flatten().next().cloned()
                 }
@@ -110,7 +110,7 @@ impl Activations {
         of[tensor].slice(first..first + row)
     }
 
-    /// Where tensors have memory of their own, their pixels of zeros stay.
+    /// Clears every pixel of zeros once: nothing else writes to it where tensors do not share memory.
     fn clear_outsides(&self, trunk: &Trunk) -> Result<(), Error> {
         let mut recorder = trunk.gpu.recorder("perceptual room")?;
         for tensor in 0..self.features.len() {
@@ -124,7 +124,7 @@ impl Activations {
     }
 }
 
-/// Which memory each tensor has.
+/// Assignment of tensors to buffers.
 #[derive(Debug, PartialEq)]
 struct Slots {
     of: Vec<usize>,
@@ -136,7 +136,7 @@ impl Slots {
         Self { of: (0..bytes.len()).collect(), bytes: bytes.to_vec() }
     }
 
-    /// A tensor has its memory from the first step that writes it to the last that reads it.
+    /// A tensor holds its buffer from the first step that writes the tensor to the last step that reads it.
     fn shared(network: &Network, bytes: &[u64]) -> Self {
         let mut slots = Self { of: vec![usize::MAX; bytes.len()], bytes: Vec::new() };
         let mut free: Vec<usize> = Vec::new();
@@ -155,7 +155,7 @@ impl Slots {
         slots
     }
 
-    /// The free memory that fits best; the largest grows where none is large enough.
+    /// Takes the free buffer that fits best; the largest free buffer grows where none is large enough.
     fn take(&mut self, tensor: usize, bytes: u64, free: &mut Vec<usize>) {
         let fits = |slot: &usize| (self.bytes[*slot] < bytes, self.bytes[*slot].abs_diff(bytes));
         let best = free.iter().enumerate().min_by_key(|(_, slot)| fits(slot)).map(|(place, _)| place);

@@ -1,17 +1,17 @@
-//! A network on the device.
+//! The perceptual distance: a network on the device.
 
-use super::trunk::Trunk;
 use std::sync::Arc;
 
 use super::filter_bank;
 use super::network::{Network, Op};
 use super::rows::Rows;
+use super::trunk::Trunk;
 use super::window::Windows;
 use super::{Error, LpipsWeights};
 use crate::pass::{convolution, crop, feature_distance, pool};
 use crate::vk::{self, Buffer, Gpu, Memory};
 
-/// How different two images look: a network, its numbers and its passes on a device.
+/// Perceptual distance of two images: a network, its weights and its passes on a device.
 ///
 /// Features of both images are compared per layer and pixel (LPIPS, Zhang et al. 2018). Images are in [0, 1].
 #[derive(Clone)]
@@ -25,8 +25,8 @@ impl Distance {
         Self::new(gpu, weights.network()?)
     }
 
-    /// Oriented band-pass filters of two scales in place of a learned network: for where there are no weights.
-    /// At most 1.
+    /// Oriented band-pass filters of two scales in place of a learned network, for use without weights. The distance is
+    /// at most 1.
     pub fn filter_bank(gpu: &Gpu) -> Result<Self, Error> {
         Self::new(gpu, filter_bank::network())
     }
@@ -74,17 +74,18 @@ impl Distance {
         Ok(Self { trunk: Arc::new(trunk) })
     }
 
-    /// Number of layers that are compared.
+    /// Number of layers whose features are compared.
     pub fn layers(&self) -> usize {
         self.trunk.network.taps.len()
     }
 
-    /// Smallest side of an image.
+    /// Smallest allowed side of an image in pixels.
     pub fn least_side(&self) -> u32 {
         self.trunk.network.least()
     }
 
-    /// Activations for windows of this size, with a gradient or for the value alone, which takes much less memory.
+    /// Memory for windows of the given size in pixels. Without `gradient`, only the value can be computed, in much less
+    /// memory.
     pub fn windows(&self, width: u32, height: u32, gradient: bool) -> Result<Windows, Error> {
         Windows::new(&self.trunk, width, height, gradient)
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with weights, and with what a distance is asked of.
+//! Errors of the perceptual distance.
 
 use std::path::PathBuf;
 
@@ -21,17 +21,17 @@ pub enum Error {
         file: PathBuf,
     },
     /// The file lacks an array: it belongs to another network.
-    #[error("{}: there is no '{field}', so it is not of {network}", file.display())]
+    #[error("{}: the array '{field}' is missing, so the file does not hold {network}", file.display())]
     Missing {
         /// The file.
         file: PathBuf,
         /// The array.
         field: String,
-        /// What was to be read.
+        /// The network to be read.
         network: &'static str,
     },
     /// An array has another shape: the file belongs to another network.
-    #[error("{}: '{field}' has the shape {found:?} where {wanted:?} is expected", file.display())]
+    #[error("{}: '{field}' has the shape {found:?}, expected {wanted:?}", file.display())]
     Shape {
         /// The file.
         file: PathBuf,
@@ -42,8 +42,8 @@ pub enum Error {
         /// The shape it should have.
         wanted: Vec<usize>,
     },
-    /// An array holds something that is not a number, or a negative number where there must be none.
-    #[error("{}: '{field}' holds {value}, which no weight can be", file.display())]
+    /// An array holds a value that is not finite, or a negative value where none is allowed.
+    #[error("{}: '{field}' holds {value}, which is no valid weight", file.display())]
     Value {
         /// The file.
         file: PathBuf,
@@ -52,18 +52,20 @@ pub enum Error {
         /// The value.
         value: f32,
     },
-    /// A folder holds no weights.
-    #[error("{}: there is no file of {what} in this folder (looked for {names})", folder.display())]
+    /// A folder has no file of weights.
+    #[error("{}: this folder has no file with the weights of {what}; put one of these there: {names}", folder.display())]
     NotFound {
         /// The folder.
         folder: PathBuf,
-        /// What was looked for.
+        /// The weights that are missing.
         what: &'static str,
-        /// The names that it may have.
+        /// The names that the file may have.
         names: String,
     },
-    /// An image that the network reduces to nothing.
-    #[error("an image of {width}x{height} is too small for the perceptual distance: {least}x{least} is the least")]
+    /// An image is too small for the network.
+    #[error(
+        "an image of {width}x{height} pixels is too small for the perceptual distance, which needs {least}x{least}"
+    )]
     TooSmall {
         /// Width in pixels.
         width: u32,
@@ -72,8 +74,8 @@ pub enum Error {
         /// Smallest side.
         least: u32,
     },
-    /// A window that is not inside of its image.
-    #[error("a window of {size:?} at {at:?} is not inside of an image of {image:?} pixels")]
+    /// A window is not inside its image.
+    #[error("a window of {size:?} pixels at {at:?} is not inside an image of {image:?} pixels")]
     Outside {
         /// Width and height of the window.
         size: (u32, u32),
@@ -82,15 +84,15 @@ pub enum Error {
         /// Width and height of the image.
         image: (u32, u32),
     },
-    /// Pixels that are not as many as the size says.
-    #[error("{found} bytes of pixels where {expected} are expected")]
+    /// The number of bytes does not fit the image's size.
+    #[error("{found} bytes of pixels, expected {expected}")]
     Pixels {
         /// Bytes given.
         found: usize,
         /// Bytes needed.
         expected: usize,
     },
-    /// A gradient was asked for where room was made for the value alone.
-    #[error("a gradient was asked of a distance that was made for its value alone")]
+    /// A gradient was requested from windows without memory for gradients.
+    #[error("these windows have no memory for gradients: make them with `gradient` set")]
     ValueOnly,
 }

@@ -1,8 +1,8 @@
 //! A distance without learned weights: oriented band-pass filters of two scales in place of a trunk.
 //!
 //! Each scale has four orientations with an even and an odd filter (Gabor functions on luma without a constant part).
-//! The eight answers of a pixel are compared as LPIPS compares features, with a length added before they are normalised
-//! that keeps noise in flat places from counting.
+//! The eight responses of a pixel are compared as LPIPS compares features. A constant added to their length before
+//! normalisation suppresses noise in flat areas.
 
 use std::f64::consts::PI;
 
@@ -11,12 +11,12 @@ use super::network::{Convolution, Filters, Network, Op, Tap};
 /// Taps along a side, wavelength and standard deviation in pixels.
 const SCALES: [(usize, f64, f64); 2] = [(7, 4.5, 1.6), (13, 9.0, 3.2)];
 const ORIENTATIONS: usize = 4;
-/// Rec. 601.
+/// Luma weights of Rec. 601.
 const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
-/// In the units of the answers, which a grating of contrast 1 makes 0.5.
+/// Constant added to a feature's length, in units of responses: a grating of contrast 1 gives a response of 0.5.
 const EPS: f32 = 0.05;
 
-/// The network on images in [0, 1].
+/// The network, for images in [0, 1].
 pub(super) fn network() -> Network {
     let mut network = Network::default();
     let image = network.tensor(4, false);
@@ -42,7 +42,7 @@ fn filters(size: usize, wavelength: f64, sigma: f64) -> Filters {
     Filters { outputs: 2 * ORIENTATIONS, inputs: 3, size, taps, biases: vec![0.0; 2 * ORIENTATIONS] }
 }
 
-/// A wave under a Gaussian, without a constant part, that answers 1/2 to itself.
+/// A wave under a Gaussian, without a constant part, whose response to the wave itself is 1/2.
 fn band_pass(size: usize, sigma: f64, wave: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     let middle = (size - 1) as f64 / 2.0;
     let places = || (0..size * size).map(|i| ((i % size) as f64 - middle, (i / size) as f64 - middle));

@@ -1,10 +1,10 @@
-//! Weights in a folder, by their usual names, and where the public ones are.
+//! Files of weights in a folder, by their usual names, and the public sources of the files.
 
 use std::path::{Path, PathBuf};
 
 use super::{Error, LpipsWeights};
 
-/// Names of files of the trunk, the one to be preferred first.
+/// Names of files of the trunk, in order of preference.
 const TRUNK: [&str; 6] = [
     "squeezenet1_1-b8a52dc0.pth",
     "squeezenet1_1.pth",
@@ -13,27 +13,27 @@ const TRUNK: [&str; 6] = [
     "squeezenet_v1.1.ncnn.param",
     "squeezenet_v1.1.param",
 ];
-/// Names of files of the linear layers.
+/// Names of files of the linear layers, in order of preference.
 const LINEAR: [&str; 4] = ["squeeze.pth", "lpips_squeeze_v0.1.pth", "lpips_squeeze.pth", "lpips_squeeze.safetensors"];
 
-/// A file that anyone can get.
+/// A publicly available file of weights.
 #[derive(Clone, Copy, Debug)]
 pub struct PublicFile {
     /// Its name in a folder of weights.
     pub name: &'static str,
-    /// What it holds.
+    /// Description of its content.
     pub what: &'static str,
-    /// Where it is.
+    /// Its URL.
     pub address: &'static str,
     /// Its size in bytes, where it is known for certain.
     pub bytes: Option<u64>,
-    /// Under which terms its publisher gives it.
+    /// The publisher's licence.
     pub licence: &'static str,
     /// SHA-256 of its content in hexadecimal.
     pub sha256: &'static str,
 }
 
-/// What `lpips_squeeze` needs.
+/// The files that `lpips_squeeze` needs.
 pub const PUBLIC_FILES: [PublicFile; 2] = [
     PublicFile {
         name: TRUNK[0],
@@ -54,8 +54,8 @@ pub const PUBLIC_FILES: [PublicFile; 2] = [
 ];
 
 impl LpipsWeights {
-    /// Reads the weights of a folder, by the usual names of their files; or the trunk of a file, with the linear layers
-    /// in the same file or beside it.
+    /// Reads the weights from `path`: a folder with files of the usual names, or a file of the trunk, with the linear
+    /// layers in the same file or in a file beside it.
     pub fn find(path: &Path) -> Result<Self, Error> {
         if !path.is_file() {
             let trunk = named(path, &TRUNK, "SqueezeNet 1.1")?;
@@ -69,7 +69,7 @@ impl LpipsWeights {
     }
 }
 
-/// The first of these names that there is a file of.
+/// The first file of the folder with one of the names.
 fn named(folder: &Path, names: &[&str], what: &'static str) -> Result<PathBuf, Error> {
     let found = names.iter().map(|name| folder.join(name)).find(|file| file.is_file());
     found.ok_or_else(|| Error::NotFound { folder: folder.to_owned(), what, names: names.join(", ") })

@@ -1,11 +1,11 @@
-//! The distance as a score of finished pictures.
+//! The distance as a score of finished renders.
 
 use super::Error;
 use super::distance::Distance;
 use super::window::{Pair, Windows};
 use crate::vk::{Buffer, Gpu, Memory};
 
-/// Measures pictures of any size; keeps its memory while they have one size.
+/// Scores renders of any size. Keeps its device memory while the size stays the same.
 pub struct Metric {
     gpu: Gpu,
     distance: Distance,
@@ -13,13 +13,13 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// By a distance that is on this device.
+    /// Scores by `distance`, which must be on the same device.
     pub fn new(gpu: &Gpu, distance: Distance) -> Self {
         Self { gpu: gpu.clone(), distance, room: None }
     }
 
-    /// Distance of a picture (RGB8) from a reference of its size (RGBA8, masked where alpha is 0).
-    /// Waits for the device.
+    /// Distance of a render (RGB8) from a photograph of equal size (RGBA8, masked where alpha is 0). Waits for the
+    /// device.
     pub fn distance(&mut self, rgb: &[u8], reference: &[u8], width: u32, height: u32) -> Result<f32, Error> {
         let pixels = width as usize * height as usize;
         for (found, expected) in [(rgb.len(), 3 * pixels), (reference.len(), 4 * pixels)] {

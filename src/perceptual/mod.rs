@@ -1,4 +1,4 @@
-//! How different two pictures look: LPIPS on SqueezeNet 1.1, and a bank of filters where there are no weights, as
+//! Perceptual distances of two images: LPIPS on SqueezeNet 1.1, and a bank of filters for use without weights, as
 //! Vulkan passes with their gradients.
 //!
 //! ```no_run
@@ -11,7 +11,7 @@
 //! let lpips = Distance::lpips(&gpu, &weights)?;
 //! let score = Metric::new(&gpu, lpips.clone()).distance(&rgb, &rgba, 640, 360)?;
 //!
-//! // As a part of a loss: nothing waits, and memory is taken once.
+//! // As a term of a loss: memory is allocated once, and nothing waits for the device.
 //! let windows = lpips.windows(128, 128, true)?;
 //! let mut recorder = gpu.recorder("step")?;
 //! let pair = Pair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90), cropped: false };

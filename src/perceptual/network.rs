@@ -1,34 +1,34 @@
-//! A network as data: what is computed from what, and which of it is compared.
+//! A network as data: its steps, its tensors, and the layers that are compared.
 
 use super::Error;
 use crate::pass::pool::pooled;
 
-/// Filters of a convolution and what is added.
+/// Filters and biases of a convolution.
 #[derive(Clone, Debug)]
 pub(super) struct Filters {
     pub(super) outputs: usize,
     pub(super) inputs: usize,
     /// Taps along a side.
     pub(super) size: usize,
-    /// By output, input, row, column.
+    /// Ordered by output, input, row, column.
     pub(super) taps: Vec<f32>,
     pub(super) biases: Vec<f32>,
 }
 
 impl Filters {
-    /// A tap; 0 for inputs that there are none of.
+    /// A tap; 0 for inputs beyond the last.
     pub(super) fn at(&self, output: usize, input: usize, row: usize, column: usize) -> f32 {
         let index = ((output * self.inputs + input) * self.size + row) * self.size + column;
         if input < self.inputs { self.taps.get(index).copied().unwrap_or(0.0) } else { 0.0 }
     }
 }
 
-/// A convolution from one tensor into channels of another, with what follows it.
+/// A convolution from one tensor into channels of another.
 #[derive(Clone, Debug)]
 pub(super) struct Convolution {
     pub(super) from: usize,
     pub(super) to: usize,
-    /// Where its outputs begin among the channels of `to`.
+    /// First channel of `to` that the outputs go to.
     pub(super) first_channel: usize,
     pub(super) filters: Filters,
     pub(super) stride: u32,
@@ -40,7 +40,7 @@ impl Convolution {
         Self { from, to, first_channel: 0, filters, stride, pad }
     }
 
-    /// Pixels along a side of what it makes of `side` pixels.
+    /// Output pixels along a side of `side` input pixels.
     fn made(&self, side: u32) -> u32 {
         (side + 2 * self.pad).checked_sub(self.filters.size as u32).map_or(0, |rest| rest / self.stride + 1)
     }
@@ -50,7 +50,7 @@ impl Convolution {
 #[derive(Clone, Debug)]
 pub(super) enum Op {
     Convolution(Convolution),
-    /// 3x3, stride 2, ceil mode.
+    /// Maximum over 3x3 pixels, stride 2, ceil mode.
     Pool {
         from: usize,
         to: usize,
@@ -73,25 +73,26 @@ impl Op {
     }
 }
 
-/// A layer that is compared.
+/// A layer whose features are compared.
 #[derive(Clone, Debug)]
 pub(super) struct Tap {
     pub(super) tensor: usize,
-    /// Of each channel, not negative.
+    /// Weight of each channel, not negative.
     pub(super) weights: Vec<f32>,
-    /// Added to the length of a feature.
+    /// Added to the length of a feature before normalisation.
     pub(super) eps: f32,
 }
 
-/// Features of an image.
+/// The features of an image after a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tensor {
     pub(super) channels: usize,
-    /// It comes out of a ReLU, so that where it is 0 nothing gets a gradient.
+    /// Whether a ReLU precedes the tensor: values of 0 then pass no gradient.
     pub(super) rectified: bool,
 }
 
-/// Tensor 0 is the image, with four channels of which the last is 0; convolutions from it have stride 2 and no padding.
+/// A network. Tensor 0 is the image, with four channels, the last of which is 0. Convolutions from the image have
+/// stride 2 and no padding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Network {
     pub(super) tensors: Vec<Tensor>,
@@ -105,7 +106,7 @@ impl Network {
         self.tensors.len() - 1
     }
 
-    /// Width and height of each tensor for an image of this size.
+    /// Width and height of each tensor for an image of `width` x `height` pixels.
     pub(super) fn sizes(&self, width: u32, height: u32) -> Result<Vec<(u32, u32)>, Error> {
         let sizes = self.sides(width).into_iter().zip(self.sides(height)).collect::<Vec<_>>();
         if sizes.iter().all(|&(w, h)| w > 0 && h > 0) {
@@ -114,7 +115,7 @@ impl Network {
         Err(Error::TooSmall { width, height, least: self.least() })
     }
 
-    /// The smallest side of an image of which something is left in every tensor.
+    /// The smallest side of an image for which no tensor is empty.
     pub(super) fn least(&self) -> u32 {
         (1..256).find(|side| self.sides(*side).iter().all(|s| *s > 0)).unwrap_or(256)
     }
@@ -133,7 +134,7 @@ impl Network {
         sides
     }
 
-    /// The step that writes a tensor last: from then on it is whole.
+    /// The last step that writes a tensor, after which the tensor is complete.
     pub(super) fn completed_by(&self, tensor: usize) -> Option<usize> {
         self.ops.iter().rposition(|op| op.to() == tensor)
     }
@@ -148,7 +149,7 @@ impl Network {
         self.taps.iter().position(|tap| tap.tensor == tensor)
     }
 
-    /// Rows of four channels in a pixel.
+    /// Number of groups of four channels in a pixel.
     pub(super) fn quads(&self, tensor: usize) -> u32 {
         (self.tensors[tensor].channels / 4) as u32
     }

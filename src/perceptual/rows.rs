@@ -2,14 +2,14 @@
 
 use super::network::Convolution;
 
-/// Rows of four numbers, and where each network step finds its own.
+/// Rows of four values: the filters and biases of all network steps.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
     pub(super) filters: Vec<[f32; 4]>,
     pub(super) biases: Vec<[f32; 4]>,
 }
 
-/// A convolution as the device runs it.
+/// A convolution's place in the rows, and its sizes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     /// First row of its filters.
@@ -26,7 +26,8 @@ pub(super) struct Placed {
 }
 
 impl Rows {
-    /// Appends filters: per group of eight outputs, tap, row of four inputs and input two rows of outputs.
+    /// Appends filters and returns their first row. Order: group of eight outputs, tap, input; two rows of four outputs
+    /// each.
     fn push(
         &mut self,
         outputs: usize,
@@ -48,7 +49,7 @@ impl Rows {
         first
     }
 
-    /// The convolution itself.
+    /// Appends the filters and biases of the convolution itself.
     pub(super) fn forward(&mut self, convolution: &Convolution) -> Placed {
         let f = &convolution.filters;
         let quads = f.inputs.div_ceil(4);
@@ -65,7 +66,8 @@ impl Rows {
         }
     }
 
-    /// Its gradient with respect to what it reads: for a stride of 1 the convolution with the filters turned round.
+    /// Appends the filters of the gradient with respect to the convolution's input: for a stride of 1, a convolution
+    /// with rotated filters.
     pub(super) fn backward(&mut self, convolution: &Convolution) -> Placed {
         let f = &convolution.filters;
         let last = f.size - 1;
@@ -80,9 +82,9 @@ impl Rows {
         }
     }
 
-    /// The gradient with respect to an image that is read with stride 2 and no padding, in blocks of 2x2 pixels: four
-    /// channels for each pixel of a block. What lies `2 d` pixels before a pixel of the block at an even offset has tap
-    /// `d` of every second one.
+    /// Appends the filters of the gradient with respect to an image that is read with stride 2 and no padding. The
+    /// gradient is in blocks of 2x2 pixels, with four channels per pixel. A pixel of the block gets every second tap of
+    /// a filter.
     pub(super) fn image_gradient(&mut self, convolution: &Convolution) -> Placed {
         let f = &convolution.filters;
         let size = f.size.div_ceil(2);
@@ -103,7 +105,7 @@ impl Rows {
         }
     }
 
-    /// Rows of zeros for the biases of as many outputs.
+    /// Appends rows of zeros as the biases of `outputs` outputs.
     fn zeros(&mut self, outputs: usize) -> u32 {
         let first = self.biases.len() as u32;
         self.biases.extend(std::iter::repeat_n([0.0; 4], outputs / 4));

@@ -1,5 +1,5 @@
-//! SqueezeNet 1.1 (Iandola et al. 2016) as torchvision has it, up to its last fire module, and the layers of LPIPS v0.1
-//! on it (Zhang et al. 2018).
+//! SqueezeNet 1.1 (Iandola et al. 2016) in torchvision's variant, up to its last fire module, and the linear layers of
+//! LPIPS v0.1 (Zhang et al. 2018).
 
 use std::path::Path;
 
@@ -7,11 +7,12 @@ use super::network::{Convolution, Filters, Network, Op, Tap};
 use super::read::read_tensors;
 use super::{Error, Tensors};
 
-/// What messages call it.
+/// The network's name in messages.
 pub(super) const NETWORK: &str = "SqueezeNet 1.1";
 const LINEAR: &str = "the linear layers of LPIPS on SqueezeNet";
 
-/// Place among torchvision's `features`, channels in, squeezed, and of each of the two expansions.
+/// Fire modules: index among torchvision's `features`, input channels, squeezed channels, and channels of each of the
+/// two expansions.
 const FIRES: [(usize, usize, usize, usize); 8] = [
     (3, 64, 16, 64),
     (4, 128, 16, 64),
@@ -24,14 +25,14 @@ const FIRES: [(usize, usize, usize, usize); 8] = [
 ];
 /// Fire modules that have a pooling before them.
 const AFTER_POOL: [usize; 3] = [3, 6, 9];
-/// Channels of the layers that are compared: the first convolution, and these fire modules.
+/// Channels of the layers that are compared: the first convolution, and the fire modules in `TAPPED`.
 const TAPS: [usize; 7] = [64, 128, 256, 384, 384, 512, 512];
-/// Their places among the features.
+/// Fire modules that are compared, by index among the features.
 const TAPPED: [usize; 6] = [4, 7, 9, 10, 11, 12];
-/// LPIPS scales its input, from [-1, 1], by these.
+/// LPIPS's scaling of an input in [-1, 1].
 const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
-/// Added to the length of a feature.
+/// Added to the length of a feature before normalisation.
 const EPS: f32 = 1e-10;
 
 /// The convolutions of the whole classifier: torchvision's names, in the order of ncnn's conversion.
@@ -42,7 +43,7 @@ pub(super) fn names() -> impl Iterator<Item = String> {
     std::iter::once("features.0".to_owned()).chain(fires).chain(std::iter::once("classifier.1".to_owned()))
 }
 
-/// The numbers of LPIPS on SqueezeNet 1.1.
+/// The weights of LPIPS on SqueezeNet 1.1.
 #[derive(Clone, Debug)]
 pub struct LpipsWeights {
     trunk: Tensors,
@@ -50,8 +51,8 @@ pub struct LpipsWeights {
 }
 
 impl LpipsWeights {
-    /// From the arrays of the trunk and of the linear layers, by torchvision's and LPIPS' names; all are checked. One
-    /// file may hold both.
+    /// From the arrays of the trunk, by torchvision's names, and of the linear layers, by LPIPS's names. All arrays are
+    /// checked. One file may hold both.
     pub fn new(trunk: Tensors, linear: Tensors) -> Result<Self, Error> {
         let weights = Self { trunk, linear };
         weights.network()?;
@@ -63,12 +64,12 @@ impl LpipsWeights {
         Self::new(read_tensors(trunk)?, read_tensors(linear)?)
     }
 
-    /// The files.
+    /// The files of the trunk and of the linear layers.
     pub fn files(&self) -> [&Path; 2] {
         [self.trunk.file(), self.linear.file()]
     }
 
-    /// CRC-32 of the numbers that the distance uses: the same for the same network in files of other formats.
+    /// CRC-32 of the weights that the distance uses, independent of the files' formats.
     pub fn checksum(&self) -> u32 {
         let of_trunk = names().filter(|name| name.starts_with("features."));
         let of_trunk = of_trunk.flat_map(|name| ["weight", "bias"].map(|part| (&self.trunk, format!("{name}.{part}"))));
@@ -96,7 +97,7 @@ impl LpipsWeights {
         Ok(())
     }
 
-    /// The network on images in [0, 1].
+    /// The network, for images in [0, 1].
     pub(super) fn network(&self) -> Result<Network, Error> {
         let mut network = Network::default();
         let image = network.tensor(4, false);
@@ -130,7 +131,7 @@ impl LpipsWeights {
     }
 }
 
-/// The first convolution with LPIPS' scaling of the input in it, which is exact because nothing is padded.
+/// The first convolution with LPIPS's input scaling folded in, which is exact because the convolution has no padding.
 fn scaled(mut filters: Filters) -> Filters {
     let of_input = filters.size * filters.size;
     let of_output = of_input * filters.inputs;

@@ -1,4 +1,4 @@
-//! Arrays of numbers by name, as a file of weights holds them.
+//! Named arrays of a file of weights.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::Error;
 pub struct Tensor {
     /// Extent of each axis.
     pub shape: Vec<usize>,
-    /// As many values as the extents multiply to.
+    /// The values; their number is the product of the extents.
     pub values: Vec<f32>,
 }
 
@@ -22,12 +22,12 @@ pub struct Tensors {
 }
 
 impl Tensors {
-    /// Those of a file that holds none yet; the name is for messages.
+    /// No arrays yet; messages name `file`.
     pub fn new(file: &Path) -> Self {
         Self { file: file.to_owned(), tensors: BTreeMap::new() }
     }
 
-    /// Adds an array, or replaces the one of this name.
+    /// Adds an array, or replaces the array of this name.
     pub fn insert(&mut self, name: impl Into<String>, tensor: Tensor) {
         self.tensors.insert(name.into(), tensor);
     }
@@ -37,17 +37,17 @@ impl Tensors {
         &self.file
     }
 
-    /// The names.
+    /// The names of the arrays.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.tensors.keys().map(String::as_str)
     }
 
-    /// The values of an array; none where it is not there.
+    /// The values of an array; empty where the array is missing.
     pub fn values(&self, name: &str) -> &[f32] {
         self.tensors.get(name).map_or(&[], |tensor| &tensor.values)
     }
 
-    /// The values of an array that `network` must have, of this shape and finite.
+    /// The values of an array of `network`. Fails unless the array exists, has the given shape and is finite.
     pub fn get(&self, name: &str, shape: &[usize], network: &'static str) -> Result<&[f32], Error> {
         let (file, field) = (|| self.file.clone(), || name.to_owned());
         let tensor = self.tensors.get(name).ok_or_else(|| Error::Missing { file: file(), field: field(), network })?;

@@ -1,10 +1,10 @@
-//! The network, its numbers and its pipelines on a device.
+//! The network, its weights and its pipelines on a device.
 
 use super::network::Network;
 use super::rows::Placed;
 use crate::vk::{Buffer, Gpu, Pipeline};
 
-/// What all windows share.
+/// The parts of a distance that all windows share.
 pub(super) struct Trunk {
     pub(super) gpu: Gpu,
     pub(super) network: Network,
@@ -16,12 +16,12 @@ pub(super) struct Trunk {
     pub(super) filters: Buffer,
     pub(super) biases: Buffer,
     pub(super) channel_weights: Buffer,
-    /// Of each layer that is compared.
+    /// First row of the channel weights of each compared layer.
     pub(super) weight_rows: Vec<u32>,
-    /// Of each step that is a convolution.
+    /// The convolution of each step; `None` for steps that pool.
     pub(super) forward: Vec<Option<Placed>>,
-    /// Of each step that is a convolution.
+    /// The gradient's convolution of each step; `None` for steps that pool.
     pub(super) backward: Vec<Option<Placed>>,
-    /// Bound where nothing is read or written.
+    /// A buffer to bind where a pass neither reads nor writes.
     pub(super) nothing: Buffer,
 }

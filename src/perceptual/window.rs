@@ -1,4 +1,4 @@
-//! The distance of two images in a window, recorded.
+//! The distance of two images within a window.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::pass::feature_distance::{self as features, FLAG_GRADIENT};
 use crate::pass::{crop, pool};
 use crate::vk::{Buffer, Groups, Recorder};
 
-/// Windows of one size, with the memory that their features need. One distance at a time is in it.
+/// Windows of one size, with the memory for their features. The memory holds one distance at a time.
 pub struct Windows {
     trunk: Arc<Trunk>,
     width: u32,
@@ -20,10 +20,10 @@ pub struct Windows {
     room: Activations,
 }
 
-/// Two images on the device and a place in them.
+/// Two images on the device and the position of a window in them.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair<'a> {
-    /// One vec4 per pixel, of which the first three are colours in [0, 1].
+    /// One vec4 per pixel, the first three components being colours in [0, 1].
     pub image: &'a Buffer,
     /// RGBA8; where alpha is 0 the images count as equal.
     pub photograph: &'a Buffer,
@@ -31,36 +31,36 @@ pub struct Pair<'a> {
     pub size: (u32, u32),
     /// First column and row of the window.
     pub at: (u32, u32),
-    /// Whether the image, and its gradient, are of the window alone; the photograph is whole.
+    /// Whether `image` and its gradient cover the window alone; `photograph` is always whole.
     pub cropped: bool,
 }
 
-/// Where a gradient goes.
+/// Destination of a gradient.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientOf<'a> {
-    /// One vec4 per pixel of the image; that of the distance is added to the first three.
+    /// One vec4 per pixel of the image; the gradient of the distance is added to the first three components.
     pub image: &'a Buffer,
-    /// What it is multiplied by.
+    /// Factor of the gradient.
     pub weight: f32,
 }
 
-/// One side of a convolution.
+/// Input or output of a convolution.
 #[derive(Clone, Copy)]
 struct Side<'a> {
     buffer: &'a Buffer,
     size: (u32, u32),
-    /// Rows of a pixel.
+    /// Rows of four channels per pixel.
     row: u32,
     /// First row that is read or written.
     first: u32,
 }
 
-/// What a convolution reads and writes, of so many images.
+/// Inputs and outputs of a convolution.
 #[derive(Clone, Copy)]
 struct Convolved<'a> {
     source: Side<'a>,
     result: Side<'a>,
-    /// Features that say where gradients pass, laid out as the result.
+    /// Features in the layout of the result; gradients pass where a feature is positive.
     gate: Option<&'a Buffer>,
     images: u32,
     flags: u32,
@@ -87,7 +87,7 @@ impl Windows {
         &self.room.result
     }
 
-    /// Records the distance in a window, and its gradient with respect to the image. Nothing waits.
+    /// Records the distance within a window, and its gradient with respect to the image. Does not wait for the device.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -166,7 +166,7 @@ impl Windows {
         Ok(())
     }
 
-    /// The distance of a layer's features, and the gradient with respect to the first image's.
+    /// Records the distance of a layer's features, and its gradient with respect to the first image's features.
     fn compare(
         &self,
         recorder: &mut Recorder,
@@ -175,7 +175,7 @@ impl Windows {
         gradients: Option<&Gradients>,
     ) -> Result<(), Error> {
         let (trunk, room, network) = (&self.trunk, &self.room, &self.trunk.network);
-        // Where other steps read the features, the last of their gradients closes the gate.
+        // Where other steps read the features, the last step that adds to their gradient applies the gate.
         let alone = network.tensors[tensor].rectified && network.readers(tensor).is_none();
         let gate = if alone { FLAG_GATE } else { 0 };
         let push = features::Push {
@@ -192,7 +192,7 @@ impl Windows {
         Ok(())
     }
 
-    /// From the last step to the first: the gradient of what a step writes becomes a part of that of what it reads.
+    /// Runs from the last step to the first: the gradient of a step's output adds to the gradient of the step's input.
     fn backward(&self, recorder: &mut Recorder, gradients: &Gradients) -> Result<(), Error> {
         let (trunk, room, network) = (&self.trunk, &self.room, &self.trunk.network);
         let mut begun: Vec<bool> = (0..network.tensors.len()).map(|t| network.tap_of(t).is_some()).collect();

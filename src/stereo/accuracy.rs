@@ -1,26 +1,27 @@
-//! Depth and normals of stereo against what is known.
+//! Accuracy of stereo's depths and normals against the truth.
 
 use glam::DVec3;
 
 use super::homography::Homography;
 use super::{Prior, View};
 
-/// Relative difference of depths between pixels of one surface, and of a point's depth from that of the surface which a
-/// view sees there.
+/// Largest relative difference of depths between pixels of one surface, and between a point's depth and the depth of
+/// the surface that a view sees there.
 const SAME_SURFACE: f64 = 0.02;
-/// Angle in degrees that true normals around a pixel may have to it where it is counted as lying on a plane.
+/// Largest angle in degrees between the true normals around a pixel and its own for the pixel to count as lying on a
+/// plane.
 const ON_A_PLANE: f64 = 1.0;
-/// Pixels to each side that have to.
+/// Pixels to each side whose normals are compared.
 const PLANE_REACH: i64 = 2;
 
-/// The truth of a view, at any size of the picture's shape.
+/// True depths and normals of a view, at any size of the photograph's aspect ratio.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Depth along the camera's axis in the views' coordinates; not positive where none is known.
+    /// Depth along the camera's axis in the views' coordinates; not positive where no depth is known.
     pub depth: Vec<f64>,
     /// Unit normals in the camera frame; may be empty.
     pub normals: Vec<[f32; 3]>,
@@ -37,8 +38,8 @@ pub struct Accuracy {
 }
 
 impl Known {
-    /// Depth at a pixel of a picture of another size: between the nearest pixels of the truth where these are of one
-    /// surface, else that of the nearest.
+    /// Depth at a pixel of a photograph of another size: interpolated between the nearest pixels of the truth where
+    /// they are of one surface, else the nearest pixel's depth.
     fn at(&self, x: u32, y: u32, width: u32, height: u32) -> f64 {
         let place = |v: u32, to: u32, from: u32| (f64::from(v) + 0.5) * f64::from(from) / f64::from(to);
         let (u, v) = (place(x, width, self.width), place(y, height, self.height));
@@ -57,7 +58,7 @@ impl Known {
         1.0 / mix(mix(1.0 / four[0], 1.0 / four[1], fx), mix(1.0 / four[2], 1.0 / four[3], fx), fy)
     }
 
-    /// The true normal at a pixel of a picture of another size if it lies on a plane.
+    /// The true normal at a pixel of a photograph of another size, where the pixel lies on a plane.
     fn normal_of_plane(&self, x: u32, y: u32, width: u32, height: u32) -> Option<DVec3> {
         let place = |v: u32, to: u32, from: u32| ((f64::from(v) + 0.5) * f64::from(from) / f64::from(to)) as i64;
         let (u, v) = (place(x, width, self.width), place(y, height, self.height));
@@ -75,7 +76,7 @@ impl Known {
 }
 
 impl Accuracy {
-    /// Compares the priors of views with the truth, where there is one.
+    /// Compares the priors of views with the truth, where the truth is known.
     pub fn of(views: &[View], priors: &[Prior], truths: &[Option<Known>]) -> Self {
         let mut out = Self::default();
         let maps: Vec<Option<Vec<f64>>> = views
@@ -123,7 +124,7 @@ impl Accuracy {
         out
     }
 
-    /// Compares with points that views see: places in the picture and depths, for each view.
+    /// Compares the priors with points that views see: for each view, positions in pixels and depths.
     pub fn of_points(priors: &[Prior], points: &[Vec<[f64; 3]>]) -> Self {
         let mut out = Self::default();
         for (prior, points) in priors.iter().zip(points) {
@@ -139,28 +140,28 @@ impl Accuracy {
         out
     }
 
-    /// Whether nothing could be compared.
+    /// Whether nothing was compared.
     pub fn is_empty(&self) -> bool {
         self.pixels == 0
     }
 
-    /// Median relative error of the depth where there is one.
+    /// Median relative error of the depths; `None` without depths.
     pub fn median_error(&self) -> Option<f64> {
         median(&self.depth)
     }
 
-    /// Share of the depths that are off by at most this share.
+    /// Share of the depths whose relative error is at most `share`.
     pub fn within(&self, share: f64) -> Option<f64> {
         let good = self.depth.iter().filter(|e| **e <= share).count();
         (!self.depth.is_empty()).then(|| good as f64 / self.depth.len() as f64)
     }
 
-    /// Share of what is known that has a depth.
+    /// Share of the compared pixels that have a depth.
     pub fn valid(&self) -> Option<f64> {
         (self.pixels > 0).then(|| self.depth.len() as f64 / self.pixels as f64)
     }
 
-    /// The same among the pixels whose surface at least two sources see (one where there is one).
+    /// As [`Self::valid`], among the pixels whose surface at least two sources see, or one where the view has only one.
     pub fn valid_where_seen(&self) -> Option<f64> {
         (self.seen > 0).then(|| self.seen_valid as f64 / self.seen as f64)
     }

@@ -1,32 +1,32 @@
-//! A view's depths, continued to where none are known.
+//! Extrapolation of a view's depths.
 
 use glam::{DMat3, DVec3};
 
 use super::prior::normal;
 use super::{Prior, View};
 
-/// Side of the squares of pixels whose depths are summed before others are continued from them.
+/// Side in pixels of the blocks over which known depths are averaged before the extrapolation.
 const BLOCK: usize = 8;
-/// A view with fewer known pixels than this says nothing of its others.
+/// Smallest number of known pixels for an extrapolation.
 const LEAST_KNOWN: usize = 64;
-/// Inverse depths are continued to so many times the nearest and the farthest known ones, and no further.
+/// Inverse depths are clamped to the known range, widened by this factor at both ends.
 const BEYOND: f64 = 2.0;
 
-/// What is known of a square of pixels.
+/// The known pixels of a block.
 struct Block {
-    /// The mean place of its known pixels.
+    /// Mean position of the known pixels.
     place: [f64; 2],
-    /// The mean of their differences from the plane, and of the squares of these.
+    /// Mean difference of the inverse depths from the plane, and mean squared difference.
     differs: [f64; 2],
     known: f64,
 }
 
-/// Inverse depths all over the image plane of a view, from those of its pixels that are known. They are linear in the
-/// picture where a surface is a plane in space; so they are those of a plane through all known pixels, and of what
-/// these differ from it a mean that goes by nearness.
+/// Inverse depths over the whole image plane of a view, extrapolated from the known pixels. The inverse depth of a
+/// plane in space is linear in pixel coordinates. The extrapolation is therefore a plane fitted to all known pixels
+/// plus a mean of their differences from the plane, weighted by nearness.
 pub(super) struct Continued<'a> {
     view: &'a View,
-    /// Inverse depth at (u, v) is its product with (u, v, 1).
+    /// Inverse depth at (u, v) is the dot product with (u, v, 1).
     plane: DVec3,
     blocks: Vec<Block>,
     /// Smallest and largest inverse depth.
@@ -34,7 +34,7 @@ pub(super) struct Continued<'a> {
 }
 
 impl<'a> Continued<'a> {
-    /// `None` where too little is known, or the prior is not of the view's pixels.
+    /// `None` where too few pixels are known, or the prior's size is not the view's.
     pub(super) fn new(view: &'a View, prior: &Prior) -> Option<Self> {
         let size = (view.camera.width, view.camera.height);
         if (prior.width, prior.height) != size || prior.depth.len() != view.pixels() {
@@ -80,12 +80,12 @@ impl<'a> Continued<'a> {
         Some(Self { view, plane, blocks, range: [least / BEYOND, most * BEYOND] })
     }
 
-    /// Inverse depth at a place in the picture or beside it, and by how much, as a share of it, what it is continued
-    /// from varies about the plane.
+    /// Inverse depth at a position inside or outside the photograph, and the standard deviation about the plane of the
+    /// depths used, as a share of the inverse depth.
     pub(super) fn inverse_depth(&self, u: f64, v: f64) -> (f64, f64) {
         let squared = |b: &Block| (b.place[0] - u).powi(2) + (b.place[1] - v).powi(2);
         let nearest = self.blocks.iter().map(squared).fold(f64::INFINITY, f64::min);
-        // As wide as the nearest is far: what is far off is continued from more.
+        // The weights are as wide as the nearest block is far: a distant position averages over more blocks.
         let reach = nearest.max((BLOCK * BLOCK) as f64);
         let (mut sum, mut squares, mut weights) = (0.0, 0.0, 0.0);
         for block in &self.blocks {
@@ -99,14 +99,14 @@ impl<'a> Continued<'a> {
         (q, (square - mean * mean).max(0.0).sqrt() / q)
     }
 
-    /// The unit normal there in the camera frame, towards the camera.
+    /// The unit normal at the position in the camera frame, towards the camera.
     pub(super) fn normal(&self, u: f64, v: f64, inverse_depth: f64) -> [f32; 3] {
         let hypothesis = [inverse_depth, self.plane.x, self.plane.y].map(|h| h as f32);
         normal(&self.view.camera, [u, v], hypothesis)
     }
 }
 
-/// The middle of a pixel.
+/// The centre of a pixel.
 pub(super) fn middle(width: u32, pixel: usize) -> (f64, f64) {
     let width = width as usize;
     ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5)

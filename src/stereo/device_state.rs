@@ -1,4 +1,4 @@
-//! What a run of the matcher has on the device, and what it does there.
+//! The device side of a run of the matcher: its buffers and dispatches.
 
 use super::homography::{self, Homography};
 use super::{Error, InitialPlanes, Matcher, Prior, View};
@@ -6,18 +6,18 @@ use crate::pass::stereo::{BlocksPush, FLAG_START, FilterPush, LINK_ROWS, MOST_CH
 use crate::scene::Camera;
 use crate::vk::{Buffer, Groups, Memory, Recorder, Ticket};
 
-/// Pixels to each side through whose depths a plane is laid.
+/// Pixels to each side whose depths a refit fits a plane to.
 const REFIT_REACH: u32 = 3;
-/// How often that is done before views are checked against each other.
+/// Refits before views are checked against each other.
 const REFITS: u32 = 2;
-/// Tolerance of these refits, in units of the check's.
+/// Tolerance of the refits before the check, in units of the check's tolerance.
 const LOOSE: f32 = 2.0;
 /// Sweeps of a round after the first.
 const LATER_SWEEPS: u32 = 1;
-/// Calls of a round have numbers of their own, for random draws.
+/// Turns (numbers of dispatches, which seed random draws) reserved for each round.
 const TURNS: u32 = 1 << 16;
 
-/// The views of a run with their memory on the device.
+/// The views of a run with their device memory.
 pub(super) struct DeviceState<'a> {
     matcher: &'a Matcher,
     views: &'a [View],
@@ -26,9 +26,9 @@ pub(super) struct DeviceState<'a> {
     luma: Vec<Buffer>,
     /// Hypotheses and scores of each view.
     planes: Vec<Buffer>,
-    /// What of them was kept.
+    /// The hypotheses of each view that passed the check.
     kept: Vec<Buffer>,
-    /// A view and its sources: as rows of 2x2 pixels, or as hypotheses.
+    /// Slots for a view and its sources: blocks of 2x2 pixels while matching, hypotheses while checking.
     slots: Buffer,
     links: Buffer,
     pixels: Buffer,
@@ -66,8 +66,8 @@ impl<'a> DeviceState<'a> {
         Ok(work)
     }
 
-    /// Finds the hypotheses of a view: in the first round from its start, in later ones from what was kept,
-    /// which spreads to the rest.
+    /// Finds the hypotheses of a view. The first round starts from the view's initial planes; later rounds start from
+    /// the kept hypotheses, which spread to other pixels.
     pub(super) fn matched(&self, number: usize, round: u32) -> Result<Ticket, Error> {
         let (view, planes, settings) = (&self.views[number], &self.planes[number], &self.matcher.settings);
         let sources = checks_of(view);
@@ -105,7 +105,7 @@ impl<'a> DeviceState<'a> {
         let start = SweepPush { count: all, draws, turn, flags: FLAG_START, ..push };
         recorder.dispatch(&self.matcher.sweep, &bound, &start, Groups::Items(u64::from(all)))?;
         let reach = settings.reach().max(1) as f32;
-        // Later rounds go on with the changes that the first one ended with.
+        // Later rounds continue with the amplitude that the first round ended with.
         let halved = if round == 0 { 0 } else { settings.iterations };
         for sweep in 0..sweeps {
             let amplitude = push.amplitude * 0.5_f32.powi((halved + sweep) as i32);
@@ -122,10 +122,10 @@ impl<'a> DeviceState<'a> {
         Ok(recorder.submit()?)
     }
 
-    /// Keeps of a view's planes what its sources agree with.
+    /// Keeps the hypotheses of a view that its sources agree with.
     pub(super) fn checked(&self, number: usize) -> Result<(), Error> {
         let (view, settings) = (&self.views[number], &self.matcher.settings);
-        // A source without hypotheses has nothing to say.
+        // A source without hypotheses cannot agree or disagree.
         let has_planes = |s: &usize| !self.views[*s].sources.is_empty();
         let sources: Vec<usize> = checks_of(view).iter().copied().filter(has_planes).collect();
         if sources.is_empty() {
@@ -154,7 +154,7 @@ impl<'a> DeviceState<'a> {
         Ok(())
     }
 
-    /// Fetches what was kept of a view.
+    /// Reads back the kept hypotheses of a view as a prior.
     pub(super) fn prior(&self, number: usize) -> Result<Prior, Error> {
         let view = &self.views[number];
         let mut recorder = self.matcher.gpu.recorder("stereo prior")?;
@@ -164,7 +164,7 @@ impl<'a> DeviceState<'a> {
         Ok(Prior::new(&view.camera, &rows))
     }
 
-    /// Lays planes through what lies within `loose` times the tolerance of the check.
+    /// Refits each hypothesis to the neighbours within `loose` times the tolerance of the check.
     fn refit(&self, recorder: &mut Recorder, camera: &Camera, from: &Buffer, loose: f32) -> Result<(), Error> {
         let (width, height) = (camera.width, camera.height);
         let tolerance = loose * self.matcher.settings.agree_depth;
@@ -186,7 +186,7 @@ impl<'a> DeviceState<'a> {
             first: 0,
             count: 0,
             turn: 0,
-            // Of its own for each view: equal pixels of two views draw differently.
+            // A separate seed for each view: the same pixel of two views draws differently.
             seed: settings.seed.wrapping_mul(0x9e37_79b9).wrapping_add(number as u32),
             draws: settings.draws,
             flags: 0,
@@ -209,7 +209,7 @@ impl<'a> DeviceState<'a> {
         sources.iter().flat_map(|s| homography::rows(camera(number), camera(*s))).collect()
     }
 
-    /// The change of inverse depth that moves the middle of the picture by a pixel in the sources, in the median.
+    /// The change of inverse depth that moves the photograph's centre by one pixel in the sources (median).
     fn parallax_unit(&self, view: &View, sources: &[usize]) -> f32 {
         let d = (view.depths[0] * view.depths[1]).sqrt().recip();
         let (u, v) = (0.5 * f64::from(view.camera.width), 0.5 * f64::from(view.camera.height));
@@ -217,7 +217,7 @@ impl<'a> DeviceState<'a> {
         let mut moves: Vec<f64> = sources.iter().map(moves).collect();
         moves.sort_by(f64::total_cmp);
         let middle = moves.get(moves.len() / 2).copied().unwrap_or(0.0);
-        // Where nothing moves, as in views from one place, no depth can be told: any change is as good.
+        // Views from one position have no parallax and no depth: any change will do.
         (1.0 / middle.max(1e-6 / d)) as f32
     }
 }
@@ -226,7 +226,7 @@ fn checks_of(view: &View) -> &[usize] {
     &view.sources[..view.sources.len().min(MOST_CHECKS)]
 }
 
-/// The pixels that are matched, those of one colour of the checkerboard first, and how many these are.
+/// The pixels to match, one colour of the checkerboard first, and the number of pixels of that colour.
 fn pixels(view: &View) -> (Vec<u32>, u32) {
     let width = view.camera.width;
     let wanted = |p: &u32| view.wanted.as_ref().is_none_or(|w| w[*p as usize]);

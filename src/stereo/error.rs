@@ -1,4 +1,4 @@
-//! What can be wrong with what stereo is asked for.
+//! Errors of stereo.
 
 use crate::{dataset, vk};
 
@@ -13,28 +13,28 @@ pub enum Error {
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
     /// A setting out of its range.
-    #[error("stereo: {name} is {value}; it is {allowed}")]
+    #[error("stereo: {name} is {value}, but must be {allowed}")]
     Setting {
         /// Its name.
         name: &'static str,
         /// Its value.
         value: String,
-        /// What it may be.
+        /// The allowed values.
         allowed: &'static str,
     },
-    /// A view's values are not as many as its pixels.
+    /// A view's number of values differs from its number of pixels.
     #[error("stereo: view {view} has {found} values of {what} for {expected} pixels")]
     Pixels {
         /// The view.
         view: usize,
         /// Which values.
         what: &'static str,
-        /// How many there are.
+        /// Number of values given.
         found: usize,
-        /// How many there should be.
+        /// Number of values needed.
         expected: usize,
     },
-    /// A view names a source that is none.
+    /// A view names a source that does not exist or is the view itself.
     #[error("stereo: view {view} cannot have view {wrong} as a source")]
     Source {
         /// The view.

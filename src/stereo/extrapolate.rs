@@ -1,4 +1,4 @@
-//! Surfaces that stereo found, continued to where few views look.
+//! Extrapolation of surfaces to regions that few views see.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,22 +9,22 @@ use super::homography::Homography;
 use super::{FusedPoint, Prior, View};
 use crate::scene::Camera;
 
-/// Surfaces are continued where what they are continued from varies by at most this share of the depth: a depth that is
-/// wrong by a hundredth moves a place by some pixels in the views that look there from elsewhere.
+/// Largest variation of the depths that an extrapolation uses, as a share of the depth: an error of a hundredth in
+/// depth moves a point by some pixels in other views.
 pub(super) const ROUGHEST: f64 = 0.01;
 
-/// A pixel that few views look at.
+/// An extrapolated point of a pixel without depth.
 struct Alone {
     pixel: usize,
     point: FusedPoint,
-    /// Other views that look there, and the pixels in which they do.
+    /// Other views that see the point, and the pixels that it projects to.
     shared: Vec<(usize, usize)>,
 }
 
-/// Points for the pixels of which stereo knows nothing and that at most `most` views look at, their own included: there
-/// nothing can be compared, or hardly. They lie on the view's own surfaces, continued by a plane through all of them
-/// and by what the nearest differ from it, where these vary little: a plain can be continued, a town cannot. Places
-/// that views share are used once.
+/// Points for the pixels without depth that at most `most` views see, the pixel's own view included: stereo can compare
+/// little or nothing there. The points lie on the view's own surfaces, extrapolated by a plane fitted to all depths and
+/// by the nearest depths' differences from it. Only surfaces that vary little are extrapolated: a plain, not a town.
+/// Views that share a point get one point between them.
 pub fn extend(views: &[View], priors: &[Prior], most: usize) -> Vec<FusedPoint> {
     let found: Vec<Vec<Alone>> = (0..views.len()).into_par_iter().map(|i| alone(views, priors, i, most)).collect();
     let mut used: Vec<Vec<bool>> = views.iter().map(|view| vec![false; view.pixels()]).collect();
@@ -64,8 +64,7 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()
 }
 
-/// How the pixels of a view lead to those of all others, of those first that stand nearest:
-/// they are the likeliest to look at the same.
+/// Homographies from a view to all others, nearest views first: they most likely see the same surfaces.
 pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Homography)> {
     let centre = |view: &View| DVec3::from_array(view.camera.center());
     let own = centre(&views[i]);
@@ -75,7 +74,8 @@ pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Homography)> {
     nearest.into_iter().map(|j| (j, Homography::new(&views[i].camera, &views[j].camera))).collect()
 }
 
-/// The pixel of another camera in which a place in a picture at an inverse depth lies.
+/// The pixel of another camera that sees a position (u, v) of the photograph at an inverse depth; `None` outside its
+/// image.
 pub(super) fn pixel_at(link: &Homography, [u, v]: [f64; 2], inverse_depth: f64, camera: &Camera) -> Option<usize> {
     let h = link.applied(u, v, inverse_depth);
     let (x, y) = (h.x / h.z, h.y / h.z);

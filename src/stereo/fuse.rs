@@ -6,7 +6,7 @@ use super::homography::{Homography, intrinsics, rotation};
 use super::{Prior, Settings, View};
 use crate::scene::Camera;
 
-/// Largest angle between the normals of pixels that become one point, degrees.
+/// Largest angle in degrees between the normals of pixels that fuse into one point.
 const SAME_DIRECTION: f64 = 30.0;
 
 /// A point of the fused cloud.
@@ -14,23 +14,23 @@ const SAME_DIRECTION: f64 = 30.0;
 pub struct FusedPoint {
     /// In the views' coordinates.
     pub position: [f64; 3],
-    /// Unit normal in the axes of the views' coordinates.
+    /// Unit normal in the views' coordinates.
     pub normal: [f32; 3],
-    /// 8-bit colour; grey where the views have none.
+    /// 8-bit colour; grey where the views have no colours.
     pub colour: [u8; 3],
-    /// Pixels that it was made of.
+    /// Number of pixels fused into the point.
     pub pixels: u32,
 }
 
-/// A pixel in space.
+/// A pixel's point in space.
 struct Lifted {
     position: DVec3,
     normal: DVec3,
     colour: [f64; 3],
 }
 
-/// Makes one point of pixels of different views that show the same place: by the rules that views agree by, and by
-/// their normals. Each pixel is used once.
+/// Fuses pixels of different views that show the same point in space: their depths agree within
+/// [`Settings::agree_depth`] and their normals are similar. Each pixel is used once.
 pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedPoint> {
     let mut used: Vec<Vec<bool>> = priors.iter().map(|prior| vec![false; prior.depth.len()]).collect();
     let mut points = Vec::new();
@@ -69,7 +69,7 @@ pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedP
     points
 }
 
-/// The point that a pixel with a depth shows.
+/// The point of one pixel with a depth.
 pub fn lifted_pixel(view: &View, prior: &Prior, pixel: usize) -> FusedPoint {
     merged(&[lifted(view, prior, pixel)])
 }
@@ -79,7 +79,7 @@ fn middle(prior: &Prior, pixel: usize) -> (f64, f64) {
     (x as f64 + 0.5, y as f64 + 0.5)
 }
 
-/// The pixel of another view in which a pixel at a depth lies, and its depth there.
+/// The pixel of another view that sees a position at a depth, and the depth in the other view.
 fn seen_at(link: &Homography, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Option<(usize, f64)> {
     let h = link.applied(u, v, 1.0 / depth);
     let (x, y) = (h.x / h.z, h.y / h.z);
@@ -93,7 +93,7 @@ fn lifted(view: &View, prior: &Prior, pixel: usize) -> Lifted {
     Lifted { position, normal, colour: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
 }
 
-/// The place in space of a place in a picture at a depth, and its normal in the camera frame turned there.
+/// The point in space of a position (u, v) at a depth, and its normal, rotated from the camera frame.
 pub(super) fn in_space(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f32; 3]) -> (DVec3, DVec3) {
     let back = rotation(camera).transpose();
     let ray = intrinsics(camera).inverse() * DVec3::new(u, v, 1.0);
@@ -104,7 +104,7 @@ pub(super) fn in_space(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f
 fn merged(group: &[Lifted]) -> FusedPoint {
     let share = 1.0 / group.len() as f64;
     let mean = |of: &dyn Fn(&Lifted) -> DVec3| group.iter().map(of).sum::<DVec3>() * share;
-    // About the first: large coordinates keep their digits.
+    // The mean is taken relative to the first point: large coordinates keep their digits.
     let origin = group[0].position;
     let position = origin + mean(&|p| p.position - origin);
     FusedPoint {

@@ -1,4 +1,4 @@
-//! How pixels of one view lead to another.
+//! The map from pixels of one view to pixels of another.
 
 use glam::{DMat3, DVec3};
 
@@ -6,7 +6,7 @@ use crate::pass::stereo::LINK_ROWS;
 use crate::scene::Camera;
 
 /// From a pixel (u, v) at inverse depth d of one camera to homogeneous pixels of another: A (u, v, 1) + b d. The third
-/// of them, divided by d, is the depth in the other.
+/// component, divided by d, is the depth in the other camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Homography {
     pub(super) a: DMat3,
@@ -30,18 +30,18 @@ pub(super) fn rotation(camera: &Camera) -> DMat3 {
 impl Homography {
     pub(super) fn new(from: &Camera, to: &Camera) -> Self {
         let turned = rotation(to);
-        // Centres first: where coordinates are large, their difference is what keeps its digits.
+        // The difference of the centres comes first: it keeps its digits where coordinates are large.
         let between = DVec3::from_array(from.center()) - DVec3::from_array(to.center());
         let k = intrinsics(to);
         Self { a: k * turned * rotation(from).transpose() * intrinsics(from).inverse(), b: k * (turned * between) }
     }
 
-    /// Homogeneous pixels.
+    /// Homogeneous pixel coordinates in the other view.
     pub(super) fn applied(&self, u: f64, v: f64, d: f64) -> DVec3 {
         self.a * DVec3::new(u, v, 1.0) + self.b * d
     }
 
-    /// Pixels by which the place in the other view moves per unit of inverse depth.
+    /// Pixels that the position in the other view moves per unit of inverse depth.
     pub(super) fn parallax(&self, u: f64, v: f64, d: f64) -> f64 {
         let h = self.applied(u, v, d);
         let along = |h: f64, b: f64, z: f64| (b * z - h * self.b.z) / (z * z);
@@ -57,7 +57,7 @@ impl Homography {
     }
 }
 
-/// The rows of a source, see [`LINK_ROWS`].
+/// The rows of a source for the device: see [`LINK_ROWS`].
 pub(super) fn rows(from: &Camera, to: &Camera) -> [[f32; 4]; LINK_ROWS] {
     let (there, back) = (Homography::new(from, to).rows(), Homography::new(to, from).rows());
     let size = [to.width as f32, to.height as f32, 0.0, 0.0];

@@ -1,4 +1,4 @@
-//! What pixels begin with, and in which range their depth is.
+//! The initial hypotheses of pixels, and the range of their depths.
 
 use std::num::NonZero;
 
@@ -7,30 +7,30 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use super::prior::hypothesis;
 use crate::scene::Camera;
 
-/// Points that a plane is laid through.
+/// Number of nearest points that a plane is fitted to.
 const NEIGHBOURS: usize = 6;
-/// Pixels along a side of a square that begins with one plane.
+/// Side in pixels of the squares that start with one plane.
 const CELL: u32 = 4;
-/// How much flatness counts against the points, in units of their spread.
+/// Weight of the preference for planes parallel to the image, in units of the points' spread.
 const FLATNESS: f64 = 0.2;
-/// Share of the points' depths that may lie outside of the range on either side before it is widened.
+/// Share of the points' depths left out at either end before the range is widened.
 const OUTSIDE: f64 = 0.01;
 /// Factor by which the range of the points' depths is widened on both sides.
 const WIDENED: f64 = 1.3;
 
-/// What pixels begin with.
+/// The initial hypotheses of a view's pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum InitialPlanes {
     /// Random planes in the range of depths.
     #[default]
     Random,
-    /// For each pixel inverse depth and its change per pixel to the right and down;
-    /// random where the inverse depth is not positive.
+    /// For each pixel, the inverse depth and its change per pixel to the right and down; random where the inverse depth
+    /// is not positive.
     Hypotheses(Vec<[f32; 3]>),
 }
 
 impl InitialPlanes {
-    /// Planes through the nearest of some points of the picture: their place in pixels and their depth.
+    /// Planes fitted to the nearest of `points`, given as (u, v, depth) with u and v in pixels.
     pub fn from_points(camera: &Camera, points: &[[f64; 3]]) -> Self {
         let usable = |p: &&[f64; 3]| p.iter().all(|v| v.is_finite()) && p[2] > 0.0;
         let points: Vec<[f64; 3]> = points.iter().filter(usable).copied().collect();
@@ -60,8 +60,8 @@ impl InitialPlanes {
         Self::Hypotheses(rows)
     }
 
-    /// A depth along the camera's axis and a normal in the camera frame (towards the camera) for each pixel, as a
-    /// renderer has them. Pixels without a positive depth begin at random.
+    /// From a render's maps: for each pixel, the depth along the camera's axis and the normal in the camera frame,
+    /// towards the camera. Pixels without a positive depth start at random.
     pub fn from_maps(camera: &Camera, depth: &[f32], normals: &[[f32; 3]]) -> Self {
         let one = |(pixel, (z, n)): (usize, (&f32, &[f32; 3]))| {
             let pixel = pixel as u32;
@@ -73,7 +73,7 @@ impl InitialPlanes {
         Self::Hypotheses(depth.iter().zip(normals).enumerate().map(one).collect())
     }
 
-    /// Rows of hypotheses that have no score yet.
+    /// Rows of hypotheses without a score.
     pub(super) fn rows(&self, camera: &Camera) -> Vec<[f32; 4]> {
         match self {
             Self::Random => vec![[0.0; 4]; camera.width as usize * camera.height as usize],
@@ -82,8 +82,8 @@ impl InitialPlanes {
     }
 }
 
-/// The plane through points (place and depth, squared distance) that fits their inverse depths best, at a place:
-/// weighted by nearness, with a preference for planes that are parallel to the picture's.
+/// The inverse depth at a position and its slopes, fitted to points given as (u, v, depth) with their squared distance.
+/// Near points weigh more, and planes parallel to the image are preferred.
 fn plane(at: [f64; 2], points: &[([f64; 3], f64)]) -> [f64; 3] {
     let spread = points.iter().map(|(_, squared)| squared).sum::<f64>() / points.len().max(1) as f64 + 1.0;
     let weighted = points.iter().map(|([u, v, z], squared)| {
@@ -104,7 +104,7 @@ fn plane(at: [f64; 2], points: &[([f64; 3], f64)]) -> [f64; 3] {
     [(md - gx * mu - gy * mv).clamp(low, high), gx, gy]
 }
 
-/// Nearest and farthest depth to look at where points have these depths; `None` without a positive one.
+/// Nearest and farthest depth to search, from the depths of points; `None` without a positive depth.
 pub fn depth_range(depths: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = depths.into_iter().filter(|z| z.is_finite() && *z > 0.0).collect();
     sorted.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! PatchMatch on the device, view by view, and the check of all views against each other.
+//! PatchMatch on the device, view by view, and the consistency check between views.
 
 use super::device_state::DeviceState;
 use super::{Error, Prior, Settings, View};
@@ -6,7 +6,7 @@ use crate::pass::Pass;
 use crate::pass::stereo::{BLOCKS, FILTER, REFIT, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6};
 use crate::vk::{Gpu, Pipeline, Ticket};
 
-/// Views whose work may be under way at once.
+/// Largest number of views in flight on the device.
 const IN_FLIGHT: usize = 3;
 
 /// Matches views on a device.
@@ -20,7 +20,7 @@ pub struct Matcher {
 }
 
 impl Matcher {
-    /// Compiles the passes.
+    /// Creates the pipelines. Fails where a setting is out of its range.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, Error> {
         settings.check()?;
         let sweep: &Pass = match settings.taps {
@@ -39,8 +39,8 @@ impl Matcher {
         })
     }
 
-    /// Depth, normals and confidence of every view, at the sizes of the views' cameras; nothing is known of views
-    /// without sources. `done` hears how much is done, from 0 to 1. Equal inputs give equal bits on one device.
+    /// Depth, normals and confidence of every view, at the size of the view's camera; all zero for views without
+    /// sources. `done` receives the progress, from 0 to 1. Equal inputs give equal bits on one device.
     pub fn run(&self, views: &[View], mut done: impl FnMut(f64)) -> Result<Vec<Prior>, Error> {
         for (number, view) in views.iter().enumerate() {
             view.check(number, views.len())?;
@@ -60,7 +60,7 @@ impl Matcher {
                 }
                 done((round as usize * views.len() + number + 1) as f64 / steps);
             }
-            // All of them against the planes of this round.
+            // All views are checked against the planes of the same round.
             for number in 0..views.len() {
                 work.checked(number)?;
             }

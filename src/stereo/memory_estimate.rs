@@ -1,30 +1,30 @@
-//! What matching takes of memory.
+//! The memory that matching takes.
 
 use super::Settings;
 use crate::pass::stereo::MOST_CHECKS;
 
-/// Bytes of a pixel on the host: luma, colour, whether it is matched, what it begins with, and what is found of it.
+/// Bytes per pixel on the host: luma, colour, whether the pixel is matched, its initial hypothesis, and its prior.
 const HOST: u64 = 4 + 3 + 1 + 12 + PRIOR;
-/// Bytes of a pixel of [`super::Prior`].
+/// Bytes per pixel of [`super::Prior`].
 const PRIOR: u64 = 4 + 12 + 4;
-/// Bytes of a pixel on the device: luma, hypotheses, and what of them was kept.
+/// Bytes per pixel on the device: luma, hypotheses, and kept hypotheses.
 const DEVICE: u64 = 4 + 16 + 16;
-/// Of a pixel of the largest view: it and its sources as rows, its place in the list, its refined hypothesis.
+/// Bytes per pixel of the largest view: slots of the view and its sources, list of pixels, refined hypotheses.
 const SLOTS: u64 = 16 * (MOST_CHECKS as u64 + 1) + 4 + 16;
 
-/// Bytes that matching takes, photographs that are being decoded apart.
+/// Bytes that matching takes, without the photographs being decoded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryEstimate {
-    /// Of the host's memory, results included.
+    /// Bytes of host memory, results included.
     pub host: u64,
-    /// Of the device's memory.
+    /// Bytes of device memory.
     pub device: u64,
-    /// What stays of the host's: depth, normals and confidence.
+    /// Bytes of host memory that stay: depth, normals and confidence.
     pub results: u64,
 }
 
 impl MemoryEstimate {
-    /// For photographs of these sizes.
+    /// Estimate for photographs of the given sizes in pixels.
     pub fn of(settings: &Settings, sizes: impl Iterator<Item = (u32, u32)>) -> Self {
         let (mut all, mut largest) = (0, 0);
         for (width, height) in sizes {

@@ -1,10 +1,10 @@
-//! Multi-view stereo: depth, normals and how far to trust them, for posed photographs, by PatchMatch on the device.
+//! Multi-view stereo: depth, normals and confidence of posed photographs, by PatchMatch on the device.
 //!
-//! Every pixel holds a hypothesis, a piece of a plane. Hypotheses are scored by how well the picture's window looks in
-//! other views when it is taken there by the plane (bilateral NCC), spread to neighbours that do better with them, and
-//! are refined by random changes (PatchMatch: Barnes et al. 2009; for stereo Bleyer et al. 2011; the checkerboard with
-//! eight arms and the constants: ACMH and ACMM of Xu and Tao 2019, COLMAP of Schönberger et al. 2016).
-//! What views agree on is kept.
+//! Every pixel holds a hypothesis, a piece of a plane. A hypothesis is scored by how well the window around the pixel
+//! matches other views when the plane maps it there (bilateral NCC). Good hypotheses spread to neighbours and are
+//! refined by random changes (PatchMatch: Barnes et al. 2009; for stereo Bleyer et al. 2011; the checkerboard with
+//! eight arms and the constants: ACMH and ACMM of Xu and Tao 2019, COLMAP of Schönberger et al. 2016). Hypotheses that
+//! several views agree on are kept.
 //!
 //! ```no_run
 //! use psrgs_vk::stereo::{self, Matcher, Settings};

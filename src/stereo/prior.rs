@@ -1,4 +1,4 @@
-//! What stereo knows of a view.
+//! The result of stereo for a view.
 
 use super::homography::intrinsics;
 use crate::scene::Camera;
@@ -20,7 +20,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// From rows of hypothesis and confidence.
+    /// From rows of hypothesis and confidence, one per pixel.
     pub(super) fn new(camera: &Camera, rows: &[[f32; 4]]) -> Self {
         let (width, height) = (camera.width, camera.height);
         let mut out = Self { width, height, ..Self::default() };
@@ -36,7 +36,7 @@ impl Prior {
         out
     }
 
-    /// The same at another size, from the nearest pixels.
+    /// The prior at another size, from the nearest pixels.
     pub fn at_size(self, width: u32, height: u32) -> Self {
         if (width, height) == (self.width, self.height) {
             return self;
@@ -54,24 +54,24 @@ impl Prior {
         out
     }
 
-    /// Share of pixels that have a depth.
+    /// Share of the pixels that have a depth.
     pub fn share(&self) -> f64 {
         let known = self.depth.iter().filter(|d| **d > 0.0).count();
         known as f64 / self.depth.len().max(1) as f64
     }
 }
 
-/// The normal of a hypothesis at a place in the picture.
+/// The normal of a hypothesis at a position in pixels.
 pub(super) fn normal(camera: &Camera, [u, v]: [f64; 2], hypothesis: [f32; 3]) -> [f32; 3] {
     let [d, gx, gy] = hypothesis.map(f64::from);
-    // 1/z = q (u, v, 1) = (K^T q) ray, and the normal of the plane p X = 1 that the camera is before is -p.
+    // 1/z = q (u, v, 1) = (K^T q) ray, and -p is the normal, towards the camera, of the plane p X = 1.
     let q = DVec3::new(gx, gy, d - gx * u - gy * v);
     let p = intrinsics(camera).transpose() * q;
     (-p).normalize_or_zero().as_vec3().to_array()
 }
 
-/// The hypothesis of a surface at a depth with a normal in the camera frame, at a place in the picture; `None` where
-/// the surface is seen from behind or edge-on.
+/// The hypothesis of a surface at a position in pixels, with a depth and a normal in the camera frame; `None` where the
+/// surface is seen from behind or edge-on.
 pub(super) fn hypothesis(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f64; 3]) -> Option<[f32; 3]> {
     let ray = DVec3::new((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
     let n = DVec3::from_array(normal);

@@ -1,4 +1,4 @@
-//! From a dataset's photographs and points to views that can be matched.
+//! Prepares a dataset's photographs and points as views for matching.
 
 use std::sync::Arc;
 
@@ -9,34 +9,34 @@ use crate::dataset::{self, Dataset, HostShare, Photograph, Pixels, Role};
 use crate::saliency::Plane;
 use crate::scene::Camera;
 
-/// Points drawn where nothing was reconstructed, of which the dataset's rule makes more.
+/// Number of random points used where the dataset has no reconstructed points, out of the more that
+/// [`Dataset::random_points`] draws.
 const DRAWN: usize = 4000;
-/// A view with fewer observed points than this begins at random; where it shares no more with others,
-/// its observations count as missing.
+/// A view with fewer observed points than this starts at random. A view that shares fewer points than this with others
+/// counts as a view without observations.
 const FEW_POINTS: usize = 8;
-/// Bytes that reducing a photograph takes per pixel of it: its pixels, a channel of them,
-/// and the rows of it that are reduced.
+/// Bytes per pixel that reducing a photograph takes: its pixels, one channel, and the rows being reduced.
 const REDUCING: u64 = 16;
 
-/// A view of which no depth is known.
+/// A view without depth.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Skipped {
     /// Its position among the views.
     pub view: usize,
     /// Its name.
     pub name: String,
-    /// Why.
+    /// The reason.
     pub why: WithoutDepth,
 }
 
-/// Why no depth of a view is known.
+/// Why a view has no depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum WithoutDepth {
-    /// No point lies in its picture: there is no range of depths to look in.
+    /// No point lies in the photograph: there is no range of depths to search.
     NothingInView,
-    /// No other view sees enough of the same from another place.
+    /// No other view sees enough of the same surface from another position.
     NoOtherView,
-    /// It was compared with other views, and agrees with none.
+    /// The view was compared with other views and agrees with none.
     NoAgreement,
 }
 
@@ -49,24 +49,24 @@ impl std::fmt::Display for WithoutDepth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::NothingInView => {
-                "no reconstructed point lies in the picture: the pose is wrong, or nothing was reconstructed there"
+                "no reconstructed point lies in the photograph: its pose is wrong, or nothing was reconstructed there"
             }
-            Self::NoOtherView => "no other photograph sees enough of the same from another place",
+            Self::NoOtherView => "no other photograph sees enough of the same surface from another position",
             Self::NoAgreement => {
-                "compared with others, no surface fits both: the pose is wrong, or there is too little texture"
+                "no surface fits both this and other photographs: its pose is wrong, or it has too little texture"
             }
         })
     }
 }
 
-/// The views of a scene, ready to be matched.
+/// The views of a scene, ready for matching.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// In the coordinates of the scene, at the size that is matched.
+    /// The views in scene coordinates, at the size for matching.
     pub views: Vec<View>,
-    /// Their names.
+    /// Names of the views.
     pub names: Vec<String>,
-    /// Views without sources: nothing will be known of them.
+    /// Views without sources, which get no depth.
     pub skipped: Vec<Skipped>,
 }
 
@@ -75,15 +75,15 @@ pub struct Scene {
 pub struct Pending<'a> {
     /// Its name.
     pub name: &'a str,
-    /// Its camera in the coordinates of the scene, at the size that it is decoded at.
+    /// Its camera in scene coordinates, at the decoded size.
     pub camera: Camera,
-    /// Bytes that decoding it takes.
+    /// Bytes that decoding the photograph takes.
     pub bytes: u64,
 }
 
 impl Scene {
-    /// The training photographs of a dataset, decoded by `photograph` in turns, as `share` has room for them.
-    /// No other is read.
+    /// From the training photographs of a dataset, which `photograph` decodes as memory of `share` becomes free. Other
+    /// photographs are not read.
     pub fn of(
         dataset: &Dataset,
         settings: &Settings,
@@ -106,9 +106,9 @@ impl Scene {
         Ok(Self::new(&pending, &seen, settings, share, pixels)?)
     }
 
-    /// Photographs, of which `pixels` decodes one by its number, and what they see. They are decoded in turns, as
-    /// `share` has room for them, and only what is matched of each stays. Pixels without alpha are not matched.
-    /// Sources, depths and first hypotheses come from the points.
+    /// From photographs and the points that they see. `pixels` decodes a photograph by its number, as memory of `share`
+    /// becomes free; only the reduced photograph stays. Pixels with alpha below 0.5 are not matched. Sources, depths
+    /// and initial hypotheses come from the points.
     pub fn new(
         pending: &[Pending<'_>],
         seen: &Observations,
@@ -146,11 +146,11 @@ impl Scene {
 }
 
 impl Observations {
-    /// The points of a dataset in scene coordinates, with the positions in `chosen` of the views (positions in the
-    /// dataset) that see them. Where the dataset does not say which do, all are taken for it that have the point in
-    /// their picture, and likewise single views of which it says next to nothing ([`Observations::assumed`]); where it
-    /// has no points of use, random ones stand in for them, which are good for choosing sources and depths but not to
-    /// begin with.
+    /// The points of a dataset in scene coordinates, with the views that see each point, as indices into `chosen`.
+    /// `chosen` holds indices of the dataset's views. Where the dataset has no tracks, every view counts whose
+    /// photograph contains the point, and likewise single views with next to no observations
+    /// ([`Observations::assumed`]). Where the dataset has no usable points, random points replace them: they serve to
+    /// choose sources and depths, but not initial hypotheses.
     pub fn of(dataset: &Dataset, chosen: &[usize], seed: u64) -> Self {
         let mut place = vec![None; dataset.views.len()];
         for (k, &view) in chosen.iter().enumerate() {
@@ -196,8 +196,8 @@ impl Observations {
         Self { points, views, drawn: !real, assumed }
     }
 
-    /// For each view the places in its picture and the depths of the points that it sees, of those that at least
-    /// `least` views see. What is assumed counts only where nothing else is known.
+    /// For each view, position in pixels and depth of the points that the view sees, as (u, v, depth), among the points
+    /// that at least `least` views see. Assumed observations count only where all observations are assumed.
     pub fn observed_by(&self, views: &[View], least: usize) -> Vec<Vec<[f64; 3]>> {
         let nothing_else = self.assumed.len() == views.len();
         let counts = |k: &u32| nothing_else || self.assumed.binary_search(k).is_err();
@@ -212,7 +212,7 @@ impl Observations {
         (0..).zip(views.iter().zip(own)).map(of).collect()
     }
 
-    /// The points that each of so many views sees.
+    /// The points that each view sees.
     fn by_view(&self, views: usize) -> Vec<Vec<u32>> {
         let mut own = vec![Vec::new(); views];
         for (point, seen) in self.views.iter().enumerate() {
@@ -226,7 +226,8 @@ impl Observations {
     }
 }
 
-/// Of so many views those that share next to no point with another, by the views of each point.
+/// The views that share next to no point with another view. `views` holds the views of each point, `count` the number
+/// of views.
 fn with_few_shared(views: &[Vec<u32>], count: usize) -> Vec<u32> {
     let mut shared = vec![0; count];
     for k in views.iter().filter(|views| views.len() > 1).flatten() {
@@ -260,7 +261,7 @@ fn view(
         camera: *camera,
         luma,
         colours: colours.collect(),
-        // Without any point there is no range of depths to look in.
+        // Without any point there is no range of depths to search.
         sources: if depths.is_some() { sources } else { Vec::new() },
         depths: depths.unwrap_or([0.5, 2.0]),
         start,
@@ -268,7 +269,7 @@ fn view(
     }
 }
 
-/// Place of a point in the picture, and its depth.
+/// Position of a point in pixels, and its depth; `None` outside the photograph.
 fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
     let c = camera.center();
     let [x, y, z] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum::<f64>());
@@ -277,10 +278,9 @@ fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
     inside.then_some([u, v, z])
 }
 
-/// Red, green, blue and alpha from 0 to 1, at another size; what is not as many as the pixels counts as black and
-/// missing.
+/// Red, green, blue and alpha from 0 to 1, at another size; all zero where the number of pixels does not fit the size.
 fn channels(pixels: &Pixels, from: (u32, u32), to: (u32, u32)) -> Vec<[f32; 4]> {
-    // A channel at a time: all four of a large photograph would take more than the photograph.
+    // One channel at a time: all four channels as floats would take more memory than the photograph.
     let plane = |k: usize| -> Vec<f32> {
         let full: Vec<f32> = match pixels {
             Pixels::Rgba8(v) => v.chunks_exact(4).map(|p| f32::from(p[k]) / 255.0).collect(),

@@ -1,54 +1,54 @@
-//! What stereo is asked for, and what that costs.
+//! Settings of stereo, and their cost.
 
 use super::Error;
 use crate::pass::stereo::{ARMS, MOST_CHECKS, MOST_SOURCES};
 
-/// How stereo works. The defaults are for photographs of any kind, at a size where a pass over a scene takes a small
-/// part of a training.
+/// Settings of stereo. The defaults suit photographs of any kind, at a size where stereo takes a small part of the time
+/// of a training.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Photographs are reduced until their longer side has at most this many pixels.
     pub max_side: u32,
-    /// Views that a view is compared with, at most 4.
+    /// Number of views that a view is matched with, at most 4.
     pub sources: u32,
-    /// How many of them count at a hypothesis: those that agree best,
-    /// so that what hides a place from some does no harm.
+    /// Number of sources that count for a hypothesis: those that match best, so that an occlusion in some sources does
+    /// no harm.
     pub best: u32,
     /// Sweeps over all pixels.
     pub iterations: u32,
-    /// Further sweeps for views that begin at random.
+    /// Further sweeps for views that start at random.
     pub random_iterations: u32,
     /// Taps along a side of the window: 3, 4, 5 or 6.
     pub taps: u32,
     /// Pixels between taps.
     pub step: u32,
-    /// Random hypotheses of a pixel at the beginning, beside the one it is given.
+    /// Random hypotheses that a pixel tries at the start, beside its initial hypothesis.
     pub first_draws: u32,
-    /// Further ones for views that begin at random.
+    /// Further random hypotheses for views that start at random.
     pub random_draws: u32,
-    /// Random changes of a pixel's hypothesis in a sweep.
+    /// Random changes that a pixel tries in a sweep.
     pub draws: u32,
-    /// Largest random change in the first sweep, in pixels of parallax; halved in each further one.
+    /// Largest random change in the first sweep, in pixels of parallax; halved in each further sweep.
     pub amplitude: f32,
-    /// Standard deviation of the window's weight over distance, in units of its reach.
+    /// Standard deviation of the window's weight over distance, in units of [`Settings::reach`].
     pub sigma_distance: f32,
-    /// Standard deviation of the window's weight over difference of luma, which goes from 0 to 1.
+    /// Standard deviation of the window's weight over difference of luma (0 to 1).
     pub sigma_luma: f32,
-    /// Largest angle between a surface's normal and the ray, degrees.
+    /// Largest angle in degrees between a surface's normal and the viewing ray.
     pub most_slanted: f32,
-    /// Least NCC of what is kept. Windows on bare ground correlate little under the noise of a sensor, and it is the
-    /// views' agreement that says whether a depth is right.
+    /// Smallest NCC of a hypothesis that is kept. The default is low because sensor noise lowers the correlation on
+    /// bare ground; the agreement of views decides whether a depth is right.
     pub least_ncc: f32,
-    /// Distance in pixels that a point may have after the way to a source and back.
+    /// Largest reprojection distance in pixels after mapping a pixel to a source and back.
     pub agree_pixels: f32,
-    /// Relative difference of depths that sources may have.
+    /// Largest relative difference between depths that agree.
     pub agree_depth: f32,
-    /// Views that a view's depths are checked against, those that it is compared with among them, at most 8.
+    /// Number of views that a view's depths are checked against, sources included, at most 8.
     pub checks: u32,
-    /// How many of these must agree; one is enough where there are one or two.
+    /// Number of checked views that must agree; one is enough where at most two are checked.
     pub agree_sources: u32,
-    /// Rounds after the first: what the views agree on spreads to the rest, and they are checked again.
+    /// Rounds after the first: hypotheses that views agree on spread to other pixels, and all views are checked again.
     pub rounds: u32,
     /// Seed of random draws.
     pub seed: u32,
@@ -83,7 +83,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether every value makes sense.
+    /// Fails where a value is out of its range.
     pub fn check(&self) -> Result<(), Error> {
         let wrong = |name, value: String, allowed| Err(Error::Setting { name, value, allowed });
         let positive = |v: f32| v.is_finite() && v > 0.0;
@@ -97,15 +97,11 @@ impl Settings {
             return wrong("best", self.best.to_string(), "from 1 to 4");
         }
         if !(self.sources..=MOST_CHECKS as u32).contains(&self.checks) {
-            return wrong("checks", self.checks.to_string(), "from the number of sources to 8");
+            return wrong("checks", self.checks.to_string(), "from the number of `sources` to 8");
         }
         if !(1..=self.checks).contains(&self.agree_sources) {
             let value = self.agree_sources.to_string();
-            return wrong(
-                "agree_sources (`agree`)",
-                value,
-                "from 1 to the number of views that depths are checked against (`checks`)",
-            );
+            return wrong("agree_sources (`agree`)", value, "from 1 to the number of checked views (`checks`)");
         }
         for (name, value) in [
             ("iterations", self.iterations),
@@ -126,7 +122,7 @@ impl Settings {
             return wrong("step", self.step.to_string(), "from 1 to 8");
         }
         if self.taps.is_multiple_of(2) && !self.step.is_multiple_of(2) {
-            return wrong("step", self.step.to_string(), "even where taps are");
+            return wrong("step", self.step.to_string(), "even where `taps` is even");
         }
         for (name, value) in [
             ("amplitude", self.amplitude),
@@ -148,19 +144,19 @@ impl Settings {
         Ok(())
     }
 
-    /// Pixels from the middle of a window to its outermost taps.
+    /// Pixels from the centre of a window to its outermost taps.
     pub fn reach(&self) -> u32 {
         (self.taps - 1) * self.step / 2
     }
 
-    /// Samples of sources that a pixel takes in a view that does not begin at random.
+    /// Samples of sources that a pixel takes in a view that does not start at random.
     pub fn samples_per_pixel(&self, sources: u32) -> u64 {
         let sweep = ARMS + self.draws;
         let hypotheses = 1 + self.first_draws + self.iterations * sweep + self.rounds * (1 + sweep);
         u64::from(hypotheses) * u64::from(sources.min(self.sources)) * u64::from(self.taps * self.taps)
     }
 
-    /// Width and height that photographs of a size are reduced to.
+    /// Width and height that a photograph of the given size is reduced to.
     pub fn size(&self, width: u32, height: u32) -> (u32, u32) {
         let longer = width.max(height);
         if longer <= self.max_side {
@@ -171,23 +167,23 @@ impl Settings {
     }
 }
 
-/// What stereo may cost.
+/// Limit of the cost of stereo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Samples of sources over all views, see [`Budget::samples`]. On lavapipe one takes 3 to 4 ns of one processor
-    /// core, the more the fewer taps a window has.
+    /// Samples of sources over all views: see [`Budget::samples`]. On lavapipe a sample takes 3 to 4 ns of one
+    /// processor core, and more the fewer taps a window has.
     pub samples: f64,
 }
 
 impl Budget {
-    /// Samples that views of this size (of the photographs) take with these settings.
+    /// Samples that `views` photographs of the given size take with the settings.
     pub fn samples(settings: &Settings, views: usize, width: u32, height: u32) -> f64 {
         let (width, height) = settings.size(width, height);
         views as f64 * f64::from(width) * f64::from(height) * settings.samples_per_pixel(settings.sources) as f64
     }
 
-    /// The settings made cheaper until they fit, or as cheap as they get: first the picture down to `least_side`, then
-    /// sweeps down to 1, then sources down to 2, then no further rounds, then the picture again.
+    /// The settings, made cheaper until they fit the budget or cannot be cheaper. The order: image size down to
+    /// `least_side`, sweeps down to 1, sources down to 2, no further rounds, image size down to 16 pixels.
     pub fn fitting(self, settings: &Settings, least_side: u32, views: usize, width: u32, height: u32) -> Settings {
         let mut out = settings.clone();
         let over = |s: &Settings| Self::samples(s, views, width, height) > self.samples;

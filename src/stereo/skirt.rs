@@ -1,4 +1,4 @@
-//! Surfaces that stereo found, continued to where no view looks.
+//! Extrapolation of surfaces to regions that no view sees.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -8,35 +8,34 @@ use super::extrapolate::{others, pixel_at};
 use super::fuse::in_space;
 use super::{FusedPoint, Prior, View};
 
-/// Pixels of the views, as stereo has them, between points beside a picture,
-/// where a photograph from elsewhere is likely to look.
+/// Distance in pixels, at stereo's size, of points close to a photograph's edge, which other viewpoints are likely to
+/// see.
 const NEAR_STEP: f64 = 8.0;
-/// How far beside it that is, in pixels.
+/// Largest distance in pixels from the edge that counts as close.
 const NEAR: f64 = 24.0;
-/// Pixels between points farther off.
+/// Distance in pixels of points farther from the edge.
 const FAR_STEP: f64 = 16.0;
-/// Surfaces that vary by more than this share of their distance say nothing of what is beside them.
+/// Largest variation of the depths that an extrapolation uses, as a share of the depth.
 const ROUGHEST: f64 = 0.1;
-/// Where depths of less than this share of the pixels are known, those that are say little of what is beside the
-/// pictures: on bare floors and before far walls, surfaces continued from a few things in the middle come to stand in
-/// the air.
+/// Smallest share of pixels with a known depth for an extrapolation. With fewer, as on bare floors and before far
+/// walls, surfaces extrapolated from a few objects in the middle would float in the air.
 const LEAST_KNOWN: f64 = 0.5;
-/// Points that are nearer to each other than this share of the distance between neighbours are one.
+/// Points closer together than this share of their spacing count as one.
 const SAME_PLACE: f64 = 0.7;
 
-/// A point where no view looks.
+/// A point that no view sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkirtPoint {
-    /// Its place, its normal, and the colour of what is nearest to it in a picture.
+    /// Its position, its normal, and the colour of the photograph's nearest edge.
     pub point: FusedPoint,
     /// Distance to its neighbours, in the views' coordinates.
     pub spacing: f64,
 }
 
-/// Points on the views' surfaces, continued past the edges of the pictures by up to `share` of their longer sides,
-/// where no view looks and these surfaces vary little: far apart, in the colours of the nearest edge. No photograph
-/// says what is there; but something is, and without them nothing is shown. None where depths of less than half of the
-/// pixels that are to be matched are known.
+/// Points on the views' surfaces, extrapolated past the edges of the photographs by up to `share` of their longer
+/// sides, where no view looks and the surfaces vary little. The points are far apart and have the colours of the
+/// nearest edge. No photograph shows these regions, but without points a render would be empty there. Empty where less
+/// than half of the wanted pixels have a depth.
 pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     if known_share(views, priors) < LEAST_KNOWN {
         return Vec::new();
@@ -44,7 +43,7 @@ pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     let (near, far): (Vec<_>, Vec<_>) =
         (0..views.len()).into_par_iter().map(|i| around(views, priors, i, share)).unzip();
     let mut points: Vec<SkirtPoint> = Vec::new();
-    // The near ones of all views first: a far one that comes later gives way to them.
+    // The near points of all views come first and take precedence over far points.
     for one in near.into_iter().chain(far).flatten() {
         let at = DVec3::from_array(one.point.position);
         let same = |other: &SkirtPoint| {
@@ -57,7 +56,7 @@ pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     points
 }
 
-/// Share of the pixels that are to be matched that have a depth.
+/// Share of the wanted pixels that have a depth.
 fn known_share(views: &[View], priors: &[Prior]) -> f64 {
     let (mut known, mut wanted) = (0, 0);
     for (view, prior) in views.iter().zip(priors) {
@@ -67,7 +66,7 @@ fn known_share(views: &[View], priors: &[Prior]) -> f64 {
     known as f64 / wanted.max(1) as f64
 }
 
-/// Those of a view that are near to its picture, and the others.
+/// The points of a view near its edges, and the points farther away.
 fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtPoint>, Vec<SkirtPoint>) {
     let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Default::default() };
     let (Some(continued), true) = (Continued::new(view, prior), view.colours.len() == view.pixels()) else {
@@ -77,7 +76,7 @@ fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtP
     let camera = &view.camera;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let farthest = share * width.max(height);
-    // How far beside the picture; negative on it.
+    // Distance outside the photograph in pixels; negative inside.
     let beside = |u: f64, v: f64| {
         let out = |at: f64, side: f64| (-at).max(at - side);
         out(u, width).max(out(v, height))
@@ -101,15 +100,15 @@ fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtP
     (grid(NEAR_STEP, 0.0, near), grid(FAR_STEP, near, farthest))
 }
 
-/// Places `step` apart along a side and up to `beyond` it on both ends.
+/// Positions `step` apart along a side, extended by `beyond` at both ends.
 fn nodes(side: f64, step: f64, beyond: f64) -> impl Iterator<Item = f64> + Clone {
     let out = (beyond / step).ceil();
     let inside = (side / step).ceil();
     (0..(2.0 * out + inside) as usize).map(move |k| (k as f64 - out + 0.5) * step)
 }
 
-/// The mean colour about the pixel that is nearest to a place beside the picture,
-/// over a square that is the wider the farther that is.
+/// The mean colour around the pixel nearest to a position outside the photograph, over a square that grows with the
+/// distance.
 fn edge_colour(view: &View, u: f64, v: f64) -> [u8; 3] {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let nearest = |at: f64, side: usize| at.clamp(0.0, side.saturating_sub(1) as f64) as usize;

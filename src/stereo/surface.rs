@@ -1,4 +1,4 @@
-//! How much surface the views show.
+//! The amount of surface that the views show.
 
 use rayon::prelude::*;
 
@@ -8,21 +8,20 @@ use super::homography::Homography;
 use super::{Prior, View};
 use crate::scene::Camera;
 
-/// One pixel in so many, both across and down, stands for all.
+/// Step in pixels, across and down, between the pixels that are counted.
 const STEP: usize = 8;
-/// Points that stand for all.
+/// Largest number of points that are counted.
 const MOST_POINTS: usize = 4096;
-/// Depths that differ by more than this share are of different surfaces.
+/// Relative difference of depths from which surfaces count as different.
 const SAME_SURFACE: f64 = 0.1;
 
-/// The area of the surfaces of which depths are known, in units of a photograph, of which pixels that are not to be
-/// matched are no part: a place that n views have in their pictures counts 1 / n in each of these. A view has it there
-/// unless it knows another depth of that pixel; views of which nothing is known are left out,
-/// as are those whose prior is not of their size.
+/// The area of the surfaces with known depths, in units of one photograph's wanted pixels. A point that n views see
+/// counts 1 / n in each. A view sees a point that it contains unless the view has another depth at that pixel. Views
+/// without depths are left out, as are views whose prior has another size.
 pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
     let known: Vec<bool> = views.iter().zip(priors).map(|(view, prior)| is_known(view, prior)).collect();
     let of = |i: usize| if known[i] { share(views, priors, &known, i) } else { 0.0 };
-    // Summed in the order of the views: the same on any number of cores.
+    // The sum is in the order of the views, and so equal on any number of cores.
     let shares: Vec<f64> = (0..known.len()).into_par_iter().map(of).collect();
     shares.into_iter().sum()
 }
@@ -32,7 +31,7 @@ fn is_known(view: &View, prior: &Prior) -> bool {
     (prior.width, prior.height) == size && prior.depth.len() == view.pixels() && prior.depth.iter().any(|d| *d > 0.0)
 }
 
-/// A view's part of it.
+/// A view's share of the area.
 fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     let prior = &priors[i];
     let others: Vec<(usize, Homography)> =
@@ -60,8 +59,8 @@ fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     seen / f64::from(all.max(1))
 }
 
-/// About what [`surface`] will say, from points on the surfaces, before any depth is known: a point that n pictures
-/// have in them counts 1 / n in each, as a share of the points that are in it. What hides points is not known yet.
+/// An estimate of [`surface`] from points on the surfaces, before any depth is known. A point inside n photographs
+/// counts 1 / n in each, as a share of the points inside that photograph. Occlusion is ignored.
 pub fn surface_of_points(cameras: &[Camera], points: &[[f64; 3]]) -> f64 {
     let taken: Vec<[f64; 3]> = points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1)).copied().collect();
     let inside: Vec<Vec<bool>> = cameras.par_iter().map(|c| taken.iter().map(|p| has(c, *p)).collect()).collect();
@@ -73,7 +72,7 @@ pub fn surface_of_points(cameras: &[Camera], points: &[[f64; 3]]) -> f64 {
     inside.iter().map(share).sum()
 }
 
-/// Whether a point is in a camera's picture.
+/// Whether a point is inside a camera's image.
 fn has(camera: &Camera, point: [f64; 3]) -> bool {
     let [x, y, z] = [0, 1, 2].map(|k| {
         let row = camera.rotation[k];

@@ -1,25 +1,25 @@
-//! A view as stereo sees it.
+//! The input of stereo for one view.
 
 use super::{Error, InitialPlanes};
 use crate::scene::Camera;
 
-/// A picture with its camera, and what it is to be compared with.
+/// A photograph with its camera and the views to compare it with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// The camera at the size of the picture. All views share one system of coordinates.
+    /// The camera at the photograph's size. All views share one coordinate system.
     pub camera: Camera,
     /// Luma from 0 to 1, row by row from the top.
     pub luma: Vec<f32>,
     /// Colours of the pixels, for the fused cloud; may be empty.
     pub colours: Vec<[u8; 3]>,
-    /// Positions of the views that it is checked against, the best first, at most eight; windows are compared with the
-    /// first of them ([`super::Settings::sources`]). None: it is left out.
+    /// Indices of the views that this view is checked against, the best first, at most eight. The first
+    /// [`super::Settings::sources`] are also matched. A view without sources gets no depth.
     pub sources: Vec<usize>,
-    /// Nearest and farthest depth that is possible.
+    /// Nearest and farthest possible depth.
     pub depths: [f64; 2],
-    /// What pixels begin with.
+    /// Initial hypotheses of the pixels.
     pub start: InitialPlanes,
-    /// Which pixels are matched; `None`: all.
+    /// Whether each pixel is to be matched; `None` matches all.
     pub wanted: Option<Vec<bool>>,
 }
 
@@ -29,7 +29,7 @@ impl View {
         self.camera.width as usize * self.camera.height as usize
     }
 
-    /// Whether everything fits together; `number` is this view's of `views`.
+    /// Fails where sizes or sources do not fit. `number` is this view's index among `views` views.
     pub(super) fn check(&self, number: usize, views: usize) -> Result<(), Error> {
         let expected = self.pixels();
         let counted = |what, found: usize| match found == expected {

@@ -1,47 +1,48 @@
-//! Which views a view is compared with.
+//! Selection of the views that a view is compared with.
 
 use std::collections::{BTreeMap, HashMap};
 
 use crate::scene::Camera;
 
-/// Angles at a point between two views, in degrees: from the first to the second a pair is worth most.
+/// Range of angles at a point between two views, in degrees, that are worth most.
 const BEST_ANGLES: [f64; 2] = [5.0, 30.0];
 /// A pair of views is of no use where three quarters of its angles are below this many degrees (COLMAP's and ACMM's
 /// rule).
 const LEAST_ANGLE: f64 = 1.0;
-/// Pairs of views are compared by about this many observations.
+/// Approximate number of pairs of observations that are counted.
 const COMPARED: usize = 1_000_000;
-/// A pair has to share so many points.
+/// Smallest number of points that two views must share.
 const LEAST_SHARED: usize = 5;
-/// What a point counts that none, one, two, or more of the chosen views see already.
+/// Weight of a point that zero, one, two or more of the chosen views see already.
 const SEEN_AGAIN: [f64; 4] = [1.0, 0.8, 0.2, 0.05];
-/// A point is not well seen where the angle is worth less than this.
+/// A point counts as seen where its angle is worth more than this.
 const LITTLE: f64 = 0.1;
 
-/// Points and the views that see each.
+/// Points, and the views that see each point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observations {
     /// Positions in the cameras' coordinates.
     pub points: Vec<[f64; 3]>,
-    /// For each point the positions of its views, ascending.
+    /// For each point, the indices of its views, ascending.
     pub views: Vec<Vec<u32>>,
-    /// The points were drawn at random: no surface is where they are.
+    /// Whether the points were drawn at random and lie on no surface.
     pub drawn: bool,
-    /// Views whose observations are not known, ascending: they are taken to see what lies in their picture,
-    /// hidden by something or not.
+    /// Indices of the views whose observations are unknown, ascending: they are assumed to see every point inside their
+    /// image, occluded or not.
     pub assumed: Vec<u32>,
 }
 
-/// Points that a view shares with another.
+/// The points that a view shares with another.
 #[derive(Default)]
 struct Pair {
     narrow: usize,
-    /// Number of the point, and what the angle between the views there is worth.
+    /// Number of each point, and the worth of the angle between the views there.
     shared: Vec<(u32, f64)>,
 }
 
-/// For each camera at most `most` others, the best first: those that see most of its points at good angles, points that
-/// two others see already counting little. None where there is no overlap, or where all see everything from one place.
+/// For each camera, the indices of at most `most` other cameras, the best first: those that see most of its points at
+/// good angles. Points that two chosen cameras see already count little. Empty where no camera overlaps, or where all
+/// cameras are in one position.
 pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> Vec<Vec<usize>> {
     let centers: Vec<[f64; 3]> = cameras.iter().map(Camera::center).collect();
     let pairs_of = |views: &Vec<u32>| views.len() * views.len();
@@ -62,13 +63,13 @@ pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> V
             }
         }
     }
-    // Thinned out, sharing few points says less.
+    // The thinning of observations lowers the limit too.
     let least = LEAST_SHARED.div_ceil(step).max(1);
     let usable = |pair: &Pair| pair.shared.len() >= least && 4 * pair.narrow < 3 * pair.shared.len();
     pairs.iter().map(|of| covering(of.iter().filter(|(_, pair)| usable(pair)), most)).collect()
 }
 
-/// One after the other those that add most.
+/// Chooses one view after another, each time the view that adds most.
 fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a Pair)>, most: usize) -> Vec<usize> {
     let mut left: Vec<(usize, &Pair)> = pairs.map(|(view, pair)| (*view, pair)).collect();
     let mut times: HashMap<u32, usize> = HashMap::new();
@@ -79,7 +80,7 @@ fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a Pair)>, most: usize)
             pair.shared.iter().map(worth).sum::<f64>()
         };
         let gains = left.iter().map(|(_, pair)| adds(pair)).enumerate();
-        // The first of equal ones.
+        // The first of equal gains wins.
         let best = gains.fold(None, |best: Option<(usize, f64)>, (k, gain)| match best {
             Some((_, most)) if most >= gain => best,
             _ => Some((k, gain)),
@@ -92,7 +93,7 @@ fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a Pair)>, most: usize)
     chosen
 }
 
-/// The angle at a point between the directions to two centres, degrees.
+/// The angle in degrees at a point between the directions to two centres.
 fn angle(a: &[f64; 3], b: &[f64; 3], point: &[f64; 3]) -> f64 {
     let to = |c: &[f64; 3]| glam::DVec3::from_array(*c) - glam::DVec3::from_array(*point);
     let (a, b) = (to(a), to(b));

@@ -11,7 +11,8 @@ use crate::scene::Camera;
 const PINHOLE: i32 = 1;
 const OPENCV: i32 = 4;
 
-/// `cameras.bin` with one camera, number 1: OPENCV with the coefficients k1, k2, p1, p2 of a lens, else PINHOLE.
+/// `cameras.bin` with one camera, number 1: OPENCV with the coefficients k1, k2, p1, p2 where there is a lens, else
+/// PINHOLE.
 pub(super) fn write_camera(out: &mut dyn Write, camera: &Camera, lens: Option<(&Lens, [f64; 4])>) -> io::Result<()> {
     out.write_all(&1u64.to_le_bytes())?;
     out.write_all(&1u32.to_le_bytes())?;
@@ -28,8 +29,7 @@ pub(super) fn write_camera(out: &mut dyn Write, camera: &Camera, lens: Option<(&
     }
 }
 
-/// `images.bin`: view k is image k + 1, with its reconstructed pose; its observations are listed in the order of the
-/// points.
+/// `images.bin`: view k is image k + 1, with its reconstructed pose. Observations follow the order of the points.
 pub(super) fn write_images(out: &mut dyn Write, views: &[View], points: &[TiePoint]) -> io::Result<()> {
     let mut seen = vec![Vec::new(); views.len()];
     for (number, point) in points.iter().enumerate() {

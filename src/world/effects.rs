@@ -1,12 +1,11 @@
-//! What makes the photographs of a world hard, each with a switch of its own.
+//! Effects that make a world hard to reconstruct, each with its own switch.
 
 use serde::{Deserialize, Serialize};
 
 use super::WorldError;
 
-/// Effects on photographs and sparse points, and things of the scene that are hard to reconstruct. A value of zero or
-/// `false` turns one off. Turning one off moves nothing else: what stays is the same,
-/// pixel for pixel where it is not in its place.
+/// Effects on photographs and sparse points, and objects that are hard to reconstruct. A value of zero or `false` turns
+/// an effect off. Everything else stays in place: pixels that the effect does not touch keep their values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Effects {
@@ -14,13 +13,12 @@ pub struct Effects {
     pub jpeg_quality: u8,
     /// Standard deviation of sparse observations in pixels; the points are triangulated from them.
     pub observation_noise: f64,
-    /// Share of the sparse points that are wrong matches: at a wrong depth, with observations that agree with it.
+    /// Share of the sparse points that are wrong matches: at a wrong depth, with observations that fit the wrong depth.
     pub outliers: f64,
-    /// Standard deviation, per axis and in pixels, of where a pose of the sparse model shows what is in the middle of
-    /// the picture; half of the variance is from the rotation, half from the position.
+    /// Error of the sparse model's poses: standard deviation per axis, in pixels, of the surface point at the
+    /// photograph's centre. Half of the variance comes from the rotation, half from the position.
     pub pose_noise: f64,
-    /// Largest relative change of a photograph's exposure. Over all photographs it is kept to 1 in the (geometric)
-    /// mean.
+    /// Largest relative change of a photograph's exposure. The geometric mean of all exposures is 1.
     pub exposure: f64,
     /// Standard deviation of the sensor's noise in 8-bit steps.
     pub sensor_noise: f64,
@@ -38,11 +36,11 @@ pub struct Effects {
     pub wires: bool,
     /// Lettering from 5 cm to 1 m on boards, walls and a plaza, and a resolution star.
     pub text: bool,
-    /// A terrace of houses that are all alike, and flats whose windows are; else each has its own look.
+    /// Identical houses in a terrace and identical windows in flats; otherwise each looks different.
     pub repeats: bool,
-    /// Fields, a meadow and roofs with hardly any texture; else they have some.
+    /// Fields, a meadow and roofs with hardly any texture; otherwise they are textured.
     pub plain: bool,
-    /// A pond; else a lawn of the same form.
+    /// A pond; otherwise a lawn in its place.
     pub water: bool,
 }
 
@@ -84,7 +82,7 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// All, in the order of the fields.
+    /// All effects, in the order of the fields of [`Effects`].
     pub const ALL: [Self; 16] = [
         Self::Jpeg,
         Self::ObservationNoise,
@@ -129,7 +127,7 @@ impl Default for Effects {
 }
 
 impl Effects {
-    /// With every effect off.
+    /// Every effect off.
     pub fn none() -> Self {
         Self {
             jpeg_quality: 0,
@@ -151,7 +149,7 @@ impl Effects {
         }
     }
 
-    /// Takes one effect from others: with [`Effects::none`] it is turned off, with the default turned on.
+    /// Copies one effect from `from`: [`Effects::none`] turns the effect off, the default turns it on.
     pub fn take(&mut self, effect: Effect, from: &Self) {
         match effect {
             Effect::Jpeg => self.jpeg_quality = from.jpeg_quality,

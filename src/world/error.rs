@@ -1,4 +1,4 @@
-//! What can go wrong when a world is made.
+//! Errors of the world generator.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum WorldError {
     /// A parameter is out of its range.
-    #[error("world parameter `{name}` is {value}, must be within {low} and {high}")]
+    #[error("world parameter `{name}` is {value}, but must be from {low} to {high}")]
     Parameter {
         /// The parameter.
         name: &'static str,
@@ -18,18 +18,18 @@ pub enum WorldError {
         high: f64,
     },
     /// Depth is taken along the ray through a pixel's centre, so the number of samples per side must be odd.
-    #[error("world parameter `supersample` is {value}, must be odd")]
+    #[error("world parameter `supersample` is {value}, but must be odd")]
     EvenSupersample {
         /// The value given.
         value: u32,
     },
-    /// The distortion folds the picture over within its frame.
+    /// The distortion folds the photograph over within its frame.
     #[error(
-        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted picture twice, \
-         or not at all"
+        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted image twice or not \
+         at all: bring `distortion` nearer to 0 or raise `focal`"
     )]
     Lens,
-    /// The place has a file that no world has left there and this one would replace.
+    /// The folder has a file that does not belong to a world and would be replaced.
     #[error("{path}: no world made this file, and it would be replaced; choose another folder")]
     Taken {
         /// The file or folder.

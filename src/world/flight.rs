@@ -1,4 +1,4 @@
-//! Where photographs are taken from.
+//! The positions that photographs are taken from.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -11,14 +11,14 @@ use crate::scene::random::Random;
 pub struct View {
     /// File name within `images/`.
     pub name: String,
-    /// Camera of the undistorted picture in world coordinates (metres, z up), where it really was.
+    /// True camera of the undistorted image in world coordinates (metres, z up).
     pub camera: Camera,
-    /// The same camera where structure from motion has put it.
+    /// The camera with the pose that structure from motion gives it.
     pub reconstructed: Camera,
 }
 
 impl View {
-    /// The name of the view's files of another kind.
+    /// The name of the view's file with another extension.
     pub fn file(&self, extension: &str) -> String {
         let stem = self.name.rsplit_once('.').map_or(self.name.as_str(), |(stem, _)| stem);
         format!("{stem}.{extension}")
@@ -50,8 +50,8 @@ pub(super) fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3
     }
 }
 
-/// A serpentine of nadir views over the site, then oblique views from around it that look in. Positions, headings and
-/// tilts vary a little, as in a real flight. `ground` gives the height to keep above.
+/// A serpentine of nadir views over the site, then oblique views from around the site that look inwards. Positions,
+/// headings and tilts vary a little, as in a real flight. `ground` gives the height to keep above.
 pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Vec<View> {
     let mut random = Random::stream(params.seed, 9);
     let nadir = (f64::from(params.images) * params.nadir_share).round() as u32;
@@ -82,9 +82,9 @@ pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Ve
         let radius = extent * if k % 2 == 0 { 0.62 } else { 0.42 };
         let at = DVec2::from_angle(angle) * radius;
         let eye = at.extend(base + extent * (0.5 + 0.02 * random.normal()));
-        // Across the middle, to the side by turns, so that neighbours differ.
+        // Across the middle and to a random side, so that neighbours differ.
         let target = -at * random.range(0.0, 0.35) + at.perp() * random.range(-0.35, 0.35);
-        // Never flatter than about 43 degrees, so that the ground fills the picture.
+        // Never flatter than about 43 degrees, so that the ground fills the photograph.
         let forward = (target - at).clamp_length_max(0.53 * extent).extend(base - eye.z);
         cameras.push(aim(params, eye, forward, forward.cross(DVec3::Z)));
     }
@@ -92,9 +92,9 @@ pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Ve
     cameras.into_iter().enumerate().map(|(k, camera)| View::new(format!("view_{k:04}.{extension}"), camera)).collect()
 }
 
-/// Views from where no photograph is: by turns from half the height of the flight straight down, and from there at 45
-/// degrees over the middle of the site. `nearest` is the smallest depth that a camera sees; cameras close in front of
-/// something are moved, because nobody would look from there.
+/// Views from positions without a photograph, at half the height of the flight: alternately straight down, and at 45
+/// degrees over the middle of the site. `nearest` gives the smallest depth that a camera sees; a camera close to a
+/// surface is moved, because nobody would look from there.
 pub(super) fn plan_offpath(
     params: &WorldParams,
     ground: impl Fn(f64, f64) -> f64,
@@ -124,8 +124,9 @@ pub(super) fn plan_offpath(
     (0..params.offpath).filter_map(view).collect()
 }
 
-/// The camera as structure from motion has it: turned and moved a little, so that what is `distance` away in the middle
-/// of the picture shows `pose_noise` pixels off along each axis (standard deviation), half of the variance from either.
+/// The camera as structure from motion gives it: turned and moved, so that a point `distance` away at the photograph's
+/// centre shifts by `pose_noise` pixels along each axis (standard deviation). Half of the variance comes from the turn,
+/// half from the move.
 pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, distance: f64) -> Camera {
     let noise = params.effects.pose_noise;
     if noise == 0.0 {
@@ -134,7 +135,7 @@ pub(super) fn reconstructed(params: &WorldParams, camera: &Camera, number: u32, 
     let mut random = Random::stream(params.seed ^ (u64::from(number) << 20), 14);
     let angle = noise / camera.fx * std::f64::consts::FRAC_1_SQRT_2;
     let mut normal = || random.normal();
-    // About the axis as much as moves the middle of the upper edge by the same.
+    // The roll shifts the middle of the upper edge by as many pixels.
     let roll = 2.0 * camera.fx / f64::from(camera.height);
     let turn = DVec3::new(normal(), normal(), normal() * roll) * angle;
     let shift = DVec3::new(normal(), normal(), normal()) * angle * distance;

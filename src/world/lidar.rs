@@ -11,7 +11,7 @@ use super::light::develop;
 use super::{Ray, Surface, World};
 use crate::scene::random::Random;
 
-/// What a surface is a part of; the numbers are those of the LAS format's classes.
+/// The kind of object that a surface belongs to; the numbers are the LAS format's classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
     /// Cars, posts, poles, boards.
@@ -28,16 +28,16 @@ pub enum Class {
     Wire = 14,
 }
 
-/// An echo.
+/// An echo of a laser pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LidarPoint {
     /// World position, with the noise of the range.
     pub position: [f64; 3],
     /// Colour in daylight.
     pub colour: [u8; 3],
-    /// Share of the pulse's light that comes back, of 65535.
+    /// Share of the pulse's light that comes back, scaled to 65535.
     pub intensity: u16,
-    /// What was met.
+    /// The kind of object that was hit.
     pub class: Class,
     /// Angle of the pulse from the vertical, degrees, positive towards larger y.
     pub angle: f32,
@@ -47,11 +47,11 @@ pub struct LidarPoint {
     pub time: f64,
 }
 
-/// Speed of the aircraft, metres per second; time is all that it decides.
+/// Speed of the aircraft in metres per second, which affects only the points' times.
 const SPEED: f64 = 30.0;
 
 impl World {
-    /// What a surface is a part of.
+    /// The kind of object that a surface belongs to.
     pub fn class(&self, surface: Surface, point: DVec3) -> Class {
         match surface {
             Surface::Terrain if self.ground.is_water(point.truncate()) => Class::Water,
@@ -60,9 +60,10 @@ impl World {
         }
     }
 
-    /// First echoes of a scanner that flies along x, once on either side of the middle, and sweeps across: a pulse goes
-    /// to each point of a jittered grid on the ground, and whatever stands in its way sends it back. So roofs are as
-    /// dense as the ground, walls have points only where pulses come in at a slant, and behind them lie shadows.
+    /// First echoes of a scanner that flies along x, once on either side of the middle, and sweeps across. A pulse aims
+    /// at each point of a jittered grid on the ground, and the first surface in its way reflects it. Roofs are
+    /// therefore as dense as the ground, walls have points only where pulses come in at a slant, and regions behind
+    /// walls have none.
     pub fn lidar(&self) -> Vec<LidarPoint> {
         let (params, lidar) = (&self.params, &self.params.lidar);
         let half = 0.5 * lidar.coverage * params.extent;
@@ -113,7 +114,7 @@ pub(super) fn las(points: &[LidarPoint]) -> Result<Vec<u8>, las::Error> {
     builder.point_format = Format::new(7)?;
     builder.system_identifier = "simulated scanner".to_owned();
     builder.generating_software = "psrgs-vk".to_owned();
-    // The day would make equal parameters give different files.
+    // With the date, equal parameters would give different files.
     builder.date = None;
     let millimetres = Transform { scale: 0.001, offset: 0.0 };
     builder.transforms = Vector { x: millimetres, y: millimetres, z: millimetres };

@@ -19,7 +19,7 @@ const HORIZON: Vec3 = Vec3::new(1.0, 1.08, 1.15);
 const BOUNCE: Vec3 = Vec3::new(0.3, 0.29, 0.24);
 
 impl Light {
-    /// Azimuth clockwise from north (+y) and elevation, in degrees.
+    /// From the sun's azimuth, clockwise from north (+y), and elevation, in degrees.
     pub(crate) fn new([azimuth, elevation]: [f64; 2], reflections: bool) -> Self {
         let (a, e) = (azimuth.to_radians(), elevation.to_radians());
         Self { sun: DVec3::new(a.sin() * e.cos(), a.cos() * e.cos(), e.sin()), reflections }
@@ -51,8 +51,8 @@ impl Light {
     }
 }
 
-/// Radiance as 8-bit sRGB values, not yet rounded: a soft shoulder (extended Reinhard curve, Reinhard et al. 2002),
-/// then the sRGB transfer curve.
+/// Converts radiance to 8-bit sRGB values, not yet rounded: a soft shoulder (extended Reinhard curve, Reinhard et al.
+/// 2002), then the sRGB transfer curve.
 pub(crate) fn develop(radiance: Vec3) -> Vec3 {
     const WHITE: f32 = 2.6;
     let x = radiance.max(Vec3::ZERO) * 1.32;

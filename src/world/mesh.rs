@@ -7,8 +7,8 @@ use super::geometry::{Face, Shape, Solid, Terrain};
 use crate::format::ply::Mesh;
 
 impl World {
-    /// The ground and all solids. Faces of polyhedra and of the ground are exact; curved shapes are of flat pieces that
-    /// leave the true surface by less than 5 % of the shape's radius.
+    /// The ground and all solids. Faces of polyhedra and of the ground are exact; curved shapes are approximated by
+    /// flat pieces within 5 % of the shape's radius.
     pub fn mesh(&self) -> Mesh {
         let mut parts = Parts::default();
         parts.add_terrain(&self.terrain);
@@ -20,7 +20,7 @@ impl World {
     }
 }
 
-/// A mesh in the making.
+/// A mesh under construction.
 #[derive(Default)]
 struct Parts(Mesh);
 
@@ -60,7 +60,7 @@ impl Parts {
             }
             Shape::Cone { radius, height } => {
                 const SIDES: u32 = 12;
-                // As much outside of the true circle at the corners as inside between them.
+                // The corners lie as far outside the true circle as the middles of the sides lie inside.
                 let r = radius * 2.0 / (1.0 + (std::f64::consts::PI / f64::from(SIDES)).cos());
                 let rim = |k: u32| {
                     DQuat::from_rotation_z(std::f64::consts::TAU * f64::from(k) / f64::from(SIDES)) * (DVec3::X * r)
@@ -75,8 +75,8 @@ impl Parts {
     }
 }
 
-/// The unit sphere as an icosahedron with every triangle divided into four, its corners as much outside as the middles
-/// of its triangles are inside.
+/// The unit sphere as an icosahedron with every triangle divided into four. The corners lie as far outside the sphere
+/// as the middles of the triangles lie inside.
 fn unit_sphere() -> Mesh {
     let golden = 0.5 * (1.0 + 5.0f64.sqrt());
     let mut corners: Vec<DVec3> = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
@@ -130,8 +130,8 @@ fn unit_sphere() -> Mesh {
     mesh
 }
 
-/// Corners of a face of a convex polyhedron, counter-clockwise seen from outside;
-/// fewer than three when nothing is left of it.
+/// Corners of a face of a convex polyhedron, counter-clockwise seen from outside; fewer than three where nothing is
+/// left of the face.
 fn outline(faces: &[Face], number: usize) -> Vec<DVec3> {
     let face = &faces[number];
     // A square on the plane, cut by all other half-spaces (Sutherland and Hodgman 1974).

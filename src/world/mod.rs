@@ -1,12 +1,12 @@
-//! A synthetic aerial world of known geometry: hills, roads, buildings, plants, thin wires, water and bare fields; seen
-//! from a nadir flight, from oblique views around it and by a laser scanner;
-//! written as a COLMAP dataset with its ground truth.
+//! A synthetic aerial world of known geometry: hills, roads, buildings, plants, thin wires, water and bare fields. The
+//! world is photographed from a nadir flight and from oblique views around it, scanned by a laser scanner, and written
+//! as a COLMAP dataset with its ground truth.
 //!
-//! The cameras of [`View`]s are those of undistorted pictures. Photographs may be taken through a lens with distortion,
-//! whose undistorted picture is exactly that of the view's camera; all ground truth is for the pixels of undistorted
-//! pictures.
+//! The camera of a [`View`] is that of the undistorted image. Photographs may be taken through a lens with distortion,
+//! whose undistorted image is exactly that of the view's camera. All ground truth is for the pixels of undistorted
+//! images.
 //!
-//! World coordinates are metres, x east, y north, z up. Everything follows from [`WorldParams`], seed included.
+//! World coordinates are metres, x east, y north, z up. [`WorldParams`], seed included, determine everything.
 
 mod colmap;
 mod effects;
@@ -102,7 +102,7 @@ impl World {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// What it was made from.
+    /// The parameters given to [`Self::new`].
     pub fn params(&self) -> &WorldParams {
         &self.params
     }
@@ -112,32 +112,32 @@ impl World {
         &self.terrain
     }
 
-    /// Everything that stands on it.
+    /// All solids that stand on the ground.
     pub fn solids(&self) -> &[Solid] {
         &self.solids
     }
 
-    /// Photographs to be taken, in the order of their names.
+    /// The views of the photographs, in the order of their names.
     pub fn views(&self) -> &[View] {
         &self.views
     }
 
-    /// The lens of the photographs, where it bends rays.
+    /// The lens of the photographs; `None` without distortion.
     pub fn lens(&self) -> Option<&Lens> {
         self.optics.as_ref().map(|o| &o.lens)
     }
 
-    /// The gain of a photograph's exposure; 1 for a number that is none.
+    /// The gain of a photograph's exposure; 1 where no photograph has the number.
     pub fn exposure(&self, number: u32) -> f64 {
         self.exposures.get(number as usize).copied().unwrap_or(1.0)
     }
 
-    /// Views from where no photograph is taken, in the order of their names.
+    /// Views from positions without a photograph, in the order of their names.
     pub fn offpath(&self) -> &[View] {
         &self.offpath
     }
 
-    /// The first surface that a ray meets.
+    /// The first surface that a ray hits.
     pub fn trace(&self, ray: &Ray) -> Option<Hit> {
         let ground = self.terrain.enter(ray, 0.0, f64::INFINITY);
         let solid = self.bvh.enter(&self.solids, ray, 0.0, ground.unwrap_or(f64::INFINITY), false);

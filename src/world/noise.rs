@@ -10,7 +10,7 @@ fn mix(mut h: u32) -> u32 {
     h ^ (h >> 16)
 }
 
-/// Uniform in [0, 1) by lattice cell.
+/// A random number in [0, 1) per lattice cell, uniformly distributed.
 pub(crate) fn cell(x: i32, y: i32, seed: u32) -> f64 {
     let h = mix((x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed);
     f64::from(h) / 4_294_967_296.0
@@ -20,7 +20,7 @@ fn fade(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Value noise in [0, 1) with unit lattice.
+/// Value noise in [0, 1) on a lattice of unit cells.
 pub(crate) fn noise2(p: DVec2, seed: u32) -> f64 {
     let f = p.floor();
     let (x, y) = (f.x as i32, f.y as i32);
@@ -30,7 +30,7 @@ pub(crate) fn noise2(p: DVec2, seed: u32) -> f64 {
     a * (1.0 - v) + b * v
 }
 
-/// Value noise in [0, 1) with unit lattice.
+/// Value noise in [0, 1) on a lattice of unit cells.
 pub(crate) fn noise3(p: DVec3, seed: u32) -> f64 {
     let z = p.z.floor();
     let w = fade(p.z - z);

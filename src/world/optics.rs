@@ -1,4 +1,4 @@
-//! The lens of the photographs: which ray reaches which point of the picture.
+//! The lens of the photographs: the ray of each point of a photograph.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use super::{CameraKind, Ray, WorldError, WorldParams};
 use crate::dataset::lens::{Distortion, Lens};
 use crate::scene::Camera;
 
-/// A lens with distortion, and the rays of its pixels' centres, which are the same for every photograph.
+/// A lens with distortion, and the rays of its pixels' centres, which all photographs share.
 #[derive(Clone, Debug)]
 pub(super) struct Optics {
     pub(super) lens: Lens,
@@ -16,7 +16,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// The lens whose undistorted picture is that of `pinhole`, in full; `None` without distortion.
+    /// The lens whose undistorted image is the whole image of `pinhole`; `None` without distortion.
     pub(super) fn new(params: &WorldParams, pinhole: &Camera) -> Result<Option<Self>, WorldError> {
         if params.camera == CameraKind::Pinhole {
             return Ok(None);
@@ -28,12 +28,13 @@ impl Optics {
         Ok(Some(Self { lens, centres }))
     }
 
-    /// The ray through a point of pixel (column, row), in the frame of `camera`, whose lens this is; its parameter is
-    /// the depth. `None` where the lens has no picture.
+    /// The ray through a point (x, y) of pixel (column, row) of a photograph by `camera` through this lens; the ray's
+    /// parameter is the depth. `None` where the lens gives no image.
     pub(super) fn ray(&self, camera: &Camera, (column, row): (u32, u32), x: f64, y: f64) -> Option<Ray> {
         let centre = self.centres.get((row * self.lens.size[0] + column) as usize).copied().flatten()?;
         let mut ray = DVec2::from_array(centre);
-        // Newton's steps from half a pixel away: the first leaves some 1e-4 pixels, the second nothing.
+        // Newton's method from at most half a pixel away: the first step leaves about 1e-4 pixels, the second only
+        // rounding.
         for _ in 0..2 {
             let (at, [[a, b], [c, d]]) = self.lens.project(ray.to_array())?;
             let miss = DVec2::new(x, y) - DVec2::from_array(at);
@@ -42,25 +43,26 @@ impl Optics {
         Some(pixel_ray(camera, camera.fx * ray.x + camera.cx, camera.fy * ray.y + camera.cy))
     }
 
-    /// Where a point of the undistorted picture is in the photograph.
+    /// The position in the photograph of a point of the undistorted image.
     pub(super) fn bend(&self, camera: &Camera, p: DVec2) -> Option<DVec2> {
         let ray = [(p.x - camera.cx) / camera.fx, (p.y - camera.cy) / camera.fy];
         self.lens.project(ray).map(|(at, _)| DVec2::from_array(at))
     }
 
-    /// Where a point of the photograph is in the undistorted picture.
+    /// The position in the undistorted image of a point of the photograph.
     pub(super) fn straighten(&self, camera: &Camera, p: DVec2) -> Option<DVec2> {
         let [x, y] = self.lens.ray(p.to_array())?;
         Some(DVec2::new(camera.fx * x + camera.cx, camera.fy * y + camera.cy))
     }
 }
 
-/// A lens whose photographs have the pinhole camera's width and end, in the middle of each side, where its picture
-/// ends: what [`Lens::pinhole`] makes of it is then that camera again. Its height is what square pixels need, rounded.
+/// A lens whose photographs have the pinhole camera's width and end, in the middle of each side, where the pinhole
+/// image ends, so that [`Lens::pinhole`] gives the pinhole camera again. The height is rounded from the height for
+/// square pixels.
 fn lens_over(camera: &Camera, [k1, k2, p1, p2]: [f64; 4]) -> Option<Lens> {
     let distortion = Distortion::brown([k1, k2, 0.0], [p1, p2]);
     let unit = Lens::new([1.0; 2], [0.0; 2], [1; 2], distortion);
-    // Where the ray that ends in the middle of a side lands, on the row or the column of the principal point.
+    // Where the lens maps a side of the pinhole image, on the row or column of the principal point.
     let side = |axis: usize, at: f64| {
         let (mut ray, other) = ([0.0; 2], 1 - axis);
         ray[axis] = at;
@@ -95,7 +97,7 @@ mod tests {
         WorldParams { camera: CameraKind::Opencv, ..WorldParams::default() }
     }
 
-    /// At the origin, along z.
+    /// A pinhole camera at the origin that looks along z.
     fn pinhole(params: &WorldParams) -> Camera {
         aim(params, DVec3::ZERO, DVec3::Z, DVec3::X)
     }

@@ -13,29 +13,29 @@ use crate::format::{atomic, image_out};
 /// The file with the parameters.
 const PARAMETERS: &str = "world.toml";
 
-/// What is being done.
+/// A stage of the generation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Rays are traced; counted in photographs.
     Photographs,
-    /// Sparse points are found.
+    /// Sparse points are triangulated.
     Points,
     /// Off-path views, the laser scan and the surface; counted in parts.
     Truth,
 }
 
-/// How far it has come.
+/// The progress of the generation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// The stage.
     pub stage: Stage,
     /// Parts done.
     pub done: u32,
-    /// Parts in all.
+    /// Total number of parts.
     pub total: u32,
 }
 
-/// What was written.
+/// Counts of what was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Summary {
     /// Photographs.
@@ -58,23 +58,21 @@ pub struct Summary {
     pub triangles: usize,
 }
 
-/// Makes a world and writes it into `dir`:
+/// Generates a world and writes its dataset to `dir`:
 ///
-/// - `images/NAME.jpg` (or PNG), as the camera takes them, and `sparse/0/`, as COLMAP finds cameras and points;
-/// - for the pixels of the undistorted pictures `depth/NAME.exr` (channel Z, depth along the optical axis in metres at
+/// - `images/NAME.jpg` (or PNG), the photographs, and `sparse/0/`, cameras and points as COLMAP reconstructs them;
+/// - for the pixels of the undistorted images `depth/NAME.exr` (channel Z, depth along the optical axis in metres at
 ///   pixel centres, 0 for sky), `normal/NAME.exr` (N.X, N.Y, N.Z in the camera frame, towards the camera) and
 ///   `clean/NAME.png`, without noise and with the nominal exposure;
-/// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other places,
+/// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other positions,
 ///   without noise;
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
 ///
-/// Where there is a `world.toml` already, what its world left in these folders is removed first;
-/// files of other names stay.
+/// Where `dir` has a `world.toml` already, the files of the earlier world are removed first; files of other names stay.
 pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Summary, WorldError> {
     let world = World::new(params)?;
-    // What an earlier world left in a folder would be taken for a part of this one;
-    // photographs of others are left alone.
+    // An earlier world's files would count as part of this world. Files of other origin stay.
     let file = dir.join(PARAMETERS);
     let again = has_world(dir)?;
     let tree = Tree::create(dir, true, again)?;
@@ -134,7 +132,7 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     })
 }
 
-/// The folders of a dataset with its truth.
+/// The folders of a dataset with its ground truth.
 struct Tree {
     images: PathBuf,
     sparse: PathBuf,
@@ -142,7 +140,7 @@ struct Tree {
     normal: PathBuf,
 }
 
-/// Whether a world was written here before. A place with files that no world has left is refused.
+/// Whether `dir` holds an earlier world. Fails where files of other origin have the names of a world's files.
 fn has_world(dir: &Path) -> Result<bool, WorldError> {
     let parameters = dir.join(PARAMETERS);
     let text = fs::read_to_string(&parameters);
@@ -167,7 +165,7 @@ fn has_world(dir: &Path) -> Result<bool, WorldError> {
     }
 }
 
-/// Removes from a folder the files that have the names of a world's. Everything else in it is somebody else's.
+/// Removes the files of a folder that have the names of a world's files.
 fn remove_own(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -178,7 +176,8 @@ fn remove_own(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a world's files have this name: `view_0007.jpg`, `off_0001.exr`, and those of its model.
+/// Whether a world writes files of this name, such as `view_0007.jpg`, `off_0001.exr` and the files of the sparse
+/// model.
 fn is_own(name: &str) -> bool {
     let numbered = |start: &str| {
         let (number, extension) = name.strip_prefix(start)?.split_once('.')?;

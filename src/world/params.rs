@@ -1,16 +1,17 @@
-//! What a world is made from.
+//! The parameters of a world.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Effects, WorldError};
 
-/// Everything that decides a world. Equal parameters give equal files.
+/// All parameters of a world. Equal parameters give equal files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WorldParams {
     /// Number of photographs.
     pub images: u32,
-    /// Longer side of a photograph in pixels; the shorter one is three quarters of it (with distortion, about).
+    /// Longer side of a photograph in pixels. The shorter side is three quarters as long (approximately, with
+    /// distortion).
     pub max_side: u32,
     /// Side of the square site in metres.
     pub extent: f64,
@@ -26,9 +27,9 @@ pub struct WorldParams {
     pub nadir_share: f64,
     /// The lens.
     pub camera: CameraKind,
-    /// Focal length of the undistorted picture as a share of the longer side.
+    /// Focal length of the undistorted image as a share of the longer side.
     pub focal: f64,
-    /// Offset of the undistorted picture's principal point from its centre, as shares of the longer side.
+    /// Offset of the undistorted image's principal point from its centre, as shares of the longer side.
     pub principal_offset: [f64; 2],
     /// k1, k2, p1, p2 of the lens when `camera` is [`CameraKind::Opencv`].
     pub distortion: [f64; 4],
@@ -36,15 +37,15 @@ pub struct WorldParams {
     pub sun: [f64; 2],
     /// A photograph has at most one sparse point per this many pixels.
     pub pixels_per_point: u32,
-    /// Photographs that must see a sparse point.
+    /// Smallest number of photographs that must see a sparse point.
     pub min_views: u32,
     /// The flight of a laser scanner.
     pub lidar: LidarParams,
-    /// Effects that make photographs harder, each with its own switch.
+    /// Effects that make the world hard to reconstruct.
     pub effects: Effects,
 }
 
-/// The lens of the photographs. The undistorted pictures of both are the same, pixel for pixel.
+/// The lens of the photographs. The undistorted images of both kinds are equal, pixel for pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraKind {
@@ -59,8 +60,8 @@ pub enum CameraKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarParams {
-    /// Pulses per square metre of flat ground, of both strips together. Roofs have about as many points; walls have
-    /// only what a pulse meets on its slanted way down.
+    /// Pulses per square metre of flat ground, both strips together. Roofs have about as many points; walls have points
+    /// only where slanted pulses hit them.
     pub density: f64,
     /// Standard deviation of the measured range in metres.
     pub range_noise: f64,
@@ -68,7 +69,7 @@ pub struct LidarParams {
     pub altitude: f64,
     /// Distance of the two strips, as a share of the extent.
     pub strip_distance: f64,
-    /// Side of the square that is covered, as a share of the extent.
+    /// Side of the covered square, as a share of the extent.
     pub coverage: f64,
     /// Share of the pulses on water that come back.
     pub water_returns: f64,
@@ -105,12 +106,12 @@ impl Default for WorldParams {
 }
 
 impl WorldParams {
-    /// Width and height of an undistorted picture in pixels.
+    /// Width and height of an undistorted image in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.max_side, (self.max_side * 3 / 4).max(1))
     }
 
-    /// Checks every value.
+    /// Fails where a value is out of its range.
     pub fn validate(&self) -> Result<(), WorldError> {
         within("images", f64::from(self.images), 1.0, 10_000.0)?;
         within("max_side", f64::from(self.max_side), 16.0, 8192.0)?;
@@ -125,7 +126,7 @@ impl WorldParams {
         within("focal", self.focal, 0.5, 4.0)?;
         within("principal_offset[0]", self.principal_offset[0], -0.2, 0.2)?;
         within("principal_offset[1]", self.principal_offset[1], -0.2, 0.2)?;
-        // Barrel distortion only, which fills the undistorted picture to its edges, and no lens that folds.
+        // Barrel distortion only, which fills the undistorted image to its edges.
         let [k1, k2, p1, p2] = self.distortion;
         within("distortion[0]", k1, -0.3, 0.0)?;
         within("distortion[1]", k2, 0.0, 0.1)?;

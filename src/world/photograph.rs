@@ -1,4 +1,4 @@
-//! Photographs, and the truth about what they show.
+//! Photographs, and their ground truth.
 
 use super::pixel_ray;
 use glam::{DVec3, Vec3};
@@ -12,37 +12,37 @@ use super::{Ray, View, World};
 use crate::scene::Camera;
 use crate::scene::random::Random;
 
-/// Relative difference of a pixel's first samples above which it gets all of them.
+/// Relative difference of a pixel's first samples above which the pixel gets all its samples.
 const CONTRAST: f32 = 0.06;
 
-/// What there is to see of a view.
+/// The photograph and the ground truth of a view.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// The photograph as a camera takes it: through the lens, with its exposure and its noise.
+    /// The photograph: through the lens, with exposure and noise.
     pub photograph: RgbImage,
-    /// The undistorted picture with the nominal exposure and without noise.
+    /// The undistorted image with the nominal exposure and without noise.
     pub clean: RgbImage,
-    /// The truth for each pixel of the undistorted picture.
+    /// Depth and normal of each pixel of the undistorted image.
     pub truth: Truth,
 }
 
-/// Depths and normals of a picture, row-major.
+/// True depths and normals of an image, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
     /// Depth (z in the camera frame, metres) along the ray through each pixel's centre; 0 where there is only sky.
     pub depth: Vec<f32>,
-    /// Unit normal of the surface there in the camera frame, towards the camera; 0 for sky.
+    /// Unit normal of that surface in the camera frame, towards the camera; 0 for sky.
     pub normals: Vec<[f32; 3]>,
 }
 
-/// Mean radiance of each pixel, and what the ray through its centre meets.
+/// Mean radiance of each pixel, and the surface that the ray through its centre hits.
 struct Exposed {
     size: (u32, u32),
     radiance: Vec<Vec3>,
     truth: Truth,
 }
 
-/// Where the samples of a picture are taken.
+/// A camera with its lens, which gives the rays of an image's samples.
 #[derive(Clone, Copy)]
 struct Taking<'a> {
     camera: &'a Camera,
@@ -64,7 +64,7 @@ impl Taking<'_> {
 }
 
 impl World {
-    /// Depth and normals of a pinhole camera's picture.
+    /// Depth and normals of a pinhole camera's image.
     pub fn truth(&self, camera: &Camera) -> Truth {
         let rotation = camera.rotation.map(DVec3::from_array);
         let pixels: Vec<(f32, [f32; 3])> = (0..camera.width * camera.height)
@@ -93,13 +93,13 @@ impl World {
         (self.developed(&exposed, self.exposure(number), Some(number)), exposed.truth.depth)
     }
 
-    /// A picture of a pinhole camera with the nominal exposure and without noise, and the truth about it.
+    /// The image of a pinhole camera with the nominal exposure and without noise, and its ground truth.
     pub fn clean(&self, camera: &Camera) -> (RgbImage, Truth) {
         let exposed = self.expose(Taking { camera, optics: None });
         (self.developed(&exposed, 1.0, None), exposed.truth)
     }
 
-    /// All pictures of a view; `number` selects the photograph's exposure and noise.
+    /// Photograph, clean image and ground truth of a view; `number` selects the photograph's exposure and noise.
     pub fn shot(&self, view: &View, number: u32) -> Shot {
         let straight = self.expose(Taking { camera: &view.camera, optics: None });
         let clean = self.developed(&straight, 1.0, None);
@@ -136,7 +136,8 @@ impl World {
         Exposed { size: (width, height), radiance, truth: Truth { depth, normals } }
     }
 
-    /// An exposure with a gain, and with the noise of photograph `number` if it is given.
+    /// Converts radiance to an 8-bit image, with a gain and, where `number` is given, with the noise of that
+    /// photograph.
     fn developed(&self, exposed: &Exposed, gain: f64, number: Option<u32>) -> RgbImage {
         let noise = if number.is_some() { self.params().effects.sensor_noise } else { 0.0 };
         let seed = self.params().seed ^ (u64::from(number.unwrap_or(0)) << 20);
@@ -158,8 +159,8 @@ impl World {
         RgbImage::from_raw(width, height, pixels).unwrap_or_default()
     }
 
-    /// Mean radiance over a pixel, and the depth and the world normal at its centre. Five samples in a cross of the
-    /// sampling grid come first; the others follow where these differ.
+    /// Mean radiance over a pixel, and the depth and the world normal at its centre. The centre and the corners of the
+    /// sampling grid come first; the other samples follow where the first five differ.
     fn pixel(&self, taking: Taking<'_>, x: u32, y: u32) -> (Vec3, f32, DVec3) {
         let n = self.params().supersample as i32;
         let middle = n / 2;

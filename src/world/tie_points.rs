@@ -1,4 +1,4 @@
-//! Sparse points as structure from motion finds them: on textured spots that several photographs see, triangulated from
+//! Sparse points as structure from motion gives them: on textured spots that several photographs see, triangulated from
 //! noisy observations.
 
 use glam::{DMat3, DVec2, DVec3};
@@ -9,13 +9,13 @@ use super::{Ray, View, World};
 use crate::scene::Camera;
 use crate::scene::random::Random;
 
-/// A point seen from this far apart (cosine of the angle between two rays) no longer matches.
+/// Smallest cosine of the angle between two rays for a point to match in both photographs.
 const MATCH_COSINE: f64 = 0.6;
-/// Smallest sum of absolute differences to the neighbours, 8-bit steps, of a spot that can be matched.
+/// Smallest sum of absolute luma differences to the four neighbours, in 8-bit steps, of a spot that can be matched.
 const TEXTURE: i32 = 14;
 /// Tolerance of the visibility check as a share of the depth.
 const VISIBLE: f64 = 1e-4;
-/// How far off the depth of a wrong match is, as a share of it.
+/// Range of the relative depth error of a wrong match.
 const MISMATCH: [f64; 2] = [0.04, 0.4];
 
 /// A sparse point.
@@ -93,8 +93,7 @@ impl World {
         self.lens().map_or([view.camera.width, view.camera.height], |lens| lens.size)
     }
 
-    /// Where a camera of the photographs shows a world point: the pixel of the photograph, if it is on it,
-    /// and the depth.
+    /// The position of a world point in a camera's photograph, in pixels, and its depth; `None` outside the photograph.
     fn seen_at(&self, camera: &Camera, point: DVec3) -> Option<(DVec2, f64)> {
         let (straight, depth) = project(camera, point)?;
         let (at, [width, height]) = match &self.optics {
@@ -154,9 +153,9 @@ impl World {
         points
     }
 
-    /// For the share of wrong matches: another point on the first camera's ray, and where the cameras of the track
-    /// would see it. Repeated patterns do that: the observations agree with each other,
-    /// so that no check finds them out.
+    /// For the share of wrong matches: another point on the first camera's ray, and the positions at which the cameras
+    /// of the track would see it. Repeated patterns cause such matches: the observations agree with each other, so that
+    /// no check detects them.
     fn mismatched(
         &self,
         views: &[View],
@@ -176,8 +175,8 @@ impl World {
         Some((point, seen.collect()))
     }
 
-    /// The surface point under a spot, and the photographs that see it with its exact position in each. None of what
-    /// has no texture of its own: noise is all there is to match.
+    /// The surface point under a spot, and the photographs that see the point, with its exact position in each. No
+    /// photographs for a surface without texture: only noise would match.
     fn sightings(&self, views: &[View], number: usize, view: &View, spot: &Spot) -> (DVec3, Vec<(usize, DVec2)>) {
         let nothing = (DVec3::ZERO, Vec::new());
         let Some(ray) = self.photograph_ray(view, spot.pixel.x, spot.pixel.y) else { return nothing };
@@ -203,8 +202,8 @@ impl World {
         (point, seen.collect())
     }
 
-    /// Least squares of the reprojection error by Gauss and Newton's steps from a close start, with the cameras as they
-    /// are reconstructed: the point, and the mean error in pixels of the photographs.
+    /// The point that minimises the squared reprojection error in the reconstructed cameras, by Gauss-Newton steps from
+    /// a close start, and the mean error in pixels of the photographs.
     fn triangulate(&self, views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> Option<(DVec3, f64)> {
         let straight = |&(v, p): &(usize, DVec2)| match &self.optics {
             None => Some((v, p)),
@@ -265,7 +264,7 @@ mod tests {
     use super::super::{Effects, LidarParams, WorldParams};
     use super::*;
 
-    /// Without any noise points are where the rays of their observations end.
+    /// Without any noise, points lie where the rays of their observations end.
     #[test]
     fn no_point_is_on_what_has_no_texture() {
         let effects = Effects { observation_noise: 0.0, outliers: 0.0, pose_noise: 0.0, ..Effects::default() };

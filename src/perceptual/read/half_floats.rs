@@ -1,8 +1,8 @@
-//! Numbers of the widths that weights are stored in.
+//! The number formats of stored weights.
 
 use half::{bf16, f16};
 
-/// How a number is stored, little-endian.
+/// A floating-point format, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Width {
     Half,

@@ -1,4 +1,4 @@
-//! Files of weights. What a file claims of itself is checked against its length before memory is taken for it.
+//! Files of weights. Sizes that a file claims are checked against its length before memory is allocated.
 
 mod half_floats;
 mod ncnn;
@@ -12,11 +12,11 @@ use std::path::Path;
 use super::{Error, Tensors};
 use crate::format;
 
-/// Largest file that is read: the trunk has 5 MB.
+/// Largest file that is read, in bytes: the trunk has 5 MB.
 const LARGEST: u64 = 1 << 28;
 
-/// Reads the arrays of a file: ncnn (`.param` with the `.bin` beside it),
-/// PyTorch's `.pth` in its old and its new form, safetensors.
+/// Reads the arrays of a file: ncnn (`.param` with the `.bin` beside it), PyTorch's `.pth` (legacy and zip format),
+/// safetensors.
 pub fn read_tensors(file: &Path) -> Result<Tensors, Error> {
     let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if ending == "param" || ending == "bin" {
@@ -34,7 +34,7 @@ pub fn read_tensors(file: &Path) -> Result<Tensors, Error> {
     }
 }
 
-/// All bytes of a file that is not too large to be one of weights.
+/// All bytes of a file; fails for a file too large to hold weights.
 fn whole(file: &Path) -> Result<Vec<u8>, Error> {
     let size = fs::metadata(file).map_err(format::Error::io(file, "open"))?.len();
     if size > LARGEST {
@@ -43,7 +43,7 @@ fn whole(file: &Path) -> Result<Vec<u8>, Error> {
     Ok(fs::read(file).map_err(format::Error::io(file, "read"))?)
 }
 
-/// Says what is wrong with a field at a byte.
+/// An error in a field at a byte.
 fn at_byte(file: &Path, at: usize, field: impl std::fmt::Display, problem: impl std::fmt::Display) -> Error {
     format::Error::malformed(file, field, format::At::Byte(at as u64), problem).into()
 }

@@ -1,5 +1,5 @@
-//! ncnn's `.param` (text, a layer per line) and `.bin` (the numbers of the layers one after the other),
-//! of SqueezeNet 1.1.
+//! SqueezeNet 1.1 in ncnn's format: `.param` (text, a layer per line) and `.bin` (the layers' weights one after the
+//! other).
 
 use std::path::Path;
 
@@ -12,19 +12,19 @@ use crate::perceptual::tensors::{Tensor, Tensors};
 
 /// First line of a `.param`.
 const MAGIC: &str = "7767517";
-/// What stands before numbers of 16 bits in a `.bin`.
+/// Tag before numbers of 16 bits in a `.bin`.
 const HALF: u32 = 0x0130_6B47;
-/// What stands before numbers of 32 bits.
+/// Tags before numbers of 32 bits.
 const SINGLE: [u32; 2] = [0, 0x0002_C056];
 
-/// A layer with numbers.
+/// A convolution layer of a `.param`.
 struct Convolution {
     name: String,
     outputs: usize,
     kernel: usize,
-    /// Numbers of its filters.
+    /// Number of filter weights.
     values: usize,
-    /// What it gives.
+    /// Name of its output.
     blob: String,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn read(param: &Path, bin: &Path) -> Result<Tensors, Error> {
             HALF => Width::Half,
             tag if SINGLE.contains(&tag) => Width::Single,
             tag => {
-                return Err(at_byte(bin, at, field("tag"), format_args!("{tag:#010x} is no known kind of numbers")));
+                return Err(at_byte(bin, at, field("tag"), format_args!("{tag:#010x} is no known number format")));
             }
         };
         at += 4;
@@ -59,12 +59,12 @@ pub(super) fn read(param: &Path, bin: &Path) -> Result<Tensors, Error> {
     }
     match bytes.len() - at.min(bytes.len()) {
         0 => Ok(tensors),
-        left => Err(at_byte(bin, at, "end", format_args!("{left} bytes follow that no layer of the .param has"))),
+        left => Err(at_byte(bin, at, "end", format_args!("{left} bytes follow the last layer of the .param"))),
     }
 }
 
 /// The convolutions of a `.param` in the order of [`squeezenet::names`]: a fire module's 1x1 expansion before the 3x3
-/// one. Fails where they are not as many, or where the expansions are joined the other way round.
+/// one. Fails for a wrong number of convolutions, or where the expansions are concatenated in the other order.
 fn convolutions(param: &Path) -> Result<Vec<Convolution>, Error> {
     let mut lines = Lines::open(param)?;
     let first = lines.next()?.map(|line| line.text.trim() == MAGIC);
@@ -107,7 +107,7 @@ fn convolutions(param: &Path) -> Result<Vec<Convolution>, Error> {
     Ok(found)
 }
 
-/// What follows the kind of a layer: name, numbers of inputs and outputs, their names, and `key=value` pairs.
+/// Parses a convolution after its layer type: name, numbers of inputs and outputs, their names, and `key=value` pairs.
 fn convolution(line: &mut Line<'_>) -> Result<Convolution, Error> {
     let name = line.word("name")?.to_owned();
     let (_, outputs) = blobs(line)?;
@@ -115,14 +115,14 @@ fn convolution(line: &mut Line<'_>) -> Result<Convolution, Error> {
     let [mut outputs, mut kernel, mut values] = [0usize; 3];
     while !line.is_done() {
         let pair = line.word("parameter")?;
-        let (key, value) = pair.split_once('=').ok_or_else(|| line.error(pair, "is no key=value"))?;
+        let (key, value) = pair.split_once('=').ok_or_else(|| line.error(pair, "is not of the form key=value"))?;
         let target = match key {
             "0" => &mut outputs,
             "1" => &mut kernel,
             "6" => &mut values,
             _ => continue,
         };
-        *target = value.parse().map_err(|_| line.error(pair, "is no whole number"))?;
+        *target = value.parse().map_err(|_| line.error(pair, "is not a whole number"))?;
     }
     if outputs == 0 || kernel == 0 {
         return Err(line.error(name, "has no outputs (0=) or no kernel (1=)").into());
@@ -135,7 +135,7 @@ fn concat(line: &mut Line<'_>) -> Result<Vec<String>, Error> {
     Ok(blobs(line)?.0)
 }
 
-/// Names of what a layer takes and gives.
+/// Names of a layer's inputs and outputs.
 fn blobs(line: &mut Line<'_>) -> Result<(Vec<String>, Vec<String>), Error> {
     let inputs: usize = line.whole("number of inputs")?;
     let outputs: usize = line.whole("number of outputs")?;

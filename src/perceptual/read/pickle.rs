@@ -1,5 +1,5 @@
-//! The part of Python's pickle format that tensors are stored with. Nothing is ever called: a call stays a note of what
-//! was to be called with what.
+//! The part of Python's pickle format that stores tensors. Nothing is ever called: a call is kept as its function and
+//! arguments.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -7,7 +7,7 @@ use std::rc::Rc;
 use super::{at_byte, slice};
 use crate::perceptual::Error;
 
-/// A value on the stack. What has parts is kept beside it.
+/// A value on the stack. Values with parts are kept in [`Pickle::objects`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     None,
@@ -19,7 +19,7 @@ pub(super) enum Value {
     Text(Rc<str>),
     /// Module and name of a function or class.
     Global(Rc<str>),
-    /// Place in [`Pickle::objects`].
+    /// Index in [`Pickle::objects`].
     Object(usize),
 }
 
@@ -29,9 +29,9 @@ pub(super) enum Object {
     Tuple(Vec<Value>),
     List(Vec<Value>),
     Dict(Vec<(Value, Value)>),
-    /// What stands for something outside of the pickle.
+    /// A reference to data outside the pickle.
     Persistent(Value),
-    /// A call, with what was put into its result as into a dictionary.
+    /// A call, with the items set on its result.
     Call {
         function: Value,
         arguments: Value,
@@ -39,12 +39,12 @@ pub(super) enum Object {
     },
 }
 
-/// A pickle that was read.
+/// A parsed pickle.
 #[derive(Debug)]
 pub(super) struct Pickle {
     pub(super) top: Value,
     pub(super) objects: Vec<Object>,
-    /// Where it ends in the bytes.
+    /// Byte offset of the end.
     pub(super) end: usize,
 }
 
@@ -65,8 +65,8 @@ impl Pickle {
     }
 }
 
-/// Bytes that what is made of a pickle may take: so many for each of its own, and as many as small ones need anyway. An
-/// instruction of one byte can make an object of a hundred.
+/// Limit of the memory for a pickle's objects: `PER_BYTE` bytes for each byte of the pickle, plus `AT_LEAST` for small
+/// pickles. An instruction of one byte can create an object of a hundred bytes.
 const PER_BYTE: usize = 16;
 const AT_LEAST: usize = 1 << 20;
 
@@ -78,9 +78,9 @@ struct Machine<'a> {
     marks: Vec<usize>,
     memo: std::collections::BTreeMap<u32, Value>,
     objects: Vec<Object>,
-    /// Values that are parts of objects, with room for those that may follow.
+    /// Number of values in objects, spare capacity included.
     parts: usize,
-    /// Bytes that all may take.
+    /// Bytes of memory that all values and objects may take.
     room: usize,
 }
 
@@ -123,19 +123,19 @@ impl<'a> Machine<'a> {
 
     fn text(&mut self, count: usize) -> Result<Value, Error> {
         let text = std::str::from_utf8(self.take(count)?).map(Rc::from);
-        text.map(Value::Text).map_err(|_| self.error("text that is not UTF-8"))
+        text.map(Value::Text).map_err(|_| self.error("has text that is not UTF-8"))
     }
 
     /// Text up to the end of the line.
     fn line(&mut self) -> Result<&'a str, Error> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let end = rest.iter().position(|b| *b == b'\n').ok_or_else(|| self.error("a line without an end"))?;
+        let end = rest.iter().position(|b| *b == b'\n').ok_or_else(|| self.error("has a line without an end"))?;
         let line = self.take(end + 1)?;
-        std::str::from_utf8(&line[..end]).map_err(|_| self.error("a name that is not UTF-8"))
+        std::str::from_utf8(&line[..end]).map_err(|_| self.error("has a name that is not UTF-8"))
     }
 
-    /// Takes off what the last instruction can have made: a value, an object, or an entry of the memo,
-    /// in memory that grows by doubling.
+    /// Fails where values, objects and memo exceed the memory limit. Capacities count, because vectors grow by
+    /// doubling.
     fn pay(&mut self) -> Result<(), Error> {
         const MADE: usize = 2 * (size_of::<Value>() + size_of::<Object>());
         let held = self.stack.capacity() * size_of::<Value>()
@@ -144,8 +144,10 @@ impl<'a> Machine<'a> {
             + self.memo.len() * MADE
             + self.parts * size_of::<Value>();
         if held > self.room {
-            let problem =
-                format_args!("what it describes takes more than {} bytes, which is too much for its size", self.room);
+            let problem = format_args!(
+                "its objects take more than {} bytes, which is too much for a file of this size",
+                self.room
+            );
             return Err(self.error(problem));
         }
         Ok(())
@@ -154,12 +156,12 @@ impl<'a> Machine<'a> {
     fn pop(&mut self) -> Result<Value, Error> {
         let floor = self.marks.last().copied().unwrap_or(0);
         let popped = if self.stack.len() > floor { self.stack.pop() } else { None };
-        popped.ok_or_else(|| self.error("takes more than there is"))
+        popped.ok_or_else(|| self.error("takes a value from an empty stack"))
     }
 
-    /// What was put on the stack since the last mark.
+    /// Takes the values above the last mark off the stack.
     fn since_mark(&mut self) -> Result<Vec<Value>, Error> {
-        let mark = self.marks.pop().ok_or_else(|| self.error("there is no mark"))?;
+        let mark = self.marks.pop().ok_or_else(|| self.error("has no mark on the stack"))?;
         Ok(self.stack.split_off(mark.min(self.stack.len())))
     }
 
@@ -178,13 +180,17 @@ impl<'a> Machine<'a> {
     }
 
     fn put(&mut self, place: u32) -> Result<(), Error> {
-        let value = self.stack.last().cloned().ok_or_else(|| self.error("nothing to remember"))?;
+        let value = self.stack.last().cloned().ok_or_else(|| self.error("stores a value from an empty stack"))?;
         self.memo.insert(place, value);
         Ok(())
     }
 
     fn get(&mut self, place: u32) -> Result<(), Error> {
-        let value = self.memo.get(&place).cloned().ok_or_else(|| self.error(format_args!("nothing at {place}")))?;
+        let value = self
+            .memo
+            .get(&place)
+            .cloned()
+            .ok_or_else(|| self.error(format_args!("loads from the empty place {place}")))?;
         self.stack.push(value);
         Ok(())
     }
@@ -196,7 +202,7 @@ impl<'a> Machine<'a> {
                 self.parts += values.len();
                 list.extend(values);
             }
-            _ => return Err(self.error("appends to what is no list")),
+            _ => return Err(self.error("appends to a value that is no list")),
         }
         Ok(())
     }
@@ -209,7 +215,7 @@ impl<'a> Machine<'a> {
                 self.parts += values.len();
                 items.extend(pairs);
             }
-            _ => return Err(self.error("sets items of what is no dictionary")),
+            _ => return Err(self.error("sets items of a value that is no dictionary")),
         }
         Ok(())
     }
@@ -218,7 +224,7 @@ impl<'a> Machine<'a> {
         self.stack.push(Value::Global(format!("{module}.{name}").into()));
     }
 
-    /// One instruction; false after the last.
+    /// Runs one instruction; false after the last.
     fn step(&mut self) -> Result<bool, Error> {
         let opcode = self.byte()?;
         match opcode {
@@ -279,7 +285,7 @@ impl<'a> Machine<'a> {
             }
             0x93 => match self.several(2)?.as_slice() {
                 [Value::Text(module), Value::Text(name)] => self.global(module, name),
-                _ => return Err(self.error("a name that is no text")),
+                _ => return Err(self.error("has a name that is no text")),
             },
             b'Q' => {
                 let value = self.pop()?;
@@ -290,7 +296,7 @@ impl<'a> Machine<'a> {
                 let function = self.pop()?;
                 self.push(Object::Call { function, arguments, items: Vec::new() });
             }
-            // What is set on an object beside its items has no tensors.
+            // An object's state (BUILD) holds no tensors.
             b'b' => drop(self.pop()?),
             _ => {
                 let value = self.literal(opcode)?;
@@ -331,7 +337,7 @@ impl<'a> Machine<'a> {
             }
             _ => {
                 self.at -= 1;
-                return Err(self.error(format_args!("instruction {opcode:#04x} has no place among tensors")));
+                return Err(self.error(format_args!("has the instruction {opcode:#04x}, which tensors do not need")));
             }
         })
     }

@@ -9,7 +9,7 @@ use super::half_floats::Width;
 use crate::perceptual::Error;
 use crate::perceptual::tensors::{Tensor, Tensors};
 
-/// The arrays of floats; others are left out.
+/// Reads the arrays of floats; other arrays are skipped.
 pub(super) fn read(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let all = SafeTensors::deserialize(bytes).map_err(|e| at_byte(file, 0, "safetensors header", e))?;
     let mut tensors = Tensors::new(file);

@@ -1,5 +1,5 @@
-//! PyTorch's `.pth`: a pickle that says which tensors there are, and their storages; in one file after the other (the
-//! old form) or in a zip archive.
+//! PyTorch's `.pth`: a pickle that describes the tensors, and their storages; concatenated (the legacy format) or in a
+//! zip archive.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,13 +13,14 @@ use super::{LARGEST, at_byte, slice};
 use crate::perceptual::Error;
 use crate::perceptual::tensors::{Tensor, Tensors};
 
-/// First value of the old form: 0x1950a86a20f9469cfc6c.
+/// First value of the legacy format: 0x1950a86a20f9469cfc6c.
 const MAGIC: [u8; 10] = [0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0x19];
 
-/// Many tensors may be described by one shape, which each of them gets.
+/// Largest number of axes: many tensors may refer to one shape in the pickle, and each gets a copy.
 const MOST_AXES: usize = 8;
 
-/// Bytes that the tensors of a file may have for each of its own: they may share a storage, and halves become floats.
+/// Bytes that the tensors may take for each byte of the file: tensors may share a storage, and half floats become
+/// floats.
 const PER_BYTE: u64 = 8;
 
 /// A tensor as the pickle describes it.
@@ -27,20 +28,20 @@ struct Described<'a> {
     name: &'a str,
     key: &'a str,
     width: Width,
-    /// Numbers in its storage.
+    /// Number of values in its storage.
     stored: usize,
-    /// Where it begins there.
+    /// Index of its first value in the storage.
     offset: usize,
-    /// How many of them it has.
+    /// Number of values.
     count: usize,
     shape: Vec<usize>,
 }
 
-/// The old form: three headers, the pickle, the keys of the storages, the storages.
+/// Reads the legacy format: three headers, the pickle, the keys of the storages, the storages.
 pub(super) fn read_old(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let magic = pickle::read(file, bytes, 0)?;
     if !matches!(&magic.top, Value::Big(number) if **number == MAGIC) {
-        return Err(at_byte(file, 0, "magic number", "is not that of PyTorch"));
+        return Err(at_byte(file, 0, "magic number", "is not PyTorch's"));
     }
     let protocol = pickle::read(file, bytes, magic.end)?;
     let system = pickle::read(file, bytes, protocol.end)?;
@@ -49,11 +50,12 @@ pub(super) fn read_old(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let described = described(file, &data)?;
     let mut at = keys.end;
     let mut storages = BTreeMap::new();
-    let order = keys.parts(&keys.top).ok_or_else(|| at_byte(file, data.end, "keys of the storages", "are no list"))?;
+    let order =
+        keys.parts(&keys.top).ok_or_else(|| at_byte(file, data.end, "keys of the storages", "are not a list"))?;
     let widths = widths(&data);
     for key in order {
         let Value::Text(key) = key else {
-            return Err(at_byte(file, data.end, "keys of the storages", "are no text"));
+            return Err(at_byte(file, data.end, "keys of the storages", "are not text"));
         };
         let field = || format!("storage {key}");
         let count = slice(file, bytes, at, 8, field())?;
@@ -70,14 +72,14 @@ pub(super) fn read_old(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     })
 }
 
-/// The form in a zip archive: `NAME/data.pkl` and `NAME/data/KEY`.
+/// Reads a zip archive with `NAME/data.pkl` and `NAME/data/KEY`.
 pub(super) fn read_zip(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     let broken = |what: &str, e: &dyn std::fmt::Display| at_byte(file, 0, what, e);
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| broken("zip archive", &e))?;
     let mut names = archive.file_names().flatten().map(|name| name.into_owned());
     let index = names.find(|name| name.ends_with("/data.pkl"));
     drop(names);
-    let index = index.ok_or_else(|| broken("zip archive", &"has no data.pkl, so it is not PyTorch's"))?;
+    let index = index.ok_or_else(|| broken("zip archive", &"has no data.pkl, so PyTorch did not write it"))?;
     let mut entry = |name: &str| -> Result<Vec<u8>, Error> {
         let entry = archive.by_name(name).map_err(|e| broken(name, &e))?;
         let size = entry.size();
@@ -96,7 +98,7 @@ pub(super) fn read_zip(file: &Path, bytes: &[u8]) -> Result<Tensors, Error> {
     })
 }
 
-/// Bytes of a number in each storage that the pickle names.
+/// Bytes per value of each storage that the pickle names.
 fn widths(data: &Pickle) -> BTreeMap<&str, usize> {
     let persistent = data.objects.iter().filter_map(|o| if let Object::Persistent(id) = o { Some(id) } else { None });
     let one = |id| match data.parts(id)? {
@@ -116,7 +118,7 @@ fn bytes_of(class: &str) -> Option<usize> {
     })
 }
 
-/// The tensors of floats in a dictionary of tensors; other entries are left out.
+/// The tensors of floats in a dictionary of tensors; other entries are skipped.
 fn described<'a>(file: &Path, data: &'a Pickle) -> Result<Vec<Described<'a>>, Error> {
     let wrong = |what: &str| at_byte(file, 0, "pickle", what);
     let pairs: Vec<(&Value, &Value)> = match data.object(&data.top) {
@@ -131,7 +133,7 @@ fn described<'a>(file: &Path, data: &'a Pickle) -> Result<Vec<Described<'a>>, Er
             });
             listed.chain(items.iter().map(|(k, v)| (k, v))).collect()
         }
-        _ => return Err(wrong("is no dictionary of tensors")),
+        _ => return Err(wrong("is not a dictionary of tensors")),
     };
     let mut out = Vec::new();
     for (name, value) in pairs {
@@ -142,7 +144,7 @@ fn described<'a>(file: &Path, data: &'a Pickle) -> Result<Vec<Described<'a>>, Er
     Ok(out)
 }
 
-/// A tensor, or nothing where the value is none of floats.
+/// A tensor, or `None` where the value is no tensor of floats.
 fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) -> Result<Option<Described<'a>>, Error> {
     let Some(Object::Call { function: Value::Global(function), arguments, .. }) = data.object(value) else {
         return Ok(None);
@@ -155,11 +157,11 @@ fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) ->
     };
     let wrong = |what: &str| at_byte(file, 0, format!("tensor '{name}'"), what);
     let [storage, Value::Int(offset), shape, strides, ..] = arguments else {
-        return Err(wrong("is not described as a tensor is"));
+        return Err(wrong("has an unknown description"));
     };
     let Some(Object::Persistent(id)) = data.object(storage) else { return Err(wrong("has no storage")) };
     let Some([_, Value::Global(class), Value::Text(key), _, Value::Int(stored), ..]) = data.parts(id) else {
-        return Err(wrong("has a storage that is not described as one is"));
+        return Err(wrong("has a storage with an unknown description"));
     };
     let width = match &**class {
         "torch.FloatStorage" => Width::Single,
@@ -173,7 +175,7 @@ fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) ->
         data.parts(value)?.iter().map(one).collect()
     };
     let (Some(shape), Some(strides)) = (sizes(shape), sizes(strides)) else {
-        return Err(wrong("has a shape that is none"));
+        return Err(wrong("has a shape or strides that are no sizes"));
     };
     if shape.len() > MOST_AXES {
         return Err(wrong("has more axes than any weights have"));
@@ -194,7 +196,7 @@ fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) ->
     Ok(Some(Described { name, key, width, stored, offset, count: expected, shape }))
 }
 
-/// A parameter is a tensor and what belongs to its training. One inside another is none.
+/// The tensor inside a parameter; `None` for a parameter inside a parameter.
 fn tensor_of_parameter<'a>(
     file: &Path,
     data: &'a Pickle,
@@ -207,7 +209,7 @@ fn tensor_of_parameter<'a>(
     }
 }
 
-/// The numbers of the tensors, from the bytes of their storages.
+/// Reads the tensors' values from the bytes of their storages.
 fn tensors<'b>(
     file: &Path,
     size: u64,
@@ -215,7 +217,7 @@ fn tensors<'b>(
     mut storage: impl FnMut(&str) -> Result<Cow<'b, [u8]>, Error>,
 ) -> Result<Tensors, Error> {
     let mut out = Tensors::new(file);
-    // Tensors may share a storage, and storages the bytes of an archive: either may be more than the file has.
+    // Tensors may share a storage, and storages may share the bytes of an archive: either total may exceed the file.
     let numbers = described.iter().fold(0usize, |sum, t| sum.saturating_add(t.count.saturating_mul(4)));
     let sizes: BTreeMap<&str, usize> =
         described.iter().map(|t| (t.key, t.stored.saturating_mul(t.width.bytes()))).collect();
@@ -233,7 +235,7 @@ fn tensors<'b>(
         let field = || format!("tensor '{}'", t.name);
         let expected = t.stored.saturating_mul(t.width.bytes());
         if bytes.len() != expected {
-            let problem = format_args!("its storage has {} bytes where {expected} are needed", bytes.len());
+            let problem = format_args!("its storage has {} bytes, expected {expected}", bytes.len());
             return Err(at_byte(file, 0, field(), problem));
         }
         let part = slice(file, bytes, t.offset * t.width.bytes(), t.count * t.width.bytes(), field())?;

@@ -10,13 +10,13 @@ const BINS: usize = 12;
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Bounds,
-    /// Leaf: first entry of `order`. Inner node: its second child (the first one follows the node).
+    /// Leaf: its first entry of `order`. Inner node: index of its second child (the first child follows the node).
     first: u32,
     /// Number of solids of a leaf, 0 for inner nodes.
     count: u32,
 }
 
-/// Splits by the surface area heuristic in bins (Wald 2007).
+/// A hierarchy built by the binned surface area heuristic (Wald 2007).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
@@ -34,7 +34,8 @@ impl Bvh {
         Self { nodes, order }
     }
 
-    /// The first solid that the ray enters with `low < t < high`: t, solid, face. With `any`, whichever comes up first.
+    /// The first solid that the ray enters with `low < t < high`: t, solid, face. With `any`, the first one found,
+    /// which need not be the nearest.
     pub(crate) fn enter(&self, solids: &[Solid], ray: &Ray, low: f64, high: f64, any: bool) -> Option<(f64, u32, u32)> {
         let inverse = ray.direction.recip();
         let mut best = None;
@@ -76,8 +77,8 @@ fn meets(b: &Bounds, origin: DVec3, inverse: DVec3, low: f64, high: f64) -> bool
 }
 
 /// Builds the subtree of `order`, whose first entry is number `start` of the whole list. Either side of a split gets at
-/// least a sixth, so that 10^7 solids stay under the 96 entries of the traversal's stack:
-/// ln(10^7 / 3) / ln(6 / 5) = 82.
+/// least a sixth of the solids, so that 10^7 solids stay under the 96 entries of the traversal's stack: ln(10^7 / 3) /
+/// ln(6 / 5) = 82.
 fn build(boxes: &[Bounds], order: &mut [u32], start: u32, nodes: &mut Vec<Node>) {
     let bounds = order.iter().fold(Bounds::EMPTY, |b, &k| b.join(boxes[k as usize]));
     let at = nodes.len();

@@ -1,4 +1,4 @@
-//! Shapes, the terrain, and the rays that meet them.
+//! Shapes, the terrain, and rays that hit them.
 
 mod bvh;
 mod solid;
@@ -27,14 +27,14 @@ impl Ray {
     }
 }
 
-/// What a ray met.
+/// The intersection of a ray with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Ray parameter.
     pub t: f64,
     /// Outward unit normal of the surface in world axes.
     pub normal: DVec3,
-    /// Which surface.
+    /// The surface.
     pub surface: Surface,
 }
 

@@ -16,7 +16,7 @@ pub struct Face {
     pub(crate) finish: Finish,
 }
 
-/// The form of a solid, in its own frame.
+/// The shape of a solid, in the solid's frame.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// The points inside all half-spaces.
@@ -39,9 +39,9 @@ pub struct Solid {
     pub origin: DVec3,
     /// Turn about +z in radians, counter-clockwise from above.
     pub yaw: f64,
-    /// The form.
+    /// The shape.
     pub shape: Shape,
-    /// What it is a part of.
+    /// The kind of object that the solid belongs to.
     pub class: Class,
     pub(crate) finish: Finish,
     cos: f64,
@@ -58,10 +58,10 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Contains nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// Grows to hold the other box.
+    /// The smallest box that holds both.
     pub fn join(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
@@ -74,7 +74,7 @@ impl Bounds {
 }
 
 impl Solid {
-    /// Places a shape. `finish` covers curved shapes; faces of polyhedra bring their own.
+    /// Places a shape. `finish` applies to curved shapes; faces of polyhedra have their own finish.
     pub(crate) fn new(origin: DVec3, yaw: f64, shape: Shape, class: Class, finish: Finish) -> Self {
         Self { origin, yaw, shape, class, finish, cos: yaw.cos(), sin: yaw.sin() }
     }

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::Ray;
 
 /// Heights at the corners of square cells, centred at the world's origin. Each cell is split into two triangles along
-/// its diagonal from (0, 0) to (1, 1), so that the surface is known exactly.
+/// its diagonal from (0, 0) to (1, 1), so that the surface is exactly defined.
 #[derive(Clone, Debug)]
 pub struct Terrain {
     heights: Vec<f64>,
@@ -28,7 +28,7 @@ impl Terrain {
         Self { heights, side, cell, half, low, high }
     }
 
-    /// Half the side of the square it covers, metres.
+    /// Half the side of the covered square, metres.
     pub fn half_side(&self) -> f64 {
         self.half
     }
@@ -64,7 +64,7 @@ impl Terrain {
         (fx as usize, fy as usize, (gx - fx).clamp(0.0, 1.0), (gy - fy).clamp(0.0, 1.0))
     }
 
-    /// Height of the triangles at (x, y); beyond the border, that of the nearest border point.
+    /// Height of the triangles at (x, y); beyond the border, the height of the nearest border point.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let (i, j, u, v) = self.locate(x, y);
         let (a, b) = (self.corner(i, j), self.corner(i + 1, j + 1));
@@ -162,7 +162,7 @@ impl Terrain {
         }
     }
 
-    /// Within a triangle the height over the ground is linear in t.
+    /// As [`Self::enter`], within one cell: within a triangle the height above the ground is linear in t.
     fn enter_cell(&self, ray: &Ray, i: usize, j: usize, t0: f64, t1: f64) -> Option<f64> {
         let (a, b) = (self.corner(i, j), self.corner(i + 1, j + 1));
         let (c, e) = (self.corner(i + 1, j), self.corner(i, j + 1));

@@ -25,7 +25,7 @@ pub(super) enum Kind {
     Terrace,
 }
 
-/// How deep walls reach below the floor, so that no slope shows a gap.
+/// Depth in metres of walls below the floor, so that no slope shows a gap.
 const FOUNDATION: f64 = 4.0;
 
 /// Collects the solids of one building in its own frame: z = 0 is the floor.
@@ -40,7 +40,7 @@ pub(super) fn face(normal: DVec3, offset: f64, finish: Finish) -> Face {
     Face { normal, offset, finish }
 }
 
-/// The six half-spaces of a box about its own centre line: half sides x and y, from `bottom` to `top`.
+/// The six half-spaces of a box around the vertical axis: half sides x and y, from `bottom` to `top`.
 pub(super) fn block(half: DVec2, bottom: f64, top: f64, side: Finish, cover: Finish) -> Vec<Face> {
     vec![
         face(DVec3::X, half.x, side),
@@ -58,9 +58,9 @@ struct Gable {
     /// Half the sides of the walls below.
     half: DVec2,
     eaves: f64,
-    /// Of the slopes, in radians.
+    /// Angle of the slopes in radians.
     angle: f64,
-    /// How far the roof reaches over the walls.
+    /// Overhang of the roof beyond the walls.
     over: DVec2,
 }
 
@@ -72,7 +72,7 @@ impl Builder<'_> {
         self.out.push(Solid::new(origin, self.yaw, shape, Class::Building, Finish::Glass));
     }
 
-    /// Walls up to `top`; with `pitch` given, up to a ridge along x instead.
+    /// Walls up to `top`; with a `pitch` (radians), up to a ridge along x instead.
     fn walls(&mut self, at: DVec2, half: DVec2, top: f64, facade: Facade, pitch: Option<f64>) {
         let side =
             |width: f64, k: u32| Finish::Facade(Facade { width, seed: facade.seed.wrapping_add(k * 7919), ..facade });
@@ -98,7 +98,7 @@ impl Builder<'_> {
         self.add(at, faces);
     }
 
-    /// Two slabs over walls that end at the same pitch.
+    /// Two roof slabs over gabled walls of equal pitch.
     fn gable_roof(&mut self, at: DVec2, roof: Gable, cover: [Finish; 2]) {
         let Gable { half, eaves, angle, over } = roof;
         let edge = Finish::Plain(Vec3::new(0.16, 0.1, 0.06));
@@ -217,7 +217,7 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, effects: &Effects, rand
             let metal = |k: u32| Finish::Metal { colour: Vec3::new(0.46, 0.47, 0.48), seed: seed.wrapping_add(k) };
             let roof = Gable { half, eaves: 6.0, angle, over: DVec2::splat(0.3) };
             b.gable_roof(DVec2::ZERO, roof, [metal(0), metal(1)]);
-            // A lettered board along the ridge.
+            // A board along the ridge, with or without letters.
             let ridge = 6.0 + half.y * angle.tan();
             let (back, seed) = (Vec3::new(0.36, 0.05, 0.05), random.seed());
             let letters = if effects.text {
@@ -253,7 +253,7 @@ pub(super) fn build(kind: Kind, plot: Footprint, z: f64, effects: &Effects, rand
     }
 }
 
-/// Five houses wall to wall, with one look or with one each.
+/// Five houses wall to wall, either identical or each different.
 fn terrace(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
     const UNITS: u32 = 5;
     let unit = DVec2::new(half.x / f64::from(UNITS), half.y);
@@ -261,7 +261,7 @@ fn terrace(b: &mut Builder<'_>, half: DVec2, random: &mut Random) {
     let angle = 0.7;
     let mut looks = Vec::new();
     for _ in 0..UNITS {
-        // All looks are drawn, also those that are not used, so that what comes after stays the same.
+        // All looks are drawn, even unused ones, so that later random numbers stay the same.
         let walls = Facade { spacing: 1.9, ..facade(random, 2) };
         looks.push((walls, tiles(random)));
     }

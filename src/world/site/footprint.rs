@@ -1,8 +1,8 @@
-//! Rectangles on the ground.
+//! Rotated rectangles on the ground.
 
 use glam::DVec2;
 
-/// A turned rectangle.
+/// A rotated rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Footprint {
     pub(crate) centre: DVec2,
@@ -27,18 +27,18 @@ impl Footprint {
         d.max(DVec2::ZERO).length() + d.max_element().min(0.0)
     }
 
-    /// Radius of the circle around it.
+    /// Radius of the circle around the rectangle.
     pub(crate) fn reach(self) -> f64 {
         self.half.length()
     }
 
-    /// Corners, and the middles of the sides.
+    /// Corners and midpoints of the sides.
     pub(crate) fn outline(self) -> [DVec2; 8] {
         [(1., 1.), (-1., 1.), (-1., -1.), (1., -1.), (1., 0.), (-1., 0.), (0., 1.), (0., -1.)]
             .map(|(x, y)| self.to_world(self.half * DVec2::new(x, y)))
     }
 
-    /// Points all around, at most `step` apart.
+    /// Points along the border, at most `step` apart.
     pub(crate) fn border(self, step: f64) -> impl Iterator<Item = DVec2> {
         let side = move |from: DVec2, to: DVec2| {
             let count = (from.distance(to) / step).ceil().max(1.0) as u32;
@@ -49,7 +49,7 @@ impl Footprint {
         (0..4).flat_map(move |k| side(round[k], round[k + 1]))
     }
 
-    /// Whether two rectangles come closer than `gap` (separating axes; the gap counts along the axes).
+    /// Whether two rectangles are closer than `gap` (separating axis test; the gap is measured along the axes).
     pub(crate) fn overlaps(self, other: Self, gap: f64) -> bool {
         let delta = other.centre - self.centre;
         [self.yaw, self.yaw + std::f64::consts::FRAC_PI_2, other.yaw, other.yaw + std::f64::consts::FRAC_PI_2]

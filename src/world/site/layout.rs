@@ -1,4 +1,4 @@
-//! Places everything.
+//! The layout of the site: places terrain, roads and objects.
 
 use glam::{DVec2, DVec3};
 
@@ -11,7 +11,7 @@ use crate::world::geometry::{Solid, Terrain};
 use crate::world::noise::{fbm2, smoothstep};
 use crate::world::surface::{Decal, DecalKind, GroundMap, OnGround};
 
-/// The ground covers a square of this many extents, so that no camera sees its end.
+/// Side of the ground in units of the site's extent, so that no camera sees its end.
 const GROUND: f64 = 5.0;
 /// Random streams, one per kind of object.
 const TERRAIN: u64 = 1;
@@ -21,7 +21,7 @@ const PLANTS: u64 = 4;
 const STREET: u64 = 5;
 const POND: u64 = 6;
 const BOARDS: u64 = 7;
-/// Distance of the poles of a power line, metres.
+/// Distance between the poles of a power line, metres.
 const SPAN: f64 = 24.0;
 
 /// All that stands on the site, and the ground below.
@@ -85,7 +85,7 @@ impl Site {
     }
 }
 
-/// A place for a pond, clear of the roads.
+/// A footprint for a pond, clear of the roads; `None` where there is no space.
 fn pond(roads: &Roads, half: f64, seed: u64) -> Option<Footprint> {
     let mut random = Random::stream(seed, POND);
     (0..400).find_map(|_| {
@@ -109,7 +109,7 @@ impl Planner<'_> {
             && self.decals.iter().all(|d| !plot.overlaps(d.area, 1.0))
     }
 
-    /// A plot beside a road, with its long side along it.
+    /// A plot beside a road, with its long side along the road.
     fn beside(&self, road: &Road, half: DVec2, random: &mut Random) -> Footprint {
         let side = if random.chance(0.5) { 1.0 } else { -1.0 };
         let setback = road.half + 1.5 + random.range(1.2, 4.0) + half.y;
@@ -124,7 +124,7 @@ impl Planner<'_> {
         let count = |n: f64| (n * area).round().max(1.0) as usize;
         let roads: Vec<Road> = self.roads.iter().copied().collect();
         let (ground, building) = (|k: DecalKind| (Some(k), None), |k: Kind| (None, Some(k)));
-        // Large ones first, while there is room.
+        // Large buildings first, while there is space.
         let plan = [
             (building(Kind::Church), 1, DVec2::new(9.5, 4.6)),
             (ground(DecalKind::Meadow), count(1.0), DVec2::new(10.5, 7.5)),

@@ -1,4 +1,4 @@
-//! What stands where: roads, buildings, plants, cars, masts, wires.
+//! The site: roads, buildings, plants, cars, masts and wires.
 
 mod building;
 mod footprint;

@@ -56,7 +56,7 @@ pub(super) fn conifer(at: DVec3, size: f64, random: &mut Random, out: &mut Vec<S
     radius
 }
 
-/// A bush of a few clumps. Returns its radius.
+/// A bush of a few clumps. Returns the bush's radius.
 pub(super) fn bush(at: DVec3, size: f64, random: &mut Random, out: &mut Vec<Solid>) -> f64 {
     let colour = random.pick(&GREENS) * random.range(0.8, 1.2) as f32;
     for _ in 0..4 {
@@ -69,7 +69,7 @@ pub(super) fn bush(at: DVec3, size: f64, random: &mut Random, out: &mut Vec<Soli
     size
 }
 
-/// A clipped hedge between two points; `ground` gives heights.
+/// A clipped hedge between two points; `ground` gives the ground's height.
 pub(super) fn hedge(from: DVec2, to: DVec2, ground: impl Fn(DVec2) -> f64, random: &mut Random, out: &mut Vec<Solid>) {
     let colour = random.pick(&GREENS) * 0.9;
     let length = (to - from).length();

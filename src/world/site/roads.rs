@@ -1,4 +1,4 @@
-//! A net of gently winding roads.
+//! A network of gently winding roads.
 
 use glam::{DVec2, Vec3};
 
@@ -7,7 +7,7 @@ use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 
 /// Width of the pavement beside a road, metres.
 const PAVEMENT: f64 = 1.5;
-/// Distance of parallel roads, metres.
+/// Distance between parallel roads, metres.
 const SPACING: f64 = 38.0;
 
 /// A road whose centre line is `offset + amplitude sin(frequency s + phase)` over its axis s (x or y).
@@ -84,7 +84,7 @@ impl Roads {
         self.0.iter().map(|r| r.coordinates(p).1.abs() - r.half).fold(f64::INFINITY, f64::min)
     }
 
-    /// Albedo of carriageway, kerb or pavement; nothing elsewhere.
+    /// Albedo of carriageway, kerb or pavement; `None` elsewhere.
     pub(crate) fn sample(&self, p: DVec2, seed: u32) -> Option<Vec3> {
         let mut nearest: Option<(&Road, f64, f64, f64)> = None;
         let mut others = f64::INFINITY;
@@ -124,7 +124,7 @@ impl Roads {
         let worn = noise2(p * 4.0, seed ^ 0x66) > 0.16;
         let white = Vec3::splat(0.66) * (0.85 + 0.2 * grain) as f32;
         if others < 0.4 {
-            // Inside a crossing nothing is painted.
+            // No markings inside a crossing.
             return Some(asphalt);
         }
         if others < 3.4 {

@@ -49,7 +49,7 @@ pub(super) fn lamp(at: DVec3, yaw: f64, out: &mut Vec<Solid>) {
     add(at + along * 1.6, block(DVec2::new(0.35, 0.14), 6.2, 6.36, head, head));
 }
 
-/// A board on two posts, with small letters on both sides or blank; it faces `yaw` + 90 degrees.
+/// A board on two posts, blank or with small letters on both sides; the board faces `yaw` + 90 degrees.
 pub(super) fn board(at: DVec3, yaw: f64, lettered: bool, random: &mut Random, out: &mut Vec<Solid>) {
     let steel = Finish::Plain(Vec3::splat(0.3));
     let back = random.pick(&[Vec3::new(0.7, 0.68, 0.6), Vec3::new(0.62, 0.1, 0.06), Vec3::new(0.05, 0.12, 0.34)]);

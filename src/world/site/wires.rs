@@ -1,4 +1,4 @@
-//! Thin things: a power line, and an antenna mast with its guys.
+//! Thin objects: a power line, and an antenna mast with its guys.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -9,16 +9,16 @@ use crate::world::surface::Finish;
 
 /// Height of the wires at a pole, metres.
 const POLE: f64 = 8.6;
-/// How much lower a wire hangs in the middle between two poles.
+/// Sag of a wire in the middle between two poles, metres.
 const SAG: f64 = 0.55;
-/// Radius of an insulated line of bundled conductors.
+/// Radius of an insulated line of bundled conductors, metres.
 const LINE: f64 = 0.03;
 
 fn convex(origin: DVec3, yaw: f64, class: Class, faces: Vec<Face>) -> Solid {
     Solid::new(origin, yaw, Shape::Convex(faces.into_boxed_slice()), class, Finish::Plain(Vec3::splat(0.3)))
 }
 
-/// A wooden pole with a cross-arm along `yaw`. Returns where its three wires hang.
+/// A wooden pole with a cross-arm along `yaw`. Returns the attachment points of its three wires.
 pub(super) fn pole(at: DVec3, yaw: f64, out: &mut Vec<Solid>) -> [DVec3; 3] {
     let wood = Finish::Plain(Vec3::new(0.2, 0.14, 0.09));
     out.push(convex(at, yaw, Class::Other, block(DVec2::splat(0.11), -1.0, POLE + 0.5, wood, wood)));
@@ -27,7 +27,7 @@ pub(super) fn pole(at: DVec3, yaw: f64, out: &mut Vec<Solid>) -> [DVec3; 3] {
     [at + DVec3::Z * POLE - arm, at + DVec3::Z * (POLE + 0.5), at + DVec3::Z * POLE + arm]
 }
 
-/// A wire that hangs between two points, in straight pieces on a parabola.
+/// A wire between two points, in straight pieces along a parabola.
 pub(super) fn line(from: DVec3, to: DVec3, out: &mut Vec<Solid>) {
     const PIECES: u32 = 8;
     let point = |k: u32| {
@@ -37,11 +37,11 @@ pub(super) fn line(from: DVec3, to: DVec3, out: &mut Vec<Solid>) {
     (0..PIECES).for_each(|k| bar(point(k), point(k + 1), LINE, Class::Wire, Vec3::splat(0.035), out));
 }
 
-/// A lattice mast seen from afar: a thin tube with cross-arms. Returns its height.
+/// A mast: a thin tube with cross-arms. Returns the mast's height.
 pub(super) fn mast(at: DVec3, out: &mut Vec<Solid>) -> f64 {
     const HEIGHT: f64 = 19.0;
     for k in 0..8 {
-        // Banded in red and white, as obstacles are.
+        // Banded in red and white, as aviation obstacles are.
         let colour = if k % 2 == 0 { Vec3::new(0.55, 0.05, 0.03) } else { Vec3::splat(0.7) };
         let (low, high) =
             (HEIGHT * f64::from(k) / 8.0 - if k == 0 { 1.0 } else { 0.0 }, HEIGHT * f64::from(k + 1) / 8.0);

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 use super::{Sample, letter};
 use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 
-/// What the wall between the windows is made of.
+/// Material of the wall between the windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wall {
     /// Bricks with mortar.
@@ -18,7 +18,7 @@ pub(crate) enum Wall {
     Sheet,
 }
 
-/// A wall with rows of windows. u runs along the wall from its middle, v up from the floor (metres).
+/// A wall with rows of windows. u runs along the wall from its middle, v upwards from the floor (metres).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facade {
     pub(crate) wall: Wall,
@@ -34,9 +34,9 @@ pub(crate) struct Facade {
     pub(crate) window: DVec2,
     /// Colour of the shutters, if any.
     pub(crate) shutters: Option<Vec3>,
-    /// A lettered band over the ground floor.
+    /// Whether a lettered band runs above the ground floor.
     pub(crate) sign: bool,
-    /// Whether all windows but those of the ground floor are alike.
+    /// Whether all windows above the ground floor are identical.
     pub(crate) alike: bool,
 }
 
@@ -45,7 +45,7 @@ const SIGN_HIGH: f64 = 3.35;
 
 impl Facade {
     pub(super) fn sample(&self, uv: DVec2, normal: DVec3) -> Sample {
-        // Less sky near the ground.
+        // Less sky is visible near the ground.
         let openness = (0.72 + 0.28 * smoothstep(-0.2, 3.0, uv.y)) as f32;
         let s = self.window_sample(uv, normal).unwrap_or_else(|| Sample::matte(self.wall(uv), normal));
         Sample { openness: s.openness * openness, ..s }

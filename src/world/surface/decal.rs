@@ -1,4 +1,4 @@
-//! Marked patches of ground.
+//! Appearance of marked patches of ground.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -57,7 +57,7 @@ pub(super) fn meadow(p: DVec2, seed: u32) -> Vec3 {
     Vec3::new(0.13, 0.2, 0.06) * (0.975 + 0.05 * fbm2(p / 8.0, 2, seed ^ 0x53)) as f32
 }
 
-/// 0 in the middle of a pond, 1 on its winding shore.
+/// Relative distance from the middle of a pond: 0 in the middle, 1 on the winding shore.
 pub(super) fn pond_radius(d: &Decal, p: DVec2, seed: u32) -> f64 {
     let q = d.area.to_local(p);
     let wind = 0.12 * (fbm2(p / 4.0, 2, seed ^ 0x54) - 0.5);
@@ -71,8 +71,8 @@ pub(super) fn water(p: DVec2, normal: DVec3, seed: u32) -> Sample {
     Sample { gloss: 0.03, plain: true, ..Sample::matte(Vec3::new(0.018, 0.034, 0.03), rippled) }
 }
 
-/// Flagstones; with `text` also a Siemens star of 36 pairs of rays (what is blurred is grey out to a radius) and rows
-/// of letters whose dots go from 20 to 5 cm.
+/// Flagstones. With `text` also a Siemens star of 36 pairs of rays (blur shows as a grey disc whose radius grows with
+/// the blur) and rows of letters with dots from 20 to 5 cm.
 pub(super) fn plaza(d: &Decal, p: DVec2, seed: u32, text: bool) -> Vec3 {
     let (q, half) = (d.area.to_local(p), d.area.half);
     let stone = Vec3::new(0.42, 0.41, 0.38) * stain(p, seed) * grain(p, seed);

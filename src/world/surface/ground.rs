@@ -18,7 +18,7 @@ struct Canopy {
 const TILE: f64 = 8.0;
 const YARD: f64 = 1.8;
 
-/// What lies and stands on the ground.
+/// The objects on the ground that affect its appearance.
 pub(crate) struct OnGround<'a> {
     pub(crate) roads: Roads,
     /// Half the side of the built site.
@@ -29,7 +29,7 @@ pub(crate) struct OnGround<'a> {
     pub(crate) crowns: &'a [(DVec2, f64)],
 }
 
-/// What the ground's colour depends on, found by tile.
+/// The objects that the ground's appearance depends on, indexed by tile.
 #[derive(Clone, Debug)]
 pub(crate) struct GroundMap {
     roads: Roads,
@@ -109,13 +109,13 @@ impl GroundMap {
         inside.then(|| &self.tiles[j as usize * self.side + i as usize])
     }
 
-    /// Whether there is a patch of a kind.
+    /// Whether the site has a patch of this kind.
     #[cfg(test)]
     pub(crate) fn has(&self, kind: DecalKind) -> bool {
         self.decals.iter().any(|d| d.kind == kind)
     }
 
-    /// Whether there is water.
+    /// Whether the point is on water.
     pub(crate) fn is_water(&self, p: DVec2) -> bool {
         let ponds = |t: &Tile| t.decals.iter().any(|&k| self.is_pond(&self.decals[k as usize], p));
         self.water && self.tile(p).is_some_and(ponds)
@@ -125,7 +125,7 @@ impl GroundMap {
         d.kind == DecalKind::Pond && decal::pond_radius(d, p, self.seed) < 1.0
     }
 
-    /// Appearance, given the normal for shading.
+    /// Appearance at a point, given the normal for shading.
     pub(crate) fn sample(&self, p: DVec2, normal: DVec3) -> Sample {
         let tile = self.tile(p);
         let mut openness = 1.0;
@@ -198,7 +198,7 @@ impl GroundMap {
         colour.lerp(Vec3::new(0.2, 0.14, 0.09), soil) * (0.55 + 0.5 * tuft + 0.4 * blade) as f32
     }
 
-    /// Strips of crops, each with its own colour: with rows, or bare. And whether it is a bare one.
+    /// Colour of the fields, strips of crops with rows or without, and whether the point is on a strip without rows.
     fn fields(&self, p: DVec2) -> (Vec3, bool) {
         let (sin, cos) = 0.35f64.sin_cos();
         let q = DVec2::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x);

@@ -1,6 +1,6 @@
-//! What surfaces look like: procedural albedo as a function of position.
+//! The appearance of surfaces: procedural albedo as a function of position.
 //!
-//! Patterns go down to a few centimetres; the photograph's supersampling filters what a pixel cannot show.
+//! Patterns go down to a few centimetres; supersampling filters detail below a photograph's pixel.
 
 mod building;
 mod decal;
@@ -16,7 +16,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::noise::{cell, fbm2};
 
-/// How a face is finished.
+/// The finish of a face.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Finish {
     /// One colour with slight mottling.
@@ -52,7 +52,7 @@ pub(crate) struct Sample {
     pub(crate) openness: f32,
     /// Share of mirror reflection at normal incidence; 0 for matte surfaces.
     pub(crate) gloss: f32,
-    /// Whether nothing here can be found again in another photograph.
+    /// Whether the point has too little texture to be matched in another photograph.
     pub(crate) plain: bool,
 }
 
@@ -70,7 +70,8 @@ fn face_coordinates(local: DVec3, local_normal: DVec3) -> DVec2 {
 }
 
 impl Finish {
-    /// Appearance at `point` (world) = `local` (solid's frame), with the outward normals in both frames.
+    /// Appearance at a point, given as `point` in the world and `local` in the solid's frame, with the outward normals
+    /// in both frames.
     pub(crate) fn sample(&self, point: DVec3, local: DVec3, normal: DVec3, local_normal: DVec3) -> Sample {
         let uv = face_coordinates(local, local_normal);
         match *self {

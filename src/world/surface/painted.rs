@@ -1,8 +1,8 @@
-//! What is painted on the ground.
+//! Marked patches of ground.
 
 use crate::world::site::Footprint;
 
-/// A marked patch of ground.
+/// The kind of a marked patch of ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DecalKind {
     /// Tennis court.
@@ -17,7 +17,7 @@ pub(crate) enum DecalKind {
     Plaza,
 }
 
-/// A rectangle painted on the ground.
+/// A marked patch of ground.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Decal {
     pub(crate) area: Footprint,

@@ -1,4 +1,4 @@
-//! Foliage.
+//! Appearance of foliage.
 
 use glam::{DVec2, DVec3, Vec3};
 
