@@ -53,7 +53,10 @@ pub enum Error {
         value: f32,
     },
     /// A folder has no file of weights.
-    #[error("{}: this folder has no file with the weights of {what}; put one of these there: {names}", folder.display())]
+    #[error(
+        "{}: this folder has no file with the weights of {what}; add one of {names}",
+        folder.display()
+    )]
     NotFound {
         /// The folder.
         folder: PathBuf,

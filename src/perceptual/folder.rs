@@ -46,7 +46,10 @@ pub const PUBLIC_FILES: [PublicFile; 2] = [
     PublicFile {
         name: LINEAR[0],
         what: "linear layers of LPIPS v0.1 on SqueezeNet",
-        address: "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/master/lpips/weights/v0.1/squeeze.pth",
+        address: concat!(
+            "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/master/",
+            "lpips/weights/v0.1/squeeze.pth"
+        ),
         bytes: Some(10_811),
         licence: "BSD-2-Clause (PerceptualSimilarity)",
         sha256: "4a5350f23600cb79923ce65bb07cbf57dca461329894153e05a1346bd531cf76",

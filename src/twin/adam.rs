@@ -4,28 +4,29 @@ use super::{Real, TwinCall};
 use crate::pass::adam::Push;
 use crate::pass::counters;
 
-/// A larger gradient (its square would not fit f32) leaves its element as it is, like one that is not finite.
+/// Largest gradient that is used: the square of a larger one would overflow f32. A larger gradient, like a NaN, leaves
+/// its element unchanged.
 pub const LARGEST_GRADIENT: f64 = 4e18;
 
-/// A number that is learned, where it stands.
+/// A parameter and its moments, in place.
 #[derive(Debug)]
 pub struct Element<'a, R> {
     /// The parameter.
     pub param: &'a mut R,
-    /// Its first moment.
+    /// The first moment.
     pub first: &'a mut R,
-    /// Its second moment.
+    /// The second moment.
     pub second: &'a mut R,
 }
 
 impl<R> Element<'_, R> {
-    /// The same, to be used again afterwards.
+    /// A reborrow, which leaves `self` usable afterwards.
     pub fn reborrowed(&mut self) -> Element<'_, R> {
         Element { param: self.param, first: self.first, second: self.second }
     }
 }
 
-/// One step on one element with its gradient. `lr` is the element's learning rate.
+/// One step of one element with its gradient `g` and learning rate `lr`.
 pub fn adam<R: Real>(push: &Push, lr: R, g: R, element: Element<'_, R>) {
     let Element { param, first, second } = element;
     let r = |x: f32| R::of(f64::from(x));
@@ -37,19 +38,19 @@ pub fn adam<R: Real>(push: &Push, lr: R, g: R, element: Element<'_, R>) {
     *param -= lr * (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
 }
 
-/// What steps with a gradient of zero do, several at once.
+/// The joint effect of several steps with a gradient of zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Missed<R> {
-    /// What they multiply first moments by.
+    /// Factor of the first moment.
     pub first: R,
-    /// What they multiply second moments by.
+    /// Factor of the second moment.
     pub second: R,
-    /// How far an element moves in them, in steps like one of them without the decay.
+    /// Total movement of an element, in units of one such step without decay.
     pub moved: R,
 }
 
 impl<R: Real> Missed<R> {
-    /// Of `count` steps, below 2^16.
+    /// The effect of `count` steps, fewer than 2^16.
     pub fn steps(push: &Push, count: u32) -> Self {
         let decay = decay::<R>(push);
         Self {
@@ -60,7 +61,7 @@ impl<R: Real> Missed<R> {
     }
 }
 
-/// What m / sqrt(v) is multiplied by in a step without a gradient.
+/// Factor of m / sqrt(v) in a step with a gradient of zero.
 pub fn decay<R: Real>(push: &Push) -> R {
     R::of(f64::from(push.beta1)) / R::of(f64::from(push.beta2)).sqrt()
 }
@@ -76,7 +77,7 @@ fn power<R: Real>(x: R, k: u32) -> R {
     product
 }
 
-/// Makes up for steps that an element has missed, with the rate and the bias corrections of now.
+/// Applies the steps that an element has missed, with the current learning rate and bias corrections.
 pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, element: Element<'_, R>) {
     let Element { param, first, second } = element;
     let r = |x: f32| R::of(f64::from(x));
@@ -107,7 +108,8 @@ mod tests {
     use super::{Element, Missed, adam, catch_up};
     use crate::pass::adam::{AdamSettings, Push};
 
-    /// Without a gradient, one step after the other and all at once. The bias corrections of late steps hardly differ.
+    /// Compares steps with a gradient of zero, one after the other, with all at once. The bias corrections of late
+    /// steps hardly differ.
     #[test]
     fn missed_steps_are_made_up_for_at_once() {
         let push = |t: u32| Push::new(&AdamSettings::default(), t, 1, 0, 0.0, 0.0);
@@ -123,7 +125,7 @@ mod tests {
             catch_up(&now, &missed, 0.01, of(&mut all));
             let far = (one.0 - 0.3).abs();
             assert!((one.0 - all.0).abs() <= 1e-4 * far, "{count}: {} and {}", one.0, all.0);
-            // Multiplied step by step, what is below the normal numbers stays at the smallest of them.
+            // Multiplied step by step, denormal numbers stall at the smallest one.
             let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs() + f64::MIN_POSITIVE;
             assert!(near(one.1, all.1) && near(one.2, all.2), "{count}: {one:?} and {all:?}");
             assert!(count == 0 || far > 1e-3, "{count}: moved by {far}");

@@ -5,10 +5,10 @@ use super::{Real, TwinCall};
 use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE};
 use crate::scene::tile;
 
-/// Place of the constant BLOCK in the tables of the passes that have one.
+/// Index of the constant BLOCK in the passes that have it.
 const BLOCK: usize = 4;
 
-/// What comes in besides [`Blend`].
+/// Inputs of the backward pass besides [`Blend`].
 #[derive(Clone, Debug)]
 pub struct Upstream<R> {
     /// The blended image: its last component is the final transmittance.
@@ -19,7 +19,7 @@ pub struct Upstream<R> {
     pub grad_image: Vec<[R; 4]>,
     /// dL/d(sum w z, sum w n); not read without normals.
     pub grad_aux: Vec<[R; 4]>,
-    /// The 3DGS reference's gradient through min(0.99, alpha).
+    /// Whether the gradient passes through min(0.99, alpha) where alpha is clamped, as in the 3DGS reference.
     pub clamp_gradient_passes: bool,
 }
 
@@ -53,8 +53,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
             let mut transmittance = up.image[pixel][3];
             // Colour and auxiliary values behind the current splat, the background included.
             let (mut colour, mut aux) = (blend.background, [R::zero(); 4]);
-            // The gradient of the final transmittance acts like one more channel in which only the background has
-            // colour.
+            // The final transmittance acts like a further channel in which only the background has colour.
             let mut see_through = R::one();
             for place in (0..up.last[pixel] as usize).rev() {
                 let splat = blend.sorted[begin + place] as usize;
@@ -101,7 +100,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
     out
 }
 
-/// Adds what the gradient of alpha at one pixel means for mean, conic and opacity.
+/// Adds the gradients of mean, conic and opacity from the gradient of alpha at one pixel.
 fn add_geometry<R: Real>(sums: &mut [R; 12], row: &[R; 12], at: &Evaluation<R>, grad_alpha: R) {
     let [dx, dy] = at.d;
     let [a, b, rest] = [row[2], row[3], row[7]];

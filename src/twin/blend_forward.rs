@@ -7,7 +7,7 @@ use crate::scene::tile::{self, ALPHA_MIN, TileGrid};
 /// A pixel stops before the splat that would take its transmittance below this (Kerbl et al. 2023).
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
 
-/// What is blended, and where.
+/// The inputs of blending.
 #[derive(Clone, Debug)]
 pub struct Blend<R> {
     /// Image width in pixels.
@@ -26,8 +26,8 @@ pub struct Blend<R> {
     pub sorted: Vec<u32>,
     /// List of each tile in `sorted`.
     pub ranges: Vec<[u32; 2]>,
-    /// Width and height of the blocks of a tile in which a splat that does not show there is not evaluated; `None`:
-    /// no blocks.
+    /// Width and height of the blocks of a tile: a splat is evaluated only in the blocks that it touches. `None` for no
+    /// blocks.
     pub block: Option<[u32; 2]>,
     /// A splat is skipped where its alpha is below this.
     pub alpha_min: f32,
@@ -164,10 +164,10 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
     out
 }
 
-/// Stands for no constant BLOCK.
+/// Index for passes without the constant BLOCK.
 pub(super) const NO_BLOCKS: usize = usize::MAX;
 
-/// Width and height of a block of `pixels` pixels, as `glsl/include/blocks.glsl` has it.
+/// Width and height of a block of `pixels` pixels, as in `glsl/include/blocks.glsl`; `None` for 0 pixels.
 pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
     let width = match pixels {
         0 => return None,
@@ -178,8 +178,7 @@ pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
     Some([width, pixels / width])
 }
 
-/// The input buffers that both blending passes begin with. `block`: place of the constant BLOCK,
-/// past the last where there is none.
+/// The input buffers that both blending passes share. `block` is the index of the constant BLOCK, or [`NO_BLOCKS`].
 pub(super) fn inputs(call: &TwinCall<'_>, side: u32, block: usize, alpha_min: f32) -> Blend<f32> {
     let push: Push = call.push();
     Blend {

@@ -1,17 +1,17 @@
-//! Twin of `glsl/convolution.comp`: every tap of every output value, one after the other.
+//! Twin of `glsl/convolution.comp`: sums all taps of every output value in order.
 
 use super::{Real, TwinCall};
 use crate::pass::convolution::{CHANNELS, FLAG_ADD, FLAG_GATE, FLAG_RELU, PIXELS, Push};
 
-/// Buffers of a convolution in binding order; the last two may be one in the other's place where no flag asks for them.
+/// Buffers of a convolution, in binding order.
 pub struct Buffers<'a, R> {
-    /// Pixels of four-channel rows.
+    /// Pixels as rows of four channels.
     pub source: &'a [[R; 4]],
     /// See [`Push::filter_row`].
     pub filters: &'a [[R; 4]],
     /// Two rows per group of outputs.
     pub biases: &'a [[R; 4]],
-    /// Laid out as the result.
+    /// Features in the layout of the result.
     pub gate: &'a [[R; 4]],
     /// Rows that are written, or added to.
     pub result: &'a mut [[R; 4]],
@@ -30,7 +30,7 @@ pub fn convolution<R: Real>(push: &Push, buffers: Buffers<'_, R>) {
             let (group, half, k) = (at(channel / CHANNELS), at(channel / 4 % 2), at(channel % 4));
             let mut sum = biases[at(push.bias_row) + 2 * group + half][k];
             for tap in 0..push.size * push.size {
-                // Outside on the left and above, coordinates wrap to large ones.
+                // Coordinates left of the image or above it wrap to large values.
                 let sx = (x * push.stride + tap % push.size).wrapping_sub(push.pad);
                 let sy = (y * push.stride + tap / push.size).wrapping_sub(push.pad);
                 if sx >= push.in_width || sy >= push.in_height {

@@ -4,7 +4,7 @@ use super::TwinCall;
 use super::loss::unpack;
 use crate::pass::crop::{GradientPush, Push};
 
-/// Of a pixel with 8 bits per channel.
+/// Whether a pixel with 8 bits per channel is masked.
 fn masked(photograph: u32) -> bool {
     photograph >> 24 == 0
 }

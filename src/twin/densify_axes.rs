@@ -7,8 +7,8 @@ use super::random::Elementary;
 use crate::pass::counters::SCAN_TOTAL;
 use crate::pass::densify_axes::Push;
 
-/// How much the loss changes over a standard deviation along each axis of a splat,
-/// times the square of the quaternion's length.
+/// Magnitude of the loss's change over one standard deviation along each axis of a splat, times the square of the
+/// quaternion's length.
 pub fn slopes<R: Elementary>(quat: [R; 4], log_scales: [R; 3], gradient: [R; 3]) -> [R; 3] {
     let ([w, x, y, z], two) = (quat, R::of(2.0));
     let columns = [

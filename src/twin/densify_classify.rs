@@ -5,13 +5,14 @@ use crate::pass::counters::{SPLATS, full_rows};
 use crate::pass::densify_classify::Push;
 use crate::raster::SH0;
 
-/// ln 1.6: by how much the logarithmic scales of a split's children are smaller than their parent's.
+/// ln 1.6: difference between a parent's log scales and its children's after a split.
 pub const LN_SPLIT_SHRINK: f32 = 0.470_003_63;
 
-/// Kinds of row after a density change, in the order of their segments.
+/// Number of kinds of row after a density change: kept, clone, first child, second child, in the order of their
+/// segments.
 pub const KINDS: usize = 4;
 
-/// Whether a mean score reaches a threshold; no views or no number scores 0.
+/// Whether a mean score reaches a threshold. Without views, or with a sum that is not finite, the score is 0.
 pub fn reaches(sum: f32, views: f32, threshold: f32) -> bool {
     if views > 0.0 && sum.is_finite() { sum >= threshold * views } else { threshold <= 0.0 }
 }
@@ -33,8 +34,7 @@ pub(super) fn planes(call: &TwinCall<'_>) -> Vec<(Vec<f32>, usize)> {
     [3, 4, 3, 1, 12, 12, 12, 12].iter().enumerate().map(|(p, &width)| (call.get::<f32>(1 + p), width)).collect()
 }
 
-/// Whether every parameter of a splat is a finite number; rows from `full` on have no more than the first group of
-/// harmonics.
+/// Whether every parameter of a splat is finite. Rows from `full` on have only the first group of harmonics.
 pub(super) fn all_finite(planes: &[(Vec<f32>, usize)], i: usize, full: usize) -> bool {
     let planes = if i < full { planes } else { &planes[..=SH0] };
     planes.iter().all(|(plane, width)| plane[width * i..width * (i + 1)].iter().all(|x| x.is_finite()))

@@ -7,12 +7,13 @@ use super::random::Elementary;
 use crate::pass::counters::SCAN_TOTAL;
 use crate::pass::densify_gather::{MODE_MOMENT, MODE_SHARE, MODE_SHRINK, MODE_SHRINK_AXIS, MODE_ZERO, Push};
 
-/// -ln sqrt(3/4): by how much a child along an axis is shorter than its parent.
+/// -ln sqrt(3/4): difference between the parent's log scale and a child's along the axis of the split.
 const LN_AXIS_SHRINK: f32 = 0.143_841_04;
-/// exp(1/6): one over what such a child shows at its parent's centre, of its own opacity.
+/// exp(1/6): inverse of the share of its opacity that a child of a split along an axis has at the parent's centre.
 const INVERSE_AXIS_CENTER: f64 = 1.181_360_41;
 
-/// The logit of an opacity that has faded to `keep`; of a child, after what it shares with the other one.
+/// The logit of an opacity that is faded by the factor `keep`. A child's opacity is first reduced because two children
+/// overlap.
 pub fn faded<R: Elementary>(logit: R, child: bool, keep: R) -> R {
     let one = R::one();
     if !child && keep >= one {
@@ -27,7 +28,7 @@ pub fn faded<R: Elementary>(logit: R, child: bool, keep: R) -> R {
     kept.natural_log() - (one - kept).natural_log()
 }
 
-/// A word of a row of the given kind.
+/// A word of a gathered row of the given kind.
 pub fn transform(push: &Push, kind: usize, word: u32) -> u32 {
     match push.mode {
         MODE_ZERO => 0,

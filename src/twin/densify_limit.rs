@@ -4,7 +4,7 @@ use super::{TwinCall, random};
 use crate::pass::counters::{SCAN_TOTAL, SPLATS};
 use crate::pass::densify_limit::Push;
 
-/// Keeps this draw apart from those that are keyed by a splat.
+/// Key that separates this draw from the draws keyed by a splat.
 const DRAW_PLACE: u32 = 3;
 
 /// Withdraws growth past `push.max_splats` from `flags` (four segments of `push.stride` words), evenly over the order

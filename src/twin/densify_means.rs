@@ -20,18 +20,18 @@ fn rotate<R: Elementary>(q: [R; 4], v: [R; 3]) -> [R; 3] {
     ]
 }
 
-/// The centre of child 0 or 1 of a splat: a draw from its Gaussian. The key is (seed, event, parent's identity, child).
+/// The centre of child 0 or 1 of a splat: a draw from its Gaussian. The key is (seed, event, parent's id, child).
 pub fn child_mean<R: Elementary>(mean: [R; 3], quat: [R; 4], log_scales: [R; 3], key: [u32; 4]) -> [R; 3] {
     placed(mean, quat, log_scales, normals::<R>(key))
 }
 
-/// Where a child stands that has `place`, in standard deviations along the axes of its parent.
+/// The centre of a child at `place`, given in standard deviations along the parent's axes.
 fn placed<R: Elementary>(mean: [R; 3], quat: [R; 4], log_scales: [R; 3], place: [R; 3]) -> [R; 3] {
     let offset = rotate(quat, std::array::from_fn(|k| place[k] * log_scales[k].exponential()));
     std::array::from_fn(|k| mean[k] + offset[k])
 }
 
-/// Half a standard deviation along an axis: up for the first child, down for the second.
+/// Half a standard deviation along an axis: positive for the first child, negative for the second.
 fn axis_place(axis: usize, kind: usize) -> [f32; 3] {
     let mut place = [0.0; 3];
     place[axis] = if kind == 2 { 0.5 } else { -0.5 };

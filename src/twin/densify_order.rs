@@ -8,20 +8,20 @@ use crate::pass::counters::{SCAN_TOTAL, SPLATS};
 use crate::pass::densify_order::{CodesPush, Push};
 
 /// The cell of a coordinate, 0 to 1023: 128 cells of size 1 / (128 scale) from the origin to 1 / scale on either side,
-/// then as many each of twice, four times and eight times that size.
+/// then 128 cells each of twice, four times and eight times that size.
 pub fn cell(x: f32, scale: f32) -> u32 {
     let size = (x.abs() * scale).min(15.0) + 1.0;
     let q = ((size.to_bits() - 1_f32.to_bits()) >> 16).min(511);
     if x < 0.0 { 511 - q } else { 512 + q }
 }
 
-/// The code of a centre: the bits of its cells in turn, x lowest.
+/// The code of a centre: the interleaved bits of its cells, x lowest.
 pub fn code(mean: [f32; 3], scale: f32) -> u32 {
     let cells = mean.map(|x| cell(x, scale));
     (0..30).fold(0, |code, bit| code | (cells[bit % 3] >> (bit / 3) & 1) << bit)
 }
 
-/// Adapter of the keys by identity.
+/// Adapter of `densify_births`: the ids as sort keys.
 pub fn run_births(call: &mut TwinCall<'_>) {
     let stride = (call.push::<Push>().stride as usize).min(64 * call.groups as usize);
     let splats = call.get::<u32>(0)[SPLATS] as usize;
@@ -31,7 +31,7 @@ pub fn run_births(call: &mut TwinCall<'_>) {
     call.set(3, &(0..stride as u32).collect::<Vec<_>>());
 }
 
-/// Adapter of the flags.
+/// Adapter of `densify_flags`.
 pub fn run_flags(call: &mut TwinCall<'_>) {
     let stride = call.push::<Push>().stride as usize;
     let (row_of, by_row) = (call.get::<u32>(0), call.get::<u32>(1));
@@ -44,7 +44,7 @@ pub fn run_flags(call: &mut TwinCall<'_>) {
     call.set(2, &flags);
 }
 
-/// Adapter of the codes.
+/// Adapter of `densify_codes`.
 pub fn run_codes(call: &mut TwinCall<'_>) {
     let scale = call.push::<CodesPush>().scale;
     let rows = call.get::<u32>(0)[SCAN_TOTAL].min(64 * call.groups) as usize;
@@ -62,7 +62,7 @@ pub fn run_codes(call: &mut TwinCall<'_>) {
     call.set(5, &births);
 }
 
-/// Adapter of the order.
+/// Adapter of `densify_order`.
 pub fn run_order(call: &mut TwinCall<'_>) {
     let rows = call.get::<u32>(0)[SCAN_TOTAL].min(64 * call.groups) as usize;
     let (births, map, ids) = (call.get::<u32>(1), call.get::<u32>(2), call.get::<u32>(3));

@@ -6,7 +6,7 @@ use super::random::bits;
 use crate::pass::counters::{SPLATS, full_rows};
 use crate::pass::densify_sample::Push;
 
-/// Keeps these draws apart from those of the children's places.
+/// Key that separates these draws from the draws of the children's positions.
 const DRAW_SPLIT: u32 = 2;
 
 /// The probability that a splat with these statistics and scores is split.

@@ -5,14 +5,14 @@ use super::{Real, TwinCall};
 use crate::pass::counters::SPLATS;
 use crate::pass::densify_scores::Push;
 
-/// A splat's scores after one more view, from the values at its centre: its mask value, the absolute gradient of its 2D
-/// mean in pixels, half the image's size, and whether the render is wrong.
+/// A splat's scores after one more view, from the values at its centre: mask value, absolute gradient of the 2D mean
+/// per pixel, half the image's size in pixels, and whether the render is wrong.
 pub fn add_view<R: Real>(scores: [R; 2], mask: R, gradient: [R; 2], half_size: [R; 2], wrong: bool) -> [R; 2] {
     let (x, y) = (gradient[0] * half_size[0], gradient[1] * half_size[1]);
     [scores[0] + mask * (x * x + y * y).sqrt(), if wrong { scores[1] + R::one() } else { scores[1] }]
 }
 
-/// The pixel that holds a centre, the nearest one where it is outside the image.
+/// The pixel that contains a centre; the nearest pixel where the centre is outside the image.
 pub fn pixel(mean: [f32; 2], width: u32, height: u32) -> usize {
     let [column, row] = [(mean[0], width), (mean[1], height)].map(|(x, size)| x.clamp(0.0, (size - 1) as f32) as usize);
     row * width as usize + column

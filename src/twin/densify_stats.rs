@@ -5,7 +5,7 @@ use crate::pass::counters::SPLATS;
 use crate::pass::densify_stats::Push;
 
 /// A splat's statistics after one more view. `grad2d` is its row of 12, `half_size` half the image in pixels; `stats`
-/// is (sum of signed norms, sum of absolute norms, views, what is the optimiser's).
+/// is (sum of signed norms, sum of absolute norms, views, a value of the optimiser).
 pub fn add_view<R: Real>(stats: [R; 4], grad2d: &[R], half_size: [R; 2]) -> [R; 4] {
     let norm = |x: R, y: R| {
         let (x, y) = (x * half_size[0], y * half_size[1]);

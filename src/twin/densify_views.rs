@@ -8,14 +8,14 @@ use crate::pass::counters::SPLATS;
 
 /// Side of a tile of the 3DGS reference, in pixels.
 const TILE: u32 = 16;
-/// Added by the reference under the root of the larger eigenvalue, in pixels to the fourth power, where less is there.
+/// Smallest value under the root of the reference's larger eigenvalue, in pixels to the fourth power.
 const LEAST_SPREAD: f64 = 0.1;
 /// Variance in square pixels that the projection adds.
 const DILATION: f64 = 0.3;
 
-/// Whether the 3DGS reference counts a view of a splat: its radius is above zero. The radius is that of a square about
-/// the mean, which is drawn where it touches a tile. `mean`, `quat` (w first) and `log_scale` are those of a splat in
-/// the scene.
+/// Whether the 3DGS reference counts a view for a splat, that is, whether the splat's radius is above zero there. The
+/// radius spans a square about the mean, which must touch a tile. `mean`, `quat` (w first) and `log_scale` are the
+/// splat's, in scene coordinates.
 pub fn is_counted<R: Real>(view: &View<R>, mean: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> bool {
     let p = to_camera(view, mean);
     let known = mean.iter().chain(&quat).chain(&log_scale).all(|v| v.is_finite());
@@ -28,7 +28,7 @@ pub fn is_counted<R: Real>(view: &View<R>, mean: [R; 3], quat: [R; 4], log_scale
     let spread = (half * half * (a - c) * (a - c) + b * b).max(R::of(LEAST_SPREAD)).sqrt();
     let radius = (R::of(3.0) * (half * (a + c) + R::of(DILATION) + spread).sqrt()).ceil();
     let inside = (0..2).all(|k| {
-        // The reference has pixel centres at whole numbers.
+        // The reference has pixel centres at integer coordinates.
         let at = view.focal[k] * (p[k] / p[2]) + view.principal[k] - R::of(0.5);
         let end = R::of(f64::from(view.size[k].div_ceil(TILE) * TILE));
         at + radius >= R::one() && at - radius < end

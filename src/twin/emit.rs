@@ -5,7 +5,7 @@ use crate::pass::counters;
 use crate::pass::emit::Push;
 use crate::scene::tile::{ALPHA_MIN, TileGrid, list};
 
-/// The tiles of a stored row of `splat2d`, made to be `count` many as the pass does.
+/// The tiles of a row of `splat2d`, cut or padded to `count` entries as the pass does.
 pub fn tiles_of<T: Real>(row: &[f32; 12], count: u32, grid: &TileGrid) -> Vec<u32> {
     let r = row.map(|x| T::of(f64::from(x)));
     let mut tiles = list([r[0], r[1]], [r[2], r[3], r[4]], r[5], grid);

@@ -15,7 +15,7 @@ pub fn apply<R: Real>(e: &[R; NUMBERS], c: [R; 3]) -> [R; 3] {
     std::array::from_fn(|i| c[i] + (e[4 * i] * c[0] + e[4 * i + 1] * c[1] + e[4 * i + 2] * c[2] + e[4 * i + 3]))
 }
 
-/// The gradient of a colour from that of the exposed one; adds the matrix' gradient to `sum`.
+/// The gradient of a colour from the gradient of the exposed colour; adds the matrix's gradient to `sum`.
 pub fn backward<R: Real>(e: &[R; NUMBERS], c: [R; 3], g: [R; 3], sum: &mut [R; NUMBERS]) -> [R; 3] {
     for (i, g) in g.into_iter().enumerate() {
         for (j, c) in c.into_iter().enumerate() {
@@ -26,8 +26,8 @@ pub fn backward<R: Real>(e: &[R; NUMBERS], c: [R; 3], g: [R; 3], sum: &mut [R; N
     std::array::from_fn(|j| g[j] + (e[j] * g[0] + e[4 + j] * g[1] + e[8 + j] * g[2]))
 }
 
-/// A step of photograph `view` with what its gradient differs in from the mean of the last ones,
-/// and the mean deviation anew.
+/// A step of photograph `view` with its gradient minus the mean of all photographs' latest gradients. Updates the mean
+/// deviation.
 pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) {
     let settings = AdamPush {
         beta1: push.beta1,
@@ -57,7 +57,7 @@ pub fn step<R: Real>(push: &StepPush, grad: &[R; NUMBERS], exposures: &mut [R]) 
     }
 }
 
-/// A sum in the order of the device: every fifth, and then the five.
+/// A sum in the device's order: five sums of every fifth value, then their sum.
 fn fifths<R: Real>(count: usize, value: impl Fn(usize) -> R) -> R {
     let run = |first: usize| (first..count).step_by(5).fold(R::zero(), |sum, i| sum + value(i));
     (0..5).fold(R::zero(), |sum, first| sum + run(first))
@@ -80,7 +80,7 @@ pub fn run_apply(call: &mut TwinCall<'_>) {
     call.set(2, &exposed);
 }
 
-/// Adapter over raw buffers. Sums are those of a workgroup's threads in order, each over its pixels in order.
+/// Adapter over raw buffers. A workgroup's sum adds its threads in order, and each thread its pixels in order.
 pub fn run_backward(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (image, exposures) = (call.get::<[f32; 4]>(0), call.get::<f32>(1));

@@ -13,7 +13,7 @@ pub fn distance<R: Real>(f: &[R], g: &[R], weights: &[R], eps: R) -> (R, Vec<R>)
     let weighted = || weights.iter().zip(&differences).map(|(&w, &d)| (w * d, d));
     let value = weighted().fold(R::zero(), |sum, (wd, d)| sum + wd * d);
     let along = weighted().zip(f).fold(R::zero(), |sum, ((wd, _), &f)| sum + wd * f);
-    // Without a feature there is no direction that its length could change in.
+    // A zero feature has no radial direction.
     let radial = if norm > R::zero() { along / (norm * (norm + eps) * (norm + eps)) } else { R::zero() };
     let grad = weighted().zip(f).map(|((wd, _), &f)| two * (wd / (norm + eps) - f * radial)).collect();
     (value, grad)

@@ -1,4 +1,4 @@
-//! Twins of `glsl/geometry_depth.comp` and `glsl/geometry_grad.comp`, and the loss as its definition reads.
+//! Twins of `glsl/geometry_depth.comp` and `glsl/geometry_grad.comp`, and the loss by its definition.
 
 use super::loss::{counting, unpack};
 use super::place::{Mask, Place};
@@ -8,15 +8,15 @@ use crate::pass::geometry::{PIXELS, Push, parts};
 const OPAQUE: f64 = 0.9;
 const PRIOR_JUMP: f64 = 0.1;
 const NORMAL_LEAST: f64 = 0.1;
-/// What the channels say about brightness (Rec. 709).
+/// Luma weights of the channels (Rec. 709).
 pub const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// What the loss compares.
+/// The inputs of the geometry loss.
 #[derive(Clone, Debug)]
 pub struct Scene<'a, R> {
     /// Sizes, weights and shapes.
     pub push: Push,
-    /// Which reading of E: see [`crate::pass::geometry::GRAD`].
+    /// The kind of edge weight: see [`crate::pass::geometry::GRAD`].
     pub edges: u32,
     /// (r, g, b, T) per pixel.
     pub image: Vec<[R; 4]>,
@@ -24,11 +24,11 @@ pub struct Scene<'a, R> {
     pub aux: Vec<[R; 4]>,
     /// The photograph.
     pub photo: Vec<[R; 3]>,
-    /// Which pixels of it are not masked.
+    /// Whether each pixel counts: those that are not masked.
     pub counts: Vec<bool>,
-    /// As [`crate::pass::geometry::pack_prior`] has it.
+    /// The prior, packed by [`crate::pass::geometry::pack_prior`].
     pub prior: &'a [[u32; 2]],
-    /// What the loss leaves to others, where there is one.
+    /// The mask of pixels to leave out, where there is one.
     pub mask: Option<Mask<'a>>,
 }
 
@@ -37,7 +37,7 @@ pub fn luma<R: Real>(colour: [R; 3]) -> R {
     vec3::dot(colour, LUMA.map(R::of))
 }
 
-/// Whether a depth is one.
+/// Whether a value is a valid depth.
 fn is_depth<R: Real>(x: R) -> bool {
     x >= R::of(1e-10) && x <= R::of(1e10)
 }
@@ -82,7 +82,7 @@ impl<R: Real> Scene<'_, R> {
         R::of(0.5) * (across * across + down * down).sqrt()
     }
 
-    /// D at a pixel that has one.
+    /// The rendered depth at a pixel; `None` where the pixel is masked or not opaque.
     fn depth(&self, k: usize) -> Option<R> {
         let opacity = R::one() - self.image[k][3];
         let depth = self.aux[k][0] / opacity.max(R::of(1e-3));
@@ -119,7 +119,7 @@ impl<R: Real> Scene<'_, R> {
         Some(R::one() / inverse)
     }
 
-    /// Direction and length of the blended normals, and a trusted prior's normal, where there are both.
+    /// Direction and length of the blended normal, and the normal of a trusted prior; `None` where either is missing.
     fn normals(&self, k: usize) -> Option<([R; 3], R, [R; 3])> {
         let [_, x, y, z] = self.aux[k];
         let size = vec3::dot([x, y, z], [x, y, z]).sqrt();
@@ -142,7 +142,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// `geometry_depth`: a row of the map, and what the pixel counts as.
+    /// `geometry_depth`: a row of the map, and the pixel's contribution to the totals.
     pub fn depth_row(&self, k: usize) -> ([R; 4], [R; 4]) {
         let edge = if self.counts[k] { self.edge(k) } else { R::zero() };
         let depth = self.depth(k);
@@ -153,7 +153,7 @@ impl<R: Real> Scene<'_, R> {
         (row, [flag(depth.is_some()), flag(wanted.is_some()), flag(normals.is_some()), edge])
     }
 
-    /// `geometry_grad`: the pixel's part, dL/dT and dL/d(auxiliary image).
+    /// `geometry_grad`: the pixel's part of the loss, dL/dT and dL/d(auxiliary image).
     pub fn grad_row(&self, map: &[[R; 4]], totals: &[R; 4], k: usize) -> ([R; 4], R, [R; 4]) {
         let (o, two) = (R::zero(), R::of(2.0));
         let mut part = [o; 4];
@@ -208,7 +208,7 @@ impl<R: Real> Scene<'_, R> {
         (part, of_depth * depth / opacity, of_aux)
     }
 
-    /// Weighted depth, smoothness and normal terms by their definitions.
+    /// The weighted depth, smoothness and normal terms by their definitions.
     pub fn value(&self) -> [R; 3] {
         let ([width, height], push, two) = (self.size(), &self.push, R::of(2.0));
         let pixels = width * height;
@@ -253,7 +253,7 @@ impl<R: Real> Scene<'_, R> {
     }
 }
 
-/// Where a dispatch of `groups` workgroups adds what pixel `k` says: its thread's part.
+/// The part, one per thread, that pixel `k` is added to.
 fn part_of(k: usize) -> usize {
     64 * (k / PIXELS as usize) + k % 64
 }
@@ -266,7 +266,7 @@ fn add(parts: &mut [[f32; 4]], k: usize, row: [f32; 4]) {
     parts[part_of(k)].iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
 }
 
-/// Parts of a dispatch, as zeros.
+/// The parts of a dispatch, all zero.
 fn no_parts(call: &TwinCall<'_>, push: &Push) -> Vec<[f32; 4]> {
     vec![[0.0; 4]; parts(push.width, push.height).min(64 * call.groups) as usize]
 }

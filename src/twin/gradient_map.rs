@@ -1,4 +1,4 @@
-//! Twins of `glsl/gradient_map_*.comp`, and the loss as its definition reads.
+//! Twins of `glsl/gradient_map_*.comp`, and the loss by its definition.
 
 use super::geometry::{LUMA, luma};
 use super::loss::{counting, unpack};
@@ -9,28 +9,28 @@ use crate::pass::gradient_map::{PIXELS, Push, WINDOW_SIDE, parts, windows};
 const ROOT_FLOOR: f64 = 1e-6;
 const LENGTH_FLOOR: f64 = 1e-4;
 
-/// What the loss compares.
+/// The inputs of the gradient map loss.
 #[derive(Clone, Debug)]
 pub struct Scene<'a, R> {
     /// Sizes and weights.
     pub push: Push,
-    /// Whether the residual's variation has a part.
+    /// Whether the residual's total variation is a term of the loss.
     pub variation: bool,
     /// (r, g, b, T) per pixel.
     pub image: Vec<[R; 4]>,
     /// The photograph.
     pub photo: Vec<[R; 3]>,
-    /// Which pixels of it are not masked.
+    /// Whether each pixel counts: those that are not masked.
     pub counts: Vec<bool>,
-    /// Where texture is, where that matters.
+    /// The texture mask, where there is one.
     pub mask: Option<Mask<'a>>,
 }
 
-/// What a window says: (m r, m), and m dr/da of its pixels.
+/// The correlation r of a window of weight m, and the derivatives m dr/da of its pixels.
 pub struct Window<R> {
     /// (m r, m).
     pub row: [R; 2],
-    /// Pixel and derivative.
+    /// Pixels with their derivatives.
     pub slopes: Vec<(usize, R)>,
 }
 
@@ -83,7 +83,7 @@ impl<R: Real> Scene<'_, R> {
         (top..(top + side).min(height)).flat_map(move |y| columns.clone().map(move |x| y * width + x))
     }
 
-    /// `gradient_map_windows`, from the rows of the pass before.
+    /// `gradient_map_windows`, from the rows of [`Self::sobel`].
     pub fn window(&self, maps: &[[R; 4]], window: usize) -> Window<R> {
         let pixels: Vec<usize> = self.pixels_of(window).filter(|k| maps[*k][0] > R::zero()).collect();
         let sum = |f: &dyn Fn(usize) -> R| pixels.iter().fold(R::zero(), |sum, k| sum + f(*k));
@@ -98,7 +98,7 @@ impl<R: Real> Scene<'_, R> {
         Window { row: [m * r, m], slopes: pixels.iter().map(|k| (*k, slope(*k))).collect() }
     }
 
-    /// Rows of the pass after [`Self::window`].
+    /// Rows of the maps after `gradient_map_windows`.
     pub fn flows(maps: &[[R; 4]], windows: &[Window<R>]) -> Vec<[R; 4]> {
         let o = R::zero();
         let mut flows = vec![[o; 4]; maps.len()];
@@ -109,7 +109,7 @@ impl<R: Real> Scene<'_, R> {
         flows
     }
 
-    /// Residual of a pixel that has one.
+    /// Residual of a pixel; `None` outside the image and for masked pixels.
     fn residual(&self, x: usize, y: usize) -> Option<[R; 3]> {
         let [width, height] = self.size();
         let k = y.checked_mul(width)?.checked_add(x)?;
@@ -117,14 +117,14 @@ impl<R: Real> Scene<'_, R> {
         there.then(|| std::array::from_fn(|c| self.image[k][c] - self.photo[k][c]))
     }
 
-    /// Differences of the residual to the right and below, of a pixel that has one.
+    /// Differences of the residual to the right and downwards; `None` outside the image and for masked pixels.
     fn steps(&self, x: usize, y: usize) -> Option<[[R; 2]; 3]> {
         let here = self.residual(x, y)?;
         let to = |other: Option<[R; 3]>, c: usize| other.map_or(R::zero(), |other| other[c] - here[c]);
         Some(std::array::from_fn(|c| [to(self.residual(x + 1, y), c), to(self.residual(x, y + 1), c)]))
     }
 
-    /// `gradient_map_grad`: the variation of a pixel's residual and the gradient of its colour, both weighted.
+    /// `gradient_map_grad`: the weighted variation of a pixel's residual, and the gradient of its colour.
     pub fn grad_row(&self, flows: &[[R; 4]], totals: &[R; 4], k: usize) -> (R, [R; 3]) {
         let ([width, height], o) = (self.size(), R::zero());
         let (x, y) = (k % width, k / width);
@@ -184,7 +184,7 @@ impl<R: Real> Scene<'_, R> {
     }
 }
 
-/// What the passes have bound of a scene; no mask.
+/// The inputs that the passes bind, without a mask.
 fn scene(push: Push, image: Vec<[f32; 4]>, target: &[u32], bits: u32) -> Scene<'static, f32> {
     let (photo, counts) = (unpack(target, bits), counting(target, bits));
     Scene { push, variation: true, image, photo, counts, mask: None }

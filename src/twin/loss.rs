@@ -1,4 +1,4 @@
-//! Twins of `glsl/loss_*.comp`, and the loss as its definition reads, with all 121 taps of the window.
+//! Twins of `glsl/loss_*.comp`, and the loss by its definition, with all 121 taps of the window.
 
 use super::{Real, TwinCall};
 use crate::pass::loss::{Push, SLOT_FLOATS, SumPush};
@@ -22,17 +22,17 @@ pub struct ChannelLoss<R> {
     pub l1: R,
     /// Sum over pixels of SSIM.
     pub ssim: R,
-    /// The same with weights ...
+    /// Sum over pixels of weight times |x - y|.
     pub weighted_l1: R,
-    /// ... and the sum over pixels of weight times (1 - SSIM).
+    /// Sum over pixels of weight times (1 - SSIM).
     pub weighted_dssim: R,
-    /// Its derivative, minus: d(sum of weight times SSIM)/dx.
+    /// d(sum over pixels of weight times SSIM)/dx.
     pub grad_ssim: Vec<R>,
 }
 
 /// One channel by the definition (Wang et al. 2004): means, variances and covariance in the 11x11 window, zero padding.
-/// Where `counts` is false x is taken to be y, nothing is summed and the gradient is 0. `weights` are those of pixels:
-/// they enter the gradient and the weighted sums.
+/// Where `counts` is false, x is replaced by y, nothing is summed and the gradient is 0. The pixels' `weights` enter
+/// the gradient and the weighted sums.
 pub fn channel<R: Real>(
     x: &[R],
     y: &[R],
@@ -109,7 +109,7 @@ pub struct Loss<R> {
     pub grad: Vec<[R; 4]>,
 }
 
-/// The loss by its definition, over the pixels that count.
+/// The loss by its definition, over the pixels that count, without weights.
 pub fn loss<R: Real>(
     image: &[[R; 4]],
     photo: &[[R; 3]],
@@ -121,7 +121,7 @@ pub fn loss<R: Real>(
     weighted_loss(image, photo, counts, &vec![R::one(); image.len()], (width, height), lambda)
 }
 
-/// The same with a weight for each pixel.
+/// The loss by its definition, with a weight per pixel.
 pub fn weighted_loss<R: Real>(
     image: &[[R; 4]],
     photo: &[[R; 3]],
@@ -171,7 +171,7 @@ pub fn counting(target: &[u32], bits: u32) -> Vec<bool> {
     codes(target, bits).into_iter().map(|p| p[3] != 0).collect()
 }
 
-/// The window along a line of `n` values, `outside` where there are none.
+/// The window's weighted sums along a line of `n` values, with `outside` beyond its ends.
 fn along<R: Real>(n: usize, outside: [R; 4], value: impl Fn(usize) -> [R; 4]) -> Vec<[R; 4]> {
     let taps = window::<R>();
     (0..n)
@@ -202,12 +202,12 @@ fn rows<R: Real>(x: &[R], y: &[R], width: usize) -> Vec<[R; 4]> {
     x.chunks(width).zip(y.chunks(width)).flat_map(line).collect()
 }
 
-/// A channel of the render and of the photograph.
+/// A channel of the render and of the photograph, flattened.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a, R> {
-    /// The render's values, which are the photograph's where pixels do not count.
+    /// The render's values, replaced by the photograph's where pixels do not count.
     pub x: &'a [R],
-    /// The photograph's.
+    /// The photograph's values.
     pub y: &'a [R],
     /// Which pixels count.
     pub counts: &'a [bool],
@@ -217,8 +217,8 @@ pub struct Compared<'a, R> {
     pub width: usize,
 }
 
-/// `loss_strips`, one channel: SSIM's derivatives weighted along columns, and SSIM of each
-/// pixel, both 0 where nothing counts; the derivatives times the pixel's weight.
+/// `loss_strips`, one channel: SSIM's derivatives times the pixel's weight, summed along columns by the window, and the
+/// SSIM of each pixel. Both are 0 where the pixel does not count.
 pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
     let Compared { x, y, counts, weights, width } = *of;
     let moments = rows(x, y, width);
@@ -237,7 +237,7 @@ pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
     (out, values)
 }
 
-/// SSIM and what multiplies 1, (x - y) and (x - pivot) in its derivative, from the moments in a window.
+/// SSIM, and the factors of 1, (x - y) and (x - pivot) in its derivative, from the moments in a window.
 fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
     let two = R::of(2.0);
     let (mu1, other) = (mean + R::of(PIVOT), mean - m);
@@ -251,7 +251,7 @@ fn point<R: Real>([mean, m, square, squares]: [R; 4]) -> (R, [R; 4]) {
     (luminance * structure, [constant, -two * luminance / b, of_b, R::zero()])
 }
 
-/// `loss_grad`, one channel: dL/dx from the planes of [`strips`], the means being over `values`.
+/// `loss_grad`, one channel: dL/dx from the planes of [`strips`], with means over `values` values.
 pub fn grad<R: Real>(planes: &[[R; 3]], of: &Compared<'_, R>, lambda: R, values: R) -> Vec<R> {
     let Compared { x, y, counts, weights, width } = *of;
     let each = R::one() / values;
@@ -267,11 +267,11 @@ pub fn grad<R: Real>(planes: &[[R; 3]], of: &Compared<'_, R>, lambda: R, values:
         .collect()
 }
 
-/// A channel of the render, and of the photograph.
+/// A channel of the render, and the same channel of the photograph.
 type Channel = (Vec<f32>, Vec<f32>);
 
-/// Channels of the render and of the photograph, the render's being the photograph's where pixels are masked;
-/// which count.
+/// Channels of the render and of the photograph, and whether each pixel counts. The render's values are the
+/// photograph's where pixels are masked.
 fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<bool>) {
     let pixels = (push.width * push.height) as usize;
     let (image, target) = (call.get::<[f32; 4]>(0), call.get::<u32>(1));
@@ -282,7 +282,7 @@ fn channels(call: &TwinCall<'_>, push: &Push, bits: u32) -> ([Channel; 3], Vec<b
     ([one(0), one(1), one(2)], counts)
 }
 
-/// The weights of the pixels, from the saliency at a binding where there are any.
+/// The pixels' weights, from the saliency at a binding; all 1 without weights.
 fn weights(call: &TwinCall<'_>, push: &Push, binding: usize, weighted: u32) -> Vec<f32> {
     let pixels = (push.width * push.height) as usize;
     if weighted == 0 {
@@ -292,12 +292,12 @@ fn weights(call: &TwinCall<'_>, push: &Push, binding: usize, weighted: u32) -> V
     saliency[..pixels].iter().map(|s| push.low_weight + (push.high_weight - push.low_weight) * s).collect()
 }
 
-/// Adapter over raw buffers, the channels of a strip taken together.
+/// Adapter over raw buffers; the channels of a strip share their parts.
 pub fn run_strips(call: &mut TwinCall<'_>) {
     strip_parts(call, 1);
 }
 
-/// Adapter over raw buffers, each channel of a strip with parts of its own.
+/// Adapter over raw buffers; each channel of a strip has its own parts.
 pub fn run_strips_apart(call: &mut TwinCall<'_>) {
     strip_parts(call, 3);
 }

@@ -1,4 +1,4 @@
-//! CPU twins of the GPU passes: the same file names, the same buffers in the same order, plain loops.
+//! CPU twins of the GPU passes: equal file names, equal buffers in equal order, plain loops.
 //!
 //! A twin is a typed function generic over [`Real`] (f64 is the reference, f32 mirrors the shader's arithmetic) and a
 //! thin adapter `run` over raw buffers, so that any pass can be replaced by its twin.
@@ -59,11 +59,11 @@ mod vec3;
 pub use crate::scene::Real;
 pub use table::{TABLE, TwinFn, of};
 
-/// A dispatch as a twin sees it.
+/// The inputs and outputs of a dispatch.
 pub struct TwinCall<'a> {
-    /// The bound buffers in binding order. A twin leaves buffers that its pass only reads as they are.
+    /// The bound buffers in binding order. A twin does not change buffers that its pass only reads.
     pub buffers: &'a mut [Vec<u8>],
-    /// The push-constant block.
+    /// The bytes of the push constants.
     pub push: &'a [u8],
     /// Specialization constants in the order of the kernel's table.
     pub constants: &'a [u32],

@@ -3,7 +3,7 @@
 use super::{Real, TwinCall};
 use crate::pass::part_sum::Push;
 
-/// Rows added up in the order of the device: every 64th, and then the 64.
+/// The sum of rows in the device's order: 64 sums of every 64th row, then their sum.
 pub fn part_sum<R: Real>(parts: &[[R; 4]]) -> [R; 4] {
     let add = |sum: [R; 4], row: [R; 4]| -> [R; 4] { std::array::from_fn(|k| sum[k] + row[k]) };
     let zero = [R::zero(); 4];

@@ -4,7 +4,8 @@ use super::TwinCall;
 use super::loss::{counting, unpack};
 use crate::pass::photograph_reduce::Push;
 
-/// The mean colour of the pixels that count among those of pixel `k` of the result; `None` where more than half do not.
+/// The mean colour of the unmasked pixels that pixel `k` of the result covers; `None` where more than half of them are
+/// masked.
 pub fn mean(colours: &[[f64; 3]], counts: &[bool], width: usize, factor: usize, k: usize) -> Option<[f64; 3]> {
     let columns = width / factor;
     let (left, top) = (k % columns * factor, k / columns * factor);

@@ -1,22 +1,22 @@
-//! Twin of `glsl/include/place.glsl` and `glsl/include/mask.glsl`: maps of another size than the image.
+//! Twin of `glsl/include/place.glsl` and `glsl/include/mask.glsl`: lookups in maps of another size than the image.
 
 use super::Real;
 
-/// Where a pixel of an image lies in a map of another size that covers the same view.
+/// The position of an image's pixel in a map of another size that covers the same view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place<R> {
-    /// Pixel of the map at or before it.
+    /// Pixel of the map at or before the position.
     pub low: [usize; 2],
-    /// The one after that.
+    /// The next pixel.
     pub high: [usize; 2],
     /// Weight of `high`.
     pub share: [R; 2],
-    /// Pixel of the map that it lies in.
+    /// Pixel of the map that contains the position.
     pub nearest: [usize; 2],
 }
 
 impl<R: Real> Place<R> {
-    /// Of pixel `at` of an image of `size` in a map of `map` pixels.
+    /// The position of pixel `at` of an image of `size` pixels in a map of `map` pixels.
     pub fn of(at: [usize; 2], size: [usize; 2], map: [usize; 2]) -> Self {
         let axis = |k: usize| {
             let (unit, last) = (2 * size[k], map[k] - 1);
@@ -29,7 +29,7 @@ impl<R: Real> Place<R> {
         Self { low: [x.0, y.0], high: [x.1, y.1], share: [x.2, y.2], nearest: [x.3, y.3] }
     }
 
-    /// Linear between the map's pixels.
+    /// The value at the position, interpolated linearly between the map's pixels.
     pub fn between(&self, value: impl Fn([usize; 2]) -> R) -> R {
         let mix = |a: R, b: R, share: R| a * (R::one() - share) + b * share;
         let row = |y: usize| mix(value([self.low[0], y]), value([self.high[0], y]), self.share[0]);
@@ -37,17 +37,17 @@ impl<R: Real> Place<R> {
     }
 }
 
-/// A mask of bytes, row after row, with its size.
+/// A mask of bytes, row after row.
 #[derive(Clone, Copy, Debug)]
 pub struct Mask<'a> {
-    /// 0 to 255.
+    /// Values from 0 to 255.
     pub bytes: &'a [u8],
     /// Width and height.
     pub size: [usize; 2],
 }
 
 impl Mask<'_> {
-    /// From 0 to 1 at a pixel of an image of `size`.
+    /// The mask from 0 to 1 at a pixel of an image of `size` pixels.
     pub fn at<R: Real>(&self, at: [usize; 2], size: [usize; 2]) -> R {
         let byte = |[x, y]: [usize; 2]| R::of(f64::from(self.bytes[y * self.size[0] + x]));
         Place::of(at, size, self.size).between(byte) / R::of(255.0)

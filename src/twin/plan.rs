@@ -9,12 +9,12 @@ pub fn table_size(count: u32, divide: u32, multiply: u32) -> u32 {
     count.div_ceil(divide).wrapping_mul(multiply)
 }
 
-/// The count a pass works on: a counter's, or the host's.
+/// The number of items that a pass works on: from a counter, or from the host.
 pub fn given_count(counters: &[u32], source: u32, count: u32) -> u32 {
     if source == NO_COUNTER { count } else { counters[source as usize] }
 }
 
-/// Workgroups on the axes for a number of workgroups.
+/// Workgroups per axis for a number of workgroups.
 pub fn fold(groups: u32) -> [u32; 4] {
     if groups == 0 {
         return [0; 4];

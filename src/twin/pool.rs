@@ -3,7 +3,7 @@
 use super::{Real, TwinCall};
 use crate::pass::pool::{BackwardPush, FLAG_ADD, FLAG_GATE, Push};
 
-/// The largest value in each window, and its place there (row-major, of 9; the first of equal ones).
+/// The largest value in each 3x3 window, and its row-major index there (the first of equals).
 pub fn pool<R: Real>(push: &Push, source: &[[R; 4]]) -> (Vec<[R; 4]>, Vec<[u8; 4]>) {
     let (mut values, mut winners) = (Vec::new(), Vec::new());
     for image in 0..push.images {
@@ -33,7 +33,7 @@ pub fn pool<R: Real>(push: &Push, source: &[[R; 4]]) -> (Vec<[R; 4]>, Vec<[u8; 4
     (values, winners)
 }
 
-/// Adds the gradient of every maximum to that of the pixel it was taken from, and closes the gate.
+/// Adds the gradient of every maximum to the gradient of its source pixel, and applies the gate.
 pub fn backward<R: Real>(
     push: &BackwardPush,
     grad_out: &[[R; 4]],

@@ -11,7 +11,7 @@ pub fn copy(call: &mut TwinCall<'_>) {
     call.set(1, &source[..count]);
 }
 
-/// The sum of a thread's chains after `turns` turns of `step`.
+/// The sum of a thread's chains after `turns` turns, each of [`UNROLL`] calls of `step`.
 pub fn chains<R: Real>(thread: u32, turns: u32, step: impl Fn(R) -> R) -> R {
     let chain = |j: u32| {
         let start = R::of(f64::from((thread + j) % 16) * 0.0625);

@@ -14,7 +14,7 @@ use crate::scene::tile::{self, TileGrid};
 pub struct Projected<R> {
     /// Mean in pixels.
     pub mean: [R; 2],
-    /// (A, B, C).
+    /// The conic (A, B, C).
     pub conic: [R; 3],
     /// C - B^2 / A.
     pub rest: R,
@@ -22,11 +22,11 @@ pub struct Projected<R> {
     pub opacity: R,
     /// z in the camera frame.
     pub depth: R,
-    /// Colour, clamped at 0 from below.
+    /// Colour, clamped to at least 0.
     pub colour: [R; 3],
     /// Camera-frame normal.
     pub normal: [R; 3],
-    /// Tiles touched; 0 where no grid was given.
+    /// Number of tiles touched; 0 without a grid.
     pub tiles: u32,
 }
 
@@ -46,7 +46,7 @@ pub enum Culled {
     Bad,
     /// At or behind the near plane.
     Near,
-    /// Too faint to be seen, or its projection overflows.
+    /// Too faint to count, or its projection overflows.
     Faint,
     /// It touches no tile.
     OffScreen,
@@ -57,7 +57,7 @@ pub fn to_camera<R: Real>(view: &View<R>, mean: [R; 3]) -> [R; 3] {
     std::array::from_fn(|k| vec3::dot(view.rotation[k], mean) + view.translation[k])
 }
 
-/// The projected covariance of a splat and its centre in the camera frame.
+/// The camera-frame centre of a splat and its projected covariance.
 pub fn geometry<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], Ewa<R>) {
     let p = to_camera(view, splat.mean);
     (p, projection::project(view, p, splat.quat, splat.log_scale))

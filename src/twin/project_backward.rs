@@ -8,8 +8,8 @@ use crate::pass::counters;
 use crate::scene::Gaussians;
 use crate::scene::sh;
 
-/// Gradients of one splat's projection: a row of `grad2d` (mean x, mean y, A, B, C, opacity, r, g, b, depth, two that
-/// are not used here) and the normal's.
+/// Gradients of one splat's projection: a row of `grad2d` (mean x, mean y, A, B, C, opacity, r, g, b, depth, two unused
+/// values) and the normal's gradient.
 #[derive(Clone, Debug)]
 pub struct Grad2d<R> {
     /// The row of `grad2d`.

@@ -22,7 +22,7 @@ pub struct Stepped<R> {
     pub second: Splat<R>,
 }
 
-/// The camera of the push constants; what the backward does not look at is zero.
+/// The camera of the push constants; fields that the backward does not use are zero.
 pub fn view<R: Real>(push: &Push) -> View<R> {
     let r = |x: f32| R::of(f64::from(x));
     let rows = [push.row0, push.row1, push.row2];
@@ -42,7 +42,8 @@ pub fn view<R: Real>(push: &Push) -> View<R> {
     }
 }
 
-/// The optimiser's numbers for each of the 59 parameters with its rate; `constants` are the pass's, in order.
+/// The optimiser's settings and the learning rate for parameter `k` of 59; `constants` are the pass's constants, in
+/// order.
 fn of_parameter(push: &Push, constants: &[u32], k: usize) -> (AdamPush, f32) {
     let float = |i: usize| f32::from_bits(constants[i]);
     let (lr, inv_bias1, inv_sqrt_bias2) = match k {
@@ -57,23 +58,23 @@ fn of_parameter(push: &Push, constants: &[u32], k: usize) -> (AdamPush, f32) {
     (AdamPush { beta1, gain1, beta2, gain2, eps, inv_bias1, inv_sqrt_bias2, ..AdamPush::default() }, lr)
 }
 
-/// Parameters that spherical harmonics up to a degree have, after the 11 of the geometry.
+/// Number of parameters with spherical harmonics up to a degree, the 11 of the geometry included.
 fn within(degree: u32) -> usize {
     11 + 3 * (degree as usize + 1).pow(2)
 }
 
-/// Parameters that a step with these constants touches, but for the opacity,
-/// of a splat with all harmonics or with those up to degree 1.
+/// Number of parameters that a step changes, opacity aside. A splat that is not `full` has harmonics up to degree 1
+/// only.
 pub(super) fn touched(constants: &[u32], full: bool) -> usize {
     within(if full { constants[1] } else { constants[1].min(1) })
 }
 
-/// One step of one splat with the gradients of its parameters (zeros for a culled one).
+/// One step of one splat with the gradients of its parameters (zeros for a culled splat).
 pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
     step_of(push, constants, state, gradient, Pace::default(), true)
 }
 
-/// The same of a splat at its pace.
+/// As [`step`], for a splat that has missed steps.
 pub fn step_after<R: Real>(
     push: &Push,
     constants: &[u32],
@@ -84,7 +85,7 @@ pub fn step_after<R: Real>(
     step_of(push, constants, state, gradient, pace, true)
 }
 
-/// The same of a splat with all harmonics or with those up to degree 1.
+/// As [`step_after`]. A splat that is not `full` has harmonics up to degree 1 only.
 pub(super) fn step_of<R: Real>(
     push: &Push,
     constants: &[u32],
@@ -117,31 +118,32 @@ pub(super) fn step_of<R: Real>(
     Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
 }
 
-/// Place of `LISTED` among the pass's constants.
+/// Index of `LISTED` among the pass's constants.
 const LISTED: usize = 9;
 
-/// Place of `CATCHES_UP` among them.
+/// Index of `CATCHES_UP` among the pass's constants.
 const CATCHES_UP: usize = 10;
 
-/// What a splat's row of `stats` says of the steps that it has missed, and what it is to say.
+/// The steps that a splat has missed, from its row of `stats`, and the movement in advance of its next step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pace {
-    /// Steps that it has missed.
+    /// Number of missed steps.
     pub missed: u32,
-    /// What it has moved by in advance, in [`PARTS`] of all that its moments would ever move it by.
+    /// Movement that the last step made in advance, in 1/[`PARTS`] of the total movement that the moments would ever
+    /// cause.
     pub advanced: u32,
-    /// What it moves by in advance with its step.
+    /// Movement that the next step makes in advance, in the same unit.
     pub advance: u32,
 }
 
-/// See [`Pace::advanced`].
+/// Unit of [`Pace::advanced`]: parts of the total movement.
 pub const PARTS: u32 = 255;
-/// Share of the latest gap between two steps in what is expected of the next.
+/// Weight of the latest gap between two steps in the expected next gap.
 const LATEST: f32 = 0.25;
 
 impl Pace {
-    /// Of a splat whose row ends with `row`, where all were caught up with in step `caught_up`;
-    /// `None` where nothing is to be done.
+    /// From the last value `row` of a splat's row of `stats`, where all splats caught up in step `caught_up`; `None`
+    /// where nothing is to be done.
     pub fn new(push: &Push, constants: &[u32], row: f32, caught_up: u32) -> Option<Self> {
         let (now, row, catches_up) = (push.flags >> STEP_SHIFT, row as u32, constants[CATCHES_UP] != 0);
         let [since_last, since_all] = [row, caught_up].map(|step| now.wrapping_sub(step) & 0xffff);
@@ -159,19 +161,19 @@ impl Pace {
         Some(Self { missed, advanced, advance })
     }
 
-    /// What the row ends with after the step.
+    /// The last value of the row after the step.
     pub fn row(&self, push: &Push) -> f32 {
         (push.flags >> STEP_SHIFT) as f32 + 65536.0 * self.advance as f32
     }
 }
 
-/// A part of all that moments would ever move an element by, in steps.
+/// 1/[`PARTS`] of the total movement that moments would ever cause, in steps.
 fn part<R: Real>(numbers: &AdamPush) -> R {
     let decay = decay::<R>(numbers);
     decay / (R::one() - decay) / R::of(f64::from(PARTS))
 }
 
-/// Splats that take a step or are caught up with; the rows of `stats` as they are then.
+/// The splats that take a step or catch up. Updates the rows of `stats`.
 pub(super) fn steppers(call: &mut TwinCall<'_>, inputs: &Inputs, stats: usize) -> Vec<(usize, Pace)> {
     let (push, constants) = (call.push::<Push>(), call.constants);
     if constants[LISTED] == 0 && constants[CATCHES_UP] == 0 {
@@ -188,15 +190,15 @@ pub(super) fn steppers(call: &mut TwinCall<'_>, inputs: &Inputs, stats: usize) -
     chosen
 }
 
-/// What a step reads beside the model and its moments, as the bound buffers have it.
+/// The inputs of a step besides the model and its moments, from the bound buffers.
 pub(super) struct Inputs {
-    /// Splats.
+    /// Number of splats.
     pub(super) n: usize,
-    /// Threads that own one of them.
+    /// Number of threads that own a splat.
     threads: usize,
     listed: bool,
     catches_up: bool,
-    /// Rows from this one on have harmonics up to degree 1 alone.
+    /// Rows from this index on have harmonics up to degree 1 only.
     pub(super) full: usize,
     view: View<f32>,
     splat2d: Vec<[f32; 12]>,
@@ -209,7 +211,7 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    /// Bindings 0 to 4.
+    /// Reads bindings 0 to 4.
     pub(super) fn new(call: &TwinCall<'_>, push: &Push) -> Self {
         let listed = call.constants[LISTED] != 0;
         let counted = if listed { counters::VISIBLE } else { counters::SPLATS };
@@ -251,7 +253,7 @@ impl Inputs {
     }
 }
 
-/// Writes a model's planes from binding `first` on; of harmonics above degree 1 the rows before `full`.
+/// Writes a model's planes from binding `first` on; for harmonics above degree 1, the rows before `full` only.
 pub(super) fn set_planes(call: &mut TwinCall<'_>, first: usize, plane: &Gaussians, full: usize) {
     call.set(first, &plane.means);
     call.set(first + 1, &plane.quats);

@@ -8,13 +8,13 @@ use super::random;
 use super::splat::{PARAMETERS, Splat, model_of};
 use crate::pass::project_backward_adam::{Push, STEP_SHIFT, STEPS_OPACITIES};
 
-/// Bits of the second moment's f32 that are not kept.
+/// Number of low bits of the second moment's f32 that are dropped.
 pub const V_SHIFT: u32 = 15;
-/// Key of the random bits, beside splat, step and parameter.
+/// Key of the random bits, besides splat, step and parameter.
 const STREAM: u32 = 0x5eed;
 
-/// Both moments of a parameter in a word: the second's upper bits, rounded up with the probability that `bits` (below
-/// 2^15) give, and the first over its root as a half float.
+/// Both moments of a parameter in one word: the second moment's upper bits, rounded stochastically by `bits` (below
+/// 2^15), and the first moment over the second's root as a half float.
 pub fn pack(first: f32, second: f32, bits: u32) -> u32 {
     let kept = (second.to_bits() + bits) >> V_SHIFT;
     let root = f32::from_bits(kept << V_SHIFT).sqrt();
@@ -22,7 +22,7 @@ pub fn pack(first: f32, second: f32, bits: u32) -> u32 {
     kept << 16 | u32::from(f16::from_f32(ratio).to_bits())
 }
 
-/// First and second moment of a word.
+/// First and second moment from a word.
 pub fn unpack(word: u32) -> (f32, f32) {
     let second = f32::from_bits(word >> 16 << V_SHIFT);
     (f16::from_bits(word as u16).to_f32() * second.sqrt(), second)
@@ -43,7 +43,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let inputs = Inputs::new(call, &push);
     let mut model = model_of(call, 5, inputs.n);
-    // Words in the places of floats: copies keep their bits.
+    // Packed words stored as floats: copies keep their bits.
     let mut words = model_of(call, 13, inputs.n);
     let stepped = |i: usize, k: usize| {
         k < touched(call.constants, i < inputs.full) && (k != 10 || push.flags & STEPS_OPACITIES != 0)
@@ -78,7 +78,8 @@ mod tests {
         for (m, v) in [(0.0, 0.0), (1e-4, 3e-9), (-7.3e-9, 1e-18), (2.0, 0.1), (-1e-30, 1e-37), (4e16, 1.6e34)] {
             let word = pack(m, v, 0);
             let (m0, v0) = unpack(word);
-            // Half a unit of a half float, below its normal numbers of its smallest; a unit of the eight bits of v.
+            // Half a unit of a half float (of the smallest one below its normal numbers); one unit of the eight bits of
+            // v.
             assert!((m0 - m).abs() <= m.abs() * f32::exp2(-11.0) + v.sqrt() * f32::exp2(-25.0), "{m} {v}: {m0}");
             assert!(v0 <= v && v - v0 <= v * f32::exp2(-8.0), "{m} {v}: {v0}");
             for bits in [0, 1, (1 << V_SHIFT) - 1] {
@@ -87,7 +88,7 @@ mod tests {
         }
     }
 
-    /// The mean over all random bits is the value itself; rounded to nearest, a decay by a thousandth would be lost.
+    /// The mean over all random bits is the value itself. Rounding to nearest would lose a decay by a thousandth.
     #[test]
     fn the_second_moment_is_right_in_the_mean() {
         let (start, step) = (3.0e-9_f32, 0.999_f32);

@@ -7,7 +7,7 @@ const DILATION: f64 = 0.3;
 const ANTIALIAS_FLOOR: f64 = 2.5e-5;
 const QUAT_MIN_SQUARED: f64 = 1e-24;
 
-/// A rotation with what its derivative needs.
+/// A rotation with the values that its derivative needs.
 #[derive(Clone, Debug)]
 pub struct Rotation<R> {
     /// Rows of the matrix.
@@ -16,7 +16,7 @@ pub struct Rotation<R> {
     inverse: R,
 }
 
-/// The rotation of a quaternion (w first) of any length; a vanishing one counts as the identity.
+/// The rotation of a quaternion (w first) of any length; a vanishing quaternion is the identity.
 pub fn rotation<R: Real>(quat: [R; 4]) -> Rotation<R> {
     let squared = quat.iter().fold(R::zero(), |sum, &q| sum + q * q);
     let usable = squared >= R::of(QUAT_MIN_SQUARED);
@@ -54,7 +54,7 @@ pub fn sigmoid<R: Real>(x: R) -> [R; 2] {
     [if x >= R::zero() { d } else { e * d }, e * d * d]
 }
 
-/// A projected covariance with what its derivative needs.
+/// A projected covariance with the values that its derivative needs.
 #[derive(Clone, Debug)]
 pub struct Ewa<R> {
     /// The splat's rotation.
@@ -75,9 +75,9 @@ pub struct Ewa<R> {
     pub n: [R; 3],
     /// Determinant of the dilated 2D covariance.
     pub det: R,
-    /// (A, B, C).
+    /// The conic (A, B, C).
     pub conic: [R; 3],
-    /// C - B^2 / A, which is one over the dilated variance along y.
+    /// C - B^2 / A, the inverse of the dilated variance along y.
     pub rest: R,
     /// sqrt(det before / det after dilation), floored.
     pub compensation: R,
@@ -134,11 +134,11 @@ pub struct EwaUpstream<R> {
     pub compensation: R,
     /// The column of the rotation that is the normal.
     pub axis: usize,
-    /// With respect to that column.
+    /// With respect to the normal's column.
     pub of_axis: [R; 3],
 }
 
-/// The gradients at depth `z` from those of what came of the projection.
+/// The gradients with respect to the projection's inputs, at depth `z`, from the gradients with respect to its results.
 pub fn backward<R: Real>(view: &View<R>, e: &Ewa<R>, z: R, upstream: &EwaUpstream<R>) -> EwaGrad<R> {
     let EwaUpstream { conic: g_conic, compensation: g_compensation, axis, of_axis: g_axis } = *upstream;
     let (half, two) = (R::of(0.5), R::of(2.0));

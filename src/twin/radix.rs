@@ -17,7 +17,7 @@ pub fn count(keys: &[u32], block: usize, push: &Push) -> Vec<u32> {
     table
 }
 
-/// Where each key goes, from the prefix sum of the table.
+/// The new position of each key, from the prefix sum of the table.
 pub fn places(keys: &[u32], block: usize, push: &Push, prefix: &[u32]) -> Vec<u32> {
     let blocks = keys.len().div_ceil(block);
     let mut next = prefix.to_vec();
@@ -32,7 +32,7 @@ pub fn places(keys: &[u32], block: usize, push: &Push, prefix: &[u32]) -> Vec<u3
     to
 }
 
-/// Prefix sums of the rows of a table, and behind them the sums of the rows.
+/// Prefix sums of the rows of a table, followed by the sums of the rows.
 pub fn row_sums(table: &[u32], digits: usize) -> Vec<u32> {
     let blocks = table.len() / digits.max(1);
     let (mut places, mut sums) = (Vec::with_capacity(table.len() + digits), Vec::with_capacity(digits));
@@ -45,7 +45,7 @@ pub fn row_sums(table: &[u32], digits: usize) -> Vec<u32> {
     places
 }
 
-/// The prefix sum of the table, from what [`row_sums`] makes of it.
+/// The prefix sum of the whole table, from the result of [`row_sums`].
 pub fn whole(places: &[u32], digits: usize) -> Vec<u32> {
     let blocks = places.len() / digits.max(1) - 1;
     let (rows, sums) = places.split_at(blocks * digits);
@@ -83,22 +83,22 @@ fn scatter_blocks(call: &mut TwinCall<'_>, block: u32, covered: u32, by_rows: bo
     call.set(5, &vals_out);
 }
 
-/// Adapter of the count, runs shape.
+/// Adapter of the count, RUNS shape.
 pub fn count_runs(call: &mut TwinCall<'_>) {
     count_blocks(call, call.constants[0], call.groups * RUNS_LOCAL_SIZE);
 }
 
-/// Adapter of the count, groups shape.
+/// Adapter of the count, GROUPS shape.
 pub fn count_groups(call: &mut TwinCall<'_>) {
     count_blocks(call, call.constants[0] * GROUPS_LOCAL_SIZE, call.groups);
 }
 
-/// Adapter of the move, runs shape.
+/// Adapter of the scatter, RUNS shape.
 pub fn scatter_runs(call: &mut TwinCall<'_>) {
     scatter_blocks(call, call.constants[0], call.groups * RUNS_LOCAL_SIZE, false);
 }
 
-/// Adapter of the move, groups shape.
+/// Adapter of the scatter, GROUPS shape.
 pub fn scatter_groups(call: &mut TwinCall<'_>) {
     scatter_blocks(call, call.constants[0] * GROUPS_LOCAL_SIZE, call.groups, true);
 }

@@ -18,7 +18,7 @@ fn mix(v: &mut [u32; 4]) {
     v[3] = v[3].wrapping_add(v[1].wrapping_mul(v[2]));
 }
 
-/// Functions of which the shader has polynomial forms; f32 mirrors them, f64 is the reference.
+/// Functions that the shader computes by polynomials; f32 mirrors the shader, f64 is the reference.
 pub trait Elementary: Real {
     /// Natural logarithm.
     fn natural_log(self) -> Self;

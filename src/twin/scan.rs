@@ -5,7 +5,7 @@ use super::plan::{given_count, table_size};
 use crate::pass::plan::NO_COUNTER;
 use crate::pass::scan::{LOCAL_SIZE, Push};
 
-/// The sum; the largest word where that is more.
+/// The saturating sum.
 pub fn total(words: impl Iterator<Item = u32>) -> u32 {
     words.fold(0, u32::saturating_add)
 }
@@ -31,7 +31,7 @@ fn block(call: &TwinCall<'_>) -> usize {
     (LOCAL_SIZE * call.constants[0]) as usize
 }
 
-/// Adapter of the first pass.
+/// Adapter of `scan_reduce`.
 pub fn reduce(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let source = call.get::<u32>(0);
@@ -44,7 +44,7 @@ pub fn reduce(call: &mut TwinCall<'_>) {
     call.set(2, &sums);
 }
 
-/// Adapter of the second pass.
+/// Adapter of `scan_spine`.
 pub fn spine(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let mut counters = call.get::<u32>(0);
@@ -59,7 +59,7 @@ pub fn spine(call: &mut TwinCall<'_>) {
     call.set(1, &prefix);
 }
 
-/// Adapter of the third pass.
+/// Adapter of `scan_add`.
 pub fn add(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let source = call.get::<u32>(0);
@@ -77,7 +77,7 @@ pub fn add(call: &mut TwinCall<'_>) {
     call.set(3, &target);
 }
 
-/// Adapter of the pass that does it all.
+/// Adapter of `scan_once`.
 pub fn once(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (source, mut counters) = (call.get::<u32>(0), call.get::<u32>(1));

@@ -4,7 +4,7 @@ use super::{Real, TwinCall};
 use crate::pass::{counters, slot_sum};
 
 /// Sums of rows of `N` columns: for each listed splat the rows `offsets[splat] .. offsets[splat] + counts[splat]`,
-/// first to last, given with the splat they belong to.
+/// first to last, each with its splat.
 pub fn sums<R: Real, const N: usize>(
     listed: &[u32],
     offsets: &[u32],

@@ -1,4 +1,4 @@
-//! One splat's parameters and one camera, in any precision, as the projection's twins take them.
+//! One splat's parameters and one camera, in any precision, for the projection's twins.
 
 use half::f16;
 
@@ -92,11 +92,11 @@ impl<R: Real> Splat<R> {
 pub struct View<R> {
     /// Rotation from the scene to the camera frame, row-major.
     pub rotation: [[R; 3]; 3],
-    /// Translation.
+    /// Translation from the scene to the camera frame.
     pub translation: [R; 3],
     /// Camera centre in the scene.
     pub center: [R; 3],
-    /// Near plane.
+    /// Depth of the near plane.
     pub near: R,
     /// Focal lengths in pixels.
     pub focal: [R; 2],
@@ -117,7 +117,7 @@ pub struct View<R> {
 }
 
 impl<R: Real> View<R> {
-    /// How a row sees it that has all harmonics, or those up to degree 1.
+    /// The camera for a row of a model: a row that is not `full` has harmonics up to degree 1 only.
     pub fn of_row(&self, full: bool) -> Self
     where
         R: Copy,
@@ -125,7 +125,7 @@ impl<R: Real> View<R> {
         Self { sh_degree: if full { self.sh_degree } else { self.sh_degree.min(1) }, ..*self }
     }
 
-    /// From what the device gets.
+    /// From the push constants.
     pub fn of(push: &CameraPush) -> Self {
         let r = |x: f32| R::of(f64::from(x));
         let rows = [push.row0, push.row1, push.row2];
@@ -164,13 +164,12 @@ impl<R: Real> View<R> {
     }
 }
 
-/// The model's planes in buffers `first`.. of a call: means, quats, scales, opacities, sh0 to sh3;
-/// the first `n` splats.
+/// The first `n` splats of the model in the buffers from `first` on: means, quats, scales, opacities, sh0 to sh3.
 pub(super) fn model_of(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
     model_with(call, first, n, |plane| call.get(plane))
 }
 
-/// The same with spherical harmonics in half floats.
+/// As [`model_of`], with spherical harmonics in half floats.
 pub(super) fn model_of_halves(call: &TwinCall<'_>, first: usize, n: usize) -> Gaussians {
     model_with(call, first, n, |plane| call.get::<u16>(plane).into_iter().map(|h| f16::from_bits(h).to_f32()).collect())
 }
@@ -189,7 +188,7 @@ fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) ->
         opacities: plane(3, 1),
         sh: std::array::from_fn(|g| {
             let mut values = sh(first + 4 + g);
-            // Rows that a plane does not have are not looked at.
+            // Rows that a plane does not have are never read.
             values.resize(n * SH_GROUP_FLOATS, 0.0);
             values
         }),
@@ -201,8 +200,7 @@ fn model_with(call: &TwinCall<'_>, first: usize, n: usize, sh: impl Fn(usize) ->
 mod tests {
     use super::*;
 
-    /// Where planes hold words, some are no numbers as floats: the bits of a signalling NaN are 0x7f80_0001 to
-    /// 0x7fbf_ffff.
+    /// Some packed words are NaNs as floats: the bits of a signalling NaN are 0x7f80_0001 to 0x7fbf_ffff.
     #[test]
     fn words_in_the_places_of_floats_keep_their_bits() {
         let word = |at: usize| f32::from_bits([0x7f80_0001, 0x7fbf_ffff, 0xff9a_3c00, 0x7fff_7fff][at % 4]);

@@ -3,7 +3,7 @@
 use super::TwinCall;
 use crate::pass::subgroup_probe::{LOCAL_SIZE, Push, RESULTS};
 
-/// Results of one subgroup's words; the workgroup's columns are left at zero.
+/// Results for the words of one subgroup; the workgroup's columns stay zero.
 fn subgroup(words: &[u32]) -> Vec<[u32; RESULTS]> {
     let sum = |f: &dyn Fn(u32) -> u32, words: &[u32]| words.iter().fold(0u32, |s, &w| s.wrapping_add(f(w)));
     let odd = |w: u32| w & 1;

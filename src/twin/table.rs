@@ -1,4 +1,4 @@
-//! Which twin computes what a pass computes.
+//! The table of passes and their twins.
 
 use super::{
     TwinCall, adam, blend_backward, blend_forward, compact, constrain, convolution, crop, densify_axes,
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::pass::{self, Pass};
 
-/// A pass on the CPU: the same computation on raw buffers in binding order.
+/// A pass on the CPU: the pass's computation on raw buffers in binding order.
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].

@@ -1,4 +1,4 @@
-//! Three-vectors of any precision, as the projection's twins need them.
+//! Three-vectors in any precision, for the projection's twins.
 
 use super::Real;
 

@@ -25,8 +25,8 @@ pub enum WorldError {
     },
     /// The distortion folds the photograph over within its frame.
     #[error(
-        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted image twice or not \
-         at all: bring `distortion` nearer to 0 or raise `focal`"
+        "world parameters `distortion` and `focal` make a lens that shows a point of the undistorted image twice, \
+         or not at all: bring `distortion` nearer to 0 or raise `focal`"
     )]
     Lens,
     /// The folder has a file that does not belong to a world and would be replaced.

@@ -1,9 +1,9 @@
-//! A brute-force renderer in f64: every splat at every pixel, one plain sort, no tiles,
-//! no cut-offs but those of the method.
+//! A brute-force renderer in f64: every splat at every pixel, one plain sort, no tiles, and only the method's own
+//! cut-offs.
 //!
-//! Written from the formulas of `docs/CONVENTIONS.md` alone. It shares no arithmetic with the passes or their twins
-//! (covariances here are plain matrix products, determinants plain `ac - b^2`), so it can judge both. It also reports
-//! how close every pixel came to a decision that rounding to f32 may turn over.
+//! Written from the formulas of `docs/CONVENTIONS.md` alone. The renderer shares no arithmetic with the passes or their
+//! twins (covariances are plain matrix products, determinants plain `ac - b^2`), so it can check both. It also reports
+//! how close every pixel comes to a decision that rounding to f32 may reverse.
 
 mod matrix;
 mod pixels;
@@ -14,7 +14,7 @@ pub use pixels::{backward, backward_at, render, render_at};
 use super::splat::Splat;
 use crate::raster::PLANES;
 
-/// What is rendered besides the splats and the camera.
+/// Settings of a render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Highest degree of spherical harmonics, 0 to 3.
@@ -34,7 +34,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// The method's cut-offs (Kerbl et al. 2023), all bands, black behind.
+    /// The method's cut-offs (Kerbl et al. 2023), all degrees, a black background.
     fn default() -> Self {
         Self {
             sh_degree: 3,
@@ -61,9 +61,9 @@ pub struct Image {
     pub normal: Vec<[f64; 3]>,
     /// Splats blended.
     pub blended: Vec<u32>,
-    /// Distance to the nearest decision that rounding may turn over (the cut-offs, 0.99, power > 0, the order of two
-    /// depths), in units of the condition of that decision: rounding to f32 moves it by a small multiple of f32's
-    /// epsilon. A test excludes pixels below such a multiple, and counts them.
+    /// Distance to the nearest decision that rounding may reverse (the cut-offs, 0.99, power > 0, the order of two
+    /// depths), in units of the decision's condition: rounding to f32 changes the distance by a small multiple of f32's
+    /// epsilon. Tests exclude pixels below such a multiple, and count them.
     pub margin: Vec<f64>,
 }
 
@@ -72,7 +72,7 @@ pub struct Image {
 pub struct ImageGradient {
     /// dL/d(colour).
     pub colour: Vec<[f64; 3]>,
-    /// dL/d(final transmittance), beyond what goes through the background's part of the colour.
+    /// dL/d(final transmittance), without the path through the background's colour.
     pub transmittance: Vec<f64>,
     /// dL/d(sum of weight times depth).
     pub depth: Vec<f64>,
@@ -97,15 +97,15 @@ impl ImageGradient {
 pub struct Gradients {
     /// The 59 parameters of each splat.
     pub splats: Vec<Splat<f64>>,
-    /// Rows of `grad2d`: mean x, mean y, A, B, C, opacity, r, g, b, depth,
-    /// and the sums of absolute per-pixel values of the mean's.
+    /// Rows of `grad2d`: mean x, mean y, A, B, C, opacity, r, g, b, depth, and the sums of the absolute per-pixel
+    /// gradients of mean x and mean y.
     pub grad2d: Vec<[f64; 12]>,
     /// Camera-frame normals.
     pub normals: Vec<[f64; 3]>,
 }
 
 impl Gradients {
-    /// Those of the parameters in the layout of [`PLANES`].
+    /// The gradients of the parameters in the layout of [`PLANES`].
     pub fn planes(&self) -> [Vec<f64>; 8] {
         let mut out: [Vec<f64>; 8] = Default::default();
         for splat in &self.splats {

@@ -13,13 +13,13 @@ struct Layer {
     /// exp(power).
     falloff: f64,
     alpha: f64,
-    /// Transmittance in front of it.
+    /// Transmittance in front of the splat.
     before: f64,
     /// Whether alpha is held at 0.99.
     clamped: bool,
 }
 
-/// What is seen, front to back; equal depths in the order of birth.
+/// The visible splats, front to back; equal depths in the order of the input.
 fn sorted(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Vec<Seen> {
     let mut seen: Vec<Seen> =
         splats.iter().enumerate().filter_map(|(i, splat)| see(i, splat, camera, settings)).collect();
@@ -43,7 +43,7 @@ fn layers(seen: &[Seen], splats: &[Splat<f64>], settings: &Settings, (px, py): (
             + (b * dx + c * dy).abs() * s.mean_condition[1];
         let falloff = power.exp();
         let free = s.opacity * falloff;
-        // A splat far from the cut-off plays no part; one near it decides, whichever side it is on.
+        // A splat near the cut-off limits the margin on either side of it.
         margin = margin.min((free / settings.alpha_min).ln().abs() / condition);
         if power > 0.0 || free < settings.alpha_min {
             continue;
@@ -87,7 +87,7 @@ pub fn render(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Im
     render_at(splats, camera, settings, &all(camera))
 }
 
-/// The same of some pixels alone, given by their row-major numbers: an entry for each.
+/// As [`render`], for the pixels with the given row-major indices only: one entry per index.
 pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pixels: &[usize]) -> Image {
     let seen = sorted(splats, camera, settings);
     let mut image = Image::default();
@@ -114,12 +114,12 @@ pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pi
     image
 }
 
-/// Gradients of a loss whose derivative by the image is `g`.
+/// Gradients of a loss whose derivative with respect to the image is `g`.
 pub fn backward(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, g: &ImageGradient) -> Gradients {
     backward_at(splats, camera, settings, g, &all(camera))
 }
 
-/// The same of a loss that depends on some pixels alone: `g` has an entry for each of `pixels`.
+/// As [`backward`], for a loss that depends on `pixels` only: `g` has one entry per pixel.
 pub fn backward_at(
     splats: &[Splat<f64>],
     camera: &Camera,

@@ -4,15 +4,15 @@ use super::matrix::{Mat2, Mat2x3, Mat3, norm, product, scaled, times, transposed
 use super::{Settings, Splat};
 use crate::scene::Camera;
 
-/// A splat as the image sees it.
+/// A projected splat.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
-    /// Its position in the input.
+    /// Index in the input.
     pub(super) index: usize,
     pub(super) mean: [f64; 2],
     /// A, B, C.
     pub(super) conic: [f64; 3],
-    /// With the anti-aliasing factor.
+    /// Opacity with the anti-aliasing factor.
     pub(super) opacity: f64,
     pub(super) depth: f64,
     pub(super) colour: [f64; 3],
@@ -25,7 +25,7 @@ pub(super) struct Seen {
     parts: Parts,
 }
 
-/// Intermediate results that the derivative uses again.
+/// Intermediate results that the derivative needs.
 #[derive(Clone, Debug)]
 struct Parts {
     point: [f64; 3],
@@ -37,7 +37,7 @@ struct Parts {
     sigmoid: f64,
 }
 
-/// A splat's covariance in the world, sigma = axes axes^T.
+/// A splat's covariance in the scene, sigma = axes axes^T.
 #[derive(Clone, Debug)]
 struct Ellipsoid {
     rotation: Mat3,
@@ -49,14 +49,14 @@ struct Ellipsoid {
 /// The covariance in the image.
 #[derive(Clone, Debug)]
 struct Ellipse {
-    /// x/z and y/z as the Jacobian sees them, and whether they were clamped.
+    /// x/z and y/z in the Jacobian, and whether they are clamped.
     slope: [f64; 2],
     clamped: [bool; 2],
     jacobian: Mat2x3,
-    /// Before the dilation, and after.
+    /// The covariance before the dilation, and after.
     before: Mat2,
     after: Mat2,
-    /// What the opacity is multiplied by.
+    /// Anti-aliasing factor of the opacity.
     factor: f64,
     factor_floored: bool,
 }
@@ -70,7 +70,7 @@ fn quaternion_matrix(q: &[f64; 4]) -> Mat3 {
     ]
 }
 
-/// Derivative of [`quaternion_matrix`] by component `k`.
+/// Derivative of [`quaternion_matrix`] with respect to component `k`.
 fn quaternion_slope(q: &[f64; 4], k: usize) -> Mat3 {
     let [w, x, y, z] = q.map(|v| 2.0 * v);
     match k {
@@ -148,7 +148,7 @@ fn ellipsoid(splat: &Splat<f64>) -> Ellipsoid {
     Ellipsoid { rotation, deviations, axes, sigma: product(&axes, &transposed(&axes)) }
 }
 
-/// The image of an ellipsoid around a point in the frame of the camera.
+/// The image of an ellipsoid around a point in the camera frame.
 fn ellipse([x, y, z]: [f64; 3], sigma: &Mat3, camera: &Camera, antialias: bool) -> Ellipse {
     let (focal, principal) = (focal(camera), principal(camera));
     let size = [f64::from(camera.width), f64::from(camera.height)];
@@ -179,7 +179,7 @@ fn principal(camera: &Camera) -> [f64; 2] {
     [camera.cx, camera.cy]
 }
 
-/// The colour before what is below zero becomes zero.
+/// The colour before it is clamped to at least 0.
 fn unbounded_colour(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3] {
     let (dir, _) = sight(splat, camera);
     let mut colour = [0.5; 3];
@@ -221,7 +221,7 @@ fn condition(splat: &Splat<f64>, camera: &Camera, point: [f64; 3], axes: &Mat3, 
     }
 }
 
-/// Projects a splat, or `None` when it is not seen.
+/// Projects a splat; `None` where it is not visible.
 pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> Option<Seen> {
     if splat.to_array().iter().any(|v| !v.is_finite()) {
         return None;
@@ -284,7 +284,7 @@ pub(super) fn pull_back(
     let (quat, log_scale) =
         pull_back_ellipsoid(splat, parts, &g_sigma, &times(&transposed(&camera.rotation), g_normal));
 
-    // Colour: at the lower bound what would raise the colour passes, if anything.
+    // Colour: at the lower bound, only gradients that would raise the colour pass, if any.
     let share = |c: usize| match (parts.lit[c], settings.black_learns) {
         (true, _) => row[6 + c],
         (false, true) => row[6 + c].min(0.0),
@@ -297,8 +297,8 @@ pub(super) fn pull_back(
     Splat { mean, quat, log_scale, logit, sh }
 }
 
-/// To the covariance in the image, from the conic and the factor of the opacity: d(Q) = -Q d(Sigma') Q; d ln det(m) =
-/// tr(m^-1 dm).
+/// Gradient of the covariance in the image, from the gradients of the conic and of the opacity's factor: d(Q) = -Q
+/// d(Sigma') Q; d ln det(m) = tr(m^-1 dm).
 fn pull_back_conic(ellipse: &Ellipse, row: &[f64; 12], g_factor: f64, antialias: bool) -> Mat2 {
     let q = inverse(&ellipse.after);
     let packed = [[row[2], row[3] / 2.0], [row[3] / 2.0, row[4]]];
@@ -314,7 +314,7 @@ fn pull_back_conic(ellipse: &Ellipse, row: &[f64; 12], g_factor: f64, antialias:
     g_cov
 }
 
-/// To the covariance in the world, and to the point through the Jacobian: Sigma' = T Sigma T^T with T = J W.
+/// Gradient of the covariance in the scene, and, through the Jacobian, of the point: Sigma' = T Sigma T^T with T = J W.
 fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut [f64; 3]) -> Mat3 {
     let Ellipse { slope, clamped, jacobian, .. } = &parts.ellipse;
     let (w, z, focal) = (&camera.rotation, parts.point[2], focal(camera));
@@ -334,8 +334,8 @@ fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut
     g_sigma
 }
 
-/// To the quaternion and the log scales, from the covariance and the normal, both in the world: Sigma = M M^T with M =
-/// R diag(s).
+/// Gradients of the quaternion and the log scales, from the gradients of the covariance and the normal in the scene:
+/// Sigma = M M^T with M = R diag(s).
 fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_normal: &[f64; 3]) -> ([f64; 4], [f64; 3]) {
     let Ellipsoid { rotation, deviations, axes, .. } = &parts.ellipsoid;
     let g_axes = scaled(2.0, &product(g_sigma, axes));
@@ -354,7 +354,7 @@ fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_norm
     (quat, log_scale)
 }
 
-/// To the harmonics, and to the mean through the viewing direction.
+/// Gradients of the harmonics, and, through the viewing direction, of the mean.
 fn pull_back_colour(
     splat: &Splat<f64>,
     camera: &Camera,

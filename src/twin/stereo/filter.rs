@@ -3,19 +3,19 @@
 use crate::pass::stereo::{FilterPush, LINK_ROWS};
 use crate::twin::Real;
 
-/// What the sources say of a pixel.
+/// The agreement of the sources on a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement<R> {
-    /// How many agree.
+    /// Number of sources that agree.
     pub sources: u32,
-    /// 0 where too few do, else NCC times n / (n + 1) where n do.
+    /// 0 where too few agree, else NCC times n / (n + 1) where n agree.
     pub confidence: R,
-    /// How far the nearest decision was from its other outcome: of distances in pixels, of depths relative,
-    /// of the score.
+    /// Distance of the nearest decision from its opposite outcome: in pixels for positions, relative for depths, in
+    /// units of the score for scores.
     pub margin: R,
 }
 
-/// The check of a pixel.
+/// Checks a pixel against the sources.
 pub fn agreement<R: Real>(push: &FilterPush, planes: &[[R; 4]], links: &[[R; 4]], pixel: u32) -> Agreement<R> {
     let middle = [pixel % push.width, pixel / push.width].map(|v| R::of(f64::from(v) + 0.5));
     let plane = planes[pixel as usize];
@@ -32,7 +32,7 @@ pub fn agreement<R: Real>(push: &FilterPush, planes: &[[R; 4]], links: &[[R; 4]]
         let at = [there[0] / z, there[1] / z];
         let size = [rows[3][0], rows[3][1]];
         let edge = (0..2).map(|k| at[k].abs().min((at[k] - size[k]).abs())).fold(R::infinity(), R::min);
-        // Also where the nearest pixel changes.
+        // The choice of the nearest pixel is a decision too.
         let step = (0..2).map(|k| (at[k] - at[k].round()).abs()).fold(R::infinity(), R::min);
         margin = margin.min(edge).min(step);
         if there[2] <= R::zero() || (0..2).any(|k| at[k] < R::zero() || at[k] >= size[k]) {

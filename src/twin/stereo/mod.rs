@@ -13,7 +13,7 @@ pub use window::{Window, sample};
 use super::TwinCall;
 use crate::pass::stereo::{BlocksPush, FilterPush, RefitPush, SweepPush};
 
-/// Every pixel with its neighbours to the right and below.
+/// Blocks of 2x2 pixels: every pixel with its neighbours to the right and below.
 pub fn blocks<T: Copy>(width: u32, height: u32, luma: &[T]) -> Vec<[T; 4]> {
     let at = |x: u32, y: u32| luma[(y.min(height - 1) * width + x.min(width - 1)) as usize];
     (0..width * height)
@@ -31,14 +31,14 @@ pub fn run_blocks(call: &mut TwinCall<'_>) {
     call.set(1, &rows);
 }
 
-/// Adapter over raw buffers; `SIDE` taps are along a side of the window.
+/// Adapter over raw buffers, with `SIDE` taps along a side of the window.
 pub fn run_sweep<const SIDE: u32>(call: &mut TwinCall<'_>) {
     let push: SweepPush = call.push();
     let (blocks, links, pixels) = (call.get::<[f32; 4]>(0), call.get::<[f32; 4]>(1), call.get::<u32>(2));
     let mut planes = call.get::<[f32; 4]>(3);
     let sweep = Sweep { push: &push, side: SIDE, step: call.constants[0], blocks: &blocks, links: &links };
     let list = &pixels[push.first as usize..][..push.count as usize];
-    // A pixel looks only at others that are not of the call.
+    // A pixel reads only pixels that the call does not change.
     let results: Vec<[f32; 4]> = list.iter().map(|&pixel| sweep.pixel(&planes, pixel)).collect();
     for (&pixel, result) in list.iter().zip(results) {
         planes[pixel as usize] = result;

@@ -3,16 +3,16 @@
 use crate::pass::stereo::RefitPush;
 use crate::twin::Real;
 
-/// How much a pixel's own slopes count, in squared pixels.
+/// Weight of the pixel's own slopes, in squared pixels.
 const RIDGE: f64 = 0.25;
 
-/// The plane through what was kept around a pixel.
+/// The plane fitted to the kept hypotheses around a pixel.
 pub fn refitted<R: Real>(push: &RefitPush, kept: &[[R; 4]], pixel: u32) -> [R; 4] {
     let (width, height, reach) = (push.width as i32, push.height as i32, push.reach as i32);
     let (x, y) = (pixel as i32 % width, pixel as i32 / width);
     let own = kept[pixel as usize];
     let tolerance = R::of(push.tolerance.into()) * own[0];
-    // Rows of weight, x, y, and what the own plane leaves over.
+    // Rows of weight, x, y, and the residual from the pixel's own plane.
     let mut rows: Vec<[R; 4]> = Vec::new();
     for dy in -reach..=reach {
         for dx in -reach..=reach {

@@ -4,12 +4,12 @@ use super::Window;
 use crate::pass::stereo::{ARMS, FLAG_START, SweepPush};
 use crate::twin::{Real, random};
 
-/// Slope of random planes against the picture's plane, at most.
+/// Largest slope of random planes against the image plane.
 const TILT: f64 = 1.5;
 
-/// What all pixels of a call share.
+/// The inputs that all pixels of a call share.
 pub struct Sweep<'a, R> {
-    /// The call.
+    /// The push constants.
     pub push: &'a SweepPush,
     /// Taps along a side of the window.
     pub side: u32,
@@ -21,7 +21,7 @@ pub struct Sweep<'a, R> {
     pub links: &'a [[R; 4]],
 }
 
-/// In range, and turned towards the camera.
+/// Whether a hypothesis is in the range of depths and faces the camera.
 pub fn possible<R: Real>(push: &SweepPush, [d, gx, gy]: [R; 3], middle: [R; 2]) -> bool {
     let of = |v: f32| R::of(v.into());
     let ray = [(middle[0] - of(push.centre_x)) / of(push.focal_x), (middle[1] - of(push.centre_y)) / of(push.focal_y)];
@@ -31,12 +31,12 @@ pub fn possible<R: Real>(push: &SweepPush, [d, gx, gy]: [R; 3], middle: [R; 2]) 
     d >= of(push.least) && d <= of(push.most) && d * d >= of(push.facing) * of(push.facing) * squares
 }
 
-/// From -1 to 1.
+/// Random numbers from -1 to 1.
 fn spread<R: Real>(bits: [u32; 4]) -> [R; 4] {
     bits.map(|b| R::of(f64::from(b >> 8) / 8_388_608.0 - 1.0))
 }
 
-/// The places of an arm in the order in which they are looked at.
+/// The offsets of an arm, in the order of evaluation.
 fn places(arm: u32) -> Vec<[i32; 2]> {
     let ahead: [i32; 2] = [[0, -1], [0, 1], [-1, 0], [1, 0]][(arm % 4) as usize];
     if arm >= 4 {
@@ -46,7 +46,7 @@ fn places(arm: u32) -> Vec<[i32; 2]> {
     std::iter::once(ahead).chain((1..=3).flat_map(|out| [pair(out, -1), pair(out, 1)])).collect()
 }
 
-/// The best neighbour's hypothesis on an arm, carried over to a pixel.
+/// The hypothesis of the best neighbour on an arm, extended to the pixel.
 fn arm<R: Real>(push: &SweepPush, planes: &[[R; 4]], number: u32, [x, y]: [i32; 2]) -> [R; 3] {
     let (width, height) = (push.width as i32, push.height as i32);
     let mut found = [R::zero(); 4];
@@ -79,7 +79,7 @@ fn changed<R: Real>(push: &SweepPush, held: [R; 3], number: u32, draw: [R; 4]) -
     [d, along(1), along(2)]
 }
 
-/// The hypothesis number `c` that a pixel tries, `held` being the best so far.
+/// Hypothesis number `c` of a pixel, where `held` is the best hypothesis so far.
 pub fn candidates<R: Real>(push: &SweepPush, planes: &[[R; 4]], pixel: u32, c: u32, held: [R; 3]) -> [R; 3] {
     let draw = spread(random::bits([pixel, c, push.turn, push.seed]));
     let own = planes[pixel as usize];
@@ -93,12 +93,12 @@ pub fn candidates<R: Real>(push: &SweepPush, planes: &[[R; 4]], pixel: u32, c: u
 }
 
 impl<R: Real> Sweep<'_, R> {
-    /// Hypotheses that a pixel tries.
+    /// Number of hypotheses that a pixel tries.
     pub fn tries(&self) -> u32 {
         self.push.draws + if self.push.flags & FLAG_START != 0 { 1 } else { ARMS }
     }
 
-    /// The middle of a pixel.
+    /// The centre of a pixel.
     pub fn middle(&self, pixel: u32) -> [R; 2] {
         [pixel % self.push.width, pixel / self.push.width].map(|v| R::of(f64::from(v) + 0.5))
     }
@@ -108,7 +108,7 @@ impl<R: Real> Sweep<'_, R> {
         Window::load(self, (pixel % self.push.width) as i32, (pixel / self.push.width) as i32)
     }
 
-    /// What a pixel holds after the call.
+    /// The hypothesis and score of a pixel after the call.
     pub fn pixel(&self, planes: &[[R; 4]], pixel: u32) -> [R; 4] {
         let (window, middle) = (self.window(pixel), self.middle(pixel));
         let mut held = planes[pixel as usize];

@@ -4,25 +4,25 @@ use super::Sweep;
 use crate::pass::stereo::LINK_ROWS;
 use crate::twin::Real;
 
-/// Variance below which a window says nothing.
+/// Variance below which a window has too little texture.
 const LEAST_VARIANCE: f64 = 4e-6;
 
 /// A window of the reference.
 pub struct Window<R> {
-    /// Where each tap is from the pixel.
+    /// Offset of each tap from the pixel.
     pub offsets: Vec<[i32; 2]>,
     /// Weights that sum to 1.
     pub weights: Vec<R>,
     /// Weights times deviations in units of their root mean square.
     pub pattern: Vec<R>,
-    /// Mean.
+    /// Weighted mean.
     pub pivot: R,
     /// Weighted variance.
     pub variance: R,
 }
 
 impl<R: Real> Window<R> {
-    /// Whether there is anything to compare.
+    /// Whether the window has enough texture to compare.
     pub fn textured(&self) -> bool {
         self.variance >= R::of(LEAST_VARIANCE)
     }
@@ -64,7 +64,7 @@ impl<R: Real> Window<R> {
         window
     }
 
-    /// 1 + NCC with one source; `None` where the source does not have the middle in its picture.
+    /// 1 + NCC with one source; `None` where the source does not see the window's centre.
     pub fn source_score(&self, sweep: &Sweep<'_, R>, source: usize, hypothesis: [R; 3], middle: [R; 2]) -> Option<R> {
         let links = &sweep.links[LINK_ROWS * source..][..LINK_ROWS];
         let stride = sweep.push.stride as usize;
@@ -94,7 +94,7 @@ impl<R: Real> Window<R> {
         seen.then_some(if variance < least { R::zero() } else { score })
     }
 
-    /// Mean of the best scores among the sources that have the middle in their picture.
+    /// Mean of the best scores among the sources that see the window's centre.
     pub fn score(&self, sweep: &Sweep<'_, R>, hypothesis: [R; 3], middle: [R; 2]) -> R {
         let mut scores: Vec<R> = (0..sweep.push.sources as usize)
             .filter_map(|source| self.source_score(sweep, source, hypothesis, middle))
@@ -105,7 +105,7 @@ impl<R: Real> Window<R> {
     }
 }
 
-/// A picture of rows of 2x2 pixels between the middles of its pixels; `at` is in pixels, whose middles are at halves.
+/// Bilinear sample of an image stored as blocks of 2x2 pixels. `at` is in pixels, with pixel centres at half-integers.
 pub fn sample<R: Real>(picture: &[[R; 4]], [width, height]: [R; 2], at: [R; 2]) -> R {
     let half = R::of(0.5);
     let within = |v: R, side: R| (v - half).max(R::zero()).min(side - R::one());
