@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
     }
     let out = args.out.join(TRAINED);
     train::train(
-        &train::Plan {
+        &train::RunPlan {
             settings: settings(args, params.seed)?,
             out: out.clone(),
             resume: false,

@@ -1,4 +1,4 @@
-//! What to do where no Vulkan device can be used: as far as the error, the environment and the machine say.
+//! Advice where no Vulkan device can be used, from the error, the environment and the machine.
 
 use std::error::Error;
 use std::fs::{self, File};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use psrgs_vk::{bench, perceptual, stereo, train, vk};
 
-/// Variables by which the Vulkan loader is told which drivers to try.
+/// Variables that tell the Vulkan loader which drivers to try.
 const LOADER: [&str; 5] = [
     "VK_DRIVER_FILES",
     "VK_ICD_FILENAMES",
@@ -16,7 +16,7 @@ const LOADER: [&str; 5] = [
     "VK_LOADER_DEVICE_SELECT",
 ];
 
-/// What to do about an error of the device, a line each; nothing for other errors.
+/// Remedies for an error of the device layer, a line each; none for other errors.
 pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
     match error.chain().find_map(device_error) {
         Some(vk::Error::NoDevice { .. }) => vec!["`psrgs-vk info` lists the devices".to_owned()],
@@ -43,7 +43,7 @@ pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
 const SOFTWARE: &str =
     "Without a GPU Mesa's software device will do; on Debian and Ubuntu: apt-get install mesa-vulkan-drivers";
 
-/// The error of the device layer that an error is, or hands on.
+/// The error of the device layer in `cause`, also where another error wraps it.
 fn device_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a vk::Error> {
     let of_training = |error: &'a train::Error| match error {
         train::Error::Device(device) => Some(device),
@@ -69,7 +69,7 @@ fn device_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a vk::Error> {
     }
 }
 
-/// That the environment keeps the loader from drivers.
+/// Names the variables that restrict the loader to certain drivers.
 fn chosen_drivers(variable: impl Fn(&str) -> Option<String>) -> Vec<String> {
     let set = LOADER.into_iter().filter_map(|name| Some((name, variable(name).filter(|value| !value.is_empty())?)));
     set.map(|(name, value)| {
@@ -78,7 +78,7 @@ fn chosen_drivers(variable: impl Fn(&str) -> Option<String>) -> Vec<String> {
     .collect()
 }
 
-/// That this user or this container may not use the GPU. Looks below `root`.
+/// Says that this user or this container may not use the GPU. `root` is the root of the file system.
 fn access(root: &Path) -> Option<String> {
     let contained = || [".dockerenv", "run/.containerenv"].iter().any(|mark| root.join(mark).exists());
     let none_given = || {
@@ -91,7 +91,7 @@ fn access(root: &Path) -> Option<String> {
     refused(root).or_else(none_given)
 }
 
-/// That this user may not use a GPU that is there. Looks below `root`.
+/// Says that this user may not use a GPU that exists. `root` is the root of the file system.
 pub(crate) fn refused(root: &Path) -> Option<String> {
     let refused: Vec<PathBuf> = nodes(root).into_iter().filter(|node| is_refused(node)).collect();
     refused.first().map(|node| {
@@ -104,7 +104,7 @@ pub(crate) fn refused(root: &Path) -> Option<String> {
     })
 }
 
-/// The files through which drivers reach GPUs.
+/// The device files through which drivers reach GPUs.
 fn nodes(root: &Path) -> Vec<PathBuf> {
     let in_folder = |folder: &str, prefix: &str| {
         let entries = fs::read_dir(root.join(folder)).into_iter().flatten().flatten();
@@ -139,7 +139,7 @@ mod tests {
         fs::write(&node, "").unwrap();
         assert_eq!(access(root.path()), None, "there and open");
         fs::set_permissions(&node, fs::Permissions::from_mode(0o000)).unwrap();
-        // A superuser may open everything.
+        // The superuser may open every file.
         if File::open(&node).is_err() {
             let told = access(root.path()).unwrap();
             assert!(told.starts_with("/dev/dri/renderD128") && told.contains("render,video"), "{told}");

@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let mut comparison = Comparison::new(&gpu, &mut lpips, exposures, pictures, views.len(), console);
     let bar = progress::counter(console, views.len(), "photographs");
     for view in &views {
-        // Depth and normals are drawn where they are written.
+        // Depth and normals are rendered only where they are written.
         comparison.add(view, drawn.picture(&view.camera, args.out.is_some())?)?;
         bar.inc(1);
     }
@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     Ok(())
 }
 
-/// That the places for results can be written and hold no training, before any work is done for them.
+/// Checks that the results can be written and replace no training, before any work is done.
 fn may_be_written(args: &Args) -> anyhow::Result<()> {
     args.json.as_deref().map(atomic::check).transpose()?;
     match args.out.as_deref().filter(|folder| folder.join(SETTINGS).is_file()) {
@@ -129,7 +129,7 @@ fn may_be_written(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// The model, which has something to score.
+/// Reads the model and refuses one without splats.
 fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile> {
     let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.photographs.strict, console)?;
     if model.splats() == 0 {
@@ -139,7 +139,7 @@ fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile
     Ok(model)
 }
 
-/// The dataset, which has photographs to score by and is not where results go.
+/// Loads the dataset. Refuses one without held-out photographs, and an output folder inside the dataset.
 fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<Dataset> {
     let dataset = Dataset::load(&args.data, options)?;
     args.out.as_deref().map(|out| output_guard::check(out, &dataset)).transpose()?;
@@ -149,7 +149,7 @@ fn dataset_with_held_out(args: &Args, options: &LoadOptions) -> anyhow::Result<D
     Ok(dataset)
 }
 
-/// The held-out photographs. Warns of those that are left out and of pixels that do not count.
+/// The held-out photographs. Warns of photographs that are left out and of pixels that do not count.
 fn held_out_views(args: &Args, dataset: &mut Dataset, console: &Console) -> anyhow::Result<Vec<View>> {
     let mut share = prepare::host_share(dataset, Role::HeldOut, &args.host);
     let (views, undecoded) = prepare::views(dataset, Role::HeldOut, &mut share)?;
@@ -165,7 +165,7 @@ fn held_out_views(args: &Args, dataset: &mut Dataset, console: &Console) -> anyh
     Ok(views)
 }
 
-/// Which photographs the model is compared with.
+/// Prints which photographs are scored.
 fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
     let images = dataset.images.as_ref().map(|f| f.path.display().to_string()).unwrap_or_default();
     let mut sizes: Vec<String> = views.iter().map(|v| format!("{}x{}", v.camera.width, v.camera.height)).collect();
@@ -188,12 +188,12 @@ fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
     }
 }
 
-/// What should be known of the dataset where nothing is trained.
+/// The warnings that matter without a training.
 fn warnings(dataset: &Dataset) -> impl Iterator<Item = &Warning> {
     dataset.warnings.iter().filter(|warning| !warning.is_of_training())
 }
 
-/// Why there is nothing to score by.
+/// Why no photograph is held out.
 fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
     if args.photographs.split == Split::None {
         return Failure::Usage("--split none holds no photograph out: there is nothing to score".into()).into();
@@ -202,7 +202,7 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
     Failure::Input(format!("{}: with {views} none is held out to be scored", args.data.display())).into()
 }
 
-/// Warns where the model is scored otherwise than it was trained.
+/// Warns where the model is scored with other settings than those of its training.
 fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, console: &Console) {
     let held_out = dataset.views_of(Role::HeldOut).map(|(_, view)| view.size_on_disk.0.max(view.size_on_disk.1));
     let longest = held_out.max().filter(|_| options.sizing.is_none());
@@ -225,7 +225,7 @@ fn known_geometry(
     geometry::measure(&truth, &model.in_scene(&dataset.frame), |camera| Ok(drawn.picture(camera, true)?))
 }
 
-/// Prints what came of the comparisons.
+/// Prints the scores.
 fn tell_scores(compared: &Compared, geometry: &Geometry, console: &Console) -> anyhow::Result<()> {
     console::print(&tables::scores(&compared.images))?;
     if let Some(scores) = &compared.exposures {

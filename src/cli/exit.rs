@@ -1,4 +1,4 @@
-//! Exit codes, and the message that goes with one. docs/GUIDE.md lists them.
+//! Exit codes and error messages. docs/GUIDE.md lists the codes.
 
 use std::error::Error;
 use std::fmt;
@@ -11,7 +11,7 @@ use psrgs_vk::{bench, dataset, format, perceptual, stereo, train, vk};
 
 use super::driver_hint;
 
-/// Anything without a code of its own.
+/// Every failure without a code of its own.
 const FAILURE: u8 = 1;
 /// Options or settings that make no sense.
 const USAGE: u8 = 2;
@@ -19,7 +19,7 @@ const USAGE: u8 = 2;
 const INPUT: u8 = 3;
 /// No Vulkan device, or none that can do the work.
 const DEVICE: u8 = 4;
-/// Out of memory of the device, or of the host's that may be used.
+/// The device's memory, or the budget of host memory, is too small.
 const MEMORY: u8 = 5;
 /// The device was lost.
 const LOST: u8 = 6;
@@ -30,16 +30,16 @@ const OUTPUT: u8 = 8;
 /// Stopped by Ctrl-C, SIGTERM or the end of the terminal.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Failures that the commands themselves tell apart.
+/// Failures that the commands tell apart.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
-    /// The options make no sense together.
+    /// Options that contradict each other.
     #[error("{0}")]
     Usage(String),
-    /// Something that was given to read cannot be used.
+    /// An input that cannot be used.
     #[error("{0}")]
     Input(String),
-    /// A check failed: validation messages, results that are not live.
+    /// A failed check: validation messages, or a benchmark without real work.
     #[error("{0}")]
     Check(String),
     /// A file or folder cannot be written.
@@ -48,13 +48,12 @@ pub(crate) enum Failure {
     /// Stopped by the user.
     #[error("{0}")]
     Interrupted(String),
-    /// A process that was started for this ended with a code of its own.
+    /// A child process that ended with a code of its own.
     #[error("{1}")]
     Ended(u8, String),
 }
 
-/// What to do about a failure, where the command knows more than the failure's code says:
-/// the outermost context of an error.
+/// A remedy that the command knows beyond the failure's code: the outermost context of an error.
 #[derive(Debug)]
 pub(crate) struct Remedy(pub(crate) String);
 
@@ -64,10 +63,9 @@ impl fmt::Display for Remedy {
     }
 }
 
-/// The exit code for an error: what the command said of it, else that of the first cause which has one,
-/// from the outside in.
+/// The exit code of an error: that of the command's `Failure`, else that of the outermost cause that has one.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
-    // Asked of the error itself: as a context, a `Failure` is not among the causes.
+    // A `Failure` added as context is not among the causes, so it is looked up in the error itself.
     match error.downcast_ref::<Failure>() {
         Some(Failure::Usage(_)) => USAGE,
         Some(Failure::Input(_)) => INPUT,
@@ -79,8 +77,8 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     }
 }
 
-/// The code of one error of a chain. Errors that only hand on another (`transparent`) hide it from the chain, so they
-/// are opened here.
+/// The code of one error of a chain. `transparent` errors hide the error that they pass on from the chain, so they are
+/// opened here.
 fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
     if let Some(training) = cause.downcast_ref::<train::Error>() {
         return Some(of_training(training));
@@ -140,7 +138,7 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             _ => INPUT,
         });
     }
-    // Reports are only written by the commands.
+    // Only the commands write reports.
     cause.is::<ReportError>().then_some(OUTPUT)
 }
 
@@ -199,7 +197,7 @@ fn of_device(error: &vk::Error) -> u8 {
 fn of_dataset(error: &dataset::Error) -> u8 {
     match error {
         dataset::Error::ZeroMaxSide | dataset::Error::BadSize => USAGE,
-        // Beyond what was asked for; a picture that no machine should decode is bad input.
+        // A picture over the user's limit is out of memory. A picture too large for any machine is bad input.
         dataset::Error::PictureTooLarge { limit, .. } if limit.asked => MEMORY,
         dataset::Error::NoMemoryForPicture { .. } => MEMORY,
         _ => INPUT,
@@ -214,7 +212,7 @@ fn of_file(error: &format::Error) -> u8 {
     }
 }
 
-/// What to do about an error: as far as its code says, and as far as the command knows; a line each.
+/// Remedies for an error: those of its code and that of the command, a line each.
 pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
     let usual = match code(error) {
         MEMORY => Some("a smaller --max-side or a --max-splats needs less; checkpoints already saved are kept"),
@@ -228,7 +226,7 @@ pub(crate) fn remedies(error: &anyhow::Error) -> Vec<String> {
     usual.map(str::to_owned).into_iter().chain(device).chain(host).chain(known).collect()
 }
 
-/// Whether an error says that the host's memory does not do.
+/// Whether the budget of host memory was too small.
 fn is_of_host_memory(cause: &(dyn Error + 'static)) -> bool {
     let picture = |error: &dataset::Error| matches!(error, dataset::Error::PictureTooLarge { .. });
     match (cause.downcast_ref::<train::Error>(), cause.downcast_ref::<dataset::Error>()) {
@@ -238,7 +236,7 @@ fn is_of_host_memory(cause: &(dyn Error + 'static)) -> bool {
     }
 }
 
-/// The error and its causes on one line, without a cause that the text before it already says, and without the remedy.
+/// The error and its causes on one line, without causes that an outer text repeats, and without the remedy.
 pub(crate) fn message(error: &anyhow::Error) -> String {
     let remedy = error.downcast_ref::<Remedy>().map(|remedy| remedy.0.as_str());
     let mut text = String::new();
@@ -289,7 +287,7 @@ mod tests {
         assert!(remedies(&anyhow::anyhow!("else")).is_empty());
     }
 
-    /// Of the error itself, below a context, and handed on by training.
+    /// The codes of the error itself, of the error below a context, and of the error passed on by training.
     fn codes<E>(make: impl Fn() -> E) -> [u8; 3]
     where
         E: Error + Send + Sync + 'static,

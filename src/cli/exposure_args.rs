@@ -1,4 +1,4 @@
-//! The exposures that held-out photographs are scored by.
+//! Exposures for the scores of held-out photographs.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use psrgs_vk::train::{View, score};
 use super::console::Console;
 use super::exit::Failure;
 
-/// What `eval` takes exposures from.
+/// Options of `eval` for exposures.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ExposureArgs {
     /// Exposures of the photographs that the model was trained on; others are exposed as those before, after and near
@@ -25,7 +25,7 @@ pub(crate) struct ExposureArgs {
 }
 
 impl ExposureArgs {
-    /// Reads them. A file that was not asked for and is of other photographs is left alone, with a word.
+    /// Reads the exposures. A default file of other photographs is ignored with a warning.
     pub(crate) fn read(&self, model: &Path, dataset: &Dataset, console: &Console) -> anyhow::Result<Option<Exposures>> {
         let beside = model.with_file_name(EXPOSURE_FILE);
         let file = match &self.exposures {
@@ -52,7 +52,7 @@ impl ExposureArgs {
     }
 }
 
-/// Pictures with the exposures of their photographs, and the scores without.
+/// Renders with the exposures of their photographs, and the scores without exposures.
 pub(crate) struct Exposed {
     exposures: Option<Exposures>,
     own_colours: Vec<f64>,
@@ -63,14 +63,14 @@ impl Exposed {
         Self { exposures, own_colours: Vec::new() }
     }
 
-    /// The picture of a view's camera as its photograph is expected to show it.
+    /// A view's render with the exposure that its photograph is expected to have.
     pub(crate) fn picture(&mut self, view: &View, picture: Picture) -> anyhow::Result<Picture> {
         let Some(exposures) = &self.exposures else { return Ok(picture) };
         self.own_colours.push(score(view, &*view.photograph.pixels()?, &picture.rgb8()).psnr);
         Ok(picture.exposed(&exposures.of(&view.name, view.camera.center())))
     }
 
-    /// What came of it, after all pictures.
+    /// The scores, after all renders.
     pub(crate) fn scores(&self) -> Option<ExposureScores> {
         let follows = self.exposures.as_ref()?.follows();
         Some(ExposureScores {

@@ -1,4 +1,4 @@
-//! A finished training, as its results are made of it.
+//! A finished training.
 
 use std::time::Instant;
 
@@ -8,9 +8,9 @@ use psrgs_vk::vk::Gpu;
 
 use super::run_folder::RunFolder;
 
-/// A training that came to its end.
+/// The state of a finished training, from which its results are written.
 pub(crate) struct Finished<'a> {
-    /// Those that it was trained with.
+    /// Settings of the training.
     pub(crate) settings: &'a Settings,
     pub(crate) folder: &'a RunFolder,
     pub(crate) dataset: &'a Dataset,
@@ -23,8 +23,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) earlier_seconds: f64,
     /// Seconds of multi-view stereo.
     pub(crate) stereo_seconds: f64,
-    /// What is to be told of photographs that were left out when they were decoded.
+    /// Warnings about photographs that were left out when they were decoded.
     pub(crate) left_out: &'a [Warning],
-    /// Those of them that could not be.
+    /// The photographs that could not be decoded.
     pub(crate) undecoded: &'a Undecoded,
 }

@@ -1,4 +1,4 @@
-//! Held-out photographs compared with pictures of a model: their scores, and what a report shows of them.
+//! Held-out photographs compared with renders of a model: scores, and panels of the report.
 
 use psrgs_vk::eval::{ExposureScores, Exposures, ImageScore, ViewPanel};
 use psrgs_vk::raster::Picture;
@@ -16,26 +16,27 @@ pub(crate) struct Comparison<'a> {
     console: &'a Console,
     lpips: &'a mut Lpips,
     exposed: Exposed,
-    /// Where pictures are written; without it views are scored alone.
+    /// Where renders are written. Without a folder, views are only scored.
     pictures: Option<Pictures>,
-    /// How many views there are.
+    /// Number of views.
     views: usize,
     images: Vec<ImageScore>,
     panels: Vec<ViewPanel>,
 }
 
-/// What came of it.
+/// The result of a comparison.
 pub(crate) struct Compared {
     /// The scores of each view.
     pub(crate) images: Vec<ImageScore>,
-    /// What a report shows of each view; empty where no pictures were written.
+    /// The panel of each view in the report; empty where no renders were written.
     pub(crate) panels: Vec<ViewPanel>,
-    /// How exposures had a part in the scores.
+    /// How exposures changed the scores.
     pub(crate) exposures: Option<ExposureScores>,
 }
 
 impl<'a> Comparison<'a> {
-    /// Of so many views, by these exposures. Views are added in the order in which `pictures` names them.
+    /// Starts a comparison of `views` views with these exposures. Views are added in the order of their names in
+    /// `pictures`.
     pub(crate) fn new(
         gpu: &'a Gpu,
         lpips: &'a mut Lpips,
@@ -48,7 +49,7 @@ impl<'a> Comparison<'a> {
         Self { gpu, console, lpips, exposed, pictures, views, images: Vec::new(), panels: Vec::new() }
     }
 
-    /// Compares the next view's photograph with a picture from its camera.
+    /// Compares the next view's photograph with a render from its camera.
     pub(crate) fn add(&mut self, view: &View, picture: Picture) -> anyhow::Result<()> {
         let picture = self.exposed.picture(view, picture)?;
         match &self.pictures {
@@ -67,7 +68,7 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// What came of it, after all views.
+    /// The result, after all views.
     pub(crate) fn end(self) -> Compared {
         Compared { images: self.images, panels: self.panels, exposures: self.exposed.scores() }
     }

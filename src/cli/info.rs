@@ -1,4 +1,4 @@
-//! `psrgs-vk info`: devices, limits, and what was picked and why.
+//! `psrgs-vk info`: devices, limits, and the chosen capabilities with reasons.
 
 use indicatif::HumanBytes;
 use psrgs_vk::train::settings::DeviceChoice;
@@ -34,11 +34,11 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let text = if args.json { json(&found, caps)? } else { text(&found, caps) };
     console::print(&text)?;
     console.detail(format_args!("psrgs-vk {}", env!("CARGO_PKG_VERSION")));
-    // The list is of use even when the device that would be used cannot be.
+    // The list is printed even where the chosen device cannot be used.
     opened.map(|_| ()).map_err(Into::into)
 }
 
-/// Limits by name, in words.
+/// Limits by name as text.
 fn limits(caps: &Caps) -> Vec<(&'static str, String)> {
     let l = &caps.limits;
     let bytes = |b: u64| HumanBytes(b).to_string();

@@ -1,5 +1,6 @@
-//! Ctrl-C, SIGTERM and the end of the terminal: while there is something to save, the first asks the work to stop where
-//! it can be taken up again, and the second ends the process. At any other time the first does.
+//! Ctrl-C, SIGTERM and the end of the terminal. While work can be saved, the first signal asks the work to stop at a
+//! point from which it can resume, and the second ends the process. At any other time the first signal ends the
+//! process.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,10 +11,10 @@ use anyhow::Context as _;
 use super::console;
 use super::exit::{Failure, INTERRUPTED};
 
-/// The longest that an end waits for its last words: who reads standard error may be gone, or may read no more.
+/// Longest time that the last message may take: standard error may be closed, or its reader may have stopped reading.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
-/// Whether the user wants to stop. Clones share the answer.
+/// Whether the user wants to stop. Clones share the state.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupt(Arc<State>);
 
@@ -23,17 +24,17 @@ struct State {
     stage: Mutex<Stage>,
 }
 
-/// What a signal does.
+/// The effect of the next signal.
 #[derive(Clone, Debug)]
 enum Stage {
-    /// Ends the process, with these words.
+    /// Ends the process with this message.
     Ends(String),
-    /// Asks the work to stop, with these words.
+    /// Asks the work to stop, with this message.
     Asks(&'static str),
 }
 
 impl Interrupt {
-    /// Listens from now on: the process ends at once until [`Self::work_begins`]. To be called once in a process.
+    /// Listens from now on. A signal ends the process until [`Self::work_begins`]. Call this function once per process.
     pub(crate) fn listen() -> anyhow::Result<Self> {
         let interrupt = Self::new();
         let shared = interrupt.clone();
@@ -45,7 +46,7 @@ impl Interrupt {
         Self(Arc::new(State { asked: AtomicBool::new(false), stage: Mutex::new(Stage::Ends("stopped".to_owned())) }))
     }
 
-    /// On a thread of its own, which must come back whatever has become of standard error.
+    /// Handles a signal on the thread of the signals. Must return whatever the state of standard error.
     fn hear(&self) {
         let stage = self.stage().clone();
         match stage {
@@ -66,23 +67,22 @@ impl Interrupt {
         self.0.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From now on a signal ends the process at once, with these words: there is nothing to save,
-    /// or all that there was is saved.
+    /// From now on a signal ends the process with this message: nothing is unsaved.
     pub(crate) fn ends_at_once(&self, words: String) {
         *self.stage() = Stage::Ends(words);
     }
 
-    /// From now on there is something to save: the first signal asks for a stop, with this answer to the user.
+    /// From now on there is something to save: the first signal prints `answer` and asks for a stop.
     pub(crate) fn work_begins(&self, answer: &'static str) {
         *self.stage() = Stage::Asks(answer);
     }
 
-    /// Whether a stop was asked for.
+    /// Whether the user has asked for a stop.
     pub(crate) fn asked(&self) -> bool {
         self.0.asked.load(Ordering::SeqCst)
     }
 
-    /// Fails, with the words that an end at once would have, where a stop was asked for before.
+    /// Fails with the message of an immediate end if the user has asked for a stop.
     pub(crate) fn end_if_asked(&self) -> Result<(), Failure> {
         match &*self.stage() {
             Stage::Ends(words) if self.asked() => Err(Failure::Interrupted(words.clone())),
@@ -100,7 +100,7 @@ mod signals {
 
     /// Calls `act` for every signal that asks the process to end.
     pub(super) fn on_each(act: impl Fn() + Send + 'static) -> io::Result<()> {
-        // Whoever starts a process by nohup has it ignore the end of the terminal.
+        // A process started by nohup ignores the end of the terminal.
         let wanted = [SIGINT, SIGTERM].into_iter().chain(Some(SIGHUP).filter(|_| hears_of_hangups()));
         let mut signals = Signals::new(wanted)?;
         thread::Builder::new()
@@ -109,13 +109,12 @@ mod signals {
             .map(|_| ())
     }
 
-    /// Ends the process without what libraries do at a proper end: a driver that another thread is just loading does
-    /// not survive that.
+    /// Ends the process without the exit handlers of libraries: they crash a driver that another thread is loading.
     pub(super) fn end(code: i32) -> ! {
         signal_hook::low_level::exit(code)
     }
 
-    /// Whether this process was not started with hang-ups ignored, where that can be told.
+    /// Whether hang-ups are not ignored in this process, where the system says so.
     fn hears_of_hangups() -> bool {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
         let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -1,4 +1,4 @@
-//! `lpips_squeeze` of held-out views, where there are weights for it.
+//! `lpips_squeeze` of held-out views, where its weights are available.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,21 +10,21 @@ use psrgs_vk::vk::Gpu;
 
 use super::console::Console;
 
-/// Measures views, or does not.
+/// The metric, or nothing where its weights are missing.
 pub(crate) struct Lpips {
     weights: Option<Arc<LpipsWeights>>,
     metric: Option<Metric>,
 }
 
 impl Lpips {
-    /// Reads and checks the weights that the options or the user's folder have. Says in a line why there are none.
+    /// Reads and checks the weights from the options or from the user's folder. Prints why weights are missing.
     pub(crate) fn find(scoring: &Scoring, console: &Console) -> anyhow::Result<Self> {
         let none = Self { weights: None, metric: None };
         let weights = match (&scoring.perceptual_weights, folder().filter(|f| f.is_dir())) {
             (Some(named), _) => LpipsWeights::find(named)?,
             (None, Some(usual)) => match LpipsWeights::find(&usual) {
                 Ok(weights) => weights,
-                // Nobody has asked for these: half a download is no reason not to train.
+                // The user did not ask for these weights: half a download must not stop a training.
                 Err(problem) => {
                     console.warn(format_args!(
                         "lpips_squeeze is not measured: {problem}; `psrgs-vk weights --fetch` puts there what is \
@@ -45,13 +45,13 @@ impl Lpips {
         Ok(Self { weights: Some(Arc::new(weights)), metric: None })
     }
 
-    /// The weights, for a loss by them.
+    /// The weights, for a perceptual loss.
     pub(crate) fn weights(&self) -> Option<Arc<LpipsWeights>> {
         self.weights.clone()
     }
 
-    /// The distance of a render (RGB8) from its photograph. What the device cannot do costs this number and a warning,
-    /// no more.
+    /// The distance of a render (RGB8) from its photograph. Where the device cannot compute the distance, the number is
+    /// left out with a warning.
     pub(crate) fn measure(&mut self, gpu: &Gpu, view: &View, rgb: &[u8], console: &Console) -> Option<f64> {
         match self.distance(gpu, view, rgb)? {
             Ok(value) => Some(value),

@@ -1,4 +1,4 @@
-//! The command line: one file per subcommand, and what they share.
+//! The command line: one file per subcommand, and the parts that commands share.
 
 mod asked;
 mod bench;
@@ -90,13 +90,13 @@ enum Command {
     Completions(completions::Args),
 }
 
-/// The command with all its options. The library's settings begin as those of the reference; who trains without naming
-/// a method gets the one that is better.
+/// The command with all its options. Settings of the library begin as those of the 3DGS reference. A training without a
+/// named method takes the better one.
 fn program() -> clap::Command {
     Cli::command().mut_subcommand("train", |c| c.mut_arg("method", |arg| arg.default_value(train::METHOD.name())))
 }
 
-/// Runs the command and turns its outcome into an exit code and, for an error, a message on standard error.
+/// Runs the command. Returns its exit code and prints an error to standard error.
 pub(crate) fn main() -> ExitCode {
     let started = Instant::now();
     let matches = match program().try_get_matches() {
@@ -124,7 +124,7 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-/// Ends the program over its arguments, which may be names that a shell has put there.
+/// Ends the program over its arguments. They may contain file names that a shell expanded.
 fn wrong_arguments(error: &clap::Error) -> ! {
     if let Some(clap::error::ContextValue::String(name)) = error.get(clap::error::ContextKind::InvalidArg)
         && error.kind() == clap::error::ErrorKind::UnknownArgument
@@ -141,13 +141,13 @@ fn wrong_arguments(error: &clap::Error) -> ! {
     error.exit()
 }
 
-/// Whether the command that is run has `--set`.
+/// Whether the command on the command line has `--set`.
 fn has_set() -> bool {
     let word = std::env::args_os().skip(1).find(|word| !word.to_string_lossy().starts_with('-'));
     word.is_some_and(|word| word == "train" || word == "bench")
 }
 
-/// That the validation layer, where it was asked to watch, has had nothing to say until all was closed.
+/// Fails where the validation layer was on and has reported anything until all devices were closed.
 fn silent(console: &Console) -> anyhow::Result<()> {
     let messages = console.messages_of_devices();
     match messages.first() {

@@ -1,4 +1,4 @@
-//! A model given on the command line, placed in a dataset's scene and drawn from its cameras.
+//! A model file in the coordinates of a dataset's scene, rendered from its cameras.
 
 use clap::builder::PossibleValuesParser;
 use psrgs_vk::raster::ShStorage;
@@ -18,36 +18,36 @@ use super::exit::Failure;
 use super::model_frame::{FrameArgs, ModelFrame};
 use super::run_folder::MODEL;
 
-/// A model file that was read.
+/// The content of a model file.
 pub(crate) struct ModelFile {
     model: ply::Model,
-    /// The coordinates that it is taken to be in.
+    /// The coordinates of the model.
     pub(crate) frame: ModelFrame,
     /// Size of the file in bytes.
     pub(crate) bytes: u64,
-    /// Whether it is drawn with the anti-aliasing factor.
+    /// Whether the model is rendered with the anti-aliasing factor.
     pub(crate) antialias: bool,
 }
 
-/// Splats of a model by the stage of their birth.
+/// Splats of a model by the stage of their origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Set {
-    /// There at the end of the low-frequency stage.
+pub(crate) enum SplatSet {
+    /// Splats that existed at the end of the low-frequency stage.
     Low,
-    /// Born after.
+    /// Splats added later.
     High,
     /// All.
     Full,
 }
 
 impl ModelFile {
-    /// The splats of a set alone. `file` is where it was read from.
-    pub(crate) fn of_set(mut self, set: Set, file: &Path) -> Result<Self, Failure> {
+    /// The model with only the splats of a set. `file` is the model's file, for messages.
+    pub(crate) fn of_set(mut self, set: SplatSet, file: &Path) -> Result<Self, Failure> {
         let all = self.splats() as u32;
         let rows = match (set, self.model.constrained) {
-            (Set::Full, _) => return Ok(self),
-            (Set::Low, Some(first)) => 0..all.min(first as u32),
-            (Set::High, Some(first)) => all.min(first as u32)..all,
+            (SplatSet::Full, _) => return Ok(self),
+            (SplatSet::Low, Some(first)) => 0..all.min(first as u32),
+            (SplatSet::High, Some(first)) => all.min(first as u32)..all,
             (_, None) => {
                 return Err(Failure::Input(format!(
                     "{}: --part: the file has no line 'comment psrgs-vk constrained N', so its splats are not told \
@@ -60,9 +60,9 @@ impl ModelFile {
         Ok(self)
     }
 
-    /// Reads a model and says which coordinates it is taken to be in: those that `frame` names, else the dataset's.
-    /// Editors drop the comments of a file: then the shift of its coordinates is that of `frame.json` beside it.
-    /// `antialias` is what the user asked for; without it the file decides.
+    /// Reads a model. Its coordinates are those that `frame` names, else the dataset's. Editors drop the comments of a
+    /// file, and the shift of the coordinates with them: then `frame.json` beside the model has the shift. `antialias`
+    /// is the user's choice; `None` takes that of the file.
     pub(crate) fn read(
         file: &Path,
         antialias: bool,
@@ -108,7 +108,7 @@ impl ModelFile {
         self.model.gaussians.len()
     }
 
-    /// The model on a device, in the coordinates of a dataset's scene.
+    /// Uploads the model in the coordinates of a dataset's scene.
     pub(crate) fn upload(
         &self,
         gpu: &Gpu,
@@ -142,12 +142,12 @@ pub(crate) struct Drawn {
     splats: u32,
     projection: Projection,
     background: [f32; 3],
-    /// Whether any picture so far shows a splat.
+    /// Whether any render so far shows a splat.
     seen: bool,
 }
 
 impl Drawn {
-    /// A picture from a camera of the scene, with depth and normals when `aux`.
+    /// A render from a camera of the scene, with depth and normals where `aux` is set.
     pub(crate) fn picture(&mut self, camera: &Camera, aux: bool) -> Result<Picture, vk::Error> {
         let shot = RenderView { camera: *camera, projection: self.projection, background: self.background };
         let picture = self.viewer.render(&self.planes, self.splats, &shot, aux)?;
@@ -155,7 +155,7 @@ impl Drawn {
         Ok(picture)
     }
 
-    /// Warns when no picture showed anything: model and cameras do not belong together.
+    /// Warns where no render shows a splat: model and cameras do not belong together.
     pub(crate) fn warn_if_unseen(&self, model: &Path, dataset: &Path, console: &Console) {
         if !self.seen {
             console.warn(format_args!(
@@ -169,7 +169,7 @@ impl Drawn {
     }
 }
 
-/// What pictures may lose to be drawn faster.
+/// Savings of precision for faster renders.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Shortcuts")]
 pub(crate) struct DrawingArgs {

@@ -1,4 +1,4 @@
-//! Which coordinates a model file is in.
+//! The coordinates of a model file.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use psrgs_vk::format::read_transform;
 use psrgs_vk::scene::Similarity;
 
-/// The options that say it.
+/// The options for the coordinates of a model.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct FrameArgs {
     /// The model is in coordinates of its own; this JSON file says how they come from the dataset's: a 4x4 or 3x4
@@ -19,27 +19,27 @@ pub(crate) struct FrameArgs {
     pub(crate) frame_maps: Direction,
 }
 
-/// Where a transform leads.
+/// The direction of a transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Direction {
-    /// It takes the dataset's coordinates to the model's.
+    /// From the dataset's coordinates to the model's.
     #[default]
     DatasetToModel,
-    /// It takes the model's coordinates to the dataset's.
+    /// From the model's coordinates to the dataset's.
     ModelToDataset,
 }
 
 /// The coordinates of a model file.
 #[derive(Clone, Debug)]
 pub(crate) enum ModelFrame {
-    /// The dataset's axes and units; `offset` is what was subtracted from positions.
+    /// The dataset's axes and units; `offset` was subtracted from positions.
     Dataset { offset: [f64; 3], known_from: &'static str },
-    /// Others, from which this leads to the dataset's.
+    /// Other coordinates, with the similarity to the dataset's.
     Other { to_dataset: Similarity, file: PathBuf },
 }
 
 impl FrameArgs {
-    /// The transform from the model's coordinates to the dataset's, where one was given.
+    /// The similarity from the model's coordinates to the dataset's, where the options name one.
     pub(crate) fn read(&self) -> anyhow::Result<Option<(Similarity, &Path)>> {
         let Some(file) = &self.frame else { return Ok(None) };
         let given = read_transform(file)?;

@@ -1,4 +1,4 @@
-//! `psrgs-vk options`: every option of every command as one document, and what the methods set.
+//! `psrgs-vk options`: a document of all options of all commands, and the settings of the methods.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use super::console;
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
-/// Heading of options that stand under none.
+/// Heading of options without a heading of their own.
 const PLAIN: &str = "Options";
 
 const OPENING: &str = "\
@@ -41,7 +41,7 @@ Keys to which methods give another value than the default, in a schedule of 30,0
 wins over its method. With fewer steps `lean`, `psrgs` and `psrgs-paper` scale their schedule too.
 ";
 
-/// Prints the document of a program's options.
+/// Prints the document of the program's options.
 pub(crate) fn run(mut program: Command) -> anyhow::Result<()> {
     program.build();
     let mut text = OPENING.to_owned();
@@ -55,7 +55,7 @@ pub(crate) fn run(mut program: Command) -> anyhow::Result<()> {
     console::print(&text)
 }
 
-/// The keys of `train` that are no options of it.
+/// The keys of `train` without an option.
 fn keys(program: &Command) -> String {
     let train = program.find_subcommand("train");
     let is_option = |name: &str| {
@@ -97,7 +97,7 @@ fn groups(command: &Command) -> Vec<(&str, Vec<&Arg>)> {
             None => groups.push((heading, vec![arg])),
         }
     }
-    // As in help: what stands under no heading first, and in it what has no name.
+    // In the order of `--help`: first the options without a heading, and among them first the positional arguments.
     groups.sort_by_key(|(heading, _)| *heading != PLAIN);
     for (_, args) in &mut groups {
         args.sort_by_key(|arg| !arg.is_positional());
@@ -125,7 +125,7 @@ fn row(arg: &Arg) -> String {
     format!("| `{}` | {} | {} |\n", name.trim().replace('|', "\\|"), cell(&defaults.join(" ")), cell(&paragraph(&help)))
 }
 
-/// Lines of help as one paragraph.
+/// Lines of help joined into one paragraph.
 fn paragraph(help: &str) -> String {
     help.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -134,7 +134,7 @@ fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('<', "&lt;")
 }
 
-/// The words that a key without a range takes, as they are told of a word that it does not take.
+/// The values of a key without a range, taken from the error message for a wrong value.
 fn words_of(key: &str) -> String {
     let told = Settings::default().set(key, "?").err().map(|error| error.to_string()).unwrap_or_default();
     let words = told.rsplit_once("it is ").or_else(|| told.rsplit_once("expected ")).map_or("", |(_, words)| words);
@@ -145,7 +145,7 @@ fn words_of(key: &str) -> String {
     }
 }
 
-/// A table of what the methods set.
+/// A table of the values that each method sets.
 fn methods() -> anyhow::Result<String> {
     let defaults = values(&Settings::default())?;
     let names = Method::ALL.map(|(_, name)| name);
@@ -170,7 +170,7 @@ fn methods() -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// The values of settings by their keys.
+/// The values of settings by key.
 fn values(settings: &Settings) -> anyhow::Result<BTreeMap<String, String>> {
     let mut values = BTreeMap::new();
     for (key, value) in toml::Table::try_from(settings)? {
@@ -182,7 +182,7 @@ fn values(settings: &Settings) -> anyhow::Result<BTreeMap<String, String>> {
     Ok(values)
 }
 
-/// A value as it is given on the command line.
+/// A value in the spelling of the command line.
 fn plain(value: &toml::Value) -> String {
     match value {
         toml::Value::String(word) => word.clone(),

@@ -1,4 +1,4 @@
-//! Where results may go: not among the files that they are made from.
+//! Keeps results out of the folders that they are made from.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,10 +8,10 @@ use psrgs_vk::dataset::Dataset;
 
 use super::exit::Failure;
 
-/// Refuses a folder for results that is the dataset, or that has photographs or masks of it: results are named after
-/// photographs, and would replace them. To be asked before anything is written.
+/// Refuses a folder for results that is the dataset, or that contains its photographs or masks. Results have the names
+/// of photographs and would replace them. Call this function before anything is written.
 pub(crate) fn check(out: &Path, dataset: &Dataset) -> Result<(), Failure> {
-    // Nothing is replaced in a folder that is not there.
+    // A folder that does not exist has no files to replace.
     let Ok(wanted) = out.canonicalize() else { return Ok(()) };
     let is = |folder: &Path| folder.canonicalize().is_ok_and(|folder| folder == wanted);
     let what = if is(&dataset.path) {
@@ -24,7 +24,7 @@ pub(crate) fn check(out: &Path, dataset: &Dataset) -> Result<(), Failure> {
     Err(Failure::Usage(format!("--out {}: that is {what}; choose another folder", out.display())))
 }
 
-/// Folders with photographs or masks of the dataset, also of one that was loaded without them.
+/// Folders with photographs or masks of the dataset, also where the dataset was loaded without photographs.
 fn sources(dataset: &Dataset) -> BTreeSet<PathBuf> {
     let usual = |name: &str| name == "images" || name.starts_with("images_") || name == "masks";
     let mut roots: Vec<PathBuf> = fs::read_dir(&dataset.path)
@@ -36,7 +36,7 @@ fn sources(dataset: &Dataset) -> BTreeSet<PathBuf> {
         .collect();
     roots.extend(dataset.images.iter().map(|images| images.path.clone()));
     let mut folders: BTreeSet<PathBuf> = roots.iter().cloned().collect();
-    // Names of photographs may lead to folders inside of these, and of the dataset where it has none of these.
+    // Names of photographs may contain folders inside these, or inside the dataset where it has none of these.
     roots.push(dataset.path.clone());
     for view in &dataset.views {
         let named = [Some(view.path.clone()), view.mask.clone()].into_iter().flatten();

@@ -1,4 +1,4 @@
-//! The files of a finished training.
+//! Writes the files of a finished training.
 
 mod report;
 
@@ -24,17 +24,17 @@ use super::pictures::Pictures;
 use super::run_folder::{METRICS, MODEL, RENDERS, REPORT};
 use super::stages;
 
-/// The model of a finished training, as it was saved.
+/// The saved model of a finished training.
 struct Saved {
     model: Gaussians,
     file: PathBuf,
     /// Size of the file.
     bytes: u64,
-    /// How many of the splats, the first ones, were there at the end of the low-frequency stage, where there was one.
+    /// Number of splats at the end of the low-frequency stage, where the method has one. These splats come first.
     constrained: Option<usize>,
-    /// Whether exposures were learned with it, which lie beside it.
+    /// Whether the training learned exposures, which lie beside the model.
     exposures: bool,
-    /// Seconds from the start of the process to the model, earlier stretches of training included.
+    /// Seconds from the start of the process to the saved model, earlier stretches of training included.
     seconds: f64,
 }
 
@@ -48,16 +48,16 @@ pub(crate) fn write(
     let saved = save_model(run, trainer, console)?;
     let views = trainer.held_out().to_vec();
     let Compared { images, mut panels, exposures } = compare(run, trainer, &views, lpips, console)?;
-    // What a training took, before what only its report takes.
+    // Peak memory of the training, before the report takes memory of its own.
     let peak_device_bytes = run.gpu.memory_use().peak;
     if let Some(first) = saved.constrained {
-        // Pictures of the stages need room for the model once more.
+        // Renders of the stages need memory for a second copy of the model.
         if let Err(problem) = stages::add(run, trainer, &saved.model, first, &views, &mut panels) {
             console.warn(format_args!("the report has no pictures of the stages: {problem:#}"));
         }
     }
     let sigmas = stages::sigmas(trainer, run.folder)?;
-    // What is wrong with the ground truth must not cost the results of a training.
+    // Damaged ground truth must not cost the results of a training.
     let geometry = known_geometry(run, &saved.model, trainer).unwrap_or_else(|problem| {
         console.warn(format_args!("the geometry is not compared with the ground truth: {problem:#}"));
         Geometry::default()
@@ -72,7 +72,7 @@ pub(crate) fn write(
     Ok(())
 }
 
-/// Writes the model, how it lies in the dataset, and the exposures that were learned with it.
+/// Writes the model, its place in the dataset's coordinates, and the learned exposures.
 fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> anyhow::Result<Saved> {
     let seconds = run.earlier_seconds + run.started.elapsed().as_secs_f64();
     let mut model = trainer.model()?;
@@ -108,7 +108,7 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> a
     Ok(Saved { model, file, bytes, constrained, exposures: exposures.is_some(), seconds })
 }
 
-/// Compares the held-out photographs with pictures of the model, and writes both.
+/// Compares the held-out photographs with renders of the model, and writes both.
 fn compare(
     run: &Finished<'_>,
     trainer: &mut Trainer,
@@ -136,7 +136,7 @@ fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) 
     geometry::measure(&truth, model, |camera| Ok(trainer.picture(camera)?))
 }
 
-/// The numbers of the run but for those of its images.
+/// The numbers of the run except those of its images.
 fn metrics(
     run: &Finished<'_>,
     trainer: &Trainer,
@@ -180,7 +180,7 @@ fn metrics(
     }
 }
 
-/// The photographs that were trained on, the one that is fitted worst first, and those that were left out.
+/// The training photographs, the worst fitted first, followed by photographs that were left out.
 fn training_photographs(run: &Finished<'_>, trainer: &Trainer) -> Vec<TrainingPhotograph> {
     let left_out = run.dataset.warnings.iter().chain(run.left_out).filter_map(|warning| match warning {
         Warning::PoseWrong { name, fault, left_out: true } => Some(TrainingPhotograph {
@@ -201,7 +201,7 @@ fn training_photographs(run: &Finished<'_>, trainer: &Trainer) -> Vec<TrainingPh
     trainer.training_photographs().into_iter().chain(left_out).chain(undecodable).collect()
 }
 
-/// Names photographs that are fitted far worse than the others.
+/// Warns of photographs that are fitted far worse than the others.
 fn tell_misfits(photographs: &[TrainingPhotograph], console: &Console) {
     let found = misfits(photographs);
     let (Some(worst), Some(usual)) = (found.first(), median_loss(photographs)) else { return };
@@ -218,7 +218,7 @@ fn tell_misfits(photographs: &[TrainingPhotograph], console: &Console) {
     ));
 }
 
-/// What the training came to, and where it lies.
+/// Prints the scores, the times and the paths of the results.
 fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     if let (Some(psnr), Some(ssim)) = (metrics.psnr, metrics.ssim) {
         let fitted = metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
@@ -250,7 +250,7 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     ));
 }
 
-/// What a dataset is called: its folder's name.
+/// The name of a dataset: its folder's name.
 pub(crate) fn scene_name(dataset: &Dataset) -> String {
     let path = std::path::absolute(&dataset.path).unwrap_or_else(|_| dataset.path.clone());
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()

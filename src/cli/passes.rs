@@ -1,4 +1,4 @@
-//! `psrgs-vk passes`: the GPU passes as they are registered.
+//! `psrgs-vk passes`: the registered GPU passes.
 
 use psrgs_vk::pass::{ALL, Pass};
 use psrgs_vk::vk::Access;

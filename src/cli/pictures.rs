@@ -1,4 +1,4 @@
-//! Pictures of views as files: renders, depth and normals, and photographs beside them.
+//! Image files of views: renders, depth and normals, and photographs beside them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,19 +12,19 @@ use psrgs_vk::train::{View, score};
 
 use super::exit::Failure;
 
-/// Bytes of the longest ending of a file's name, `.photograph.png`.
+/// Bytes of the longest suffix of a file's name, `.photograph.png`.
 const LONGEST_ENDING: usize = 15;
 
-/// A folder for pictures, and what each view's are called in it.
+/// A folder for images, and the name of each view's files.
 pub(crate) struct Pictures {
     folder: PathBuf,
     names: Vec<String>,
-    /// Scene units per dataset unit: depth is written in the dataset's.
+    /// Scene units per dataset unit. Depth files are in dataset units.
     scale: f64,
 }
 
 impl Pictures {
-    /// Makes the folder; views are later told by their position in `views`.
+    /// Creates the folder. Later a view is given by its position in `views`.
     pub(crate) fn new<'a>(
         folder: &Path,
         views: impl Iterator<Item = &'a str>,
@@ -40,7 +40,7 @@ impl Pictures {
         Ok(image_out::write_png(&self.file(view, kind, "png"), size.0, size.1, rgb)?)
     }
 
-    /// Writes the picture, and depth (along the camera's axis, in the dataset's units) and normals if it has them.
+    /// Writes the render, and depth (along the camera's axis, in the dataset's units) and normals where it has them.
     pub(crate) fn write(&self, view: usize, picture: &Picture) -> anyhow::Result<()> {
         self.rgb(view, "", (picture.width, picture.height), &picture.rgb8())?;
         self.geometry(view, picture)?;
@@ -56,7 +56,7 @@ impl Pictures {
         Ok(Some(DepthMap { width, height, values }))
     }
 
-    /// Writes a held-out view's pictures, its photograph too, and compares the two.
+    /// Writes a held-out view's render and photograph, and compares the two.
     pub(crate) fn held_out(&self, at: usize, view: &View, picture: &Picture) -> anyhow::Result<ViewPanel> {
         let size = (picture.width, picture.height);
         let photograph = view.photograph.pixels()?;
@@ -83,7 +83,7 @@ impl Pictures {
         })
     }
 
-    /// Where a file of a view belongs: `NAME.KIND.EXTENSION`, or `NAME.EXTENSION`.
+    /// Path of a view's file: `NAME.KIND.EXTENSION`, or `NAME.EXTENSION` without a kind.
     pub(crate) fn file(&self, view: usize, kind: &str, extension: &str) -> PathBuf {
         let name = self.names.get(view).map_or("view", String::as_str);
         let dot = if kind.is_empty() { "" } else { "." };

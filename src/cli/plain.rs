@@ -1,19 +1,18 @@
-//! Text without characters that a terminal obeys. Names of files and words of JSON come from strangers: escape
-//! sequences in them could set titles, move the cursor or hide what is said,
-//! and marks of writing direction could turn a name round.
+//! Text without control characters of terminals. File names and words in JSON come from strangers. Escape sequences in
+//! them could set titles, move the cursor or hide messages, and marks of writing direction could reverse a name.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Whether a terminal would do something other than show the character.
+/// Whether a terminal would act on the character instead of showing it.
 fn is_obeyed(c: char) -> bool {
     let direction =
         matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    // Lines and columns are the only ones that texts of this program are laid out with.
+    // This program lays out text with newlines and tabs only.
     (c.is_control() && c != '\n' && c != '\t') || direction || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}')
 }
 
-/// The text with such characters spelled as JSON spells them (`\u001b`), so that JSON stays what it is.
+/// The text with control characters escaped as in JSON (`\u001b`), so that JSON stays valid.
 pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);
@@ -21,7 +20,7 @@ pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     let mut out = String::with_capacity(text.len() + 16);
     for c in text.chars() {
         if is_obeyed(c) {
-            // Writing to a String cannot fail; all of them have four digits.
+            // Writing to a String cannot fail. All these characters have four hexadecimal digits.
             let _ = write!(out, "\\u{:04x}", u32::from(c));
         } else {
             out.push(c);
@@ -30,7 +29,7 @@ pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// A message: further lines are set in, so that none that comes from a name looks like one of this program's.
+/// A message with its further lines indented, so that no line from a file name looks like a message of this program.
 pub(crate) fn message(text: &str) -> String {
     let (before, rest) = text.split_at(text.len() - text.trim_start_matches('\n').len());
     let mut out = before.to_owned();

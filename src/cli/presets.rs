@@ -1,4 +1,4 @@
-//! Which preset holds, and what is said of it.
+//! Chooses the preset.
 
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::Preset;
@@ -6,15 +6,15 @@ use psrgs_vk::vk::{DeviceKind, device_kind};
 
 use super::device;
 
-/// Applies the preset that is asked for, else the device's; `named` tells which options were given by name. Gives what
-/// to say of one that nobody asked for, where it changes anything.
+/// Applies the preset that the user names, else that of the device. `named` says which options were given by name.
+/// Returns the message for a preset that the user did not name, where it changes anything.
 pub(crate) fn apply(settings: &mut Settings, named: impl Fn(&str) -> bool) -> anyhow::Result<Option<String>> {
     if let Some(preset) = settings.run.preset {
         preset.apply(settings, false, named);
         return Ok(None);
     }
     let wanted = device::options(&settings.device, false)?.device;
-    // Without a device nothing is trained: what is wrong with it is told when it is opened.
+    // Without a device nothing is trained. Its error is reported when it is opened.
     let kind = device_kind(wanted.as_deref()).unwrap_or(DeviceKind::Other);
     let before = settings.clone();
     let preset = Preset::for_device(kind);

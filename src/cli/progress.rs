@@ -8,28 +8,28 @@ use super::console::Console;
 use super::plain::plain;
 use psrgs_vk::numbers::{counted, fraction};
 
-/// Steps after which the estimate of the whole run is told.
+/// Steps before the estimate of the whole run is printed.
 const ESTIMATE_AFTER: u32 = 50;
-/// Without a terminal: a line at least this often.
+/// Without a terminal: longest time between two lines.
 const QUIET_AT_MOST: Duration = Duration::from_secs(30);
-/// Steps over which the speed is taken.
+/// Steps over which the speed is measured.
 const WINDOW: u32 = 50;
 
-/// Tells how a run goes on.
+/// Progress messages of a run.
 pub(crate) struct Progress {
     console: Console,
     bar: ProgressBar,
     first: u32,
     total: u32,
     score: Option<f64>,
-    /// Step and time of the latest entries, oldest first: the speed is that between the ends.
+    /// Step and time of the latest entries, oldest first. The speed is that from the first to the last.
     recent: std::collections::VecDeque<(u32, f64)>,
     line_at: Instant,
     estimated: bool,
 }
 
 impl Progress {
-    /// Of a run that has done `done` of `total` steps.
+    /// A run with `done` of its `total` steps done.
     pub(crate) fn new(console: &Console, done: u32, total: u32) -> Self {
         let target = if console.draws() { ProgressDrawTarget::stderr_with_hz(5) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(u64::from(total)), target);
@@ -48,7 +48,7 @@ impl Progress {
         }
     }
 
-    /// A step is done; `seconds` counts from the start of training.
+    /// Reports a finished step; `seconds` counts from the start of training.
     pub(crate) fn step(&mut self, step: u32, loss: f32, splats: u32, seconds: f64) {
         self.recent.push_back((step, seconds));
         while self.recent.len() > WINDOW as usize + 1 {
@@ -67,12 +67,12 @@ impl Progress {
         }
     }
 
-    /// Whether enough steps are done for [`Progress::estimate`], which is told once.
+    /// Whether [`Progress::estimate`] is due: enough steps are done, and the estimate was not printed yet.
     pub(crate) fn wants_estimate(&self, step: u32) -> bool {
         !self.estimated && step >= self.first + ESTIMATE_AFTER && step < self.total
     }
 
-    /// Tells the time that the whole run takes at the speed so far, and the device memory in use.
+    /// Prints the time of the whole run at the speed so far, and the device memory in use.
     pub(crate) fn estimate(&mut self, step: u32, seconds: f64, device_bytes: u64, grows: bool) {
         self.estimated = true;
         let Some(rate) = self.rate() else { return };
@@ -86,29 +86,29 @@ impl Progress {
         ));
     }
 
-    /// Held-out photographs were scored.
+    /// Reports the scores of held-out photographs.
     pub(crate) fn evaluated(&mut self, step: u32, psnr: f64, ssim: f64, splats: u32) {
         self.score = Some(psnr);
         let splats = counted(splats, "splat");
         self.say(format!("step {step}: held-out PSNR {psnr:.2} dB, SSIM {}, {splats}", fraction(ssim, 4)));
     }
 
-    /// A line above the bar.
+    /// Prints a line above the bar.
     pub(crate) fn say(&self, text: impl std::fmt::Display) {
         self.bar.suspend(|| self.console.say(text));
     }
 
-    /// A line above the bar for those who want to know more.
+    /// Prints a line above the bar at the verbose level.
     pub(crate) fn detail(&self, text: impl std::fmt::Display) {
         self.bar.suspend(|| self.console.detail(text));
     }
 
-    /// A warning above the bar.
+    /// Prints a warning above the bar.
     pub(crate) fn warn(&self, text: impl std::fmt::Display) {
         self.bar.suspend(|| self.console.warn(text));
     }
 
-    /// Leaves the terminal as it was.
+    /// Removes the bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -132,7 +132,7 @@ impl Progress {
     }
 }
 
-/// A bar that counts, where there is a terminal to draw it on.
+/// A counting bar, where there is a terminal to draw it on.
 pub(crate) fn counter(console: &Console, total: usize, what: &str) -> ProgressBar {
     let target = if console.draws() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}");
@@ -141,12 +141,12 @@ pub(crate) fn counter(console: &Console, total: usize, what: &str) -> ProgressBa
         .with_message(plain(what).into_owned())
 }
 
-/// A speed in the unit that reads best.
+/// A speed in steps per second, or in seconds per step for slow steps.
 fn speed(rate: f64) -> String {
     if rate >= 1.0 { format!("{rate:.1} it/s") } else { format!("{:.1} s/it", 1.0 / rate) }
 }
 
-/// Seconds in words.
+/// Seconds as text.
 pub(crate) fn duration(seconds: f64) -> String {
     HumanDuration(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)).to_string()
 }

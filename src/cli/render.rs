@@ -1,4 +1,4 @@
-//! `psrgs-vk render`: pictures of a model from the cameras of a dataset.
+//! `psrgs-vk render`: renders of a model from the cameras of a dataset.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use super::colour::Colour;
 use super::console::Console;
 use super::exit::Failure;
 use super::model_file::DrawingArgs;
-use super::model_file::{ModelFile, Set};
+use super::model_file::{ModelFile, SplatSet};
 use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
 use super::{device, output_guard, progress};
@@ -43,8 +43,8 @@ pub(crate) struct Args {
     pub(crate) depth: bool,
     /// Which splats: those that were there at the end of the low-frequency stage (low),
     /// those that came after (high), or all (full)
-    #[arg(long, value_enum, default_value_t = Set::Full)]
-    pub(crate) part: Set,
+    #[arg(long, value_enum, default_value_t = SplatSet::Full)]
+    pub(crate) part: SplatSet,
     /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
     #[arg(long, value_name = "COLOUR", default_value = "black")]
     pub(crate) background: Colour,
@@ -64,7 +64,7 @@ pub(crate) struct Args {
     pub(crate) blending: BlendingVariants,
 }
 
-/// Cameras of a dataset.
+/// Which cameras of a dataset are rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Views {
     All,

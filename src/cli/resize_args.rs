@@ -1,4 +1,4 @@
-//! The size at which a model is scored, by the rules of other trainers.
+//! Sizes of renders by the rules of other trainers.
 
 use psrgs_vk::dataset::{LoadOptions, Rounding, Sizing};
 
@@ -33,7 +33,7 @@ pub(crate) enum Round {
 }
 
 impl SizeArgs {
-    /// The options with these sizes.
+    /// Applies the sizes to the load options.
     pub(crate) fn apply(&self, options: LoadOptions) -> LoadOptions {
         let rounding = match self.rounding {
             Round::Nearest => Rounding::Nearest,

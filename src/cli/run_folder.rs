@@ -1,4 +1,5 @@
-//! The folder of a training run: one run at a time, no earlier result replaced unasked, settings beside the results.
+//! The folder of a training run: one run at a time, earlier results are replaced only on request, settings lie beside
+//! the results.
 
 mod ours;
 
@@ -13,47 +14,47 @@ use psrgs_vk::format::{atomic, checkpoint};
 use psrgs_vk::train::Settings;
 
 use super::exit::{self, Failure, Remedy};
-use super::train::plan::Plan;
+use super::train::plan::RunPlan;
 
-/// Name of the settings file.
+/// File name of the settings.
 pub(crate) const SETTINGS: &str = "settings.toml";
-/// Name of the model.
+/// File name of the model.
 pub(crate) const MODEL: &str = "point_cloud.ply";
-/// Name of the file with the scores.
+/// File name of the scores.
 pub(crate) const METRICS: &str = "metrics.json";
-/// Name of the report.
+/// File name of the report.
 pub(crate) const REPORT: &str = "report.html";
-/// Name of the folder of checkpoints.
+/// Folder name of the checkpoints.
 pub(crate) const CHECKPOINTS: &str = "checkpoints";
-/// Name of the folder of held-out renders.
+/// Folder name of the held-out renders.
 pub(crate) const RENDERS: &str = "renders";
-/// Held while a run writes here.
+/// Locked while a run writes into the folder.
 const LOCK: &str = ".lock";
 
-/// A folder that this process alone writes a run into, until it is dropped.
+/// A run's folder. Until it is dropped, only this process writes into it.
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
-    /// What an earlier run has left, where it is to be replaced.
+    /// Results of an earlier run that are to be replaced.
     old: Vec<PathBuf>,
-    /// What the user should know of the place.
+    /// Warnings about the folder.
     warnings: Vec<String>,
-    /// The lock ends with it: also when the process is killed.
+    /// Ends with this value, and also when the process is killed.
     _lock: Lock,
 }
 
 impl RunFolder {
-    /// Makes the folder and takes it. Settings are written where no earlier run is there, so that what is killed before
-    /// it begins can be gone on with too.
-    pub(crate) fn open(plan: &Plan) -> anyhow::Result<Self> {
+    /// Creates and locks the folder. Without an earlier run it also writes the settings, so that a run killed before
+    /// its first step can be resumed.
+    pub(crate) fn open(plan: &RunPlan) -> anyhow::Result<Self> {
         Self::open_on(plan, &System)
     }
 
-    fn open_on(plan: &Plan, disk: &impl Disk) -> anyhow::Result<Self> {
+    fn open_on(plan: &RunPlan, disk: &impl Disk) -> anyhow::Result<Self> {
         let path = plan.out.clone();
         not_of_others(&path, plan)?;
         let checkpoints = path.join(CHECKPOINTS);
-        // Who goes on with a run has not chosen the folder.
+        // A resumed run cannot choose another folder.
         let remedy = if plan.resume { "" } else { "; choose another --out" };
         let elsewhere = |e: &io::Error| Failure::Output(format!("{}: {e}{remedy}", checkpoints.display()));
         fs::create_dir_all(&checkpoints).map_err(|e| elsewhere(&e))?;
@@ -86,14 +87,14 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// What the user should know of the place before long work.
+    /// Warnings about the folder, for the user to see before long work.
     pub(crate) fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// To be called when all that training needs is there: what could fail before has cost an earlier run nothing. Its
-    /// results go all at once, because a mixture of two runs would be taken for one, and its settings first, without
-    /// which nobody goes on with it.
+    /// Removes the earlier run. Call this function when all inputs of the training are ready, so that failures before
+    /// it cost nothing. All results are removed because a mixture of two runs would look like one run. The settings are
+    /// removed first: without them the old run cannot be resumed.
     pub(crate) fn begin(&self, settings: &Settings) -> anyhow::Result<()> {
         let before = if self.old.is_empty() { None } else { Some(self.file(SETTINGS)) };
         for file in before.iter().chain(&self.old) {
@@ -108,7 +109,7 @@ impl RunFolder {
         self.write_settings(settings)
     }
 
-    /// Adds to an error that ends a training how to go on, unless it says so itself.
+    /// Adds to an error how to resume the training, unless the error says so itself.
     pub(crate) fn with_resume_hint(&self, error: anyhow::Error) -> anyhow::Error {
         if exit::message(&error).contains("--resume") {
             return error;
@@ -136,13 +137,13 @@ impl RunFolder {
         self.path.join(name)
     }
 
-    /// The folder of its checkpoints.
+    /// The folder of the checkpoints.
     pub(crate) fn checkpoints(&self) -> PathBuf {
         self.file(CHECKPOINTS)
     }
 }
 
-/// Takes the lock of a run's folder. A file system without locks costs a warning.
+/// Locks a run's folder. A file system without locks costs a warning.
 fn take(path: &Path, resume: bool, disk: &impl Disk, warnings: &mut Vec<String>) -> anyhow::Result<Lock> {
     let lock = Lock::ask(&path.join(LOCK), disk)
         .map_err(|e| anyhow::Error::new(e).context(Failure::Output(path.display().to_string())))?;
@@ -161,10 +162,10 @@ fn take(path: &Path, resume: bool, disk: &impl Disk, warnings: &mut Vec<String>)
     Ok(lock)
 }
 
-/// Refuses a folder, before anything is made in it, that has files which a run would replace and this program did not
-/// write, and one that has results without settings where they are not to be replaced:
-/// they are not of a run that could be gone on with.
-fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
+/// Refuses, before anything is created, a folder with files that a run would replace and this program did not write.
+/// Without `--overwrite` also refuses a folder that has results but no settings: those results belong to no run that
+/// can be resumed.
+fn not_of_others(folder: &Path, plan: &RunPlan) -> Result<(), Failure> {
     let stray = || ours::first_stray(folder).filter(|_| !plan.resume);
     if let Some(file) = ours::first_foreign(folder).or_else(stray) {
         return Err(Failure::Usage(format!(
@@ -177,7 +178,7 @@ fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
     if plan.resume || plan.overwrite || folder.join(SETTINGS).exists() {
         return Ok(());
     }
-    // What cannot be listed is told when the folder is made.
+    // An unreadable folder is reported when the folder is created.
     let found = results(folder).unwrap_or_default();
     let Some(first) = found.first() else { return Ok(()) };
     Err(Failure::Usage(format!(
@@ -188,7 +189,7 @@ fn not_of_others(folder: &Path, plan: &Plan) -> Result<(), Failure> {
     )))
 }
 
-/// What a link leads to may be another run's.
+/// Refuses a link as the folder of checkpoints: its target may belong to another run.
 fn not_through_a_link(checkpoints: &Path) -> Result<(), Failure> {
     if !checkpoints.is_symlink() {
         return Ok(());
@@ -202,12 +203,12 @@ fn not_through_a_link(checkpoints: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Adds to an error of the dataset of a run that is gone on with what to do where it has moved.
+/// Adds to an error of a resumed run's dataset the remedy for a moved dataset.
 pub(crate) fn with_dataset_hint(run: &Path, error: anyhow::Error) -> anyhow::Error {
     error.context(Remedy(format!("if the dataset has moved: psrgs-vk train DATA --resume {}", run.display())))
 }
 
-/// What an earlier run has left that would be lost or mistaken for the new run's.
+/// Results of an earlier run that would be lost or mistaken for those of the new run.
 fn results(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let files = [MODEL, METRICS, REPORT].iter().map(|name| folder.join(name));
     let mut found: Vec<PathBuf> = files.filter(|file| ours::is_ours(file)).collect();
@@ -228,9 +229,9 @@ mod tests {
     use crate::cli::exit;
     use psrgs_vk::train::Settings;
 
-    fn plan(out: &Path) -> Plan {
+    fn plan(out: &Path) -> RunPlan {
         let (settings, out) = (Settings::default(), out.to_owned());
-        Plan {
+        RunPlan {
             settings,
             out,
             resume: false,
@@ -241,7 +242,7 @@ mod tests {
         }
     }
 
-    fn refused(plan: &Plan) -> (u8, String) {
+    fn refused(plan: &RunPlan) -> (u8, String) {
         let error = RunFolder::open(plan).unwrap_err();
         (exit::code(&error), exit::message(&error))
     }
@@ -250,7 +251,7 @@ mod tests {
     fn a_second_run_is_kept_out_until_the_first_is_over() {
         let folder = tempfile::tempdir().unwrap();
         let first = RunFolder::open(&plan(folder.path())).unwrap();
-        let (code, text) = refused(&Plan { overwrite: true, ..plan(folder.path()) });
+        let (code, text) = refused(&RunPlan { overwrite: true, ..plan(folder.path()) });
         assert!(code == 2 && text.contains("another run"), "{code} {text}");
         drop(first);
         RunFolder::open(&plan(folder.path())).unwrap();
@@ -271,17 +272,17 @@ mod tests {
         assert!(text.contains("holds point_cloud.ply"), "{text}");
         assert!(model.exists() && checkpoint.exists());
 
-        drop(RunFolder::open(&Plan { resume: true, ..plan(folder.path()) }).unwrap());
+        drop(RunFolder::open(&RunPlan { resume: true, ..plan(folder.path()) }).unwrap());
         assert!(model.exists() && checkpoint.exists(), "resuming removes nothing");
 
-        let run = RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap();
+        let run = RunFolder::open(&RunPlan { overwrite: true, ..plan(folder.path()) }).unwrap();
         assert!(model.exists() && checkpoint.exists(), "nothing is lost before it begins");
         run.begin(&Settings::default()).unwrap();
         assert!(!model.exists() && !checkpoint.exists() && run.file(SETTINGS).exists());
         assert!(own.iter().all(|file| file.exists()), "a file of the user is gone");
     }
 
-    /// A file as this program writes it, as far as that is looked at.
+    /// Writes a file with just enough content to be recognised as this program's.
     fn write_result(file: &Path) {
         let text = match file.extension().and_then(|e| e.to_str()) {
             Some("ply") => "ply\nformat ascii 1.0\ncomment psrgs-vk version 0.1.0\nelement vertex 0\nend_header\n",
@@ -292,7 +293,7 @@ mod tests {
         fs::write(file, text).unwrap();
     }
 
-    /// What a run has left whose settings are gone.
+    /// Results of a run without its settings.
     #[test]
     fn what_is_of_no_run_is_not_called_one_and_left_as_it_is() {
         let folder = tempfile::tempdir().unwrap();
@@ -302,7 +303,7 @@ mod tests {
         assert!(code == 2 && text.contains("holds report.html") && text.contains("another --out"), "{code} {text}");
         assert!(!text.contains("--resume") && !text.contains("earlier run"), "{text}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was made");
-        drop(RunFolder::open(&Plan { overwrite: true, ..plan(folder.path()) }).unwrap());
+        drop(RunFolder::open(&RunPlan { overwrite: true, ..plan(folder.path()) }).unwrap());
         assert!(report.exists(), "nothing is lost before it begins");
     }
 
@@ -324,12 +325,12 @@ mod tests {
             fs::create_dir_all(file.parent().unwrap()).unwrap();
             fs::write(&file, "theirs").unwrap();
             for overwrite in [false, true] {
-                let (code, text) = refused(&Plan { overwrite, ..plan(folder.path()) });
+                let (code, text) = refused(&RunPlan { overwrite, ..plan(folder.path()) });
                 assert!(code == 2 && text.contains(name) && text.contains("did not write"), "{code} {text}");
                 assert!(text.contains("another --out"), "{text}");
             }
             if names.contains(name) {
-                let (code, text) = refused(&Plan { resume: true, ..plan(folder.path()) });
+                let (code, text) = refused(&RunPlan { resume: true, ..plan(folder.path()) });
                 assert!(code == 2 && text.contains("move that file") && !text.contains("--out"), "{code} {text}");
             }
             assert_eq!(fs::read(&file).unwrap(), b"theirs");
@@ -345,10 +346,10 @@ mod tests {
         write_result(&theirs);
         let link = folder.path().join(CHECKPOINTS);
         symlink(other.path(), &link).unwrap();
-        let again = Plan { overwrite: true, ..plan(folder.path()) };
+        let again = RunPlan { overwrite: true, ..plan(folder.path()) };
         let (code, text) = refused(&again);
         assert!(code == 2 && text.contains("remove the link") && theirs.exists(), "{code} {text}");
-        // A place elsewhere for the checkpoints is fine while nothing is there.
+        // A link to an empty folder for checkpoints is allowed.
         fs::remove_file(&theirs).unwrap();
         drop(RunFolder::open(&again).unwrap());
 
@@ -362,7 +363,7 @@ mod tests {
         assert_eq!(fs::read(&thesis).unwrap(), b"years of work");
     }
 
-    /// As file systems over a network are.
+    /// Behaves like a network file system.
     #[cfg(unix)]
     #[test]
     fn a_file_system_without_locks_and_flushes_costs_warnings() {
@@ -389,7 +390,7 @@ mod tests {
     fn who_goes_on_is_not_sent_elsewhere() {
         let folder = tempfile::tempdir().unwrap();
         let first = RunFolder::open(&plan(folder.path())).unwrap();
-        let (code, text) = refused(&Plan { resume: true, ..plan(folder.path()) });
+        let (code, text) = refused(&RunPlan { resume: true, ..plan(folder.path()) });
         assert!(code == 2 && text.contains("another run") && text.contains("wait for its end"), "{code} {text}");
         assert!(!text.contains("--out"), "{text}");
         drop(first);
@@ -400,7 +401,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut settings = Settings::default();
         settings.run.seed = 9;
-        let run = RunFolder::open(&Plan { settings: settings.clone(), ..plan(folder.path()) }).unwrap();
+        let run = RunFolder::open(&RunPlan { settings: settings.clone(), ..plan(folder.path()) }).unwrap();
         assert_eq!(Settings::read(&run.file(SETTINGS)).unwrap(), settings);
         settings.run.seed = 10;
         run.begin(&settings).unwrap();

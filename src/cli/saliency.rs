@@ -1,4 +1,4 @@
-//! `psrgs-vk saliency`: which parts of photographs are texture, as pictures.
+//! `psrgs-vk saliency`: saliency maps and texture masks of photographs as images.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use super::console::Console;
 use super::pictures::Pictures;
 use super::{output_guard, progress};
 
-/// This share of a map's pixels is not brighter than white in its PNG.
+/// The quantile of a map that is white in its PNG.
 const SHOWN: f64 = 0.995;
 
 /// Write the saliency map and the mask of a photograph or of a dataset's photographs
@@ -54,13 +54,13 @@ pub(crate) struct Args {
     pub(crate) strict: bool,
 }
 
-/// Something to look at.
-enum Source {
+/// A photograph to work on.
+enum PhotographSource {
     File(PathBuf),
     View(Box<View>),
 }
 
-impl Source {
+impl PhotographSource {
     fn name(&self) -> String {
         match self {
             Self::File(file) => file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -81,10 +81,10 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     settings.check()?;
     Settings::check_sigma(args.sigma)?;
     let (sources, decoding) = sources(args, console)?;
-    let names: Vec<String> = sources.iter().map(Source::name).collect();
+    let names: Vec<String> = sources.iter().map(PhotographSource::name).collect();
     let pictures = Pictures::new(&args.out, names.iter().map(String::as_str), 1.0)?;
     let bar = progress::counter(console, sources.len(), "photographs");
-    let one = |(i, source): (usize, &Source)| -> anyhow::Result<Option<dataset::Error>> {
+    let one = |(i, source): (usize, &PhotographSource)| -> anyhow::Result<Option<dataset::Error>> {
         let photograph = match source.photograph() {
             Err(problem) if !args.strict => return Ok(Some(problem)),
             photograph => photograph?,
@@ -122,10 +122,10 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tells of photographs of a dataset that cannot be decoded, and gives their number. A single photograph must be one
-/// that can, and so must nearly all of a dataset.
+/// Warns of a dataset's photographs that cannot be decoded, and returns their number. Fails for a single photograph, or
+/// for too many of a dataset.
 fn left_out(
-    sources: &[Source],
+    sources: &[PhotographSource],
     problems: Vec<Option<dataset::Error>>,
     decoding: Option<Decoding>,
     console: &Console,
@@ -136,8 +136,8 @@ fn left_out(
     };
     for (source, problem) in problems {
         match source {
-            Source::View(view) => decoding.take::<()>(view, Err(problem))?,
-            Source::File(_) => return Err(problem.into()),
+            PhotographSource::View(view) => decoding.take::<()>(view, Err(problem))?,
+            PhotographSource::File(_) => return Err(problem.into()),
         };
     }
     let undecoded = decoding.end()?;
@@ -145,23 +145,23 @@ fn left_out(
     Ok(undecoded.photographs.len())
 }
 
-fn sources(args: &Args, console: &Console) -> anyhow::Result<(Vec<Source>, Option<Decoding>)> {
+fn sources(args: &Args, console: &Console) -> anyhow::Result<(Vec<PhotographSource>, Option<Decoding>)> {
     if !args.input.is_dir() {
-        return Ok((vec![Source::File(args.input.clone())], None));
+        return Ok((vec![PhotographSource::File(args.input.clone())], None));
     }
-    // Of the whole photograph: the map is reduced, not what it is made of.
+    // Photographs are read at full size; only the map is reduced.
     let options = LoadOptions { max_side: None, strict: args.strict, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.input, &options)?;
     output_guard::check(&args.out, &dataset)?;
     for warning in &dataset.warnings {
         match warning.is_of_files() {
             true => console.warn(warning),
-            // Of points and poses, which have no part in this.
+            // Warnings about points and poses do not matter here.
             false => console.detail(warning),
         }
     }
     let decoding = Decoding::of(&dataset);
-    Ok((dataset.views.into_iter().map(|view| Source::View(Box::new(view))).collect(), Some(decoding)))
+    Ok((dataset.views.into_iter().map(|view| PhotographSource::View(Box::new(view))).collect(), Some(decoding)))
 }
 
 /// The value that a share of the values does not exceed.

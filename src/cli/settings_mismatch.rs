@@ -1,4 +1,4 @@
-//! Whether a model of this program is scored on what it was held out from: its settings lie beside it.
+//! Compares the settings beside a model with those of its scoring.
 
 use std::path::Path;
 
@@ -7,9 +7,9 @@ use psrgs_vk::train::settings::Photographs;
 
 use super::run_folder::SETTINGS;
 
-/// What differs between the training that the settings beside a model tell of and how it is to be scored, a line each.
-/// `longest` is the longest side of a photograph that is scored, on disk, unless the size is given by another rule than
-/// `--max-side`. A model without readable settings beside it is of another program: nothing is known.
+/// The differences between the settings beside a model and those of its scoring, a line each. `longest` is the longest
+/// side of a scored photograph on disk; `None` where another rule than `--max-side` gives the size. A model without
+/// readable settings beside it comes from another program: it has no known differences.
 pub(crate) fn differences(
     model: &Path,
     scored: &Photographs,

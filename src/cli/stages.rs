@@ -1,4 +1,4 @@
-//! What the stages of a training came to: pictures for the report, and the learned widths of the saliency filter.
+//! Results of the stages of a training: renders for the report, and the learned widths of the saliency filter.
 
 use anyhow::Context as _;
 use image::RgbImage;
@@ -18,13 +18,13 @@ use super::run_folder::RunFolder;
 
 /// File of the learned widths.
 pub(crate) const SIGMA_FILE: &str = "sigma.json";
-/// Photographs whose loss is drawn over sigma.
+/// Most photographs whose loss is plotted over sigma.
 const CURVES: usize = 8;
-/// A loss that rises by less from its best to its worst sigma is flat.
+/// A curve whose loss rises by a smaller share from its best to its worst sigma is flat.
 const FLAT: f64 = 0.02;
 
 /// Adds to each panel the view's texture mask, and renders of the first `constrained` splats of the model and of the
-/// others.
+/// other splats.
 pub(crate) fn add(
     run: &Finished<'_>,
     trainer: &Trainer,
@@ -51,7 +51,7 @@ pub(crate) fn add(
     }
     let [low, high] = pictures;
     for (((view, panel), low), high) in views.iter().zip(panels).zip(low).zip(high) {
-        // Of many large views the report has smaller pictures.
+        // With many large views the report gets smaller images.
         let (width, height) = panel.photograph.dimensions();
         let fitted = |picture: RgbImage| {
             let fits = picture.dimensions() == (width, height);
@@ -62,7 +62,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-/// The mask of a photograph as training would have it, in grey.
+/// The texture mask that training would give a photograph, in grey.
 fn mask(run: &Finished<'_>, view: &View) -> anyhow::Result<RgbImage> {
     let frequencies = &run.settings.frequencies;
     let (width, height) = (view.camera.width, view.camera.height);
@@ -74,7 +74,7 @@ fn mask(run: &Finished<'_>, view: &View) -> anyhow::Result<RgbImage> {
     RgbImage::from_raw(width, height, grey).context("picture size")
 }
 
-/// A photograph's learned width.
+/// The learned width of a photograph.
 #[derive(Serialize)]
 struct Learned<'a> {
     name: &'a str,
@@ -82,19 +82,20 @@ struct Learned<'a> {
     updates: usize,
 }
 
-/// A photograph's loss over sigma at the end of the training.
+/// The loss of a photograph over sigma at the end of the training.
 #[derive(Serialize)]
 struct Drawn {
     name: String,
     /// (sigma, loss).
     points: Vec<(f64, f64)>,
     best: Option<(f64, f64)>,
-    /// From the smallest loss to the largest, as a share of the smallest.
+    /// Rise from the smallest loss to the largest, as a share of the smallest.
     rise: Option<f64>,
     flat: bool,
 }
 
-/// What is learned of the filter's width, written into the run's folder; a sentence about it. `None` where nothing was.
+/// Writes the learned widths of the saliency filter into the run's folder. Returns a sentence about them, `None` where
+/// none were learned.
 pub(crate) fn sigmas(trainer: &mut Trainer, folder: &RunFolder) -> anyhow::Result<Option<String>> {
     let updates = trainer.history().sigmas.clone();
     if updates.is_empty() {

@@ -1,4 +1,4 @@
-//! `psrgs-vk stereo`: depth and normals of photographs from each other.
+//! `psrgs-vk stereo`: depth and normals of photographs by multi-view stereo.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ use super::console::Console;
 use super::exit::Failure;
 use super::{device, output_guard, progress};
 
-/// Points that this many views observe are what depths are compared with.
+/// Least number of observing views of the points that depths are compared with.
 const TRUSTED_TRACK: usize = 3;
 
 /// Find depth and normals of a dataset's photographs by multi-view stereo
@@ -182,13 +182,13 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     Ok(())
 }
 
-/// What the photographs see. A few that cannot be decoded are left out.
+/// The photographs and cameras of the scene. A few photographs that cannot be decoded are left out.
 fn scene(dataset: &mut Dataset, settings: &Settings, share: &HostShare, console: &Console) -> anyhow::Result<Scene> {
     match Scene::of(dataset, settings, share, View::photograph) {
         Err(stereo::Error::Dataset(_)) => {}
         found => return Ok(found?),
     }
-    // All are looked at once more, which costs time only where something is wrong.
+    // Every photograph is decoded again, which takes time only where one is damaged.
     let mut decoding = Decoding::of(dataset);
     decoding.take_in(dataset, Role::Train, &mut HostShare { keep: 0, ..*share })?;
     let undecoded = decoding.end()?;
@@ -201,7 +201,7 @@ fn mib(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// What photographs may take of the host's memory while they are decoded.
+/// The host memory that photographs may take while they are decoded.
 fn host_share(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -232,7 +232,7 @@ fn host_share(
     Ok(share)
 }
 
-/// Where a map of a view belongs, its folder made.
+/// Path of a view's map. Creates its folder.
 fn map_file(out: &Path, kind: &str, name: &Path) -> anyhow::Result<PathBuf> {
     let file = out.join(kind).join(format!("{}.exr", name.display()));
     if let Some(folder) = file.parent() {
@@ -257,7 +257,7 @@ fn write(args: &Args, dataset: &Dataset, scene: &Scene, priors: &[Prior]) -> any
     Ok(())
 }
 
-/// The true depth and normals of a view, where they lie beside the dataset.
+/// The true depth and normals of a view, if they lie beside the dataset.
 fn known(dataset: &Dataset, name: &str, limit: DecodeLimit) -> anyhow::Result<Option<Known>> {
     let file = |kind: &str| dataset.path.join(kind).join(Path::new(name).with_extension("exr"));
     if !file("depth").is_file() {
@@ -313,7 +313,7 @@ fn compare(
     Ok(())
 }
 
-/// Of which photographs no depth is known, a line for each reason.
+/// Warns of photographs without a depth map, a line for each reason.
 pub(crate) fn without_depth(skipped: &[Skipped], console: &Console) {
     for why in WithoutDepth::ALL {
         let mut names = skipped.iter().filter(|skipped| skipped.why == why).map(|skipped| &skipped.name);

@@ -1,4 +1,4 @@
-//! `psrgs-vk weights`: where the weights of `lpips_squeeze` come from.
+//! `psrgs-vk weights`: lists and fetches the weights of `lpips_squeeze`.
 
 mod fetch;
 
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Fetches what is not there. One file that cannot be had does not keep the others away.
+/// Fetches the missing files. A failed download does not stop the others.
 fn fetch_all(folder: &Path, from: Option<&str>, console: &Console) -> anyhow::Result<()> {
     let mut failed = None;
     for file in &PUBLIC_FILES {
@@ -87,8 +87,7 @@ fn fetch_all(folder: &Path, from: Option<&str>, console: &Console) -> anyhow::Re
     failed.map_or(Ok(()), Err)
 }
 
-/// Whether the file is in the folder, and is the one that is meant. Where another is `used` in its place,
-/// none is missing.
+/// Whether the file is in the folder with the published content. `used` is another file that is read in its place.
 fn state(folder: &Path, file: &PublicFile, used: Option<&Path>) -> anyhow::Result<String> {
     Ok(match sum_of(&folder.join(file.name))? {
         None => match used {
@@ -100,7 +99,7 @@ fn state(folder: &Path, file: &PublicFile, used: Option<&Path>) -> anyhow::Resul
     })
 }
 
-/// The SHA-256 of a file; `None` where there is none.
+/// The SHA-256 of a file; `None` where the file does not exist.
 fn sum_of(path: &Path) -> anyhow::Result<Option<String>> {
     if !path.is_file() {
         return Ok(None);

@@ -1,12 +1,11 @@
-//! Photographs of which parts are transparent, laid over a colour.
+//! Composites photographs with transparent parts over a colour.
 
 use image::{DynamicImage, ImageBuffer};
 
 use super::pixels::Sample;
 
-/// The picture as it is seen in front of a colour (red, green, blue from 0 to 1), mixed in the encoded values as
-/// viewers and other trainers do: `alpha * colour of the pixel + (1 - alpha) * colour behind`.
-/// It keeps its bits per channel, 8 or 16.
+/// The image in front of a colour (red, green, blue from 0 to 1). Mixes encoded values, as viewers and other trainers
+/// do: `alpha * colour of the pixel + (1 - alpha) * colour behind`. The result keeps the bits per channel, 8 or 16.
 pub(super) fn laid_over(image: DynamicImage, behind: [f32; 3]) -> DynamicImage {
     let (width, height) = (image.width(), image.height());
     match image {

@@ -1,4 +1,4 @@
-//! Work on photographs, several at a time, as far as the memory reaches.
+//! Parallel work on photographs within a memory budget.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,13 +6,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use super::HostShare;
 
 impl HostShare {
-    /// Does something for each of some costs (in bytes, while it is done), on [`Self::threads`] threads, and as many at
-    /// a time as [`Self::decoding`] has room for; one always is. In the order of the costs.
+    /// Runs `work` for each of `costs` (bytes while it runs) on [`Self::threads`] threads. As many run at a time as fit
+    /// into [`Self::decoding`], and always at least one. Results have the order of the costs.
     pub fn in_turns<T: Send>(&self, costs: &[u64], work: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let (gate, next) = (Gate::new(self.decoding), AtomicUsize::new(0));
+        let (gate, next) = (MemoryGate::new(self.decoding), AtomicUsize::new(0));
         let done: Vec<Mutex<Option<T>>> = costs.iter().map(|_| Mutex::new(None)).collect();
-        // Threads of its own rather than a pool's: one that waits for memory would wait for a task that it has to run
-        // itself.
+        // Threads of its own rather than a pool's: a pool thread that waits for memory could wait for a task that only
+        // it can run.
         std::thread::scope(|scope| {
             for _ in 0..self.threads.clamp(1, costs.len().max(1)) {
                 scope.spawn(|| {
@@ -30,16 +30,16 @@ impl HostShare {
     }
 }
 
-/// Lets in what fits beside what is inside already, and always one.
-struct Gate {
+/// Admits work while it fits beside the work inside, and always at least one.
+struct MemoryGate {
     most: u64,
     inside: Mutex<(u64, usize)>,
     left: Condvar,
 }
 
-struct Inside<'a>(&'a Gate, u64);
+struct Inside<'a>(&'a MemoryGate, u64);
 
-impl Gate {
+impl MemoryGate {
     fn new(most: u64) -> Self {
         Self { most, inside: Mutex::new((0, 0)), left: Condvar::new() }
     }
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn the_gate_lets_one_in_and_no_more_than_fit() {
-        let gate = Gate::new(10);
+        let gate = MemoryGate::new(10);
         let large = gate.enter(100);
         let (sender, receiver) = std::sync::mpsc::channel();
         std::thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! What is written of a scored model: JSON, and the report beside its pictures.
+//! Files about a scored model: JSON, and the report beside its renders.
 
 use std::path::Path;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use crate::cli::held_out::Compared;
 use crate::cli::model_file::ModelFile;
 use crate::cli::outputs;
 
-/// A model that was scored.
+/// A scored model.
 pub(super) struct Scored<'a> {
     pub(super) args: &'a Args,
     pub(super) model: &'a ModelFile,
@@ -22,9 +22,9 @@ pub(super) struct Scored<'a> {
     pub(super) gpu: &'a Gpu,
     /// Size of the first held-out view.
     pub(super) size: (u32, u32),
-    /// The held-out photographs against the model.
+    /// Scores of the held-out photographs.
     pub(super) compared: Compared,
-    /// The geometry against the truth, as far as there is one.
+    /// Scores of the geometry, as far as there is ground truth.
     pub(super) geometry: Geometry,
 }
 
@@ -34,10 +34,10 @@ struct Scores<'a> {
     model: &'a Path,
     scene: String,
     split: Split,
-    /// The coordinates that the model was taken to be in.
+    /// Coordinates that the model was read in.
     frame: String,
     background: String,
-    /// What transparent pixels of photographs were taken to be.
+    /// Treatment of the transparent pixels of photographs.
     transparent: String,
     antialias: bool,
     test_images: usize,
@@ -70,7 +70,7 @@ impl Scored<'_> {
         Ok(atomic::write(file, |out| writeln!(out, "{text}"))?)
     }
 
-    /// Writes the report, whose seconds are counted from `started`.
+    /// Writes the report. Its seconds count from `started`.
     pub(super) fn write_report(self, file: &Path, started: Instant) -> Result<(), ReportError> {
         let metrics = self.metrics(started).with_images(self.compared.images);
         let data = ReportData {
@@ -85,7 +85,7 @@ impl Scored<'_> {
         eval::write_report(&data, file)
     }
 
-    /// The scores as `--json` has them.
+    /// The scores for `--json`.
     fn scores(&self) -> Scores<'_> {
         let (args, images) = (self.args, &self.compared.images);
         Scores {
@@ -114,7 +114,7 @@ impl Scored<'_> {
         }
     }
 
-    /// The numbers of the report but for those of its images: no steps, as nothing was trained.
+    /// The numbers of the report except those of its images. There are no steps because nothing was trained.
     fn metrics(&self, started: Instant) -> Metrics {
         Metrics {
             method: file_name(&self.args.model),
@@ -150,7 +150,7 @@ impl Scored<'_> {
     }
 }
 
-/// What was asked for, as the report names it.
+/// The options of the command as the report names them.
 fn settings(args: &Args, model: &ModelFile, metrics: &Metrics) -> Vec<(String, String)> {
     let setting = |name: &str, value: String| (name.to_owned(), value);
     vec![
@@ -164,7 +164,7 @@ fn settings(args: &Args, model: &ModelFile, metrics: &Metrics) -> Vec<(String, S
     ]
 }
 
-/// What a model is called in the report: its file's name.
+/// The name of a model in the report: its file's name.
 fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }

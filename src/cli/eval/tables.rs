@@ -4,7 +4,7 @@ use psrgs_vk::eval::{Geometry, ImageScore, mean, mean_if_all};
 
 use crate::cli::console;
 
-/// Each photograph and the means.
+/// The scores of each photograph, and the means.
 pub(super) fn scores(images: &[ImageScore]) -> String {
     let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
     let with_lpips = images.iter().any(|i| i.lpips_squeeze.is_some());
@@ -24,7 +24,7 @@ pub(super) fn scores(images: &[ImageScore]) -> String {
     console::table(&rows)
 }
 
-/// What is known of the geometry.
+/// The scores of the geometry.
 pub(super) fn geometry(geometry: &Geometry) -> String {
     let mut rows = vec![["geometry", "against the truth"].map(str::to_owned).to_vec()];
     rows.extend(geometry.rows().into_iter().map(|(name, value)| vec![name.to_owned(), value]));

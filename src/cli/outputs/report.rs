@@ -1,4 +1,4 @@
-//! What the report of a training shows.
+//! The data of a training's report.
 
 use psrgs_vk::eval::{Curve, CurveForm, Metrics, ReportData, ViewPanel};
 use psrgs_vk::format::EXPOSURE_FILE;
@@ -8,11 +8,11 @@ use super::Finished;
 use crate::cli::run_folder::{METRICS, MODEL, RENDERS};
 use crate::cli::stages;
 
-/// Points of a curve at most.
+/// Most points of a curve.
 const CURVE_POINTS: usize = 400;
 
-/// All that the report shows. `exposures` where these were learned; `sigmas` is the sentence about the widths of the
-/// saliency filter, where these were.
+/// The data of the report. `exposures` and `sigmas` (a sentence about the learned widths of the saliency filter) are
+/// there where the training learned them.
 pub(super) fn data(
     run: &Finished<'_>,
     history: &History,
@@ -32,7 +32,7 @@ pub(super) fn data(
     })
 }
 
-/// The lines of a settings file by name.
+/// The lines of a settings file as key and value.
 fn named_settings(toml: &str) -> Vec<(String, String)> {
     toml.lines()
         .filter_map(|line| line.split_once(" = "))
@@ -40,9 +40,9 @@ fn named_settings(toml: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// How loss, scores and the number of splats went, and the widths of the saliency filter where these were learned.
+/// Curves of loss, scores, the number of splats, and the learned widths of the saliency filter.
 fn curves(history: &History) -> Vec<Curve> {
-    // Means over stretches: a curve of single photographs' losses shows the photographs, not the training.
+    // Means over stretches of steps. Losses of single steps would show differences between photographs.
     let stretch = history.loss.len().div_ceil(CURVE_POINTS).max(1);
     let loss = history.loss.chunks(stretch).enumerate().map(|(i, part)| {
         let mean = part.iter().map(|l| f64::from(*l)).sum::<f64>() / part.len() as f64;
@@ -55,7 +55,7 @@ fn curves(history: &History) -> Vec<Curve> {
         form: CurveForm::Line,
     };
     let mut splats: Vec<(f64, f64)> = history.splats.iter().map(|s| (f64::from(s.0), f64::from(s.1))).collect();
-    // The number holds from the last change to the end.
+    // The number of splats stays the same from the last change to the end.
     if let Some(&(_, last)) = splats.last() {
         splats.push((history.loss.len() as f64, last));
     }
@@ -66,13 +66,13 @@ fn curves(history: &History) -> Vec<Curve> {
     ];
     if !history.sigmas.is_empty() {
         let sigmas = history.sigmas.iter().map(|(step, _, sigma, _)| (f64::from(*step), *sigma));
-        // Each is of the photograph of its step.
+        // Each value belongs to the photograph of its step.
         curves.push(Curve { form: CurveForm::Dots, ..curve("Sigma", "bins of 256", sigmas.collect()) });
     }
     curves
 }
 
-/// The files beside the report, and what each is.
+/// The files beside the report, each with a description.
 fn files(exposures: bool, sigmas: bool) -> Vec<(String, String)> {
     let mut files = vec![
         (MODEL, "the model, for any viewer of Gaussian splats"),

@@ -1,4 +1,4 @@
-//! Files of a run that this program wrote, known by their content: nothing else is ever removed or replaced.
+//! Recognises the files of a run by their content. No other file is ever removed or replaced.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _};
@@ -13,16 +13,16 @@ use crate::cli::stages::SIGMA_FILE;
 
 /// Files that a run writes under fixed names.
 const FIXED: [&str; 7] = [SETTINGS, MODEL, METRICS, REPORT, FRAME_FILE, EXPOSURE_FILE, SIGMA_FILE];
-/// Bytes of a file in which its beginning is looked for.
+/// Bytes at the start of a file that are searched.
 const BEGINNING: u64 = 1 << 16;
 
-/// A file in the folder of a run that the run would replace and that this program did not write.
+/// A file that the run would replace and that this program did not write.
 pub(super) fn first_foreign(folder: &Path) -> Option<PathBuf> {
     let there = FIXED.iter().map(|name| folder.join(name)).filter(|file| file.symlink_metadata().is_ok());
     there.into_iter().find(|file| !is_ours(file))
 }
 
-/// A file among those of a run to be that has the name of a checkpoint or lies where renders go, and is of no run.
+/// A file in a folder without a run that has the name of a checkpoint, or lies in the folder of renders.
 pub(super) fn first_stray(folder: &Path) -> Option<PathBuf> {
     let checkpoints = checkpoint::told_apart(&folder.join(CHECKPOINTS)).map_or(Vec::new(), |(_, others)| others);
     let of_a_run = [SETTINGS, METRICS].iter().any(|name| is_ours(&folder.join(name)));
@@ -30,7 +30,7 @@ pub(super) fn first_stray(folder: &Path) -> Option<PathBuf> {
     checkpoints.into_iter().next().or_else(|| renders.next().map(|entry| entry.path()))
 }
 
-/// Whether this program wrote a file of one of the fixed names. A link is not of its making.
+/// Whether this program wrote a file under one of the fixed names. It never writes links.
 pub(super) fn is_ours(file: &Path) -> bool {
     let name = file.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let regular = file.symlink_metadata().is_ok_and(|found| found.is_file());
@@ -47,14 +47,14 @@ pub(super) fn is_ours(file: &Path) -> bool {
         }
 }
 
-/// By the first line, or by the groups of a file that was edited.
+/// Recognised by the first line, or in an edited file by the groups.
 fn is_settings(file: &Path) -> bool {
     let Ok(text) = fs::read_to_string(file) else { return false };
     let has_run = |table: toml::Table| table.get("run").and_then(|run| run.get("method")).is_some();
     text.starts_with("# Reproduces this run: psrgs-vk ") || toml::from_str(&text).is_ok_and(has_run)
 }
 
-/// By the comments of its header.
+/// Recognised by the comments of the header.
 fn is_model(file: &Path) -> bool {
     let Ok(text) = beginning(file) else { return false };
     let header = text.split("end_header").next().unwrap_or_default();

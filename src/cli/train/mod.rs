@@ -1,4 +1,4 @@
-//! `psrgs-vk train`: which settings hold, and what is told while training goes on.
+//! `psrgs-vk train`: chooses the settings and runs the training.
 
 pub(crate) mod plan;
 mod resume;
@@ -6,7 +6,7 @@ mod run;
 mod run_loop;
 mod startup_log;
 
-pub(crate) use plan::Plan;
+pub(crate) use plan::RunPlan;
 pub(crate) use run::train;
 
 use std::path::{Path, PathBuf, absolute};
@@ -23,7 +23,7 @@ use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::{presets, run_folder};
 
-/// Settings that may differ when a run is resumed, because no step already done depends on them.
+/// Settings that may change on resume, because no finished step depends on them.
 const FREE_ON_RESUME: [&str; 8] = [
     "iterations",
     "checkpoint-every",
@@ -81,12 +81,12 @@ pub(crate) struct Args {
     pub(crate) asked: Asked,
 }
 
-/// The method where none is named.
+/// The default method.
 pub(crate) const METHOD: Method = Method::Psrgs;
 
 impl Args {
-    /// The run that the options describe; `matches` tell which were given by name.
-    pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<Plan> {
+    /// The run that the options describe. `matches` says which options were given by name.
+    pub(crate) fn plan(&self, matches: &clap::ArgMatches) -> anyhow::Result<RunPlan> {
         let (asked, named) = self.asked.settings(matches)?;
         let given = |key: &str| named.has(key);
         can_be_kept(&asked)?;
@@ -152,11 +152,11 @@ impl Args {
         let (lose_device_at, keep_no_photographs) = (None, false);
         let overwrite = self.overwrite;
         let resume = self.resume.is_some();
-        Ok(Plan { settings, out, resume, overwrite, preset, lose_device_at, keep_no_photographs })
+        Ok(RunPlan { settings, out, resume, overwrite, preset, lose_device_at, keep_no_photographs })
     }
 }
 
-/// Settings are kept as text.
+/// Refuses paths that a settings file cannot hold, because it is text.
 fn can_be_kept(settings: &Settings) -> Result<(), Failure> {
     let paths = [&settings.data, &settings.run.init, &settings.scoring.perceptual_weights];
     match paths.into_iter().flatten().find(|path| path.to_str().is_none()) {
@@ -175,12 +175,12 @@ fn default_out(data: &Path, settings: &Settings) -> PathBuf {
     PathBuf::from(names::bounded(name.as_deref().unwrap_or("model"), 255 - ending.len()) + &ending)
 }
 
-/// A resumed run takes the steps that the undisturbed run would have taken: only what does not touch them may differ
-/// from the settings `before`, which are those of `place`.
+/// Fails where a resumed run has settings that would change its finished steps. `before` are the settings of the run,
+/// and `place` says where they are from.
 pub(crate) fn unchanged_on_resume(before: &Settings, resumed: &Settings, place: &str) -> anyhow::Result<()> {
-    // What a training learns from is no longer a matter of scores alone.
+    // Weights of a loss change the training, while weights of a score do not.
     let learned_from = |key: &str| key == "perceptual-weights" && before.texture.lambda_perceptual > 0.0;
-    // That the dataset is the same wherever it is now, the checkpoint knows.
+    // The checkpoint checks that the dataset is the same, wherever it lies now.
     let free = |key: &str| key == "data" || FREE_ON_RESUME.contains(&key) && !learned_from(key);
     let differences: Vec<String> = resumed
         .differences(before)?

@@ -1,24 +1,24 @@
-//! A training as the command line asks for it.
+//! A training run from the options of the command line.
 
 use std::path::PathBuf;
 
 use psrgs_vk::train::Settings;
 
-/// A run as the options describe it.
+/// A training run.
 #[derive(Debug)]
-pub(crate) struct Plan {
+pub(crate) struct RunPlan {
     /// Every setting, with absolute paths.
     pub(crate) settings: Settings,
-    /// Folder for the results.
+    /// Folder of the results.
     pub(crate) out: PathBuf,
-    /// Whether to go on from the checkpoint in `out`.
+    /// Whether to resume from the checkpoint in `out`.
     pub(crate) resume: bool,
-    /// Whether `out` may hold an earlier run.
+    /// Whether `out` may hold an earlier run, which is replaced.
     pub(crate) overwrite: bool,
-    /// What to say of the preset that holds.
+    /// Message about the preset.
     pub(crate) preset: Option<String>,
-    /// For tests: the step after which the device is as if lost.
+    /// For tests: the step after which the device counts as lost.
     pub(crate) lose_device_at: Option<u32>,
-    /// For tests: whether photographs are read again in each step.
+    /// For tests: whether every step decodes its photographs again.
     pub(crate) keep_no_photographs: bool,
 }

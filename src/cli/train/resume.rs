@@ -1,4 +1,4 @@
-//! Where a training that was interrupted goes on.
+//! Resumes an interrupted training.
 
 use std::path::Path;
 
@@ -6,14 +6,14 @@ use anyhow::Context as _;
 use psrgs_vk::format::checkpoint;
 use psrgs_vk::train::{Checkpointed, Restart, Schedule, Settings};
 
-use super::plan::Plan;
+use super::plan::RunPlan;
 use super::unchanged_on_resume;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::run_folder::RunFolder;
 
-/// What the last checkpoint of the run has, where it is to go on and there is one yet.
-pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Restart>> {
+/// The run's last checkpoint, where the run is resumed and has one.
+pub(super) fn restart(plan: &RunPlan, folder: &RunFolder, console: &Console) -> anyhow::Result<Option<Restart>> {
     if !plan.resume {
         return Ok(None);
     }
@@ -32,8 +32,8 @@ pub(super) fn restart(plan: &Plan, folder: &RunFolder, console: &Console) -> any
     Ok(Some(found.restart))
 }
 
-/// That the settings are those that the checkpoint was made with, as far as they must be: a settings file can be
-/// edited. Tells what has changed; gives the number of steps that the run was to have.
+/// Compares the settings with those of the checkpoint, because the settings file may have been edited. Fails for
+/// changes that a resumed run cannot take, and prints the others. Returns the number of steps that the run was to have.
 fn as_it_was_saved(settings: &Settings, saved: &str, file: &Path, console: &Console) -> anyhow::Result<Option<u32>> {
     let before = match Settings::from_toml(saved, file) {
         Ok(before) => before,
@@ -49,7 +49,7 @@ fn as_it_was_saved(settings: &Settings, saved: &str, file: &Path, console: &Cons
     Ok(Some(before.run.iterations))
 }
 
-/// Another number of steps is one that the run has not passed yet, and in which no stage that is over begins again.
+/// Checks a changed number of steps: the run must not be past it, and no finished stage may begin again.
 fn fits_what_is_done(settings: &Settings, former: Option<u32>, step: u32) -> anyhow::Result<()> {
     let iterations = settings.run.iterations;
     let wrong = |problem: String| Err(Failure::Usage(format!("--iterations {iterations}: {problem}")).into());

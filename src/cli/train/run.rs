@@ -1,4 +1,4 @@
-//! A training from the open run folder to the last file, with what is told on the way.
+//! A training from the open run folder to the last file, with its messages.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use psrgs_vk::dataset::Dataset;
 use psrgs_vk::train::prepare::{Request, Setup};
 use psrgs_vk::train::{Trainer, prepare};
 
-use super::plan::Plan;
+use super::plan::RunPlan;
 use super::{resume, run_loop, startup_log};
 use crate::cli::console::Console;
 use crate::cli::finished::Finished;
@@ -17,14 +17,14 @@ use crate::cli::outputs;
 use crate::cli::run_folder::{self, RunFolder};
 use crate::cli::{device, output_guard};
 
-/// Trains as planned; the process is counted from `started`.
-pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
+/// Trains as planned. `started` is the start of the process.
+pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
     let mut dataset = load(plan, console)?;
     if !plan.resume {
         output_guard::check(&plan.out, &dataset)?;
     }
-    // Not before: a wrong name of the dataset leaves no folder behind.
+    // The folder is created after the dataset is found, so that a wrong path leaves no folder behind.
     let folder = RunFolder::open(plan)?;
     folder.warnings().iter().for_each(|warning| console.warn(warning));
     startup_log::dataset(&dataset, console);
@@ -58,7 +58,7 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut to_the_end = || {
         let training_seconds = run_loop::follow(&mut trainer, plan, &gpu, console, interrupt, done)?;
-        // The last checkpoint has all of the training, and files appear whole or not at all.
+        // The last checkpoint has the whole training, and files are written whole or not at all.
         let resume = plan.out.display();
         interrupt.ends_at_once(format!(
             "stopped before all results were written; the training is done and saved: psrgs-vk train --resume \
@@ -85,8 +85,8 @@ pub(crate) fn train(plan: &Plan, interrupt: &Interrupt, console: &Console, start
     to_the_end().map_err(|error| folder.with_resume_hint(error))
 }
 
-/// Loads the dataset. Where a run is gone on with, an error says what to do if it has moved.
-fn load(plan: &Plan, console: &Console) -> anyhow::Result<Dataset> {
+/// Loads the dataset. For a resumed run, an error says what to do if the dataset has moved.
+fn load(plan: &RunPlan, console: &Console) -> anyhow::Result<Dataset> {
     let settings = &plan.settings;
     let data = settings.data.as_deref().context("no dataset")?;
     if let Some(preset) = &plan.preset {

@@ -1,19 +1,19 @@
-//! A training under way: its messages told, and its end where the user wants one.
+//! Runs a training: prints its messages, and stops it on request.
 
 use psrgs_vk::train::{Message, Trainer};
 use psrgs_vk::vk::Gpu;
 
-use super::plan::Plan;
+use super::plan::RunPlan;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::progress::Progress;
 use psrgs_vk::numbers::{counted, grouped, percent};
 
-/// Pulls messages until the end; gives the seconds of training. `done` is the last step of an earlier stretch.
+/// Takes messages until the end and returns the seconds of training. `done` is the last step of an earlier stretch.
 pub(super) fn follow(
     trainer: &mut Trainer,
-    plan: &Plan,
+    plan: &RunPlan,
     gpu: &Gpu,
     console: &Console,
     interrupt: &Interrupt,
@@ -50,8 +50,8 @@ pub(super) fn follow(
     Ok(seconds)
 }
 
-/// Saves what is done; that the user has stopped the run, and how it goes on.
-fn stopped(trainer: &mut Trainer, plan: &Plan) -> anyhow::Result<Failure> {
+/// Saves the training. Returns the failure that says how to resume.
+fn stopped(trainer: &mut Trainer, plan: &RunPlan) -> anyhow::Result<Failure> {
     let (step, file) = trainer.save_checkpoint()?;
     Ok(Failure::Interrupted(format!(
         "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
@@ -60,7 +60,7 @@ fn stopped(trainer: &mut Trainer, plan: &Plan) -> anyhow::Result<Failure> {
     )))
 }
 
-/// What a message says to the user.
+/// Prints a message of the training.
 fn tell(message: &Message, progress: &mut Progress) {
     match message {
         Message::Step { step, loss, splats, seconds, .. } => progress.step(*step, *loss, *splats, *seconds),

@@ -1,4 +1,4 @@
-//! What is told of a training before its first step.
+//! Messages before the first step of a training.
 
 use psrgs_vk::dataset::{Dataset, Role};
 use psrgs_vk::numbers::{counted, grouped, percent};
@@ -12,13 +12,13 @@ use crate::cli::console::Console;
 use crate::cli::progress::duration;
 use crate::cli::stereo::without_depth;
 
-/// Steps of a training from which on a few more are taken before it to tell its time.
+/// From this number of steps on, a few extra steps are timed before the training to estimate its time.
 const WORTH_TIMING: u32 = 1000;
 
-/// Share of the first splats near a cloud below which it may be shifted.
+/// Below this share of first splats near the cloud, the cloud may be shifted.
 const FEW_NEAR: f64 = 0.1;
 
-/// What the dataset holds, and its warnings.
+/// Prints the contents of the dataset, and its warnings.
 pub(super) fn dataset(dataset: &Dataset, console: &Console) {
     let count = |role| dataset.views_of(role).count();
     let size = dataset.views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
@@ -44,7 +44,7 @@ pub(super) fn dataset(dataset: &Dataset, console: &Console) {
     }
 }
 
-/// What happens while the training is made ready.
+/// Prints an event of the setup.
 pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
     match event {
         SetupEvent::ModelLeftOut(left_out) => console.warn(left_out),
@@ -73,7 +73,7 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
     }
 }
 
-/// What depths there are to train with.
+/// Prints which depths the training uses.
 fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Console) {
     let prior = settings.geometry.depth_prior;
     found.left_out.iter().for_each(|left_out| console.warn(left_out));
@@ -117,7 +117,7 @@ fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Con
     without_depth(&found.skipped, console);
 }
 
-/// What is trained, and what is to be known of the photographs and splats that it begins with.
+/// Prints the method and the first splats of the training.
 pub(super) fn setup(setup: &Setup, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&setup.settings, &setup.input);
     for (role, views) in [(Role::Train, &input.train), (Role::HeldOut, &input.held_out)] {
@@ -136,11 +136,11 @@ pub(super) fn setup(setup: &Setup, dataset: &Dataset, console: &Console) {
     }
 }
 
-/// What is to be known of the splats that a training begins with which does not go on.
+/// Prints notes about the first splats of a training that is not resumed.
 fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
     let (settings, input) = (&setup.settings, &setup.input);
     if let Some(coloured) = &input.optional.coloured {
-        // Of the dataset's points this has been told with the dataset.
+        // The message about the dataset's points says so already.
         if !coloured.of_dataset {
             console.warn(&coloured.colourless);
         }
@@ -172,7 +172,7 @@ fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
     }
 }
 
-/// The device memory and the time that the training takes.
+/// Prints the device memory and the time that the training takes.
 pub(super) fn demands(setup: &Setup, gpu: &Gpu, console: &Console) -> anyhow::Result<()> {
     let Setup { settings, input, host, restart, .. } = setup;
     let variants = match restart {
@@ -180,14 +180,14 @@ pub(super) fn demands(setup: &Setup, gpu: &Gpu, console: &Console) -> anyhow::Re
         None => chosen_variants(gpu, settings)?,
     };
     console.say(MemoryPlan::new(gpu, input, settings, variants, host.pacing, setup.splats())?);
-    // Timed with the splats to begin with: of a model that has grown it says nothing.
+    // The first splats are timed. Their time says nothing about a resumed model that has grown.
     if restart.is_none() && settings.run.iterations >= WORTH_TIMING {
         estimate(gpu, input, settings, variants, console);
     }
     Ok(())
 }
 
-/// Tells the time that the training takes, as far as it can be told before it begins. That it cannot does no harm.
+/// Prints an estimate of the training time. A failed estimate is ignored.
 fn estimate(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants, console: &Console) {
     if let Ok(Some(estimate)) = Estimate::measure(gpu, input, settings, variants) {
         let seconds = estimate.seconds(settings.run.iterations);

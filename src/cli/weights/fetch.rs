@@ -1,4 +1,4 @@
-//! Fetching public weights: over HTTPS, kept only where the content is what was published.
+//! Fetches public weights over HTTPS. A file is kept only if it has the published content.
 
 use std::path::Path;
 use std::time::Duration;
@@ -10,20 +10,19 @@ use sha2::{Digest, Sha256};
 
 use super::super::exit::Failure;
 
-/// Nothing that is fetched is larger; what claims to be is cut off.
+/// Most bytes of a download.
 const MOST_BYTES: u64 = 64 << 20;
-/// How long an address may take to answer.
+/// Longest wait for an answer.
 const ANSWER: Duration = Duration::from_secs(30);
-/// How long a file may take to come.
+/// Longest time of a download.
 const WHOLE: Duration = Duration::from_secs(600);
 
-/// The SHA-256 of some bytes in hexadecimal digits.
+/// SHA-256 of bytes in hexadecimal.
 pub(super) fn sum(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Fetches a file into the folder, from its own address or from under another one.
-/// Where anything is wrong nothing is written.
+/// Fetches a file into the folder, from its own address or from one below `from`. Writes nothing after any failure.
 pub(super) fn fetch(file: &PublicFile, from: Option<&str>, folder: &Path) -> anyhow::Result<()> {
     let address = match from {
         Some(base) => format!("{}/{}", base.trim_end_matches('/'), file.name),
