@@ -2,7 +2,7 @@
 
 use image::{DynamicImage, ImageBuffer};
 
-use super::pixels::Sample;
+use super::pixels::ChannelValue;
 
 /// The image in front of a colour (red, green, blue from 0 to 1). Mixes encoded values, as viewers and other trainers
 /// do: `alpha * colour of the pixel + (1 - alpha) * colour behind`. The result keeps the bits per channel, 8 or 16.
@@ -32,7 +32,7 @@ pub(super) fn mostly_clear(image: &DynamicImage) -> u64 {
     }
 }
 
-fn mixed<T: Sample>(rgba: &[T], behind: [f32; 3]) -> Vec<T> {
+fn mixed<T: ChannelValue>(rgba: &[T], behind: [f32; 3]) -> Vec<T> {
     let mut rgb = Vec::with_capacity(rgba.len() / 4 * 3);
     for pixel in rgba.chunks_exact(4) {
         let share = pixel[3].number() / T::WHITE;

@@ -5,40 +5,40 @@ use std::path::PathBuf;
 
 use super::Point;
 
-/// Names of properties are told up to this many.
+/// Most names of properties in the message.
 const NAMED: usize = 8;
 
-/// A cloud of points whose colours say nothing.
+/// A cloud of points without usable colours.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Colourless {
     /// The file with the points.
     pub file: PathBuf,
-    /// Why they say nothing.
+    /// Why the colours cannot be used.
     pub why: NoColours,
 }
 
-/// Why the colours of points say nothing.
+/// Why the colours of points cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoColours {
-    /// All points have this one.
+    /// All points have this colour.
     OneColour([u8; 3]),
-    /// The file holds nothing but places.
+    /// The file holds positions only.
     Absent,
-    /// The file has these properties, and none of them are colours in a form that is known.
+    /// The file has these properties, and none is a colour in a known form.
     Unknown(Vec<String>),
 }
 
 impl NoColours {
-    /// Of a cloud whose file has these properties besides places and normals.
+    /// For a cloud whose file has these properties besides positions and normals.
     pub fn with_properties(unknown: &[String]) -> Self {
         if unknown.is_empty() { Self::Absent } else { Self::Unknown(unknown.to_vec()) }
     }
 
-    /// The warning about these colours, if any.
+    /// Why these colours cannot be used; `None` where they can.
     pub fn of_colours(colours: impl IntoIterator<Item = [u8; 3]>) -> Option<Self> {
         let mut colours = colours.into_iter();
         let first = colours.next()?;
-        // One point alone says nothing of the others.
+        // A single point says nothing about the colours of others.
         let mut others = colours.peekable();
         (others.peek().is_some() && others.all(|colour| colour == first)).then_some(Self::OneColour(first))
     }

@@ -1,28 +1,28 @@
-//! The views of the cameras of a dataset: whether the dataset will train well, before it is trained.
+//! Diagnoses a dataset before training: what its cameras have in view.
 
 use rayon::prelude::*;
 
 use super::{Dataset, Samples, Warning, random_points};
 use crate::numbers::counted;
 
-/// Pairs of views are compared by at most this many points.
+/// Most points by which pairs of views are compared.
 const COMPARED: usize = 20_000;
-/// A view with fewer points than this hardly takes part in the reconstruction.
+/// A view with fewer points hardly takes part in the reconstruction.
 const FEW_POINTS: usize = 20;
-/// Views are named up to this many.
+/// Most views that a message names.
 const NAMED: usize = 5;
 
-/// What one view has in view, hidden by something or not.
+/// The points in front of a camera and inside its image, hidden or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
-    /// Reconstructed points inside the picture.
+    /// Number of these points.
     pub points: usize,
-    /// The share of them that the view with the most of them has in view too; `None` without points or other views.
+    /// Largest share of these points that another view has in view too; `None` without points or other views.
     pub overlap: Option<f64>,
 }
 
 impl Dataset {
-    /// What each view has in view, in the order of the views.
+    /// The points in view of each view, in the order of the views.
     pub fn sights(&self) -> Vec<Sight> {
         let step = self.points.len().div_ceil(COMPARED).max(1);
         let seen: Vec<(usize, Vec<u64>)> = self
@@ -52,16 +52,16 @@ impl Dataset {
         seen.par_iter().enumerate().map(sight).collect()
     }
 
-    /// What is wrong with the dataset, `sights` being those of its views: its warnings,
-    /// and views that see no points or hardly any.
+    /// The problems of the dataset: its warnings, and views with no points or hardly any in view. `sights` are those of
+    /// its views.
     pub fn problems(&self, sights: &[Sight]) -> Vec<String> {
         let mut problems: Vec<String> = self.warnings.iter().map(ToString::to_string).collect();
-        // What photographs see of points that are of no use says nothing of their poses.
+        // Where the points are of no use, a view without points says nothing about its pose.
         problems.extend(self.useless.as_ref().map(ToString::to_string));
         if self.begins_at_random() {
             return problems;
         }
-        // Of a wrong pose everything is said.
+        // A view with a wrong pose has its own warning.
         let told = |name: &str| {
             self.warnings.iter().any(|w| matches!(w, Warning::PoseWrong { name: wrong, .. } if wrong == name))
         };
@@ -82,8 +82,8 @@ impl Dataset {
         problems
     }
 
-    /// How many photographs have more than 8 bits per channel, and what is done with them:
-    /// a line for each kind of file.
+    /// The number of photographs with more than 8 bits per channel, and how they are treated: a line for each kind of
+    /// file.
     pub fn deep_photographs(&self) -> Vec<String> {
         let of = |samples: Samples| {
             let mut views = self.views.iter().filter(|view| view.samples == samples);

@@ -40,10 +40,10 @@ pub enum Error {
         /// COLMAP's name of the model.
         model: &'static str,
     },
-    /// A photograph that is read again is not the one that was read first.
+    /// A photograph has changed since it was first read.
     #[error("{}: this photograph, or its mask, has changed since it was first read; put it back as it was", file.display())]
     ChangedSince {
-        /// Its file.
+        /// The photograph's file.
         file: PathBuf,
     },
     /// A model without photographs.
@@ -68,7 +68,7 @@ pub enum Error {
         /// The name.
         name: String,
     },
-    /// All poses are the wrong way round, or of other axes.
+    /// All poses have another convention than that of their format.
     #[error("{}: the poses are {what}", file.display())]
     PosesInOtherConvention {
         /// The file with the poses.
@@ -76,7 +76,7 @@ pub enum Error {
         /// The convention of the poses, and the remedy.
         what: WrongConvention,
     },
-    /// Names and poses that do not belong together.
+    /// Names and poses are in different orders.
     #[error(
         "{}: {} of {} fit better from the poses of others than from their own, as the colours of the points show: \
          names and poses are not in the same order. Export them again from the reconstruction",
@@ -85,9 +85,9 @@ pub enum Error {
     PosesOfOthers {
         /// The dataset.
         file: PathBuf,
-        /// How many photographs fit better from the pose of another.
+        /// Photographs that fit better from the pose of another one.
         changed: usize,
-        /// All that were looked at.
+        /// Photographs that were compared.
         of: usize,
     },
     /// No folder with photographs.
@@ -97,28 +97,28 @@ pub enum Error {
         folder: PathBuf,
         /// The folders tried.
         looked_for: String,
-        /// Where photographs of these names are, to follow in the sentence; empty where that is not known.
+        /// The folder with photographs of these names, worded to follow the sentence; empty where none is known.
         elsewhere: String,
     },
-    /// Poses whose photographs are not there.
+    /// Photographs of the model are missing.
     #[error(
         "{}: {} of {} {} missing, {}'{first}'{nearest}; put {} back or remove {} from the model",
         folder.display(), grouped(*count), counted(*total, "photograph"), of_count(*count, "is", "are"),
         of_count(*count, "", "the first of them "), of_count(*count, "the file", "them"), of_count(*count, "the pose", "their poses")
     )]
     MissingPhotographs {
-        /// Where they should be.
+        /// The folder of photographs.
         folder: PathBuf,
-        /// How many are missing.
+        /// Missing photographs.
         count: usize,
-        /// How many the model names.
+        /// All photographs of the model.
         total: usize,
-        /// The first missing one, bytewise.
+        /// The first missing photograph in bytewise order.
         first: String,
-        /// What is there in its place, to follow in the sentence; may be empty.
+        /// The nearest name in the folder, worded to follow the sentence; may be empty.
         nearest: String,
     },
-    /// A path in a file of the dataset that leads to nothing inside of it.
+    /// A path in a file of the dataset that leads to no file in the dataset.
     #[error("{}: {field} is '{path}'{nearest}", file.display())]
     NoSuchFile {
         /// The file with the path.
@@ -127,10 +127,10 @@ pub enum Error {
         field: String,
         /// The path.
         path: String,
-        /// Why it leads to nothing, and what is there in its place.
+        /// Why the path leads nowhere, and the nearest file.
         nearest: String,
     },
-    /// The photograph has not the shape its camera says.
+    /// A photograph and its camera have different aspect ratios.
     #[error(
         "{}: the photograph is {}x{}, its camera {camera} is {}x{}, which is another aspect ratio{hint}",
         file.display(), photograph.0, photograph.1, expected.0, expected.1
@@ -147,7 +147,7 @@ pub enum Error {
         /// A likely reason.
         hint: &'static str,
     },
-    /// A mask has not the shape of its photograph.
+    /// A mask and its photograph have different aspect ratios.
     #[error(
         "{}: the mask is {}x{}, its photograph {}x{}, which is another aspect ratio{}",
         file.display(), mask.0, mask.1, photograph.0, photograph.1,
@@ -159,12 +159,12 @@ pub enum Error {
         file: PathBuf,
         /// Its width and height.
         mask: (u32, u32),
-        /// The photograph's.
+        /// Width and height of the photograph.
         photograph: (u32, u32),
-        /// Whether it would fit turned by 90 degrees.
+        /// Whether the mask would fit after a turn by 90 degrees.
         turned: bool,
     },
-    /// Decoding a picture would take more memory than it may.
+    /// Decoding a picture would take more memory than allowed.
     #[error(
         "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, of which {} may be used; store a \
          smaller picture, or {}",
@@ -181,7 +181,7 @@ pub enum Error {
         /// The memory that decoding may take.
         limit: DecodeLimit,
     },
-    /// The system gives no memory for decoding a picture.
+    /// The system has too little memory for decoding a picture.
     #[error(
         "{}: the picture is {}x{} pixels, and decoding it takes {} of memory, which the system does not give; store a \
          smaller picture, or free memory", file.display(), size.0, size.1, readable(*needed)
@@ -201,9 +201,9 @@ pub enum Error {
         file: PathBuf,
         /// "header" or "pixels".
         field: &'static str,
-        /// How far the decoder had read.
+        /// Bytes that the decoder had read.
         at: u64,
-        /// Its complaint.
+        /// The decoder's message.
         problem: String,
     },
     /// The photograph changed between loading the dataset and reading the pixels.
@@ -219,20 +219,20 @@ pub enum Error {
         /// Width and height found at first.
         before: (u32, u32),
     },
-    /// Numbers that are finite and lead to some that are not.
+    /// Finite numbers from which others follow that are not finite.
     #[error("{}: {what} cannot be used: {problem}", file.display())]
     OutOfRange {
         /// The file with the poses, or with the points.
         file: PathBuf,
-        /// Which camera or point.
+        /// The camera or point.
         what: String,
-        /// What is wrong with it.
+        /// Its problem.
         problem: String,
     },
-    /// The options ask for images of no size.
+    /// The options ask for an image of size 0.
     #[error("the longest side of an image (`max-side`) must be at least 1 pixel")]
     ZeroMaxSide,
-    /// A size or a factor that no image can have.
+    /// A size or factor that no image can have.
     #[error("a width and a height (`width`, `height`) must be at least 1 pixel, a factor (`downscale`) at least 1")]
     BadSize,
     /// A photograph cannot be reduced to the size asked for.
@@ -251,7 +251,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Nothing was found, of the format that was asked for or of any.
+    /// No dataset was found, of the given format or of any.
     pub(super) fn no_model(folder: &Path, looked_for: String, asked: Option<Format>) -> Self {
         match hint::unreadable(folder) {
             Some(error) => error.into(),

@@ -1,10 +1,11 @@
-//! The scene's frame from the cameras, as in the 3DGS reference: centre and reach of the training cameras.
+//! The scene's frame from the training cameras, as in the 3DGS reference: centre and extent.
 
 use super::Warning;
 use super::colmap::Point;
 use crate::scene::Frame;
 
-/// Below this fraction of the distance to the points the cameras count as one: their spread says nothing of the scene.
+/// Where the cameras' spread is less than this fraction of the distance to the points, it says nothing about the
+/// scene's size.
 const DEGENERATE: f64 = 1e-4;
 
 /// A camera whose distance from the middle is more than this multiple of the median distance has a wrong pose.
@@ -12,12 +13,12 @@ const FAR: f64 = 30.0;
 /// A camera whose distance is more than this multiple of the ninth decile stands apart: its pose counts as wrong unless
 /// points confirm the pose.
 const APART: f64 = 4.0;
-/// With fewer cameras none stands apart.
+/// With fewer cameras, no camera stands apart.
 const LEAST_CAMERAS: usize = 6;
 
-/// The cameras that are far from all others, with how many times as far as half of them, by the distances from their
-/// middle (the median along each axis); none where half of them are at one place.
-/// `fits` says of a camera whether points bear its pose out.
+/// The cameras far from all others, each with its distance in multiples of the median distance. Distances are from the
+/// middle of the cameras (the median along each axis). Empty where at least half of the cameras are at one place.
+/// `fits` says whether points confirm a camera's pose.
 pub(super) fn far_cameras(centers: &[[f64; 3]], fits: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
     let sorted = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -44,12 +45,12 @@ pub(super) fn far_cameras(centers: &[[f64; 3]], fits: impl Fn(usize) -> bool) ->
     distances.into_iter().enumerate().filter(is_far).map(|(at, d)| (at, d / typical)).collect()
 }
 
-/// Offset = mean of the training cameras' centres; extent = 1.1 x the largest distance of one from it, in dataset
-/// units. Without a spread of the cameras the extent is the median distance of the points from the cameras, which is
-/// what the reach of the cameras is about when they go around an object; without points it is one dataset unit.
+/// Offset: mean of the training cameras' centres. Extent: 1.1 x the largest distance of a training camera from the
+/// offset, in dataset units. Where the cameras have no spread, the extent is the median distance of the points from the
+/// cameras, which is about the extent of cameras around an object. Without points it is one dataset unit.
 pub(super) fn scene_frame(centers: &[[f64; 3]], points: &[Point]) -> (Frame, f64, Option<Warning>) {
     let n = centers.len().max(1) as f64;
-    // Summed about the first centre: geo-referenced coordinates keep their last digits.
+    // Sums are relative to the first centre, so that geo-referenced coordinates keep their last digits.
     let origin = centers.first().copied().unwrap_or_default();
     let offset: [f64; 3] =
         std::array::from_fn(|k| origin[k] + centers.iter().map(|c| c[k] - origin[k]).sum::<f64>() / n);

@@ -1,4 +1,4 @@
-//! The folder of photographs, among `images`, `images_2`, `images_4` and so on.
+//! Chooses the folder of photographs among `images`, `images_2`, `images_4` and so on.
 
 use super::names::is_hidden;
 use std::collections::HashSet;
@@ -10,7 +10,7 @@ use super::error::Error;
 use super::names;
 use crate::format;
 
-/// Entries of a folder that are looked at to tell what it holds.
+/// Most entries of a folder that are looked at.
 const LOOKED_AT: usize = 1000;
 
 /// A folder of photographs.
@@ -20,12 +20,12 @@ pub struct ImagesFolder {
     pub path: PathBuf,
     /// N of `images_N`; 1 for `images` and for a folder of another name.
     pub reduction: u32,
-    /// Whether it was chosen rather than asked for.
+    /// Whether the folder was chosen automatically.
     pub automatic: bool,
 }
 
-/// Uses the folder asked for, else the most reduced one that is complete and not smaller than the size trained at, else
-/// the least reduced one there is: photographs are not decoded at a size that is thrown away.
+/// Takes the folder that the options name. Else takes the most reduced folder that is complete and not smaller than the
+/// training size, so that no photograph is decoded at a larger size than needed. Else takes the least reduced folder.
 pub(super) fn choose(
     dataset: &Path,
     asked: Option<&Path>,
@@ -69,14 +69,14 @@ fn no_photographs(dataset: &Path, looked_for: String, names: &[&str]) -> Error {
     Error::NoPhotographs { folder: dataset.to_owned(), looked_for, elsewhere: elsewhere.unwrap_or_default() }
 }
 
-/// Whether a dataset has a folder of photographs that is looked for.
+/// Whether a dataset has one of the usual folders of photographs.
 pub(super) fn has_usual(dataset: &Path) -> bool {
     let entries = fs::read_dir(dataset).into_iter().flatten().flatten();
     entries.filter(|entry| entry.path().is_dir()).any(|entry| entry.file_name().to_str().and_then(reduction).is_some())
 }
 
-/// The folder of a dataset that has the most of some photographs, and how many;
-/// to be named where it is not the usual one.
+/// The folder of a dataset with the most of the named photographs, and their number. For messages where no usual folder
+/// exists.
 fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
     let entries = fs::read_dir(dataset).into_iter().flatten().flatten();
     let mut folders: Vec<PathBuf> =
@@ -85,14 +85,14 @@ fn most_of(dataset: &Path, names: &[&str]) -> Option<(String, usize)> {
     folders.push(dataset.to_owned());
     let count = |path: &PathBuf| names.iter().filter(|name| names::is_there(path, name)).count();
     let counted = folders.iter().map(|path| (path, count(path))).filter(|(_, count)| *count > 0);
-    // Of equal ones the first.
+    // The first of equal folders.
     let (path, count) = counted.reduce(|best, next| if next.1 > best.1 { next } else { best })?;
     let name = path.strip_prefix(dataset).ok().filter(|inside| !inside.as_os_str().is_empty());
     Some((name.map_or_else(|| ".".to_owned(), |inside| inside.display().to_string()), count))
 }
 
-/// The filter for paths of pictures from which the photographs of a dataset are chosen. All pictures pass, except that
-/// of the dataset's own folder no picture in a folder for another purpose passes, unless a name leads there.
+/// A filter for the paths of pictures that may be photographs of a dataset. Where photographs lie in the dataset's
+/// `own` folder, pictures in folders for other purposes do not pass unless a name leads there.
 pub(super) fn may_hold<'a>(own: bool, named: impl IntoIterator<Item = &'a str>) -> impl Fn(&Path) -> bool {
     let named: Vec<String> = named.into_iter().map(|name| name.replace('\\', "/")).collect();
     let first_of =
@@ -104,19 +104,19 @@ pub(super) fn may_hold<'a>(own: bool, named: impl IntoIterator<Item = &'a str>) 
     }
 }
 
-/// Whether a folder of a dataset has pictures that are no photographs, or photographs that are reduced.
+/// Whether a folder of a dataset holds pictures that are no photographs, or reduced photographs.
 fn is_of_something_else(folder: &str) -> bool {
     let known = ["mask", "masks", "depth", "depths", "normal", "normals", "renders", "offpath"];
     known.contains(&folder) || reduction(folder).is_some_and(|n| n > 1)
 }
 
-/// Whether anything is at a path; what may not be looked at is refused.
+/// Whether a file or folder exists. Fails where permissions do not tell.
 pub(super) fn exists(path: &Path) -> Result<bool, format::Error> {
     allowed(path)?;
     Ok(path.exists())
 }
 
-/// Refuses what may not be looked at: nobody knows that it is missing.
+/// Passes errors of permissions on: such a file may exist.
 pub(super) fn allowed(path: &Path) -> Result<(), format::Error> {
     match fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::PermissionDenied => Err(format::Error::io(path, "open")(error)),
@@ -131,7 +131,7 @@ fn reduction(name: &str) -> Option<u32> {
     }
 }
 
-/// Photographs in a folder, counted by their extension, subfolders included.
+/// Number of photographs in a folder and its subfolders, by extension.
 pub(super) fn count_photographs(folder: &Path) -> usize {
     let Ok(entries) = fs::read_dir(folder) else { return 0 };
     entries
@@ -144,7 +144,7 @@ pub(super) fn count_photographs(folder: &Path) -> usize {
         .sum()
 }
 
-/// Whether a folder has pictures, among its first entries.
+/// Whether a picture is among the first entries of a folder.
 pub(super) fn holds_pictures(folder: &Path) -> bool {
     fs::read_dir(folder).into_iter().flatten().take(LOOKED_AT).flatten().any(|entry| is_photograph(&entry.path()))
 }

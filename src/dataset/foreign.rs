@@ -1,4 +1,4 @@
-//! Cameras in files of other programs, which are not read: what they are, and what to export in their place.
+//! Recognises camera files of other programs that cannot be read, and says what to export instead.
 
 use std::fs::{self, File};
 use std::io::Read as _;
@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use super::names::is_hidden;
 
-/// How much of a file is looked at to tell what it is.
+/// Bytes of a file that are read to recognise it.
 const BEGINNING: u64 = 4096;
-/// Folders that files of cameras are in, as a rule: of the dataset itself, and inside of it.
+/// Levels of folders below the dataset that are searched.
 const DEEPEST: usize = 3;
-/// Entries that are looked at.
+/// Most entries that are looked at.
 const LOOKED_AT: usize = 2000;
 
-/// A kind of file, how it is known by its name (in lower case) and by its first bytes, and what to do.
-struct Kind {
+/// A kind of camera file. `is` recognises it by its name in lower case and its first bytes.
+struct CameraFileKind {
     what: &'static str,
     is: fn(&str, &[u8]) -> bool,
     remedy: &'static str,
@@ -24,30 +24,30 @@ fn holds(bytes: &[u8], word: &str) -> bool {
     bytes.windows(word.len()).any(|window| window.eq_ignore_ascii_case(word.as_bytes()))
 }
 
-/// The first line, without a byte order mark, in lower case.
+/// The first line in lower case, without a byte order mark.
 fn first_line(bytes: &[u8]) -> String {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let line = bytes.split(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
     String::from_utf8_lossy(line).to_lowercase()
 }
 
-const KINDS: &[Kind] = &[
-    Kind {
+const KINDS: &[CameraFileKind] = &[
+    CameraFileKind {
         what: "cameras of Metashape (XML)",
         is: |name, bytes| name.ends_with(".xml") && holds(bytes, "<document") && holds(bytes, "<chunk"),
         remedy: "export them from Metashape as COLMAP (File, Export, Export Cameras)",
     },
-    Kind {
+    CameraFileKind {
         what: "a project of Metashape",
         is: |name, _| name.ends_with(".psx") || name.ends_with(".psz"),
         remedy: "export its cameras from Metashape as COLMAP (File, Export, Export Cameras)",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras in the format BlocksExchange (XML)",
         is: |name, bytes| name.ends_with(".xml") && holds(bytes, "<BlocksExchange"),
         remedy: "export them as COLMAP from the program that wrote them",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras of RealityCapture (CSV)",
         is: |name, bytes| {
             let line: String = first_line(bytes).split_whitespace().collect();
@@ -55,29 +55,29 @@ const KINDS: &[Kind] = &[
         },
         remedy: "export the registration from RealityCapture (RealityScan) as COLMAP",
     },
-    Kind {
+    CameraFileKind {
         what: "a project of RealityCapture",
         is: |name, _| name.ends_with(".rcproj") || name.ends_with(".rsproj"),
         remedy: "export the registration from RealityCapture (RealityScan) as COLMAP",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras of LLFF (poses_bounds.npy)",
         is: |name, _| name.starts_with("poses_bounds") && name.ends_with(".npy"),
         remedy: "take the COLMAP model that they were made from (sparse/0), or reconstruct the photographs with COLMAP",
     },
-    Kind {
+    CameraFileKind {
         what: "a model of Bundler (.out)",
         is: |name, bytes| name.ends_with(".out") && first_line(bytes).starts_with("# bundle file"),
         remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with \
             COLMAP",
     },
-    Kind {
+    CameraFileKind {
         what: "a model of VisualSFM (.nvm)",
         is: |name, bytes| name.ends_with(".nvm") || first_line(bytes).starts_with("nvm_v3"),
         remedy: "export the cameras as COLMAP from the program that wrote them, or reconstruct the photographs with \
             COLMAP",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras of Pix4D",
         is: |name, _| {
             let parameters =
@@ -86,31 +86,31 @@ const KINDS: &[Kind] = &[
         },
         remedy: "export the project as OPF from Pix4D and make a COLMAP model of it (opf2colmap of Pix4D's pyopf)",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras of Meshroom (AliceVision)",
         is: |name, bytes| name.ends_with(".sfm") || (name.ends_with(".json") && holds(bytes, "\"featuresFolders\"")),
         remedy: "export them as COLMAP (Meshroom's node ExportColmap)",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras of OpenMVG (sfm_data)",
         is: |name, bytes| {
             name.starts_with("sfm_data") && (name.ends_with(".bin") || holds(bytes, "\"sfm_data_version\""))
         },
         remedy: "export them as COLMAP (openMVG_main_openMVG2Colmap)",
     },
-    Kind {
+    CameraFileKind {
         what: "cameras that a trainer of splats has written (cameras.json)",
         is: |name, bytes| name == "cameras.json" && holds(bytes, "\"img_name\""),
         remedy: "take the dataset that was trained on",
     },
-    Kind {
+    CameraFileKind {
         what: "a database of COLMAP, with features and matches and no cameras",
         is: |name, bytes| name.ends_with(".db") && bytes.starts_with(b"SQLite format 3"),
         remedy: "colmap mapper makes a model of it (docs/GUIDE.md, section 2)",
     },
 ];
 
-/// What to say of the first file of cameras that is there and is not read; `None` where there is none.
+/// Describes the first camera file that cannot be read; `None` without one.
 pub(super) fn cameras_in(folder: &Path) -> Option<String> {
     let files = files_below(folder);
     let said = |file: &PathBuf| {
@@ -125,7 +125,7 @@ pub(super) fn cameras_in(folder: &Path) -> Option<String> {
     Some(format!("there {is} {}, which {is} not read: {}; {}", kind.what, place.display(), kind.remedy))
 }
 
-/// What to say of a model of COLMAP that lacks a file; `None` where there is none.
+/// Describes an incomplete COLMAP model; `None` without one.
 pub(super) fn incomplete_model(folder: &Path) -> Option<String> {
     let files = files_below(folder);
     let place = |file: &Path| file.strip_prefix(folder).unwrap_or(file).display().to_string();
@@ -156,7 +156,7 @@ pub(super) fn incomplete_model(folder: &Path) -> Option<String> {
     None
 }
 
-/// Files in a folder and in folders inside of it, in the order of their names, without hidden ones.
+/// Files in a folder and its subfolders, sorted by name, without hidden files.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let (mut found, mut looked_at) = (Vec::new(), 0);
     let mut folders = std::collections::VecDeque::from([(folder.to_owned(), 0)]);
@@ -170,7 +170,7 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
             if looked_at > LOOKED_AT {
                 return found;
             }
-            // Pipes and devices are neither.
+            // Pipes and devices are neither files nor folders.
             match fs::metadata(&path) {
                 Ok(meta) if meta.is_dir() && depth < DEEPEST => folders.push_back((path, depth + 1)),
                 Ok(meta) if meta.is_file() => found.push(path),
@@ -184,7 +184,7 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
 fn beginning(file: &Path) -> Vec<u8> {
     let mut bytes = Vec::new();
     if let Ok(opened) = File::open(file) {
-        // What cannot be read tells nothing.
+        // An unreadable file has no beginning.
         let _ = opened.take(BEGINNING).read_to_end(&mut bytes);
     }
     bytes

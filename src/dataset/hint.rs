@@ -1,4 +1,4 @@
-//! Advice for a user who names a folder that is no dataset.
+//! Advice for a folder that is no dataset.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -10,13 +10,12 @@ use super::model::Format;
 use super::names::is_hidden;
 use crate::format;
 
-/// Entries of a folder that are looked at.
+/// Most entries of a folder that are looked at.
 const LOOKED_AT: usize = 1000;
-/// How deep below a folder a dataset is looked for.
+/// Levels below a folder that are searched for a dataset.
 const LEVELS_BELOW: usize = 3;
 
-/// The error of the first folder that may not be looked into, of those that files of a dataset would be in:
-/// what is there is not known.
+/// The error of the first unreadable folder among those where a dataset's files would be.
 pub(super) fn unreadable(folder: &Path) -> Option<format::Error> {
     let sparse = folder.join("sparse");
     let models = fs::read_dir(&sparse).into_iter().flatten().take(LOOKED_AT).flatten().map(|entry| entry.path());
@@ -27,7 +26,7 @@ pub(super) fn unreadable(folder: &Path) -> Option<format::Error> {
     })
 }
 
-/// Tries to list a folder, and to look at what is in it.
+/// Tries to list a folder and to inspect its entries.
 fn look_into(folder: &Path) -> io::Result<()> {
     if fs::metadata(folder)?.is_dir() {
         fs::read_dir(folder).map(drop)?;
@@ -36,7 +35,7 @@ fn look_into(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// What is there instead of a dataset (of the format that was asked for, if any was), and what to do about it.
+/// What the folder has instead of a dataset (of format `asked`, if given), and the remedy.
 pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String {
     let is_dataset = |path: &Path| match asked {
         Some(format) => format.is_in(path) || format.is_elsewhere(path),
@@ -51,7 +50,7 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
     if let Some(other) = Format::ALL.into_iter().find(|format| format.is_in(folder) || format.is_elsewhere(folder)) {
         return format!("there is a {other} dataset: set no `format`, or `format` to {other}");
     }
-    // A link is told by its name and by where it leads; `..` by the latter alone.
+    // A link is known by its name and by its target; `..` by its target alone.
     let real = folder.canonicalize().unwrap_or_default();
     if let Some((above, place)) = above(folder).into_iter().chain(above(&real)).find(|(path, _)| is_dataset(path)) {
         return format!("the dataset is {place}, {}", above.display());
@@ -72,7 +71,7 @@ pub(super) fn instead_of_dataset(folder: &Path, asked: Option<Format>) -> String
     "docs/GUIDE.md, section 2, says how to make one from photographs".to_owned()
 }
 
-/// The datasets in the folders of a folder, or where there is none in the folders of these, and so on.
+/// The datasets in the subfolders of a folder; where none exist, those one level deeper, and so on.
 fn datasets_below(folder: &Path, is_dataset: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
     let mut level = vec![folder.to_owned()];
     for _ in 0..LEVELS_BELOW {
@@ -89,12 +88,12 @@ fn datasets_below(folder: &Path, is_dataset: impl Fn(&Path) -> bool) -> Vec<Path
     Vec::new()
 }
 
-/// The two folders above one as its name tells them, and what to call them: of `sparse/0` the dataset is the second.
+/// The two parent folders of a path, and names for them in messages: the dataset of `sparse/0` is the second parent.
 pub(super) fn above(folder: &Path) -> Vec<(&Path, &'static str)> {
     let (mut found, mut at) = (Vec::new(), folder);
     for place in ["the folder above it", "two folders above it"] {
         match at.parent() {
-            // What stands before `..` is inside of it.
+            // The parent of `a/..` is not `a`.
             Some(parent) if at.file_name().is_some() && !parent.as_os_str().is_empty() => at = parent,
             _ => break,
         }

@@ -1,5 +1,5 @@
-//! Very large JPEG photographs decoded at a fraction of their size, where no more is needed: a third of the memory and
-//! less than half of the time.
+//! Decodes very large JPEG photographs at a fraction of their size where that is enough. Takes a third of the memory
+//! and less than half of the time.
 
 use image::{DynamicImage, GrayImage, RgbImage};
 use jpeg_decoder::{Decoder, PixelFormat};
@@ -7,13 +7,13 @@ use jpeg_decoder::{Decoder, PixelFormat};
 use super::View;
 use crate::format::contain::contained;
 
-/// Photographs with a shorter longest side are decoded whole: it costs little.
+/// Smaller photographs are decoded at full size: it costs little.
 const LARGE: u32 = 3000;
-/// A decoded side has at least this multiple of the wanted pixels, so that the resampling afterwards decides how the
-/// picture looks, not the averages of the decoder.
+/// Least ratio of decoded to wanted pixels along a side. The resampling afterwards decides how the image looks, and not
+/// the decoder's averages.
 const MARGIN: f64 = 1.5;
 
-/// The divisor of both sides at which a view's photograph can be decoded; 1 for its full size.
+/// The divisor of both sides for decoding a view's photograph; 1 for full size.
 pub(super) fn divisor(view: &View) -> u32 {
     let (width, height) = view.size_on_disk;
     if !view.jpeg || width.max(height) < LARGE {
@@ -25,14 +25,14 @@ pub(super) fn divisor(view: &View) -> u32 {
         Some(lens) => (camera.fx / lens.focal[0]).max(camera.fy / lens.focal[1]),
         None => (f64::from(camera.width) / f64::from(width)).max(f64::from(camera.height) / f64::from(height)),
     };
-    // Sides that do not divide would be rounded up, and the picture shifted against its camera.
+    // A side that the divisor does not divide would be rounded up, which shifts the image against its camera.
     let fits = |n: &u32| width % n == 0 && height % n == 0 && 1.0 >= MARGIN * ratio * f64::from(*n);
-    // At an eighth only block means are left, and fine texture loses contrast.
+    // At an eighth, only block means are left, and fine texture loses contrast.
     [4, 2].into_iter().find(fits).unwrap_or(1)
 }
 
-/// The picture at a fraction of its size. `None` where the decoder for whole pictures has to do it: another format,
-/// another kind of pixels, or a file that something is wrong with, which that decoder then tells.
+/// The picture at a fraction of its size. `None` for another format, other pixel types or a damaged file: the decoder
+/// for whole pictures handles these and reports their errors.
 pub(super) fn decode(bytes: &[u8], size: (u32, u32), divisor: u32) -> Option<DynamicImage> {
     if divisor <= 1 {
         return None;

@@ -1,32 +1,32 @@
-//! Whether a JPEG file is whole: decoders fill what is missing of a truncated photograph with grey and say nothing.
+//! Detects truncated JPEG files: decoders fill missing parts of a photograph with grey without an error.
 
 use image::DynamicImage;
 
 /// How a JPEG file ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
-    /// With the mark of its end; or it is no JPEG file.
+    /// With the end marker, or the file is no JPEG file.
     Whole,
-    /// Among the pixels, of which all may be there.
+    /// Among the pixels, all of which may be there.
     Missing,
     /// Before any pixel.
     Truncated,
 }
 
-/// The mark of the end.
+/// The end marker.
 const MARK: [u8; 2] = [0xff, 0xd9];
 
-/// Walks the markers of a JPEG file (ITU-T T.81, annex B) to the end of the image. What follows it, as some cameras
-/// append data of their own, does not matter.
+/// Walks the markers of a JPEG file (ITU-T T.81, annex B) to the end of the image. Data after the end is ignored: some
+/// cameras append their own.
 pub(super) fn end(bytes: &[u8]) -> End {
     if bytes.starts_with(&[0xff, 0xd8]) { walk(bytes, |_, _| ()) } else { End::Whole }
 }
 
-/// Tells each marker with its parameters.
+/// Passes on each marker with its parameters.
 fn walk(bytes: &[u8], mut tell: impl FnMut(u8, &[u8])) -> End {
     let (mut at, mut pixels) = (2, false);
     loop {
-        // The next marker: 0xff and neither a stuffed zero, nor filling, nor a restart inside the entropy-coded data.
+        // The next marker: 0xff, but no stuffed zero, fill byte or restart inside the entropy-coded data.
         let Some(found) = bytes[at.min(bytes.len())..]
             .windows(2)
             .position(|w| w[0] == 0xff && !matches!(w[1], 0x00 | 0xff | 0xd0..=0xd7))
@@ -37,7 +37,7 @@ fn walk(bytes: &[u8], mut tell: impl FnMut(u8, &[u8])) -> End {
         let marker = bytes[at - 1];
         match marker {
             0xd9 => return End::Whole,
-            // Without parameters.
+            // Markers without parameters.
             0x01 | 0xd8 => {}
             _ => {
                 let Some(length) = bytes.get(at..at + 2) else { return End::Truncated };
@@ -51,23 +51,23 @@ fn walk(bytes: &[u8], mut tell: impl FnMut(u8, &[u8])) -> End {
     }
 }
 
-/// Bytes that are put behind the pixels: where some are missing, each gives other ones.
+/// Bytes that are appended to the pixels. Where pixels are missing, different bytes change the picture.
 const TAILS: [u8; 4] = [0x00, 0x55, 0xaa, 0x33];
 
-/// A file without the mark of its end, with that mark, if all of its pixels are there: then what stands behind them
-/// changes none of them. `decode` gives the picture in a file.
+/// Appends the end marker to a file that lacks it, if all of its pixels are there: then bytes after them change no
+/// pixel. `decode` gives the picture in a file.
 pub(super) fn mended(bytes: &[u8], decode: impl Fn(&[u8]) -> Option<DynamicImage>) -> Option<Vec<u8>> {
     let mut scans = Scans::default();
     if walk(bytes, |marker, parameters| scans.take(marker, parameters)) != End::Missing || !scans.are_complete() {
         return None;
     }
-    // Half of a stuffed byte.
+    // Half of a stuffed byte at the end.
     let pixels = bytes.strip_suffix(&[0xff]).unwrap_or(bytes);
     let ended = |tail: &[u8]| [pixels, tail, &MARK].concat();
     let whole = ended(&[]);
     let picture = decode(&whole)?;
     let same = |tail: &[u8]| decode(&ended(tail)).is_some_and(|other| other == picture);
-    // Missing pixels begin in the middle of what stands between two restarts, or at the next one.
+    // Missing pixels begin inside the data between two restarts, or at the next restart.
     let changes_nothing = |byte: &u8| {
         let noise = [*byte; 64];
         let restarts: Vec<u8> = (0xd0..=0xd7).flat_map(|restart| [&[0xff, restart][..], &noise].concat()).collect();
@@ -76,12 +76,12 @@ pub(super) fn mended(bytes: &[u8], decode: impl Fn(&[u8]) -> Option<DynamicImage
     TAILS.iter().all(changes_nothing).then_some(whole)
 }
 
-/// Which coefficients of which component the scans of a file hold so far.
+/// The coefficients of each component in the scans so far.
 #[derive(Default)]
 struct Scans {
     progressive: bool,
     restarts: bool,
-    /// By component: its name, and of each coefficient whether all of its bits are there.
+    /// Per component: its identifier, and for each coefficient whether all of its bits are there.
     components: Vec<(u8, u64)>,
 }
 
@@ -112,7 +112,7 @@ impl Scans {
         }
     }
 
-    /// Whether no scan is missing as a whole.
+    /// Whether no whole scan is missing.
     fn are_complete(&self) -> bool {
         !self.components.is_empty() && self.components.iter().all(|(_, held)| *held == u64::MAX)
     }
@@ -149,8 +149,7 @@ mod tests {
         image::load_from_memory_with_format(bytes, ImageFormat::Jpeg).ok()
     }
 
-    /// A picture that is cut off at every byte of its last part: whole where only the mark of the end is gone,
-    /// and nowhere else.
+    /// Cuts a picture off at every byte of its last part. Only a missing end marker counts as whole.
     fn cut_everywhere(bytes: &[u8]) {
         let picture = decode(bytes).expect("a picture");
         let pixels = bytes.len() - 2;
@@ -162,7 +161,7 @@ mod tests {
         let data = bytes.windows(2).rposition(|w| w == [0xff, 0xda]).expect("a scan") + 14;
         for length in (data..pixels - 1).rev().take(40).chain((data..pixels - 1).step_by(29)) {
             if let Some(mended) = mended(&bytes[..length], decode) {
-                // The last bits may be nothing but filling.
+                // The last bits may be padding.
                 assert!(decode(&mended).expect("a picture") == picture, "{length} of {} bytes", bytes.len());
             }
         }

@@ -1,4 +1,4 @@
-//! JSON files whose complaints name the key and the line.
+//! JSON files. Errors name the key and the line.
 
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use serde_json::value::RawValue;
 
 use crate::format::{At, Error, decode};
 
-/// The text of a file.
+/// The text of a JSON file.
 pub(super) struct Json {
     pub(super) file: PathBuf,
     text: String,
@@ -24,16 +24,16 @@ impl Json {
         }
     }
 
-    /// The whole text.
+    /// Parses the whole text.
     pub(super) fn parse<'a, T: Deserialize<'a>>(&'a self) -> Result<T, Error> {
         self.parse_part(&self.text)
     }
 
-    /// A part of the text.
+    /// Parses a part of the text.
     pub(super) fn parse_part<'a, T: Deserialize<'a>>(&'a self, part: &'a str) -> Result<T, Error> {
         serde_json::from_str(part).map_err(|e| {
             let said = e.to_string();
-            // The place is told apart.
+            // The line is added separately.
             let problem = said.split(" at line ").next().unwrap_or(&said);
             let before: usize = part.split_inclusive('\n').take(e.line().saturating_sub(1)).map(str::len).sum();
             let end = self.place(part) + (before + e.column()).min(part.len());
@@ -46,7 +46,7 @@ impl Json {
         })
     }
 
-    /// Bytes of the text before a part of it.
+    /// Byte offset of a part of the text.
     fn place(&self, part: &str) -> usize {
         (part.as_ptr() as usize).saturating_sub(self.text.as_ptr() as usize).min(self.text.len())
     }
@@ -55,7 +55,7 @@ impl Json {
         self.text.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() as u64
     }
 
-    /// The key whose value the byte before `end` is in.
+    /// The key whose value contains the byte before `end`.
     fn key_before(&self, end: usize) -> Option<String> {
         let bytes = self.text.as_bytes().get(..end)?;
         let mut end = bytes.len();
@@ -70,7 +70,7 @@ impl Json {
         }
     }
 
-    /// Complains of a field of the entry in which a text stands in quotation marks.
+    /// An error about a field of an entry, which the text names in quotation marks.
     pub(super) fn error(&self, entry: &str, field: impl Display, problem: impl Display) -> Error {
         let quoted = serde_json::to_string(entry).unwrap_or_default();
         let at = self.text.find(&quoted).or_else(|| self.text.find(entry)).unwrap_or(0);
@@ -78,7 +78,7 @@ impl Json {
     }
 }
 
-/// Values by their names, in the order of the file, also where a name occurs twice.
+/// Values by name in the order of the file, repeated names included.
 #[derive(Default)]
 pub(super) struct Entries<'a>(pub(super) Vec<(String, &'a RawValue)>);
 
@@ -102,8 +102,8 @@ impl<'de: 'a, 'a> Deserialize<'de> for Entries<'a> {
     }
 }
 
-/// JSON has no NaN and no infinity, and programs write them all the same. In quotation marks they are wrong where they
-/// stand, and the rest can be read.
+/// Puts NaN and Infinity, which JSON does not have but programs write, into quotation marks. A quoted word is an error
+/// only where it stands for a needed number; the rest of the file can be read.
 fn quote_no_numbers(text: String) -> String {
     let may = |letter: u8| matches!(letter, b'N' | b'n' | b'I' | b'i');
     let (bytes, mut out) = (text.as_bytes(), String::new());

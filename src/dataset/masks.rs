@@ -1,4 +1,4 @@
-//! Masks: pictures beside the photographs that say which pixels are not to be looked at.
+//! Masks: images beside the photographs that leave pixels out.
 
 use std::path::{Path, PathBuf};
 
@@ -11,21 +11,21 @@ use super::model::{Model, Shot};
 use super::names::stays_inside;
 use super::names::{self, Names, Renamed};
 use super::picture_file::{header_within, picture, read, whole};
-use super::pixels::Sample;
+use super::pixels::ChannelValue;
 use super::sizing::same_shape;
 use crate::host_memory::DecodeLimit;
 
-/// The folder of masks, beside that of the photographs.
+/// The folder of masks, beside the folder of photographs.
 pub(super) const FOLDER: &str = "masks";
 
-/// Which colour of a mask means that a pixel is left out.
+/// The colour of a mask that leaves a pixel out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MaskIgnores {
     /// COLMAP's, OpenSfM's and nerfstudio's convention.
     #[default]
     Black,
-    /// The opposite.
+    /// The opposite convention.
     White,
 }
 
@@ -34,15 +34,14 @@ pub enum MaskIgnores {
 pub struct Masks {
     /// The folder, or the file that names the masks.
     pub place: PathBuf,
-    /// Photographs that have one.
+    /// Photographs with a mask.
     pub matched: usize,
-    /// Photographs.
+    /// All photographs.
     pub of: usize,
 }
 
-/// The masks of the photographs of a model: those that its file names, else those in the folder of masks. The latter
-/// are named as the photograph with `.png` behind (COLMAP, OpenSfM), or with `.png` in place of its extension,
-/// or just as the photograph.
+/// The masks of a model's photographs: those that the model's file names, else those in the folder of masks. There a
+/// mask has the photograph's name with `.png` appended (COLMAP, OpenSfM), with `.png` as its extension, or unchanged.
 pub(super) fn find(dataset: &Path, folder: Option<&Path>, model: &mut Model) -> Result<Vec<Option<PathBuf>>, Error> {
     let mut warnings = Vec::new();
     let masks = find_all(dataset, folder, model, &mut warnings);
@@ -71,7 +70,7 @@ fn find_all(
     Ok(masks)
 }
 
-/// A folder of pictures in the dataset whose name says that these are masks, though it is not the one that is read.
+/// A folder of the dataset whose name suggests masks, but which is not read.
 pub(super) fn unread_folder(dataset: &Path) -> Option<String> {
     let entries = std::fs::read_dir(dataset).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
@@ -97,12 +96,12 @@ fn forms(shot: &Shot) -> Vec<String> {
     all
 }
 
-/// The masks that the file of the model names, inside of the dataset.
+/// The masks inside the dataset that the model's file names.
 fn named(dataset: &Path, model: &Model, warnings: &mut Vec<Warning>) -> Result<Vec<Option<PathBuf>>, Error> {
     let mut masks = vec![None; model.shots.len()];
     let asked: Vec<(usize, &str)> =
         model.shots.iter().enumerate().filter_map(|(at, shot)| Some((at, shot.mask.as_deref()?))).collect();
-    // One mask may serve several photographs.
+    // Several photographs may share a mask.
     let mut paths: Vec<&str> = asked.iter().map(|(_, path)| *path).collect();
     paths.sort_unstable();
     paths.dedup();
@@ -112,7 +111,7 @@ fn named(dataset: &Path, model: &Model, warnings: &mut Vec<Warning>) -> Result<V
         let Some(found) = paths.binary_search(path).ok().and_then(|at| found.get(at)) else { continue };
         match found.file() {
             Some(file) => masks[*at] = Some(dataset.join(file)),
-            // What is there and no file is told by who opens files.
+            // A folder in place of a mask is reported when it is opened as a file.
             None if stays_inside(path) && exists(&dataset.join(path))? => masks[*at] = Some(dataset.join(path)),
             None => {
                 let name = model.shots[*at].name.clone();
@@ -128,8 +127,8 @@ fn named(dataset: &Path, model: &Model, warnings: &mut Vec<Warning>) -> Result<V
     Ok(masks)
 }
 
-/// Refuses a mask whose shape is not that of its photograph, or that takes too much memory; one of another size but of
-/// the same shape is resized.
+/// Refuses a mask whose aspect ratio is not that of its photograph, or whose decoding takes too much memory. A mask of
+/// another size but the same aspect ratio is resized.
 pub(super) fn check_size(file: &Path, photograph: (u32, u32), limit: DecodeLimit) -> Result<(), Error> {
     fits(file, header_within(file, limit)?.size, photograph)
 }
@@ -142,22 +141,22 @@ fn fits(file: &Path, mask: (u32, u32), photograph: (u32, u32)) -> Result<(), Err
     Err(Error::MaskSize { file: file.to_owned(), mask, photograph, turned })
 }
 
-/// The use of the mask of a photograph.
+/// How a photograph's mask is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MaskUse {
-    /// Pixels of the mask that leave out.
+    /// Pixels of the mask that leave photograph pixels out.
     pub left_out: u64,
-    /// Pixels of the mask.
+    /// All pixels of the mask.
     pub pixels: u64,
-    /// Whether the transparency says which, as the colour does not.
+    /// Whether the transparency decides instead of the colour.
     pub by_alpha: bool,
 }
 
-/// A mask that was read.
+/// A decoded mask.
 pub(super) struct Mask {
     width: u32,
     height: u32,
-    /// Of each pixel, whether it is left out.
+    /// For each pixel, whether it is left out.
     left_out: Vec<bool>,
     by_alpha: bool,
 }
@@ -169,8 +168,8 @@ impl Mask {
         Ok(Self::of(&picture(file, &whole(file, &bytes, limit)?, limit)?, ignores))
     }
 
-    /// Pixels above half of the brightest value of the mask are white, because masks of 0 and 1 are as common as masks
-    /// of 0 and 255. Where the colour says nothing, the opacity takes the place of the brightness.
+    /// White pixels are those above half of the mask's brightest value, because masks of 0 and 1 are as common as masks
+    /// of 0 and 255. Where the brightness carries no information, the opacity takes its place.
     fn of(image: &DynamicImage, ignores: MaskIgnores) -> Self {
         let luma = luma(image);
         let alpha = alpha(image).filter(|alpha| says_more(alpha, &luma));
@@ -186,16 +185,16 @@ impl Mask {
         Ok(self)
     }
 
-    /// The numbers of pixels that the mask leaves out and has.
+    /// Counts of the mask's pixels.
     pub(super) fn used(&self) -> MaskUse {
         let left_out = self.left_out.iter().filter(|left_out| **left_out).count() as u64;
         MaskUse { left_out, pixels: self.left_out.len() as u64, by_alpha: self.by_alpha }
     }
 
-    /// Makes the pixels of a photograph (RGBA) transparent that are left out.
-    pub(super) fn apply<T: Sample>(&self, rgba: &mut [T], (width, height): (u32, u32)) {
+    /// Makes left-out pixels of a photograph (RGBA) transparent.
+    pub(super) fn apply<T: ChannelValue>(&self, rgba: &mut [T], (width, height): (u32, u32)) {
         let nearest = |at: u32, size: u32, of: u32| {
-            // The mask's pixel that holds the centre of the photograph's.
+            // The mask pixel that contains the centre of the photograph's pixel.
             let at = (2 * u64::from(at) + 1) * u64::from(of) / (2 * u64::from(size));
             (at as u32).min(of - 1) as usize
         };
@@ -209,7 +208,7 @@ impl Mask {
     }
 }
 
-/// The brightness of each pixel, with all of its bits: masks of 0 and 1 have 16 bits too.
+/// The brightness of each pixel with all its bits: 16-bit masks may hold 0 and 1 too.
 fn luma(image: &DynamicImage) -> Vec<u16> {
     match image.color().bytes_per_pixel() / image.color().channel_count().max(1) {
         1 => image.to_luma8().into_raw().into_iter().map(u16::from).collect(),
@@ -223,7 +222,7 @@ fn luma(image: &DynamicImage) -> Vec<u16> {
     }
 }
 
-/// The opacity of each pixel, where the picture has one.
+/// The opacity of each pixel; `None` without an alpha channel.
 fn alpha(image: &DynamicImage) -> Option<Vec<u16>> {
     Some(match image {
         DynamicImage::ImageLumaA8(picture) => picture.pixels().map(|p| u16::from(p.0[1])).collect(),
@@ -238,19 +237,19 @@ fn alpha(image: &DynamicImage) -> Option<Vec<u16>> {
     })
 }
 
-/// Share of the opaque pixels that are neither dark nor bright from which on a mask with transparent parts is a
-/// photograph that was cut out.
+/// From this share of opaque pixels that are neither dark nor bright, a mask with transparent parts is a cut-out
+/// photograph.
 const CUT_OUT: f64 = 0.25;
 
-/// Whether the opacity says more than the brightness: there is some of it, and the brightness is the same all over, or
-/// that of a photograph that was cut out.
+/// Whether the opacity decides instead of the brightness: it varies, and the brightness is uniform or that of a cut-out
+/// photograph.
 fn says_more(alpha: &[u16], luma: &[u16]) -> bool {
     let range = |values: &[u16]| (values.iter().min().copied().unwrap_or(0), values.iter().max().copied().unwrap_or(0));
     let ((clear, opaque), (dark, bright)) = (range(alpha), range(luma));
     if clear == opaque {
         return false;
     }
-    // Lossy files do not keep one colour to the bit.
+    // Lossy files do not keep a uniform colour exactly.
     if bright - dark <= bright / 16 {
         return true;
     }
@@ -308,10 +307,10 @@ mod tests {
         assert_eq!(rgba(&[white(0), white(127), white(128), white(255)]), (vec![false, false, true, true], true));
         assert_eq!(rgba(&[[0, 0, 0, 0], [0, 0, 0, 255]]), (vec![false, true], true), "of any colour");
         assert_eq!(rgba(&[[251, 252, 250, 0], white(255)]), (vec![false, true], true), "as lossy files have it");
-        // The brightness says something: transparency does not.
+        // The brightness varies, so transparency does not decide.
         assert_eq!(rgba(&[[0, 0, 0, 255], white(0), white(255)]), (vec![false, true, true], false));
         assert_eq!(rgba(&[white(255), white(255)]), (vec![true, true], false));
-        // A photograph that was cut out.
+        // A cut-out photograph.
         let cut_out = [[90, 120, 60, 255], [140, 110, 90, 255], [0, 0, 0, 0], [250, 240, 250, 255]];
         assert_eq!(rgba(&cut_out), (vec![true, true, false, true], true));
         let deep = ImageBuffer::<Rgba<u16>, _>::from_fn(2, 1, |x, _| Rgba([65535, 65535, 65535, x as u16 * 65535]));

@@ -1,8 +1,8 @@
-//! Posed photographs: models of several formats, lenses, masks, the split into training and held-out views,
-//! the scene's frame.
+//! Posed photographs: models in several formats, lenses, masks, the split into training and held-out views, and the
+//! scene's frame.
 //!
-//! Loading reads the model and the headers of the photographs. Pixels are decoded when they are asked for, by view or
-//! by [`Role`], so that held-out photographs stay unread during training.
+//! Loading reads the model and the headers of the photographs. Pixels are decoded on request, by view or by [`Role`],
+//! so that held-out photographs stay unread during training.
 
 mod alpha_composite;
 mod bounded_parallel;
@@ -60,7 +60,7 @@ pub use folder::ImagesFolder;
 pub use masks::{MaskIgnores, MaskUse, Masks};
 pub use model::Format;
 pub use names::{Differences, Renamed};
-pub(crate) use names::{Found, Names};
+pub(crate) use names::{NameMatch, Names};
 pub use photograph::Photograph;
 pub(crate) use pixel_source::cores;
 pub use pixel_source::{HostShare, Supply};
@@ -82,10 +82,10 @@ use crate::scene::{Camera, Coordinates, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
 
-/// The choices of how a dataset is loaded.
+/// How a dataset is loaded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// Images with a longer side are reduced to this many pixels; `None` keeps every size.
+    /// Photographs with a longer side are reduced to this many pixels; `None` keeps every size.
     pub max_side: Option<u32>,
     /// Another rule for the size, in place of `max_side`.
     pub sizing: Option<Sizing>,
@@ -95,22 +95,22 @@ pub struct LoadOptions {
     pub images_folder: Option<PathBuf>,
     /// Which photographs are held out.
     pub split: Split,
-    /// The format to read; `None` takes the first whose files are there.
+    /// The format to read; `None` takes the first one whose files exist.
     pub format: Option<Format>,
-    /// Which colour of masks leaves pixels out.
+    /// The colour of masks that leaves pixels out.
     pub mask_ignores: MaskIgnores,
-    /// The colour that photographs with transparent pixels are laid over (red, green, blue from 0 to 1, as encoded in
-    /// them); `None` leaves pixels out that are less than half opaque.
+    /// The colour behind transparent pixels of photographs (red, green, blue from 0 to 1, encoded as in the
+    /// photographs). `None` leaves out pixels that are less than half opaque.
     pub behind: Option<[f32; 3]>,
-    /// The meaning of the numbers of photographs with more than 8 bits per channel.
+    /// How values of more than 8 bits per channel are interpreted.
     pub tone: Tone,
-    /// Bytes of memory that the process may take, where that is limited: a picture whose decoding takes more is
-    /// refused. Without a limit half of what is free is the most.
+    /// Limit of the process's memory in bytes. A picture whose decoding would exceed it is refused. `None` allows half
+    /// of the free memory.
     pub host_memory: Option<u64>,
-    /// Whether a record that cannot be used is an error. Otherwise a few (one of ten) are left out,
-    /// with a [`Warning::LeftOut`].
+    /// Whether a record that cannot be used is an error. Otherwise up to one in ten is left out, with a
+    /// [`Warning::LeftOut`].
     pub strict: bool,
-    /// Whether there must be photographs. Without them sizes are those of the cameras, and only poses can be used.
+    /// Whether photographs are required. Without them sizes are those of the cameras, and only poses can be used.
     pub photographs: bool,
 }
 
@@ -142,35 +142,35 @@ impl LoadOptions {
 /// One posed photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Name in the model, or what of it stays inside of a folder.
+    /// Name in the model, reduced to the part that stays inside a folder.
     pub name: String,
     /// The photograph; empty when the dataset was loaded without.
     pub path: PathBuf,
-    /// The camera in dataset coordinates, at the size trained and evaluated at.
+    /// The camera in dataset coordinates, at the size of training and evaluation.
     pub camera: Camera,
-    /// The lens of a photograph that has to be undistorted, at its size on disk.
+    /// The lens at the photograph's size on disk, where the photograph has to be undistorted.
     pub lens: Option<Lens>,
-    /// The dataset's name for the kind of lens.
+    /// The dataset's name of the camera model.
     pub model: String,
     /// The mask, which leaves pixels of the photograph out.
     pub mask: Option<PathBuf>,
-    /// Which colour of the mask does.
+    /// The colour of the mask that leaves pixels out.
     pub mask_ignores: MaskIgnores,
-    /// The colour that transparent pixels are laid over, where they are not left out.
+    /// The colour behind transparent pixels; `None` leaves them out.
     pub behind: Option<[f32; 3]>,
     /// Width and height of the file.
     pub size_on_disk: (u32, u32),
-    /// Whether the file is of the kind that can be decoded at a fraction of its size.
+    /// Whether the file is a JPEG file, which can be decoded at a fraction of its size.
     pub jpeg: bool,
-    /// The kind of numbers in the file.
+    /// The kind of values in the file.
     pub samples: Samples,
-    /// The meaning of these numbers.
+    /// How the values are interpreted.
     pub tone: Tone,
     /// The memory that decoding the photograph or its mask may take.
     pub limit: DecodeLimit,
     /// The use of the view.
     pub role: Role,
-    /// Whether its pose was held against where the photograph shows the points that it observes.
+    /// Whether the pose was checked against the photograph's observations of points.
     pub pose_checked: bool,
 }
 
@@ -184,39 +184,39 @@ impl View {
 /// A loaded dataset.
 #[derive(Clone, Debug)]
 pub struct Dataset {
-    /// The folder it was loaded from.
+    /// The dataset's folder.
     pub path: PathBuf,
     /// Its format.
     pub format: Format,
-    /// Where the photographs are; `None` when loaded without.
+    /// The folder of photographs; `None` when loaded without photographs.
     pub images: Option<ImagesFolder>,
-    /// The masks, where there are any.
+    /// The masks, if any.
     pub masks: Option<Masks>,
-    /// Where on Earth the dataset's coordinates are, where the dataset says it.
+    /// Where on Earth the dataset's coordinates lie, if the dataset says so.
     pub coordinates: Option<Coordinates>,
     /// All views, sorted bytewise by their names in the model.
     pub views: Vec<View>,
     /// The reconstructed points in dataset coordinates, by ascending id.
     pub points: Vec<Point>,
-    /// Why a training does without the points, or most of them, where it does.
+    /// Why a training ignores most or all points; `None` where it uses them.
     pub useless: Option<UselessPoints>,
-    /// Why the colours of the points say nothing, where they do not.
+    /// Why the colours of the points cannot be used; `None` where they can.
     pub colourless: Option<Colourless>,
-    /// The views that observe each of them, where the format says so.
+    /// The views that observe each point, if the format says so.
     pub tracks: Tracks,
     /// The similarity to the scene's coordinates.
     pub frame: Frame,
     /// 1.1 x the largest distance of a training camera from their mean, in dataset units;
     /// [`Frame::EXTENT`] in the scene.
     pub extent: f64,
-    /// Whether a photograph whose pixels cannot be decoded is an error: see [`LoadOptions::strict`].
+    /// Whether an undecodable photograph is an error: see [`LoadOptions::strict`].
     pub strict: bool,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
 
 impl Dataset {
-    /// Loads the model of a folder and finds its photographs and masks.
+    /// Loads the model in a folder, and finds its photographs and masks.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         sizing::check(options.sizing())?;
         let mut model = Model::read(path, options.format, options.strict)?;
@@ -226,7 +226,7 @@ impl Dataset {
         }
         let colourless = colourless(&mut model);
         model.warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
-        // Of all photographs: one that is missing does not change what the others are for.
+        // The split counts all photographs: a missing one does not change the roles of the others.
         let planned = split::planned(options.split, &model.shots);
         let images = if options.photographs { Some(find_photographs(path, options, &mut model)?) } else { None };
 
@@ -263,41 +263,40 @@ impl Dataset {
         })
     }
 
-    /// The views of a role with their positions in [`Dataset::views`].
+    /// The views with a role, with their positions in [`Dataset::views`].
     pub fn views_of(&self, role: Role) -> impl Iterator<Item = (usize, &View)> {
         self.views.iter().enumerate().filter(move |(_, view)| view.role == role)
     }
 
-    /// A view's camera for points in scene coordinates.
+    /// A view's camera in scene coordinates.
     pub fn scene_camera(&self, index: usize) -> Option<Camera> {
         self.views.get(index).map(|view| self.frame.camera_to_scene(&view.camera))
     }
 
-    /// The first Gaussians in scene coordinates, one per point, in the order of the points' ids.
+    /// The first splats in scene coordinates, one per point, in the order of the points' ids.
     pub fn first_gaussians(&self) -> Result<Gaussians, InitError> {
         let points: Vec<_> = self.points.iter().map(|p| (p.position, p.colour)).collect();
         init::from_points(&points, &self.frame)
     }
 
-    /// The points that a training goes by: those that serve photographs.
+    /// The points that a training uses: those that serve photographs.
     pub fn usable_points(&self) -> &[Point] {
         self.useless.as_ref().map_or(&self.points, |useless| &useless.kept)
     }
 
-    /// Whether a training has to begin elsewhere than at the points: there are none, or they are of little use.
+    /// Whether a training cannot begin at the points: none exist, or they are of little use.
     pub fn begins_at_random(&self) -> bool {
         self.points.is_empty() || self.useless.is_some()
     }
 
-    /// Random points in the common view of the training cameras, with grey for a colour, in dataset coordinates: what
-    /// there is to begin with where there are no points. None with fewer than two cameras,
-    /// or when all are at one place.
+    /// Random grey points in the common view of the training cameras, in dataset coordinates: the start of a training
+    /// without points. Empty with fewer than two cameras, or with all cameras at one place.
     pub fn random_points(&self, seed: u64) -> Vec<([f64; 3], [u8; 3])> {
         let cameras: Vec<Camera> = self.views_of(Role::Train).map(|(_, view)| view.camera).collect();
         random_points::in_common_view(&cameras, seed).into_iter().map(|position| (position, [128; 3])).collect()
     }
 
-    /// Decodes the photographs of one role in parallel, in the order of [`Dataset::views_of`]. No other is read.
+    /// Decodes the photographs of a role in parallel, in the order of [`Dataset::views_of`]. Reads no others.
     pub fn photographs(&self, role: Role) -> Result<Vec<Photograph>, Error> {
         let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
         let decoded: Vec<Result<Photograph, Error>> = views.par_iter().map(|view| view.photograph()).collect();
@@ -305,7 +304,7 @@ impl Dataset {
     }
 }
 
-/// Why the colours of a model's points say nothing, where they do not.
+/// Why the colours of a model's points cannot be used; `None` where they can.
 fn colourless(model: &mut Model) -> Option<Colourless> {
     if model.points.is_empty() {
         return None;
@@ -314,7 +313,7 @@ fn colourless(model: &mut Model) -> Option<Colourless> {
     Some(Colourless { file: model.points_file.clone().unwrap_or_else(|| model.file.clone()), why })
 }
 
-/// Chooses the folder of photographs, and finds each there, under its name or one that differs a little.
+/// Chooses the folder of photographs, and finds each photograph there, also under a slightly different name.
 fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Result<ImagesFolder, Error> {
     let files: Vec<String> = model.shots.iter().map(|s| s.file.clone()).collect();
     let names: Vec<&str> = files.iter().map(String::as_str).collect();
@@ -347,10 +346,10 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
     if let Some(renamed) = Renamed::of(names.iter().copied().zip(&found)) {
         model.warnings.push(Warning::OtherNames { what: "photographs", of: total, renamed });
     }
-    for (shot, file) in model.shots.iter_mut().zip(found.into_iter().filter_map(Found::into_file)) {
+    for (shot, file) in model.shots.iter_mut().zip(found.into_iter().filter_map(NameMatch::into_file)) {
         shot.file = file;
     }
-    // A dataset's own folder holds masks and depth too: what is in it says nothing.
+    // A dataset's own folder also holds masks and depth, so extra pictures in it say nothing.
     let unposed = match &model.images {
         Some(_) => 0,
         None => folder::count_photographs(&images.path).saturating_sub(model.shots.len()),
@@ -361,8 +360,8 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
     Ok(images)
 }
 
-/// Judges the poses, lays the scene's frame over those that hold, and leaves out what has no place in the frame.
-/// Returns the frame and the extent.
+/// Checks the poses, places the scene's frame over the sound ones, and leaves out views and points outside the frame's
+/// range. Returns the frame and the extent.
 fn place(model: &mut Model, views: &mut Vec<View>, strict: bool) -> Result<(Frame, f64), Error> {
     let mut judged = poses::Judgement::of(model)?;
     judged.apply(views, &mut model.warnings);
@@ -373,7 +372,8 @@ fn place(model: &mut Model, views: &mut Vec<View>, strict: bool) -> Result<(Fram
     Ok((frame, extent))
 }
 
-/// Why a training does without the points, where it does; without all of them where their colours say nothing either.
+/// Why a training ignores the points; `None` where it uses them. Ignores all of them where their colours cannot be used
+/// either.
 fn useless_points(model: &Model, views: &[View], colourless: bool) -> Option<UselessPoints> {
     let on: Vec<Camera> = views.iter().filter(|view| view.role == Role::Train).map(|view| view.camera).collect();
     let points_file = model.points_file.as_ref().unwrap_or(&model.file);
@@ -384,7 +384,7 @@ fn useless_points(model: &Model, views: &[View], colourless: bool) -> Option<Use
     Some(useless)
 }
 
-/// How many photographs have masks; a word when there is a folder of masks for nothing.
+/// Counts the photographs with masks. Warns where a folder of masks matches no photograph.
 fn count_masks(model: &mut Model, folder: Option<PathBuf>, views: &[View]) -> Option<Masks> {
     let (matched, of) = (views.iter().filter(|view| view.mask.is_some()).count(), views.len());
     match folder {
@@ -397,7 +397,7 @@ fn count_masks(model: &mut Model, folder: Option<PathBuf>, views: &[View]) -> Op
     }
 }
 
-/// The role of every view. With so few views that none would be left to train on, nothing is held out.
+/// The role of every view. With too few views to train on, nothing is held out.
 fn roles(planned: &HashMap<String, Role>, shots: &[Shot], warnings: &mut Vec<Warning>) -> Vec<Role> {
     let role = |shot: &Shot| planned.get(&shot.name).copied().unwrap_or(Role::Train);
     let roles: Vec<Role> = shots.iter().map(role).collect();

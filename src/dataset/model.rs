@@ -1,4 +1,4 @@
-//! The common form into which every format is read.
+//! The common representation of all formats.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,18 +12,18 @@ use crate::scene::Coordinates;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// `sparse/0/` (of `sparse/1/` and so on too the one with the most images) or `sparse/` with COLMAP's cameras,
-    /// images and points3D, binary or text. Where no format is in its place, other folders of `sparse/`, the folder
-    /// itself, `colmap/sparse/` and `distorted/sparse/`.
+    /// COLMAP's cameras, images and points3D, binary or text, in `sparse/` or in the `sparse/N/` with the most images.
+    /// Where no format is in its usual place: other folders of `sparse/`, the folder itself, `colmap/sparse/` and
+    /// `distorted/sparse/`.
     Colmap,
-    /// `transforms.json`, or `transforms_train.json` and those beside it.
+    /// `transforms.json`, or `transforms_train.json` and its siblings.
     Nerfstudio,
     /// `reconstruction.json`, or `opensfm/reconstruction.json` of OpenDroneMap.
     Opensfm,
 }
 
 impl Format {
-    /// All, in the order in which they are looked for.
+    /// All formats, in the order of the search.
     pub const ALL: [Self; 3] = [Self::Colmap, Self::Nerfstudio, Self::Opensfm];
 
     pub(super) fn looked_for(self) -> &'static str {
@@ -56,10 +56,10 @@ impl FromStr for Format {
     }
 }
 
-/// Where a photograph shows a reconstructed point.
+/// A photograph's observation of a reconstructed point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Observation {
-    /// Pixels of the size that the lens was calibrated at.
+    /// Pixels at the size of the lens's calibration.
     pub(super) at: [f64; 2],
     /// The point's id.
     pub(super) point: u64,
@@ -68,24 +68,24 @@ pub(super) struct Observation {
 /// One posed photograph.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
-    /// Its name; it stays inside of the folders that results are written to.
+    /// Its name, made safe for the folders of results.
     pub(super) name: String,
-    /// The photograph's path inside the folder of photographs: as the model has it, until the file is found.
+    /// The photograph's path inside the folder of photographs: as in the model until the file is found.
     pub(super) file: String,
-    /// The name of the camera in the file.
+    /// The camera's name in the model's file.
     pub(super) camera: String,
-    /// The file's name for the kind of lens.
+    /// The file's name of the camera model.
     pub(super) model: String,
     pub(super) lens: Lens,
     /// Rotation from the dataset's axes to the camera's, row-major.
     pub(super) rotation: [[f64; 3]; 3],
     /// x_cam = rotation x + translation.
     pub(super) translation: [f64; 3],
-    /// The path of a mask in the dataset, where the file names one.
+    /// Path of the mask in the dataset, if the file names one.
     pub(super) mask: Option<String>,
-    /// The parts to which the dataset assigns the photograph, where it does.
-    pub(super) part: Option<Parts>,
-    /// Some of the points that it shows, where the format says which.
+    /// The parts to which the dataset assigns the photograph, if it does.
+    pub(super) part: Option<SplitParts>,
+    /// Some observations of points, if the format has them.
     pub(super) observations: Vec<Observation>,
 }
 
@@ -95,15 +95,15 @@ pub(super) struct Model {
     /// The file with the poses.
     pub(super) file: PathBuf,
     pub(super) shots: Vec<Shot>,
-    /// By ascending id.
+    /// Points by ascending id.
     pub(super) points: Vec<Point>,
-    /// Why the points have no colours, where the file has none for them.
+    /// Why the points have no colours; `None` where they have.
     pub(super) colourless: Option<NoColours>,
-    /// Views by their position among the shots in the order of their names; empty where nothing is known.
+    /// Observing views of each point, by position among the shots; empty where the format does not say.
     pub(super) tracks: Tracks,
-    /// The file that has, or should have, the points.
+    /// The points file, which may be missing.
     pub(super) points_file: Option<PathBuf>,
-    /// The folder that names of photographs are inside of, where it is not one of `images` and `images_N`.
+    /// The folder of photographs, where it is not `images` or `images_N`.
     pub(super) images: Option<PathBuf>,
     /// See [`super::Dataset::coordinates`].
     pub(super) coordinates: Option<Coordinates>,
@@ -111,7 +111,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// Puts the poses into the order of their names.
+    /// Sorts the poses by name.
     pub(super) fn sort(&mut self) {
         let mut order: Vec<usize> = (0..self.shots.len()).collect();
         if self.shots.is_sorted_by(|a, b| a.name <= b.name) {
@@ -126,7 +126,7 @@ impl Model {
         self.shots.sort_by(|a, b| a.name.cmp(&b.name));
     }
 
-    /// Keeps the poses for which `kept` is true.
+    /// Keeps the poses where `kept` is true.
     pub(super) fn keep_shots(&mut self, kept: &[bool]) {
         if kept.iter().all(|kept| *kept) {
             return;
@@ -138,7 +138,7 @@ impl Model {
         self.shots.retain(|_| each.next().copied().unwrap_or(true));
     }
 
-    /// Keeps the points for which `kept` is true.
+    /// Keeps the points where `kept` is true.
     pub(super) fn keep_points(&mut self, kept: &[bool]) {
         if kept.iter().all(|kept| *kept) {
             return;
@@ -152,18 +152,18 @@ impl Model {
 
 /// The parts (training, validation, test) to which a dataset assigns a photograph: one, several, or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Parts {
+pub(super) struct SplitParts {
     pub(super) train: bool,
     pub(super) val: bool,
     pub(super) test: bool,
 }
 
-impl Parts {
+impl SplitParts {
     pub(super) const TRAIN: Self = Self { train: true, val: false, test: false };
     pub(super) const VAL: Self = Self { train: false, val: true, test: false };
     pub(super) const TEST: Self = Self { train: false, val: false, test: true };
 
-    /// The parts of both.
+    /// The union of both.
     pub(super) fn and(self, other: Self) -> Self {
         Self { train: self.train || other.train, val: self.val || other.val, test: self.test || other.test }
     }

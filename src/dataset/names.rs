@@ -1,6 +1,5 @@
-//! Files that are there under a name which differs a little from the one asked for: by letter case, separators, folders
-//! before the name, extension or Unicode form. One mechanism serves photographs, masks,
-//! maps of truth and clouds of every format.
+//! Finds files whose name differs a little from the one asked for: by letter case, separators, leading folders,
+//! extension or Unicode form. Serves photographs, masks, ground truth maps and clouds of every format.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
@@ -9,51 +8,51 @@ use std::path::{Component, Path};
 
 use unicode_normalization::{UnicodeNormalization as _, is_nfc};
 
-/// Folders inside folders are listed to this depth: links may lead round in circles.
+/// Levels of folders that are listed: links may form loops.
 const DEEPEST: usize = 12;
-/// Files that are listed at most.
+/// Most files that are listed.
 const MOST_FILES: usize = 1_000_000;
-/// Extensions of pictures, which may stand in for one another.
+/// Extensions of pictures, which may replace one another.
 const PICTURES: [&str; 9] = ["jpg", "jpeg", "png", "exr", "tif", "tiff", "webp", "jpe", "bmp"];
 
-/// Files below a folder, by what their names have in common with others.
+/// The files below a folder, indexed by the comparable part of their names.
 pub(crate) struct Names {
     files: Vec<Name>,
     by_stem: HashMap<String, Vec<usize>>,
 }
 
-/// A name in its parts, and in the forms in which it is compared.
+/// A name in its parts, and in the forms that are compared.
 struct Name {
-    /// With `/` between the parts.
+    /// The name with `/` between the parts.
     text: String,
-    /// As they are, but in Unicode's composed form.
+    /// The parts in Unicode's composed form.
     parts: Vec<String>,
-    /// In lower case, the last one without its extension.
+    /// The parts in lower case, the last one without its extension.
     folded: Vec<String>,
-    /// In lower case; empty where there is none that is known.
+    /// The extension in lower case; empty where it is unknown.
     extension: String,
-    /// Whether the name, as it is, leads out of the folder.
+    /// Whether the name leads out of the folder.
     outside: bool,
-    /// Whether parts are separated by `\`, or lead nowhere (`./`, `a/../`).
+    /// Whether the name has `\` as separator, or parts that lead nowhere (`./`, `a/../`).
     separators: bool,
-    /// Whether the last part is written in Unicode's composed form.
+    /// Whether the last part is in Unicode's composed form.
     composed: bool,
 }
 
-/// What became of a name.
+/// The file for a name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Found {
-    /// The file has the name (the first of the forms asked for that it can have).
+pub(crate) enum NameMatch {
+    /// A file has this name (the first matching form).
     AsNamed(String),
-    /// One file has a name that differs by this much.
+    /// One file has a name with these differences.
     Otherwise(String, Differences),
-    /// Several files have names that differ equally little, or one file would be meant by several names.
+    /// Several files have equally similar names, or several names match one file.
     Unclear(Vec<String>),
-    /// No file has such a name.
+    /// No file has a similar name.
     Missing,
 }
 
-impl Found {
+impl NameMatch {
     /// The name of the file, where there is one.
     pub(crate) fn file(&self) -> Option<&str> {
         match self {
@@ -70,20 +69,20 @@ impl Found {
     }
 }
 
-/// By what a name differs from that of the file.
+/// How a name differs from that of its file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Differences {
-    /// By `\` in place of `/`, or by parts that lead nowhere.
+    /// `\` in place of `/`, or parts that lead nowhere.
     pub separators: bool,
-    /// By the form in which Unicode's letters with marks are written.
+    /// The Unicode form of letters with marks.
     pub unicode: bool,
-    /// By upper and lower case.
+    /// Upper and lower case.
     pub case: bool,
-    /// By the extension.
+    /// The extension.
     pub extension: bool,
-    /// By folders before the name that one of both lacks.
+    /// Leading folders that one of the names lacks.
     pub prefix: bool,
-    /// The name leads out of the dataset: its last part was looked for inside.
+    /// The name leads out of the dataset; its last part was looked for inside.
     pub outside: bool,
 }
 
@@ -102,12 +101,12 @@ impl fmt::Display for Differences {
     }
 }
 
-/// How alike two names are, the most alike first: whether one of both has other folders or more of them, how few parts
-/// are shared, whether extensions differ, and letter case.
+/// Similarity of two names, the most similar first: whether leading folders are lacking or different, the number of
+/// shared parts, whether extensions differ, and whether the letter case does.
 type Rank = (u8, std::cmp::Reverse<usize>, bool, bool);
 
 impl Names {
-    /// Files below a folder whose path in it is `wanted`, without hidden ones.
+    /// Lists the files below a folder whose path there is `wanted`, without hidden files.
     pub(crate) fn below(root: &Path, wanted: impl Fn(&Path) -> bool) -> Self {
         let mut found = Vec::new();
         let mut folders = vec![(root.to_owned(), String::new(), 0)];
@@ -122,7 +121,7 @@ impl Names {
                 let link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
                 let Ok(meta) = fs::metadata(&path) else { continue };
                 if meta.is_dir() {
-                    // Of a folder that several links lead to, one is enough.
+                    // Of several links to one folder, one is enough.
                     let new = !link || path.canonicalize().is_ok_and(|real| linked.insert(real));
                     if depth < DEEPEST && new {
                         folders.push((path, format!("{inside}/"), depth + 1));
@@ -145,49 +144,49 @@ impl Names {
         Self { files, by_stem }
     }
 
-    /// Looks up several names in a folder, each in the forms that the file may have, the likeliest first. A file that
-    /// one of them names exactly is no other's. Files are listed only where a name is not there as it is.
-    pub(crate) fn look_up(root: &Path, names: &[Vec<String>], wanted: impl Fn(&Path) -> bool) -> Vec<Found> {
+    /// Looks up several names in a folder, each in its possible forms, the likeliest first. A file that one name
+    /// matches exactly is not given to another name. Files are listed only where a name has no exact match.
+    pub(crate) fn look_up(root: &Path, names: &[Vec<String>], wanted: impl Fn(&Path) -> bool) -> Vec<NameMatch> {
         let exact = |forms: &Vec<String>| forms.iter().find(|form| is_there(root, form)).cloned();
         let exact: Vec<Option<String>> = names.iter().map(exact).collect();
         if exact.iter().all(Option::is_some) {
-            return exact.into_iter().flatten().map(Found::AsNamed).collect();
+            return exact.into_iter().flatten().map(NameMatch::AsNamed).collect();
         }
         Self::below(root, wanted).match_all(names, exact)
     }
 
-    /// Looks up names among others in place of files.
-    pub(crate) fn among(others: &[&str], names: &[String]) -> Vec<Found> {
+    /// Looks up names among other names instead of files.
+    pub(crate) fn among(others: &[&str], names: &[String]) -> Vec<NameMatch> {
         let known: HashSet<&str> = others.iter().copied().collect();
         let exact = names.iter().map(|name| known.contains(name.as_str()).then(|| name.clone())).collect();
         let forms: Vec<Vec<String>> = names.iter().map(|name| vec![name.clone()]).collect();
         Self::of(known.into_iter().map(str::to_owned).collect()).match_all(&forms, exact)
     }
 
-    fn match_all(&self, names: &[Vec<String>], exact: Vec<Option<String>>) -> Vec<Found> {
+    fn match_all(&self, names: &[Vec<String>], exact: Vec<Option<String>>) -> Vec<NameMatch> {
         let taken: HashSet<String> = exact.iter().flatten().map(|name| Name::of(name).parts.join("/")).collect();
         let one = |(forms, exact): (&Vec<String>, Option<String>)| match exact {
-            Some(name) => Found::AsNamed(name),
+            Some(name) => NameMatch::AsNamed(name),
             None => self.nearly(forms, &taken),
         };
-        let mut found: Vec<Found> = names.iter().zip(exact).map(one).collect();
+        let mut found: Vec<NameMatch> = names.iter().zip(exact).map(one).collect();
         let mut times: HashMap<String, usize> = HashMap::new();
         for found in &found {
-            if let Found::Otherwise(file, _) = found {
+            if let NameMatch::Otherwise(file, _) = found {
                 *times.entry(file.clone()).or_default() += 1;
             }
         }
         for found in &mut found {
-            if let Found::Otherwise(file, _) = found
+            if let NameMatch::Otherwise(file, _) = found
                 && times.get(file).is_some_and(|n| *n > 1)
             {
-                *found = Found::Unclear(vec![std::mem::take(file)]);
+                *found = NameMatch::Unclear(vec![std::mem::take(file)]);
             }
         }
         found
     }
 
-    fn nearly(&self, forms: &[String], taken: &HashSet<String>) -> Found {
+    fn nearly(&self, forms: &[String], taken: &HashSet<String>) -> NameMatch {
         let mut best: Vec<(Rank, usize, Differences)> = Vec::new();
         for name in forms.iter().map(|form| Name::of(form)) {
             for &at in self.by_stem.get(name.stem()).map_or(&[][..], Vec::as_slice) {
@@ -207,17 +206,17 @@ impl Names {
         }
         let text = |at: usize| self.files.get(at).map(|file| file.text.clone()).unwrap_or_default();
         match best.as_slice() {
-            [] => Found::Missing,
-            [(_, at, differences)] => Found::Otherwise(text(*at), *differences),
-            several => Found::Unclear(several.iter().map(|(_, at, _)| text(*at)).collect()),
+            [] => NameMatch::Missing,
+            [(_, at, differences)] => NameMatch::Otherwise(text(*at), *differences),
+            several => NameMatch::Unclear(several.iter().map(|(_, at, _)| text(*at)).collect()),
         }
     }
 
-    /// The file whose name takes the fewest changes to become this one, of those that no other name is found for.
-    pub(crate) fn nearest(&self, name: &str, taken: &[Found]) -> Option<&str> {
-        let taken: HashSet<&str> = taken.iter().filter_map(Found::file).collect();
+    /// The file whose name needs the fewest changes to become `name`, among files not found for another name.
+    pub(crate) fn nearest(&self, name: &str, taken: &[NameMatch]) -> Option<&str> {
+        let taken: HashSet<&str> = taken.iter().filter_map(NameMatch::file).collect();
         let wanted = Name::of(name);
-        // Folders count little: a name is known by its last part.
+        // Folders count little: the last part identifies a name.
         let last = |name: &Name| name.parts.last().map(|part| part.to_lowercase()).unwrap_or_default();
         let (whole, part) = (wanted.parts.join("/").to_lowercase(), last(&wanted));
         let far = |file: &Name| {
@@ -229,7 +228,7 @@ impl Names {
     }
 }
 
-/// Whether a folder has a file of exactly this name, inside of it.
+/// Whether a folder has a file of exactly this name inside.
 pub(super) fn is_there(root: &Path, name: &str) -> bool {
     !name.is_empty() && stays_inside(name) && root.join(name).is_file()
 }
@@ -242,14 +241,14 @@ impl Name {
         for part in slashes.split('/').skip(usize::from(drive)) {
             match part {
                 "" | "." => {}
-                // What leads out of the folder leads from there to parts that the folder may have.
+                // `..` out of the folder leads to parts that the folder may have.
                 ".." => outside |= parts.pop().is_none(),
                 _ => parts.push(part.nfc().collect::<String>()),
             }
         }
         let mut folded: Vec<String> = parts.iter().map(|part| part.to_lowercase()).collect();
         let mut extension = String::new();
-        // Masks are named `a.jpg.png`.
+        // Masks have names such as `a.jpg.png`.
         while let Some(last) = folded.last_mut()
             && let Some((stem, word)) = last.rsplit_once('.')
             && !stem.is_empty()
@@ -267,7 +266,7 @@ impl Name {
         self.folded.last().map_or("", String::as_str)
     }
 
-    /// How alike the name is to that of a file with the same stem; `None` where it is another one.
+    /// Similarity to the name of a file with the same stem; `None` where the names do not match.
     fn compare(&self, file: &Self) -> Option<(Rank, Differences)> {
         let shared = self.folded.iter().rev().zip(file.folded.iter().rev()).take_while(|(a, b)| a == b).count();
         let (own, others) = (self.folded.len(), file.folded.len());
@@ -275,7 +274,7 @@ impl Name {
             0 => return None,
             _ if shared == own && shared == others => 0,
             _ if shared == own || shared == others => 1,
-            // Other folders may be other cameras: only of paths that lead elsewhere is the last part enough.
+            // Other folders may be other cameras. Only for paths that lead out of the folder is the last part enough.
             _ if self.outside => 2,
             _ => return None,
         };
@@ -298,7 +297,7 @@ impl Name {
         let known = separators || case || extension || class > 0 || self.outside;
         let differences = Differences {
             separators,
-            // The names are alike in the composed form.
+            // The names are equal in the composed form.
             unicode: self.composed != file.composed || !known,
             case,
             extension,
@@ -309,21 +308,21 @@ impl Name {
     }
 }
 
-/// How many names differ from those of their files, by what: a line for the user.
+/// Counts of names that differ from those of their files, by kind: a line for the user.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Renamed {
-    /// How many by what.
+    /// Counts by kind of difference.
     pub kinds: Vec<(Differences, usize)>,
-    /// The first of them, and the name of its file.
+    /// The first such name, and the name of its file.
     pub first: (String, String),
 }
 
 impl Renamed {
-    /// Of pairs of a name and what was found for it; `None` where all are as named.
-    pub(crate) fn of<'a>(found: impl IntoIterator<Item = (&'a str, &'a Found)>) -> Option<Self> {
+    /// From pairs of a name and its file; `None` where no name differs.
+    pub(crate) fn of<'a>(found: impl IntoIterator<Item = (&'a str, &'a NameMatch)>) -> Option<Self> {
         let (mut kinds, mut first) = (BTreeMap::<Differences, usize>::new(), None);
         for (name, found) in found {
-            if let Found::Otherwise(file, differences) = found {
+            if let NameMatch::Otherwise(file, differences) = found {
                 *kinds.entry(*differences).or_default() += 1;
                 first = first.or_else(|| Some((name.to_owned(), file.clone())));
             }
@@ -333,7 +332,7 @@ impl Renamed {
         first.map(|first| Self { kinds, first })
     }
 
-    /// How many differ.
+    /// Number of names that differ.
     pub fn count(&self) -> usize {
         self.kinds.iter().map(|(_, count)| count).sum()
     }
@@ -346,9 +345,15 @@ impl fmt::Display for Renamed {
     }
 }
 
-/// What to say of a photograph that no file is, to follow in a sentence. `found` is what was found for it, and `all`
-/// what was found for all photographs.
-pub(crate) fn instead(name: &str, found: &Found, all: &[Found], root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
+/// What to say about a missing photograph, worded to follow a sentence. `found` is the result for it, and `all` the
+/// results for all photographs.
+pub(crate) fn instead(
+    name: &str,
+    found: &NameMatch,
+    all: &[NameMatch],
+    root: &Path,
+    wanted: impl Fn(&Path) -> bool,
+) -> String {
     let outside = match leads_out(name) {
         true => ", which leads out of the folder of photographs and is not followed",
         false => "",
@@ -356,8 +361,8 @@ pub(crate) fn instead(name: &str, found: &Found, all: &[Found], root: &Path, wan
     format!("{outside}{}", in_place(name, found, all, root, wanted))
 }
 
-/// What to say of another path in a file of the dataset that leads to nothing, to follow in a sentence.
-pub(crate) fn missing(path: &str, found: &Found, root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
+/// What to say about another missing path in a file of the dataset, worded to follow a sentence.
+pub(crate) fn missing(path: &str, found: &NameMatch, root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
     let why = match leads_out(path) {
         true => ", which leads out of the dataset and is not followed",
         false => ", which is not there",
@@ -365,8 +370,8 @@ pub(crate) fn missing(path: &str, found: &Found, root: &Path, wanted: impl Fn(&P
     format!("{why}{}", in_place(path, found, &[], root, wanted))
 }
 
-fn in_place(name: &str, found: &Found, all: &[Found], root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
-    if let Found::Unclear(files) = found {
+fn in_place(name: &str, found: &NameMatch, all: &[NameMatch], root: &Path, wanted: impl Fn(&Path) -> bool) -> String {
+    if let NameMatch::Unclear(files) = found {
         let files: Vec<String> = files.iter().map(|file| format!("'{file}'")).collect();
         return match files.as_slice() {
             [one] => format!("; {one} is there, and other names could mean it too"),
@@ -379,12 +384,12 @@ fn in_place(name: &str, found: &Found, all: &[Found], root: &Path, wanted: impl 
     }
 }
 
-/// Whether a path leads out of the folder it stands in, in the notation of any system.
+/// Whether a path leads out of its folder, in the notation of any system.
 pub(crate) fn leads_out(name: &str) -> bool {
     Name::of(name).outside
 }
 
-/// A name for what is made of a photograph that is not there: the part of its path that stays inside of a folder.
+/// A name for files made from a photograph: the part of its path that stays inside a folder.
 pub(crate) fn made_safe(name: &str) -> String {
     let name = Name::of(name);
     let plain = |part: &&String| Path::new(part).components().all(|c| matches!(c, Component::Normal(_)));
@@ -392,12 +397,12 @@ pub(crate) fn made_safe(name: &str) -> String {
     parts.join("/")
 }
 
-/// Whether a name stays inside the folder it is looked up in.
+/// Whether a name stays inside its folder.
 pub(super) fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
 }
 
-/// Whether a file or folder is hidden, as what macOS leaves beside each file of a foreign disk is (`._a.jpg`).
+/// Whether a file or folder is hidden. macOS writes `._a.jpg` beside each file on a foreign disk.
 pub(super) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
@@ -406,7 +411,7 @@ pub(super) fn is_hidden(path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    fn found(files: &[&str], names: &[&str]) -> Vec<Found> {
+    fn found(files: &[&str], names: &[&str]) -> Vec<NameMatch> {
         let names: Vec<Vec<String>> = names.iter().map(|name| vec![(*name).to_owned()]).collect();
         let exact =
             names.iter().map(|forms| forms.iter().find(|name| files.contains(&name.as_str())).cloned()).collect();
@@ -415,7 +420,7 @@ mod tests {
 
     fn by(files: &[&str], name: &str) -> Option<(String, String)> {
         match found(files, &[name]).remove(0) {
-            Found::Otherwise(file, differences) => Some((file, differences.to_string())),
+            NameMatch::Otherwise(file, differences) => Some((file, differences.to_string())),
             _ => None,
         }
     }
@@ -451,19 +456,19 @@ mod tests {
         assert_eq!(by(&["B.jpg", "b.png", "x/b.jpg"], "b.jpg").map(|f| f.0).as_deref(), Some("B.jpg"));
         assert_eq!(by(&["b.png", "x/b.jpg"], "b.jpg").map(|f| f.0).as_deref(), Some("b.png"));
         assert_eq!(by(&["x/b.jpg", "y/b.jpg"], "/p/y/b.jpg").map(|f| f.0).as_deref(), Some("y/b.jpg"));
-        let two = |a: &str, b: &str| Found::Unclear(vec![a.to_owned(), b.to_owned()]);
+        let two = |a: &str, b: &str| NameMatch::Unclear(vec![a.to_owned(), b.to_owned()]);
         assert_eq!(found(&["x/b.jpg", "y/b.jpg"], &["b.jpg"]), [two("x/b.jpg", "y/b.jpg")]);
         assert_eq!(found(&["b.jpeg", "b.png"], &["b.jpg"]), [two("b.jpeg", "b.png")]);
     }
 
     #[test]
     fn a_file_belongs_to_one_name() {
-        // Exactly named by another; meant by two; of another camera.
+        // One name is exact; one file has two names; one file is of another camera.
         let both = found(&["b.jpg"], &["b.jpg", "b.png"]);
-        assert_eq!(both, [Found::AsNamed("b.jpg".to_owned()), Found::Missing]);
-        let unclear = Found::Unclear(vec!["b.JPG".to_owned()]);
+        assert_eq!(both, [NameMatch::AsNamed("b.jpg".to_owned()), NameMatch::Missing]);
+        let unclear = NameMatch::Unclear(vec!["b.JPG".to_owned()]);
         assert_eq!(found(&["b.JPG"], &["b.jpg", "B.jpg"]), [unclear.clone(), unclear]);
-        assert_eq!(found(&["right/b.jpg"], &["left/b.jpg"]), [Found::Missing]);
+        assert_eq!(found(&["right/b.jpg"], &["left/b.jpg"]), [NameMatch::Missing]);
     }
 
     #[test]

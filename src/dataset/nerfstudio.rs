@@ -1,10 +1,10 @@
-//! nerfstudio's `transforms.json`, as its documentation ("Data conventions") describes it; instant-ngp's is read too.
+//! nerfstudio's `transforms.json`, as its documentation ("Data conventions") describes it, and instant-ngp's variant.
 //!
-//! Scenes of NeRF's own layout (Mildenhall et al. 2020) have a file for each part: `transforms_train.json`,
+//! Scenes in NeRF's own layout (Mildenhall et al. 2020) have a file per part: `transforms_train.json`,
 //! `transforms_val.json` and `transforms_test.json`.
 //!
-//! Poses are camera to world with the camera's x right, y up and z backwards;
-//! intrinsics stand at the top or in the frames.
+//! Poses are camera to world, with the camera's x right, y up and z backwards. Intrinsics are at the top level or in
+//! the frames.
 
 use std::path::{Path, PathBuf};
 
@@ -14,10 +14,10 @@ use serde_json::value::RawValue;
 use super::error::Error;
 use super::json::Json;
 use super::lens::{Distortion, Lens, names};
-use super::model::Parts;
+use super::model::SplitParts;
 use super::model::{Format, Model, Shot};
 use super::names::stays_inside;
-use super::names::{self as files, Found, Names, Renamed};
+use super::names::{self as files, NameMatch, Names, Renamed};
 use super::points_ply::Points;
 use super::split_lists::SplitLists;
 use super::{Tracks, Warning, folder, picture_file, points_ply, rotation};
@@ -26,16 +26,16 @@ use crate::format::{Error as FileError, Tally};
 const FILE: &str = "transforms.json";
 /// The camera model that instant-ngp's `is_fisheye` stands for.
 const FISHEYE: &str = "OPENCV_FISHEYE";
-/// The folder of photographs that other formats have.
+/// The usual folder of photographs in other formats.
 const USUAL: &str = "images/";
-/// The first of them has to be there.
-const PARTS: [(&str, Parts); 3] = [
-    ("transforms_train.json", Parts::TRAIN),
-    ("transforms_val.json", Parts::VAL),
-    ("transforms_test.json", Parts::TEST),
+/// The first file is required.
+const PARTS: [(&str, SplitParts); 3] = [
+    ("transforms_train.json", SplitParts::TRAIN),
+    ("transforms_val.json", SplitParts::VAL),
+    ("transforms_test.json", SplitParts::TEST),
 ];
 
-/// Declares a struct with the keys of a camera, all of them optional, and others.
+/// Declares a struct with optional keys of a camera, and other keys.
 macro_rules! with_camera_keys {
     ($(#[$meta:meta])* struct $name:ident { $($(#[$fmeta:meta])* $field:ident : $type:ty,)* }) => {
         $(#[$meta])*
@@ -69,7 +69,7 @@ with_camera_keys! {
     }
 }
 
-/// The frames, each to be read alone.
+/// The frames, each parsed on its own.
 #[derive(Deserialize)]
 struct Frames<'a> {
     #[serde(borrow)]
@@ -84,22 +84,22 @@ with_camera_keys! {
     }
 }
 
-/// Whether a folder has such files.
+/// Whether a folder has files of this format.
 pub(super) fn is_in(dataset: &Path) -> bool {
     dataset.join(FILE).is_file() || dataset.join(PARTS[0].0).is_file()
 }
 
 /// A file with frames.
-struct Read {
+struct TransformsFile {
     json: Json,
     top: Transforms,
-    /// Each frame, or the reason why it cannot be read.
+    /// Each frame, or why it cannot be read.
     frames: Vec<Result<Frame, FileError>>,
-    part: Option<Parts>,
+    part: Option<SplitParts>,
 }
 
-impl Read {
-    fn open(file: &Path, part: Option<Parts>) -> Result<Self, FileError> {
+impl TransformsFile {
+    fn open(file: &Path, part: Option<SplitParts>) -> Result<Self, FileError> {
         let json = Json::open(file)?;
         let top: Transforms = json.parse()?;
         let frames = json.parse::<Frames<'_>>()?.frames.into_iter();
@@ -111,8 +111,8 @@ impl Read {
         self.frames.iter().flatten().map(|frame| frame.file_path.as_str())
     }
 
-    /// The parts of each frame that can be read.
-    fn parts(&self, frames: &[Result<Frame, FileError>], warnings: &mut Vec<Warning>) -> Vec<Option<Parts>> {
+    /// The part of each readable frame.
+    fn parts(&self, frames: &[Result<Frame, FileError>], warnings: &mut Vec<Warning>) -> Vec<Option<SplitParts>> {
         let top = &self.top;
         let lists = [&top.train_filenames, &top.val_filenames, &top.test_filenames].map(Option::as_deref);
         let paths = frames.iter().flatten().map(|frame| frame.file_path.as_str()).collect();
@@ -124,13 +124,13 @@ impl Read {
 }
 
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
-    let files: Vec<(PathBuf, Option<Parts>)> = match dataset.join(FILE) {
+    let files: Vec<(PathBuf, Option<SplitParts>)> = match dataset.join(FILE) {
         file if file.is_file() => vec![(file, None)],
         _ => PARTS.iter().map(|(file, part)| (dataset.join(file), Some(*part))).collect(),
     };
     let mut all = Vec::new();
     for (file, part) in files.iter().filter(|(file, part)| part.is_none_or(|p| p.train) || file.is_file()) {
-        all.push(Read::open(file, *part)?);
+        all.push(TransformsFile::open(file, *part)?);
     }
     let (mut shots, mut warnings) = (Vec::new(), Vec::new());
     let mut found = photographs(dataset, &all, &mut warnings).into_iter();
@@ -141,7 +141,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         for (i, frame) in frames.into_iter().enumerate() {
             let (name, shot) = match frame {
                 Ok(frame) => {
-                    let (found, part) = (found.next().unwrap_or(Found::Missing), parts.next().flatten());
+                    let (found, part) = (found.next().unwrap_or(NameMatch::Missing), parts.next().flatten());
                     (format!("'{}'", frame.file_path), shot(dataset, read, &frame, &found, part))
                 }
                 Err(error) => (format!("frame {i}"), Err(error.into())),
@@ -150,7 +150,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
         }
         warnings.extend(tally.end(&read.json.file, "frames", shots.len() - before)?.map(Warning::LeftOut));
     }
-    // The usual folder is left out of the names, so that its reduced copies can stand in for it.
+    // Names omit the usual folder, so that a reduced copy of it can take its place.
     let usual = !shots.is_empty() && shots.iter().all(|shot| shot.name.starts_with(USUAL));
     if usual {
         for shot in &mut shots {
@@ -177,9 +177,9 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     })
 }
 
-/// Finds the photographs of all frames. Paths may begin with `./`, and lack the extension.
-fn photographs(dataset: &Path, all: &[Read], warnings: &mut Vec<Warning>) -> Vec<Found> {
-    let paths: Vec<&str> = all.iter().flat_map(Read::paths).collect();
+/// Finds the photographs of all frames. Paths may begin with `./` and may lack the extension.
+fn photographs(dataset: &Path, all: &[TransformsFile], warnings: &mut Vec<Warning>) -> Vec<NameMatch> {
+    let paths: Vec<&str> = all.iter().flat_map(TransformsFile::paths).collect();
     let with = |path: &str, extension: &str| format!("{path}.{extension}");
     let forms = |path: &&str| {
         let longer = ["png", "jpg", "jpeg", "webp"].map(|extension| with(path, extension));
@@ -193,12 +193,17 @@ fn photographs(dataset: &Path, all: &[Read], warnings: &mut Vec<Warning>) -> Vec
     found
 }
 
-/// The file of the points: inside of the dataset.
-fn points_file(dataset: &Path, read: &Read, path: &str, warnings: &mut Vec<Warning>) -> Result<PathBuf, Error> {
+/// The points file, which must be inside the dataset.
+fn points_file(
+    dataset: &Path,
+    read: &TransformsFile,
+    path: &str,
+    warnings: &mut Vec<Warning>,
+) -> Result<PathBuf, Error> {
     let is_cloud = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
-    let found = Names::look_up(dataset, &[vec![path.to_owned()]], is_cloud).pop().unwrap_or(Found::Missing);
+    let found = Names::look_up(dataset, &[vec![path.to_owned()]], is_cloud).pop().unwrap_or(NameMatch::Missing);
     let Some(file) = found.file() else {
-        // What is there and no file is told by who opens files.
+        // A folder in place of the file is reported when it is opened.
         if stays_inside(path) && folder::exists(&dataset.join(path))? {
             return Ok(dataset.join(path));
         }
@@ -212,7 +217,13 @@ fn points_file(dataset: &Path, read: &Read, path: &str, warnings: &mut Vec<Warni
     Ok(dataset.join(file))
 }
 
-fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<Parts>) -> Result<Shot, Error> {
+fn shot(
+    dataset: &Path,
+    read: &TransformsFile,
+    frame: &Frame,
+    found: &NameMatch,
+    part: Option<SplitParts>,
+) -> Result<Shot, Error> {
     let path = frame.file_path.as_str();
     let plain = |mut path: &str| {
         while let Some(rest) = path.strip_prefix("./") {
@@ -221,7 +232,7 @@ fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<
         path.to_owned()
     };
     let name = plain(found.file().unwrap_or(path));
-    // Sizes may be asked of the photographs: of no other files.
+    // Sizes are read from photographs only, and not from other files.
     let size = || match found.file() {
         Some(file) => Ok(picture_file::header(&dataset.join(file))?.size),
         None if stays_inside(path) && folder::exists(&dataset.join(path))? => {
@@ -241,7 +252,7 @@ fn shot(dataset: &Path, read: &Read, frame: &Frame, found: &Found, part: Option<
     Ok(Shot { name, file, camera, model, lens, rotation, translation, mask, part, observations })
 }
 
-/// The lens of a frame; `of_photograph` asks the photograph for its size.
+/// The lens of a frame. `of_photograph` reads the photograph's size.
 fn lens(
     json: &Json,
     top: &Transforms,
@@ -253,7 +264,7 @@ fn lens(
         json.error(&frame.file_path, format_args!("{key} of frame '{}'", frame.file_path), problem)
     };
     let named = frame.camera_model.as_deref().or(top.camera_model.as_deref()).map(kind);
-    // instant-ngp names no models, and says this of its cameras.
+    // instant-ngp writes `is_fisheye` instead of a camera model.
     let model = match (named, frame.is_fisheye.or(top.is_fisheye)) {
         (Some(model), Some(fisheye)) if fisheye != (model == FISHEYE) => {
             let problem =
@@ -269,7 +280,7 @@ fn lens(
         size[axis] = match of(key) {
             Some(side) if side.fract() == 0.0 && (1.0..=1_048_576.0).contains(&side) => side as u32,
             Some(side) => return Err(wrong(key, format!("is {side}")).into()),
-            // instant-ngp's files for made-up scenes leave the size to the photographs.
+            // instant-ngp's files for synthetic scenes have no size: the photographs have it.
             None => {
                 let found = of_photograph()?;
                 [found.0, found.1][axis]
@@ -307,21 +318,21 @@ fn lens(
     Ok((model.to_owned(), Lens::new(focal, center, size, distortion)))
 }
 
-/// The name that a camera model has here, of any usual spelling.
+/// This module's name of a camera model in any usual spelling.
 fn kind(name: &str) -> &str {
     match names::key(name).as_str() {
         "SIMPLEPINHOLE" => "SIMPLE_PINHOLE",
         "PINHOLE" => "PINHOLE",
         "SIMPLERADIAL" => "SIMPLE_RADIAL",
         "RADIAL" => "RADIAL",
-        // What other programs call a perspective camera with these coefficients, all of which may be zero.
+        // Names of perspective cameras with these coefficients, which may all be zero.
         "OPENCV" | "PERSPECTIVE" | "BROWN" | "BROWNCONRADY" => "OPENCV",
         "OPENCVFISHEYE" | "FISHEYE" | "EQUIDISTANT" => FISHEYE,
         _ => name,
     }
 }
 
-/// World to camera, with the camera's y down and z forwards.
+/// The pose world to camera, with the camera's y down and z forwards.
 fn pose(json: &Json, frame: &Frame) -> Result<([[f64; 3]; 3], [f64; 3]), FileError> {
     let wrong = |problem: String| {
         json.error(&frame.file_path, format_args!("transform_matrix of frame '{}'", frame.file_path), problem)
@@ -331,7 +342,7 @@ fn pose(json: &Json, frame: &Frame) -> Result<([[f64; 3]; 3], [f64; 3]), FileErr
         return Err(wrong("is not a matrix of 3 or 4 rows with 4 values".to_owned()));
     }
     let columns = [1.0, -1.0, -1.0];
-    // The transpose: from the world's axes to the camera's.
+    // The transpose is the rotation from the world's axes to the camera's.
     let turned: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i] * columns[i]));
     if rows.get(3).is_some_and(|last| last[..3].iter().any(|v| *v != 0.0)) {
         return Err(wrong(format!("its last row is {:?} and not [0, 0, 0, 1]: the matrix may be transposed", rows[3])));

@@ -1,4 +1,4 @@
-//! Whether a dataset's numbers can be computed with: each of a file may be finite, and what follows from them not.
+//! Checks that cameras and points can be used in computations: values derived from finite values may overflow.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use super::error::Error;
 use super::{Point, View};
 use crate::scene::Frame;
 
-/// Refuses a camera that is not finite.
+/// Refuses a camera with values that are not finite.
 pub(super) fn check_camera(file: &Path, view: &View) -> Result<(), Error> {
     let camera = &view.camera;
     let focal = [camera.fx, camera.fy];
@@ -21,11 +21,11 @@ pub(super) fn check_camera(file: &Path, view: &View) -> Result<(), Error> {
     Ok(())
 }
 
-/// Farther from the middle of a scene, which is a few units large, no point can be:
-/// sums of squares of such numbers have to be finite in f32.
+/// Largest distance from the middle of a scene, which is a few units large. Sums of squares of coordinates must be
+/// finite in f32.
 const FARTHEST: f64 = 1e15;
 
-/// Refuses a camera that is not finite in the scene, where it is of f32.
+/// Refuses a camera that is not finite in scene coordinates, which are f32.
 pub(super) fn check_placed(file: &Path, view: &View, frame: &Frame) -> Result<(), Error> {
     let sound = frame.scale.is_finite() && frame.scale > 0.0 && frame.offset.iter().all(|v| v.is_finite());
     if sound && frame.camera_to_scene(&view.camera).translation.iter().all(|v| (*v as f32).is_finite()) {
@@ -39,7 +39,7 @@ fn of_view(file: &Path, view: &View, problem: &str) -> Error {
     Error::OutOfRange { file: file.to_owned(), what, problem: problem.to_owned() }
 }
 
-/// Refuses a point that is not in reach in the scene, where it is of f32.
+/// Refuses a point out of range in scene coordinates, which are f32.
 pub(super) fn check_point(file: &Path, point: &Point, frame: &Frame) -> Result<(), Error> {
     if frame.to_scene(point.position).iter().all(|v| v.abs() < FARTHEST) {
         return Ok(());

@@ -1,7 +1,9 @@
 //! The coordinates of an OpenDroneMap project.
 //!
-//! A run with GPS or ground control moves the reconstruction, which OpenSfM leaves east, north and up of a place, into
-//! the grid of a map, less an offset; what it was before stays beside it as `reconstruction.topocentric.json`. System
+//! OpenSfM's reconstruction is in metres east, north and up of a reference. A run with GPS or ground control points
+//! moves it into a map's grid less an offset, and keeps the original as `reconstruction.topocentric.json`. The file
+//! `odm_georeferencing/coords.txt` names the grid's reference system in its first line, and easting and northing of the
+//! offset in its second.
 //! and offset stand in `odm_georeferencing/coords.txt`: a line with the name, a line with easting and northing.
 
 use std::path::Path;
@@ -9,11 +11,11 @@ use std::path::Path;
 use super::Warning;
 use crate::scene::{Coordinates, Geodetic};
 
-/// The folder of a project that has both files.
+/// Folder of the project with the files of the grid.
 const FOLDER: &str = "odm_georeferencing";
 const BEFORE: &str = "reconstruction.topocentric.json";
 
-/// The coordinates of `reconstruction`, a file of the project `dataset`; `origin` is the place that it names.
+/// The coordinates of `reconstruction`, a file of the project `dataset`. `origin` is the file's reference.
 pub(super) fn coordinates(
     dataset: &Path,
     reconstruction: &Path,
@@ -43,7 +45,7 @@ fn system_and_offset(text: &str) -> Option<(&str, [f64; 2])> {
     crs.contains(char::is_alphabetic).then_some((crs, offset))
 }
 
-/// The PROJ string, where there is one.
+/// The PROJ string, if there is one.
 fn proj(dataset: &Path) -> Option<String> {
     let text = std::fs::read_to_string(dataset.join(FOLDER).join("proj.txt")).ok()?;
     let text = text.trim_start_matches('\u{feff}').trim();

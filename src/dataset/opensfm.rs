@@ -1,8 +1,8 @@
-//! OpenSfM's `reconstruction.json`, which OpenDroneMap has in its folder `opensfm`; as its documentation describes it
-//! ("Reconstruction file format", "Geometric models").
+//! OpenSfM's `reconstruction.json`, as its documentation describes it ("Reconstruction file format", "Geometric
+//! models"). OpenDroneMap has it in its folder `opensfm`.
 //!
-//! Pixels are normalised by the longer side, about the middle of the photograph; rotations are vectors (axis times
-//! angle) from the world to the camera, whose axes are x right, y down, z forwards.
+//! Pixel coordinates are relative to the photograph's middle and divided by its longer side. Rotations are vectors
+//! (axis times angle) from the world to the camera, with the camera's x right, y down and z forwards.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -18,13 +18,13 @@ use super::{NoColours, Point, Tracks, Warning, opendronemap, rotation};
 use crate::format::{Error as FileError, Tally, ply};
 use crate::scene::Geodetic;
 
-/// The file of a project, of OpenSfM or of OpenDroneMap.
+/// The reconstruction file of an OpenSfM or OpenDroneMap project.
 pub(super) fn file(dataset: &Path) -> Option<PathBuf> {
     let places = [dataset.join("reconstruction.json"), dataset.join("opensfm").join("reconstruction.json")];
     places.into_iter().find(|file| file.is_file())
 }
 
-/// The reference that OpenSfM writes where no photograph has a position.
+/// The reference that OpenSfM writes if no photograph has a position.
 const NOWHERE: Geodetic = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
 
 #[derive(Deserialize)]
@@ -74,9 +74,9 @@ struct ShotEntry {
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a rotation is a vector of 3 numbers, or a matrix of 3 rows with 3 numbers")]
 enum RotationEntry {
-    /// The axis times the angle.
+    /// Axis times angle.
     Vector([f64; 3]),
-    /// Row by row.
+    /// Matrix rows.
     Matrix([[f64; 3]; 3]),
 }
 
@@ -87,7 +87,7 @@ struct PointEntry {
     colour: Option<[f64; 3]>,
 }
 
-/// A lens and what it is called, by the camera's name; with what is wrong where it cannot be read.
+/// Camera model and lens by the camera's name, or the camera's error.
 type Lenses = BTreeMap<String, Result<(String, Lens), FileError>>;
 
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
@@ -150,7 +150,7 @@ fn lenses(json: &Json, cameras: Entries<'_>, strict: bool) -> Result<Lenses, Fil
     Ok(lenses)
 }
 
-/// What is told of cameras that cannot be read where no shot needs them.
+/// The warning about unreadable cameras that no shot needs.
 fn unneeded(
     file: &Path,
     lenses: Lenses,
@@ -194,7 +194,7 @@ fn shot(json: &Json, name: &str, entry: ShotEntry, lenses: &Lenses) -> Result<Sh
     })
 }
 
-/// The points by their numbers, and why they have no colours where they have none.
+/// The points by their ids, and why they have no colours if they have none.
 fn points(entries: &[(String, PointEntry)]) -> (Vec<Point>, Option<NoColours>) {
     let all: Option<Vec<[f64; 3]>> = entries.iter().map(|(_, entry)| entry.colour).collect();
     let read = all.as_deref().and_then(|all| ply::colours_of_numbers(all.as_flattened()));
@@ -257,7 +257,7 @@ fn lens(json: &Json, id: &str, camera: &CameraEntry) -> Result<(String, Lens), F
     Ok((kind.to_owned(), Lens::new(focal, center, sides.map(|side| side as u32), distortion)))
 }
 
-/// OpenSfM's name of a kind of camera, of any usual spelling.
+/// OpenSfM's name of a camera model in any usual spelling.
 fn kind(name: &str) -> &str {
     let known = ["perspective", "simple_radial", "radial", "brown", "fisheye", "fisheye_opencv"];
     let wanted = names::key(name);

@@ -1,4 +1,4 @@
-//! Photographs: their sizes from the headers, their pixels on demand.
+//! Photographs: decoded on request, at the size of the view's camera.
 
 use std::path::Path;
 
@@ -9,36 +9,37 @@ use super::error::Error;
 use super::lens::{Distortion, Lens};
 use super::masks::{Mask, MaskUse};
 use super::picture_file::{picture, read, samples, whole};
-use super::pixels::{Pixels, Sample};
+use super::pixels::{ChannelValue, Pixels};
 use super::tone::{Samples, Tone};
 use super::{View, alpha_composite, jpeg_reduced, undistort};
 use crate::host_memory::DecodeLimit;
 
-/// An image in memory.
+/// A decoded photograph.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Photograph {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Red, green, blue (as encoded in the file, sRGB as a rule; with more than 8 bits as [`super::Tone`] says), alpha
-    /// (the file's, opaque where it has none; 0 where a mask leaves the pixel out and where the lens has no picture).
+    /// Red, green, blue as encoded in the file (usually sRGB; with more than 8 bits as [`super::Tone`] says), and
+    /// alpha. Alpha is the file's, opaque without an alpha channel, and 0 where a mask leaves the pixel out or the lens
+    /// shows nothing.
     pub pixels: Pixels,
     /// Pixels of the file that are brighter than the white level.
     pub clipped: u64,
-    /// Pixels of the file that are less than half opaque and not laid over a colour.
+    /// Pixels of the file that are less than half opaque and not composited over a colour.
     pub transparent: u64,
-    /// The use of its mask; `None` without a mask.
+    /// How the mask is used; `None` without a mask.
     pub mask: Option<MaskUse>,
 }
 
 impl Photograph {
-    /// Decodes a file as it is stored, without camera, lens or mask, within half of the memory that is free.
+    /// Decodes a file as stored, without camera, lens or mask, within half of the free memory.
     pub fn read(file: &Path) -> Result<Self, Error> {
         Self::read_within(file, DecodeLimit::new(None))
     }
 
-    /// The same within a limit.
+    /// [`Self::read`] within a memory limit.
     pub fn read_within(file: &Path, limit: DecodeLimit) -> Result<Self, Error> {
         let bytes = read(file)?;
         let image = picture(file, &whole(file, &bytes, limit)?, limit)?;
@@ -49,24 +50,24 @@ impl Photograph {
         Ok(Self { width, height, pixels: reduced(image, deep, width, height), clipped, transparent, mask: None })
     }
 
-    /// RGBA with 8 bits per channel, rounded where there are more.
+    /// RGBA with 8 bits per channel, rounded from 16 bits.
     pub fn rgba8(&self) -> std::borrow::Cow<'_, [u8]> {
         self.pixels.rgba8()
     }
 }
 
-/// Decodes a view's photograph and makes it into the picture of the view's camera: by resampling through the lens where
-/// that bends rays or pixels are left out, else by reducing it to the camera's size. Orientation tags of EXIF are not
-/// looked at, because COLMAP does not either: its cameras are those of the pixels as they are stored.
+/// Decodes a view's photograph and brings it to the view's camera. Where the lens has distortion or pixels are left
+/// out, the photograph is resampled through the lens, else it is reduced to the camera's size. EXIF orientation tags
+/// are ignored, as in COLMAP: its cameras describe the pixels as stored.
 ///
-/// Downscaling uses Catmull-Rom bicubic interpolation with its support widened by the reduction, on the encoded values:
-/// the same kernel and the same space as Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is
-/// decoded at a half or a quarter of its size first, where at least 1.5 times the pixels that are wanted are left.
+/// Reduction uses Catmull-Rom bicubic interpolation on encoded values, with the kernel's support widened by the
+/// reduction: kernel and space of Pillow's `resize`, which the 3DGS reference uses. A very large JPEG file is first
+/// decoded at a half or a quarter of its size, if at least 1.5 times the wanted pixels per side remain.
 pub(super) fn decode(view: &View) -> Result<Photograph, Error> {
     decode_bytes(view, &read(&view.path)?)
 }
 
-/// [`decode`] of a file that was read before.
+/// [`decode`] of a file's bytes.
 pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Error> {
     let (width, height) = (view.camera.width, view.camera.height);
     let bytes = &*whole(&view.path, bytes, view.limit)?;
@@ -107,7 +108,7 @@ pub(super) fn decode_bytes(view: &View, bytes: &[u8]) -> Result<Photograph, Erro
     Ok(Photograph { width, height, pixels, clipped, transparent, mask: used })
 }
 
-/// An opaque picture, or one that keeps its size, with alpha.
+/// Brings an opaque image, or one that keeps its size, to a size, with alpha.
 fn reduced(image: DynamicImage, deep: bool, width: u32, height: u32) -> Pixels {
     let same = (image.width(), image.height()) == (width, height);
     let kernel = FilterType::CatmullRom;
@@ -125,8 +126,8 @@ fn reduced(image: DynamicImage, deep: bool, width: u32, height: u32) -> Pixels {
     }
 }
 
-/// A picture with its mask in its alpha, seen by the view's camera.
-fn resampled<T: Sample>(mut rgba: Vec<T>, now: (u32, u32), mask: Option<&Mask>, view: &View) -> Vec<T> {
+/// Puts the mask into the image's alpha and resamples the image for the view's camera.
+fn resampled<T: ChannelValue>(mut rgba: Vec<T>, now: (u32, u32), mask: Option<&Mask>, view: &View) -> Vec<T> {
     if let Some(mask) = mask {
         mask.apply(&mut rgba, now);
     }

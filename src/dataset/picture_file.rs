@@ -1,4 +1,4 @@
-//! Files of pictures: what their headers say, and their pixels, both within what decoding may take of the memory.
+//! Reads headers and pixels of picture files within a memory limit.
 
 use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Cursor, Seek};
@@ -14,12 +14,12 @@ use crate::format::contain::contained;
 use crate::format::{self, foreign, source};
 use crate::host_memory::DecodeLimit;
 
-/// The memory that decoders may take beside the picture: tables, colour profiles, a strip as it is stored.
+/// Memory of decoders besides the picture: tables, colour profiles, a strip as stored.
 const BESIDE: u64 = 256 << 20;
-/// The formats that are read, in words.
+/// The formats that can be read, for messages.
 const READ: &str = "JPEG, PNG, TIFF, WebP and OpenEXR";
 
-/// The contents of the header of a picture; the pixels are not decoded.
+/// The header of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) size: (u32, u32),
@@ -27,7 +27,7 @@ pub(super) struct Header {
     pub(super) jpeg: bool,
 }
 
-/// Reads a header.
+/// Reads a header without the pixels.
 pub(super) fn header(file: &Path) -> Result<Header, Error> {
     let (opened, bytes) = source::open(file)?;
     let mut reader = BufReader::new(opened);
@@ -53,14 +53,14 @@ pub(super) fn header(file: &Path) -> Result<Header, Error> {
     }
 }
 
-/// Reads the header of a picture that is going to be decoded, and refuses one that takes more than it may.
+/// Reads the header of a picture to be decoded. Refuses a picture over the memory limit.
 pub(super) fn header_within(file: &Path, limit: DecodeLimit) -> Result<Header, Error> {
     let found = header(file)?;
     picture_size::check(file, found.size, picture_size::decoding_bytes(found.size, found.samples), limit)?;
     Ok(found)
 }
 
-/// The reason why a file of `bytes` bytes cannot be read, judged by its format and its beginning.
+/// Why a file of `bytes` bytes cannot be read, from its format and its beginning.
 fn unreadable(file: &Path, bytes: u64, begin: &[u8], format: Option<ImageFormat>) -> Option<String> {
     match format {
         Some(ImageFormat::Tiff) => foreign::described_raw(file),
@@ -76,20 +76,20 @@ fn unreadable(file: &Path, bytes: u64, begin: &[u8], format: Option<ImageFormat>
     }
 }
 
-/// The message of a decoder, with the remedy where the decoder does not know a form of its format.
+/// A decoder's message, with a remedy where the decoder does not support a variant of its format.
 fn complaint(error: ImageError) -> String {
     let remedy = if matches!(error, ImageError::Unsupported(_)) { "; convert it to PNG or JPEG" } else { "" };
     format!("{error}{remedy}")
 }
 
-/// The limits for a decoder; `needed` is the memory of the picture.
+/// Limits of a decoder for a picture of `needed` bytes.
 fn limits(needed: u64) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(needed.saturating_add(BESIDE));
     limits
 }
 
-/// The kind of numbers of a decoded picture.
+/// The kind of values of a decoded picture.
 pub(super) fn samples(colour: image::ColorType) -> Samples {
     match colour.bytes_per_pixel() / colour.channel_count().max(1) {
         1 => Samples::Bits8,
@@ -98,7 +98,7 @@ pub(super) fn samples(colour: image::ColorType) -> Samples {
     }
 }
 
-/// The file as it is.
+/// The bytes of a file.
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, Error> {
     let (mut opened, _) = source::open(file)?;
     let mut bytes = Vec::new();
@@ -106,8 +106,8 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// The file with the mark of its end, where only that is missing of a JPEG file. One of which pixels are missing is
-/// refused: decoders fill these with grey and say nothing.
+/// Appends a missing end marker to a JPEG file. Refuses a file with missing pixels, which decoders would fill with grey
+/// without an error.
 pub(super) fn whole<'a>(file: &Path, bytes: &'a [u8], limit: DecodeLimit) -> Result<Cow<'a, [u8]>, Error> {
     let mended = match jpeg_truncation::end(bytes) {
         End::Whole => return Ok(Cow::Borrowed(bytes)),
@@ -123,7 +123,7 @@ pub(super) fn whole<'a>(file: &Path, bytes: &'a [u8], limit: DecodeLimit) -> Res
     })
 }
 
-/// Checks that a picture may be decoded, and gives the bytes that this takes.
+/// Checks that a picture may be decoded. Returns the bytes that decoding takes.
 fn opened(file: &Path, bytes: &[u8], limit: DecodeLimit) -> Result<u64, Error> {
     let mut cursor = Cursor::new(bytes);
     let reader = ImageReader::new(&mut cursor).with_guessed_format().map_err(format::Error::io(file, "read"))?;
@@ -146,13 +146,13 @@ fn opened(file: &Path, bytes: &[u8], limit: DecodeLimit) -> Result<u64, Error> {
     Ok(needed)
 }
 
-/// The picture in a file that was read, if decoding it stays within the limit.
+/// Decodes the picture in a file's bytes within the limit.
 pub(super) fn picture(file: &Path, bytes: &[u8], limit: DecodeLimit) -> Result<DynamicImage, Error> {
     let needed = opened(file, bytes, limit)?;
     decoded(bytes, needed).map_err(|(at, problem)| Error::undecodable(file, "pixels", at, problem))
 }
 
-/// The picture, which takes `needed` bytes, or how far the decoder had read and its complaint.
+/// The decoded picture of `needed` bytes, or the position of the decoder and its message.
 fn decoded(bytes: &[u8], needed: u64) -> Result<DynamicImage, (u64, String)> {
     let mut cursor = Cursor::new(bytes);
     let decode = || {

@@ -1,5 +1,5 @@
-//! The memory that a picture takes, as its header tells, before any is taken: whether the file can hold the picture,
-//! and whether decoding stays within a limit.
+//! The memory of a picture, from its header and before any is allocated: whether the file can hold the picture, and
+//! whether decoding stays within a limit.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -12,19 +12,19 @@ use super::tone::Samples;
 use crate::format::contain::contained;
 use crate::host_memory::{DecodeLimit, NoMemory};
 
-/// Bytes as stored that a byte of a file can stand for: deflate (PNG, OpenEXR) ends at 1032; the Huffman codes of JPEG,
-/// a bit for a block of 64 pixels at the least, at 512.
+/// Most bytes of an uncompressed picture per byte of its file. Deflate (PNG, OpenEXR) reaches 1032, and the Huffman
+/// codes of JPEG (at least a bit per block of 64 pixels) 512.
 const MOST: u64 = 1100;
-/// The first bytes of a PNG file, up to the sides in its header.
+/// The first bytes of a PNG file, up to the size in its header.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
-/// Rows that OpenEXR compresses together at most.
+/// Most rows that OpenEXR compresses together.
 const EXR_ROWS: u64 = 256;
 
-/// Bits that a pixel has before it is compressed, as far as the beginning of a file tells: of a PNG file what its
-/// header says (a mask may have 1), of others those that the least have.
+/// Bits of an uncompressed pixel, judged by the beginning of the file. A PNG header has the number (1 in some masks).
+/// Other formats count with the fewest bits that they allow.
 pub(super) fn stored_bits(begin: &[u8]) -> u64 {
     match (begin.strip_prefix(PNG), begin) {
-        // Sides, bits of a channel, kind of colour.
+        // Width, height, bit depth, colour type.
         (Some([_, _, _, _, _, _, _, _, depth, colour, ..]), _) => {
             let channels = match colour {
                 2 => 3,
@@ -38,7 +38,7 @@ pub(super) fn stored_bits(begin: &[u8]) -> u64 {
     }
 }
 
-/// The fault of a picture size for a file of `bytes` bytes.
+/// Why a file of `bytes` bytes cannot hold a picture of this size; `None` where it can.
 pub(super) fn problem(
     (width, height): (u32, u32),
     format: Option<ImageFormat>,
@@ -48,7 +48,7 @@ pub(super) fn problem(
     if width == 0 || height == 0 {
         return Some(format!("the size is {width}x{height}"));
     }
-    // One colour all over takes next to nothing in these, whatever the size.
+    // These formats compress a uniform picture of any size to almost nothing.
     if matches!(format, Some(ImageFormat::WebP | ImageFormat::Tiff)) {
         return None;
     }
@@ -57,7 +57,7 @@ pub(super) fn problem(
     (stored > held).then(|| format!("{width}x{height} pixels cannot be in a file of {bytes} bytes"))
 }
 
-/// Bytes of a pixel while a picture is decoded: as the decoder has it, and as it is kept.
+/// Bytes per pixel while a picture is decoded: in the decoder's form and in the kept form.
 pub(super) fn decoding_bytes_per_pixel(samples: Samples) -> u64 {
     match samples {
         Samples::Bits8 => 3 + 4,
@@ -66,14 +66,14 @@ pub(super) fn decoding_bytes_per_pixel(samples: Samples) -> u64 {
     }
 }
 
-/// Bytes that decoding a picture takes at its full size, about: the file (taken to have a byte for a pixel),
-/// and its pixels in two forms.
+/// Approximate bytes for decoding a picture at full size: the file (assumed to have a byte per pixel), and its pixels
+/// in two forms.
 pub(super) fn decoding_bytes((width, height): (u32, u32), samples: Samples) -> u64 {
     (u64::from(width) * u64::from(height)).saturating_mul(1 + decoding_bytes_per_pixel(samples))
 }
 
-/// Bytes that a decoder of OpenEXR takes for what the picture does not show: pixels outside of the display window,
-/// further channels, and tiles, of which one alone may be as large as all.
+/// Bytes that an OpenEXR decoder needs for parts that are not shown: pixels outside the display window, further
+/// channels, and tiles, one of which may be as large as the picture.
 pub(super) fn hidden_bytes(bytes: &[u8]) -> u64 {
     let read = contained(|| MetaData::read_from_buffered(Cursor::new(bytes), false).ok());
     let Ok(Some(meta)) = read else { return 0 };
@@ -89,12 +89,12 @@ pub(super) fn hidden_bytes(bytes: &[u8]) -> u64 {
     meta.headers.iter().map(of).fold(0, u64::saturating_add)
 }
 
-/// Refuses a picture whose decoding takes more than it may.
+/// Refuses a picture whose decoding takes more memory than allowed.
 pub(super) fn check(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit) -> Result<(), Error> {
     limit.allows(needed).map_err(|reason| refusal(file, size, needed, limit, reason))
 }
 
-/// The same, and a picture for which the system has no memory left.
+/// [`check`], which also refuses a picture for which the system has too little free memory.
 pub(super) fn check_now(file: &Path, size: (u32, u32), needed: u64, limit: DecodeLimit) -> Result<(), Error> {
     limit.has_room_for(needed).map_err(|reason| refusal(file, size, needed, limit, reason))
 }
@@ -119,13 +119,13 @@ mod tests {
         png[24..26].copy_from_slice(&[16, 6]);
         assert_eq!(stored_bits(&png), 64);
         assert_eq!((stored_bits(&png[..25]), stored_bits(b"\xff\xd8\xff")), (8, 8));
-        // 2^28 pixels of one bit are 32 MiB, which deflate brings to 32 KiB and a little.
+        // 2^28 pixels of one bit are 32 MiB, which deflate compresses to a little over 32 KiB.
         let of = |size, bits, bytes| problem(size, Some(ImageFormat::Png), bits, bytes);
         assert_eq!(of((1 << 14, 1 << 14), 1, 33_000), None);
         assert!(of((1 << 14, 1 << 14), 1, 30_000).is_some());
         assert!(of((u32::MAX, u32::MAX), 64, 1 << 40).is_some());
         assert!(of((0, 5), 8, 1 << 20).is_some_and(|p| p.contains("0x5")));
-        // A lossless WebP of one colour has 26 bytes at any size; of a blank page, Group 4 has a bit for a row.
+        // A lossless WebP of one colour has 26 bytes at any size. Group 4 stores a blank page with one bit per row.
         for format in [ImageFormat::WebP, ImageFormat::Tiff] {
             assert_eq!(problem((1 << 14, 1 << 14), Some(format), 8, 26), None);
         }

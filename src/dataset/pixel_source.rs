@@ -1,4 +1,4 @@
-//! Photographs that are asked for again and again, kept within a share of the host's memory: decoded where all fit,
+//! Photographs that are needed repeatedly, kept within a share of the host's memory. They are kept decoded if all fit,
 //! else compressed as far as they fit, else read again.
 
 use std::borrow::Cow;
@@ -16,37 +16,37 @@ use super::pixels::{Depth, Pixels};
 use super::poses::Coarse;
 use super::{Dataset, Role, Samples, View, jpeg_reduced, picture_file, picture_size};
 
-/// Photographs whose file holds this many times the pixels that are wanted, or more, are kept compressed at the wanted
-/// size rather than as their file: decoding them again would cost as much again.
+/// Photographs whose file has at least this many times the wanted pixels are kept compressed at the wanted size instead
+/// of as their file: decoding the file repeatedly would cost that much more.
 const COSTLY: f64 = 1.5;
-/// A photograph packed without loss takes about this share of its pixels' bytes or more: below, packing is not tried.
+/// A losslessly packed photograph takes at least about this share of its pixels' bytes. With less memory, packing is
+/// not tried.
 const PACKED_SHARE: f64 = 0.25;
 
 /// The share of the host's memory that photographs may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostShare {
-    /// Bytes for those that are kept, decoded or compressed. What is kept is taken off.
+    /// Bytes for kept photographs, decoded or compressed. Each kept photograph reduces this number.
     pub keep: u64,
-    /// Bytes for those that are being decoded at one time; one always is.
+    /// Bytes for photographs that are being decoded at one time. One photograph is always decoded.
     pub decoding: u64,
     /// Threads that decode.
     pub threads: usize,
 }
 
 impl HostShare {
-    /// No limit, on every core.
+    /// No memory limit, and threads on every core.
     pub fn unlimited() -> Self {
         Self { keep: u64::MAX, decoding: u64::MAX, threads: cores() }
     }
 }
 
-/// Threads that this machine runs at a time.
+/// Number of threads that this machine runs in parallel.
 pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Where the pixels of a photograph come from when they are asked for. Cloning gives another handle.
-/// Alpha is 0 (masked) or full.
+/// The pixels of a photograph, kept or decoded on request. A clone is another handle. Alpha is 0 (masked) or opaque.
 #[derive(Clone, Debug)]
 pub struct Supply {
     inner: Arc<Inner>,
@@ -54,37 +54,37 @@ pub struct Supply {
 
 #[derive(Debug)]
 struct Inner {
-    place: Place,
+    place: PixelStore,
     depth: Depth,
     masked: u32,
     clipped: u64,
     transparent: u64,
     mask: Option<MaskUse>,
     checksum: u32,
-    /// Its colours in few cells, where its size is known.
+    /// The photograph's colours in a few cells, where its size is known.
     coarse: Option<Arc<Coarse>>,
 }
 
 #[derive(Debug)]
-enum Place {
+enum PixelStore {
     Decoded(Arc<Pixels>),
-    /// As a PNG file.
+    /// A PNG file in memory.
     Packed(Vec<u8>),
-    /// Its own file, in memory.
+    /// The photograph's own file in memory.
     Held(Box<View>, Vec<u8>),
-    /// Read again each time.
+    /// The file on disk, read again on each request.
     File(Box<View>),
 }
 
 impl Supply {
-    /// Of pixels that stay in memory. Alpha is masked or full from here on.
+    /// Pixels that stay in memory. Their alpha becomes 0 (masked) or opaque.
     pub fn of(mut pixels: Pixels) -> Self {
         pixels.harden_alpha();
         let (depth, masked) = (pixels.depth(), pixels.masked());
         let checksum = crc32fast::hash(pixels.bytes());
         Self {
             inner: Arc::new(Inner {
-                place: Place::Decoded(Arc::new(pixels)),
+                place: PixelStore::Decoded(Arc::new(pixels)),
                 depth,
                 masked,
                 clipped: 0,
@@ -96,7 +96,7 @@ impl Supply {
         }
     }
 
-    /// The pixels: at once where they are kept decoded, else decoded now.
+    /// The pixels: kept ones, else decoded now.
     pub fn pixels(&self) -> Result<Arc<Pixels>, Error> {
         let hardened = |photograph: Photograph| {
             let mut pixels = photograph.pixels;
@@ -104,12 +104,12 @@ impl Supply {
             Arc::new(pixels)
         };
         match &self.inner.place {
-            Place::Decoded(pixels) => Ok(pixels.clone()),
-            Place::Packed(bytes) => unpack(bytes, self.inner.depth).map(Arc::new),
-            Place::Held(view, bytes) => photograph::decode_bytes(view, bytes).map(hardened),
-            Place::File(view) => {
+            PixelStore::Decoded(pixels) => Ok(pixels.clone()),
+            PixelStore::Packed(bytes) => unpack(bytes, self.inner.depth).map(Arc::new),
+            PixelStore::Held(view, bytes) => photograph::decode_bytes(view, bytes).map(hardened),
+            PixelStore::File(view) => {
                 let file = picture_file::read(&view.path)?;
-                // What is no picture any more is told as that.
+                // A file that is no picture any more is reported as undecodable, not as changed.
                 let decoded = photograph::decode_bytes(view, &file)?;
                 match checksum(&file, view)? == self.inner.checksum {
                     true => Ok(hardened(decoded)),
@@ -119,11 +119,11 @@ impl Supply {
         }
     }
 
-    /// The file it comes from, for messages.
+    /// The photograph's file, for messages.
     pub fn file(&self) -> &Path {
         match &self.inner.place {
-            Place::Held(view, _) | Place::File(view) => &view.path,
-            Place::Decoded(_) | Place::Packed(_) => Path::new("(kept in memory)"),
+            PixelStore::Held(view, _) | PixelStore::File(view) => &view.path,
+            PixelStore::Decoded(_) | PixelStore::Packed(_) => Path::new("(kept in memory)"),
         }
     }
 
@@ -147,53 +147,53 @@ impl Supply {
         self.inner.transparent
     }
 
-    /// The use of its mask; `None` without a mask.
+    /// How the mask is used; `None` without a mask.
     pub fn mask(&self) -> Option<MaskUse> {
         self.inner.mask
     }
 
-    /// CRC-32 of its file, or of the pixels where these were given: another one is another photograph.
+    /// CRC-32 of the file and its mask, or of the pixels if they were given. Another number is another photograph.
     pub fn checksum(&self) -> u32 {
         self.inner.checksum
     }
 
-    /// Its colours in few cells.
+    /// The photograph's colours in a few cells.
     pub(super) fn coarse(&self) -> Option<&Arc<Coarse>> {
         self.inner.coarse.as_ref()
     }
 
-    /// Whether [`Self::pixels`] has nothing to do.
+    /// Whether [`Self::pixels`] returns kept pixels.
     pub fn is_decoded(&self) -> bool {
-        matches!(self.inner.place, Place::Decoded(_))
+        matches!(self.inner.place, PixelStore::Decoded(_))
     }
 
-    /// Bytes that are kept for it.
+    /// Bytes kept in memory.
     pub fn kept_bytes(&self) -> u64 {
         match &self.inner.place {
-            Place::Decoded(pixels) => pixels.bytes().len() as u64,
-            Place::Packed(bytes) | Place::Held(_, bytes) => bytes.len() as u64,
-            Place::File(_) => 0,
+            PixelStore::Decoded(pixels) => pixels.bytes().len() as u64,
+            PixelStore::Packed(bytes) | PixelStore::Held(_, bytes) => bytes.len() as u64,
+            PixelStore::File(_) => 0,
         }
     }
 
-    /// Bytes that decoding it takes, about; the pixels of what is kept packed come on top.
+    /// Approximate bytes for decoding, without the pixels of a packed photograph.
     pub fn decoding_bytes(&self) -> u64 {
         match &self.inner.place {
-            Place::Decoded(_) => 0,
-            Place::Packed(bytes) => bytes.len() as u64,
-            Place::Held(view, _) | Place::File(view) => view.decoding_bytes(),
+            PixelStore::Decoded(_) => 0,
+            PixelStore::Packed(bytes) => bytes.len() as u64,
+            PixelStore::Held(view, _) | PixelStore::File(view) => view.decoding_bytes(),
         }
     }
 }
 
 impl View {
-    /// Bytes of the decoded photograph at the camera's size.
+    /// Bytes of the photograph's pixels at the camera's size.
     pub fn pixel_bytes(&self) -> u64 {
         u64::from(self.camera.width) * u64::from(self.camera.height) * self.samples.depth().bytes_per_pixel()
     }
 
-    /// Bytes that decoding it takes at its peak, the result included, about: the file, its pixels in two forms, and the
-    /// rows that are reduced along columns already.
+    /// Approximate peak bytes for decoding the photograph, its result included: the file, its pixels in two forms, and
+    /// the rows already reduced along columns.
     pub fn decoding_bytes(&self) -> u64 {
         let divisor = jpeg_reduced::divisor(self);
         let (width, height) = (u64::from(self.size_on_disk.0 / divisor), u64::from(self.size_on_disk.1 / divisor));
@@ -216,15 +216,15 @@ impl View {
 }
 
 impl Dataset {
-    /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows; what is kept is
-    /// taken off it. In the order of [`Dataset::views_of`]; `None` where every pixel is masked.
-    /// No photograph of another role is read.
+    /// Decodes every photograph of a role once, several at a time, and keeps them as `share` allows. Kept photographs
+    /// reduce `share`. Returns the photographs in the order of [`Dataset::views_of`], `None` for a photograph with
+    /// every pixel masked. Reads no photograph of another role.
     pub fn take_in(&self, role: Role, share: &mut HostShare) -> Result<Vec<Option<Supply>>, Error> {
-        // In the order of the names, so that the message about several problems does not depend on chance.
+        // The first problem in the order of the names is returned, so that the message does not depend on chance.
         self.decoded(role, share).into_iter().collect()
     }
 
-    /// [`Self::take_in`] with the problem of each.
+    /// [`Self::take_in`] with one result per photograph.
     pub(super) fn decoded(&self, role: Role, share: &mut HostShare) -> Vec<Result<Option<Supply>, Error>> {
         let views: Vec<&View> = self.views_of(role).map(|(_, view)| view).collect();
         let all: u64 = views.iter().map(|view| view.pixel_bytes()).sum();
@@ -245,7 +245,7 @@ impl Intake {
     fn one(&self, view: &View) -> Result<Option<Supply>, Error> {
         let stored = picture_file::read(&view.path)?;
         let checksum = checksum(&stored, view)?;
-        // Once: what is kept of it is decoded again and again.
+        // Mended once: the kept file is decoded repeatedly.
         let file = match picture_file::whole(&view.path, &stored, view.limit)? {
             Cow::Borrowed(_) => stored,
             Cow::Owned(mended) => mended,
@@ -263,23 +263,23 @@ impl Intake {
         }))
     }
 
-    fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> Place {
+    fn place(&self, view: &View, mut file: Vec<u8>, pixels: Pixels) -> PixelStore {
         let raw = pixels.bytes().len() as u64;
         if self.decoded && self.reserve(raw) {
-            return Place::Decoded(Arc::new(pixels));
+            return PixelStore::Decoded(Arc::new(pixels));
         }
         if view.is_costly() {
             if (PACKED_SHARE * raw as f64) as u64 <= *lock(&self.left)
                 && let Some(packed) = pack(&pixels, view)
                 && self.reserve(packed.len() as u64)
             {
-                return Place::Packed(packed);
+                return PixelStore::Packed(packed);
             }
         } else if self.reserve(file.len() as u64) {
             file.shrink_to_fit();
-            return Place::Held(Box::new(view.clone()), file);
+            return PixelStore::Held(Box::new(view.clone()), file);
         }
-        Place::File(Box::new(view.clone()))
+        PixelStore::File(Box::new(view.clone()))
     }
 
     fn reserve(&self, bytes: u64) -> bool {
@@ -294,7 +294,7 @@ impl Intake {
     }
 }
 
-/// Of the file and its mask: what the pixels are made of.
+/// CRC-32 of the file and its mask, from which the pixels are made.
 fn checksum(file: &[u8], view: &View) -> Result<u32, Error> {
     let mut all = crc32fast::Hasher::new();
     all.update(file);
@@ -308,7 +308,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Without loss.
+/// Packs pixels losslessly.
 fn pack(pixels: &Pixels, view: &View) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     let kind = match pixels.depth() {

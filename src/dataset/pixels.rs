@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Bits per channel that a photograph is kept, uploaded and compared with.
+/// Bits per channel of a photograph in memory, on the device and in comparisons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub enum Depth {
     /// RGBA8.
@@ -12,7 +12,7 @@ pub enum Depth {
 }
 
 impl Depth {
-    /// Bytes of a pixel, in memory of the host and of the device.
+    /// Bytes of a pixel in host and device memory.
     pub const fn bytes_per_pixel(self) -> u64 {
         match self {
             Self::Eight => 4,
@@ -29,7 +29,7 @@ impl Depth {
     }
 }
 
-/// Red, green, blue and alpha of every pixel, rows from the top. The largest number of a channel stands for 1.
+/// Red, green, blue and alpha of every pixel, rows from the top. The largest value of a channel is 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pixels {
     /// Four bytes per pixel.
@@ -55,13 +55,12 @@ impl Pixels {
         }
     }
 
-    /// True without any pixel.
+    /// Whether there are no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The memory as it goes to the device: for 16 bits, red and green in the first word of a pixel,
-    /// the lower half first.
+    /// The bytes for the device. With 16 bits, red and green are in the first word of a pixel, red in the lower half.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Self::Rgba8(values) => values,
@@ -69,7 +68,7 @@ impl Pixels {
         }
     }
 
-    /// Number of pixels whose alpha is 0: they are masked.
+    /// Number of masked pixels, whose alpha is 0.
     pub fn masked(&self) -> u32 {
         match self {
             Self::Rgba8(values) => values.chunks_exact(4).filter(|p| p[3] == 0).count() as u32,
@@ -77,7 +76,7 @@ impl Pixels {
         }
     }
 
-    /// Which pixels are not masked.
+    /// For each pixel, whether it is not masked.
     pub fn counting(&self) -> Vec<bool> {
         match self {
             Self::Rgba8(values) => values.chunks_exact(4).map(|p| p[3] != 0).collect(),
@@ -85,7 +84,7 @@ impl Pixels {
         }
     }
 
-    /// Makes every pixel masked or whole: masked where it is less than half opaque.
+    /// Makes every pixel masked or opaque: masked below half opacity.
     pub fn harden_alpha(&mut self) {
         match self {
             Self::Rgba8(values) => values.chunks_exact_mut(4).for_each(|p| p[3] = if p[3] < 128 { 0 } else { 255 }),
@@ -95,7 +94,7 @@ impl Pixels {
         }
     }
 
-    /// RGBA with 8 bits per channel, rounded to the nearest where there are more.
+    /// RGBA with 8 bits per channel, rounded to the nearest.
     pub fn rgba8(&self) -> Cow<'_, [u8]> {
         match self {
             Self::Rgba8(values) => Cow::Borrowed(values),
@@ -103,7 +102,7 @@ impl Pixels {
         }
     }
 
-    /// The same without alpha.
+    /// [`Self::rgba8`] without alpha.
     pub fn rgb8(&self) -> Vec<u8> {
         match self {
             Self::Rgba8(values) => values.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
@@ -117,17 +116,17 @@ fn narrowed(value: u16) -> u8 {
     ((u32::from(value) + 128) / 257) as u8
 }
 
-/// A channel's number.
-pub(super) trait Sample: Copy + Default + Send + Sync + 'static {
-    /// The number that stands for 1.
+/// A channel's value.
+pub(super) trait ChannelValue: Copy + Default + Send + Sync + 'static {
+    /// The value that stands for 1.
     const WHITE: f32;
-    /// As a number from 0 to [`Self::WHITE`].
+    /// As a float from 0 to [`Self::WHITE`].
     fn number(self) -> f32;
-    /// The nearest that there is.
+    /// The nearest value.
     fn rounded(value: f32) -> Self;
 }
 
-impl Sample for u8 {
+impl ChannelValue for u8 {
     const WHITE: f32 = 255.0;
     fn number(self) -> f32 {
         f32::from(self)
@@ -137,7 +136,7 @@ impl Sample for u8 {
     }
 }
 
-impl Sample for u16 {
+impl ChannelValue for u16 {
     const WHITE: f32 = 65535.0;
     fn number(self) -> f32 {
         f32::from(self)

@@ -6,20 +6,20 @@ use super::{NoColours, Point};
 use crate::format::ply::Cloud;
 use crate::format::{Error, LeftOut};
 
-/// Colour of points that have none.
+/// Colour of points without one.
 pub(super) const GREY: [u8; 3] = [128; 3];
 
-/// The content of a file of points.
+/// The content of a points file.
 #[derive(Default)]
 pub(super) struct Points {
-    /// Numbered in the order of the file.
+    /// Points numbered in the order of the file.
     pub(super) list: Vec<Point>,
-    /// Why they have no colours where they have none.
+    /// Why the points have no colours; `None` where they have.
     pub(super) colourless: Option<NoColours>,
     pub(super) left_out: Option<LeftOut>,
 }
 
-/// The points of a cloud.
+/// Reads the points of a cloud.
 pub(super) fn read(file: &Path, strict: bool) -> Result<Points, Error> {
     let (Cloud { positions, colours, unknown, .. }, left_out) = Cloud::read_with(file, strict)?;
     let colourless = colours.is_empty().then(|| NoColours::with_properties(&unknown));

@@ -1,27 +1,27 @@
-//! Points to begin with where nothing was triangulated.
+//! Random points for a training without triangulated points.
 
 use crate::scene::Camera;
 use crate::scene::random::Random;
 
-/// How many points are drawn.
+/// Number of points.
 const POINTS: usize = 50_000;
-/// Candidates per point: where cameras hardly share a view, fewer points are found.
+/// Candidates per point. Where cameras hardly share a view, fewer points are found.
 const TRIES: usize = 40;
-/// Cameras that must have a point in view.
+/// Least number of cameras that have a point in view.
 const SHARED_BY: usize = 3;
-/// Depths go from the typical one divided by this to the typical one times this.
+/// Depths range from the typical depth divided by this factor to the typical depth times it.
 const DEPTHS: f64 = 2.0;
-/// How far axes must differ in direction for the point nearest to all of them to mean anything: the determinant of the
-/// mean of I - d d^T, which is 0 for parallel axes d.
+/// Least determinant of the mean of I - d d^T over the axes d, which is 0 for parallel axes. Below, the point nearest
+/// to all axes has no meaning.
 const CONVERGING: f64 = 0.01;
-/// Depth in units of the distance between neighbours, times the focal length over the picture's longer side, for
-/// cameras that look in one direction: what an overlap of three quarters gives.
+/// For cameras that look in one direction: depth in units of the neighbours' distance times the focal length over the
+/// image's longer side. An overlap of three quarters gives this value.
 const OVERLAPPING: f64 = 4.0;
 
-/// Points that several cameras have in view, spread evenly over pictures and over the logarithm of the depth.
+/// Points in the view of several cameras, spread evenly over images and over the logarithm of the depth.
 ///
-/// The typical depth is that of the point nearest to all axes, where the cameras look at something; else what makes
-/// neighbouring pictures overlap by three quarters, as aerial ones do.
+/// The typical depth is that of the point nearest to all axes if the cameras look at something. Else it is the depth at
+/// which neighbouring images overlap by three quarters, as in aerial surveys.
 pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
     let Some(typical) = typical_depth(cameras) else { return Vec::new() };
     let mut random = Random::new(seed);
@@ -45,15 +45,15 @@ pub(super) fn in_common_view(cameras: &[Camera], seed: u64) -> Vec<[f64; 3]> {
     points
 }
 
-/// Whether there are such points for these cameras: not for one alone, nor for cameras that are all at one place.
+/// Whether these cameras have such points: not a single camera, and not cameras that are all at one place.
 pub(super) fn begins_somewhere(cameras: &[Camera]) -> bool {
     typical_depth(cameras).is_some()
 }
 
-/// Whether a point is before a camera and inside its picture, with something in between or not.
+/// Whether a point is in front of a camera and inside its image, hidden or not.
 pub(crate) fn in_view(camera: &Camera, point: [f64; 3]) -> bool {
     let c = camera.center();
-    // About the centre: geo-referenced coordinates would cancel.
+    // Relative to the centre, so that geo-referenced coordinates do not cancel.
     let at: [f64; 3] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum());
     let (u, v) = (camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy);
     at[2] > 0.0 && (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v)
@@ -66,7 +66,7 @@ fn typical_depth(cameras: &[Camera]) -> Option<f64> {
     let origin = cameras[0].center();
     let centers: Vec<[f64; 3]> =
         cameras.iter().map(|c| c.center()).map(|c| std::array::from_fn(|k| c[k] - origin[k])).collect();
-    // Turned about one place, all axes meet in it: what is left of distances then is rounding.
+    // The axes of a camera turned about one place meet there: then distances are only rounding errors.
     let rounding = 1e-9 * origin.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
     if centers.iter().flatten().all(|v| v.abs() <= rounding) {
         return None;
@@ -76,7 +76,7 @@ fn typical_depth(cameras: &[Camera]) -> Option<f64> {
         .filter(|depth| depth.is_finite() && *depth > 0.0)
 }
 
-/// The median depth of the point nearest to all axes, if most cameras have it before them.
+/// The median depth of the point nearest to all axes, if most cameras have it in front of them.
 fn converging(cameras: &[Camera], centers: &[[f64; 3]]) -> Option<f64> {
     let n = cameras.len() as f64;
     let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);

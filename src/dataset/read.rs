@@ -1,4 +1,4 @@
-//! Which format a dataset has, and how it is read.
+//! Chooses the format of a dataset and reads it.
 
 use std::path::Path;
 
@@ -16,15 +16,16 @@ impl Format {
         }
     }
 
-    /// Whether a folder has files of this format in a place that is looked at only where no format is in its own.
+    /// Whether a folder has files of this format in an unusual place, which matters only where no format is in its
+    /// usual place.
     pub(super) fn is_elsewhere(self, dataset: &Path) -> bool {
         self == Self::Colmap && colmap::is_elsewhere(dataset)
     }
 }
 
 impl Model {
-    /// Reads a dataset in the format asked for, else in the first whose files are there. Records that cannot be used
-    /// are left out, or where it is `strict` an error.
+    /// Reads a dataset in the format `asked`, else in the first one whose files exist. Records that cannot be used are
+    /// left out, or are an error where `strict` is set.
     pub(super) fn read(dataset: &Path, asked: Option<Format>, strict: bool) -> Result<Self, Error> {
         let found: Vec<Format> = Format::ALL.into_iter().filter(|format| format.is_in(dataset)).collect();
         let format = match asked {

@@ -1,9 +1,10 @@
-//! Rotations as files have them.
+//! Rotations in the forms of dataset files.
 
-/// How far products of the rows of a rotation may be off, by the rounding of a file.
+/// Largest error of the products of a rotation's rows from rounding in a file.
 const ROUNDING: f64 = 1e-3;
 
-/// The rotation in a matrix that is one up to its rounding and to one scale of all axes; for anything else what it is.
+/// The nearest rotation to a matrix that is a rotation up to rounding and one scale of all axes; for any other matrix
+/// its fault.
 pub(super) fn nearest(matrix: &[[f64; 3]; 3]) -> Result<[[f64; 3]; 3], &'static str> {
     let [a, b, c] = matrix;
     let det =
@@ -19,7 +20,7 @@ pub(super) fn nearest(matrix: &[[f64; 3]; 3]) -> Result<[[f64; 3]; 3], &'static 
     if det < 0.0 {
         return Err("a reflection, which no camera makes: one axis points the wrong way");
     }
-    // Newton's iteration for the polar factor: the error is squared each time.
+    // Newton's iteration for the polar factor, which squares the error each time.
     for _ in 0..4 {
         m = std::array::from_fn(|i| {
             std::array::from_fn(|j| 1.5 * m[i][j] - 0.5 * (0..3).map(|k| gram(&m, i, k) * m[k][j]).sum::<f64>())
@@ -32,7 +33,7 @@ fn gram(m: &[[f64; 3]; 3], i: usize, j: usize) -> f64 {
     (0..3).map(|k| m[i][k] * m[j][k]).sum()
 }
 
-/// How far the rows are from being of unit length and at right angles.
+/// Deviation of the rows from an orthonormal basis.
 fn off(m: &[[f64; 3]; 3]) -> f64 {
     let pairs = (0..9).map(|k| (gram(m, k / 3, k % 3) - if k / 3 == k % 3 { 1.0 } else { 0.0 }).abs());
     pairs.fold(0.0, |most: f64, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
@@ -41,7 +42,7 @@ fn off(m: &[[f64; 3]; 3]) -> f64 {
 /// The rotation about an axis by the vector's length in radians (Rodrigues).
 pub(super) fn of_vector(v: [f64; 3]) -> [[f64; 3]; 3] {
     let angle = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // sin(a) / a and (1 - cos(a)) / a^2, by their series where the quotients lose their digits.
+    // sin(a) / a and (1 - cos(a)) / a^2, by series where the quotients lose digits.
     let (s, c) = if angle < 1e-4 {
         (1.0 - angle * angle / 6.0, 0.5 - angle * angle / 24.0)
     } else {

@@ -1,4 +1,4 @@
-//! The size at which photographs are used, by the rules of this and of other trainers.
+//! The size at which photographs are used, by this program's rules and those of other trainers.
 
 use std::path::Path;
 
@@ -7,14 +7,14 @@ use super::lens::Lens;
 use super::model::Shot;
 use crate::scene::Camera;
 
-/// Which size photographs are brought to. Sizes only ever become smaller.
+/// The size that photographs are reduced to. Photographs are never enlarged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sizing {
-    /// The largest number of pixels of the longer side, counted from the size of the file.
+    /// Most pixels of the longer side, relative to the size of the file.
     MaxSide(u32),
-    /// The sides are those of the calibration divided by a factor, as `images_N` folders are made.
+    /// The calibration's sides divided by a factor, as in `images_N` folders.
     Downscale(f64),
-    /// Width and height, for all photographs.
+    /// Width and height of all photographs.
     Exact(u32, u32),
 }
 
@@ -32,7 +32,7 @@ pub enum Rounding {
 
 impl Rounding {
     fn side(self, exact: f64) -> u32 {
-        // A quotient that is whole but for its last bits is whole.
+        // A quotient that is whole up to its last bits counts as whole.
         let near = (exact + 0.5).floor();
         let rounded = match self {
             _ if (exact - near).abs() < 1e-9 * near.abs() => near,
@@ -45,7 +45,7 @@ impl Rounding {
 }
 
 impl Sizing {
-    /// Width and height for a photograph of a size on disk whose camera was calibrated at another.
+    /// Width and height for a photograph with a size on disk and a size of its calibration.
     pub(super) fn apply(self, on_disk: (u32, u32), calibrated: (u32, u32), rounding: Rounding) -> (u32, u32) {
         let longest = on_disk.0.max(on_disk.1);
         let scaled = |(w, h): (u32, u32), multiply: f64, divide: f64| {
@@ -60,7 +60,7 @@ impl Sizing {
         }
     }
 
-    /// The longest side wanted of photographs whose calibration has this one.
+    /// The longest wanted side for photographs whose calibration has this longest side.
     pub(super) fn longest(self, calibrated: u32) -> u32 {
         match self {
             Self::MaxSide(side) => side.min(calibrated),
@@ -70,7 +70,7 @@ impl Sizing {
     }
 }
 
-/// The camera to train with for a photograph of a size, and its lens where that has to be undone.
+/// The camera for training with a photograph, and its lens if the photograph has to be undistorted.
 pub(super) fn camera(
     file: &Path,
     shot: &Shot,
@@ -83,13 +83,13 @@ pub(super) fn camera(
     let ([fx, fy], [cx, cy], [width, height]) = (calibrated.focal, calibrated.center, calibrated.size);
     let (rotation, translation) = (shot.rotation, shot.translation);
     let plain = Camera { rotation, translation, fx, fy, cx, cy, width, height };
-    // The picture at its full size, and at that of the calibration.
+    // The image at the photograph's full size, and the size of the calibration.
     let (full, of) =
         if straight { (plain.resized(on_disk.0, on_disk.1), plain) } else { (lens.pinhole(), calibrated.pinhole()) };
     let at_most = (full.width, full.height);
     let (width, height) = sizing.apply(at_most, (of.width, of.height), rounding);
     check_size(file, &of, sizing, at_most, (width, height))?;
-    // From the calibration at once: a second rounding would move the last bits.
+    // Resized from the calibration directly: a second rounding would change the last bits.
     let camera = if straight { plain.resized(width, height) } else { full.resized(width, height) };
     Ok(((!straight).then_some(lens), Camera { rotation, translation, ..camera }))
 }
@@ -104,7 +104,7 @@ pub(super) fn check(sizing: Sizing) -> Result<(), Error> {
     }
 }
 
-/// A size asked for must be one that the photograph can be reduced to without being stretched.
+/// Refuses a size that the photograph cannot be reduced to without stretching.
 fn check_size(
     file: &Path,
     camera: &Camera,
@@ -120,7 +120,7 @@ fn check_size(
     Err(Error::SizeDoesNotFit { file: file.to_owned(), photograph: on_disk, wanted })
 }
 
-/// Whether one size is that of a copy of the other: sides of reduced copies are rounded up or down.
+/// Whether a size is that of a reduced copy: its sides are rounded up or down.
 pub(super) fn same_shape(copy: (u32, u32), of: (u32, u32)) -> bool {
     let (w, h) = (f64::from(copy.0), f64::from(copy.1));
     let ratio = f64::from(of.1) / f64::from(of.0);
@@ -143,12 +143,12 @@ mod tests {
         assert_eq!(size(Sizing::MaxSide(640), Rounding::Down), (359, 640));
         assert_eq!(size(Sizing::MaxSide(5000), Rounding::Down), (1079, 1919));
         assert_eq!(size(Sizing::Exact(7, 9), Rounding::Down), (7, 9));
-        // Of a reduced copy the factor still counts from the calibration.
+        // For a reduced copy, the factor still counts from the calibration.
         assert_eq!(Sizing::Downscale(4.0).apply((250, 100), (1000, 400), Rounding::Down), (250, 100));
         assert_eq!(Sizing::Downscale(1e9).apply((250, 100), (1000, 400), Rounding::Down), (1, 1));
     }
 
-    /// As `limited` did in whole numbers.
+    /// Integer arithmetic gives the same sizes.
     #[test]
     fn the_longer_side_is_met_and_the_other_is_nearest() {
         for longest in [2_u64, 3, 7, 639, 1600, 4000] {

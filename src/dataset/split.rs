@@ -1,26 +1,26 @@
-//! Which photographs are trained on and which are held out.
+//! The split into training and held-out photographs.
 
-use super::model::Parts;
+use super::model::SplitParts;
 use std::collections::HashMap;
 
 use super::model::Shot;
 
-/// How to hold photographs out. Positions count the views sorted bytewise by name (one whose photograph is missing
-/// too), the convention of Mip-NeRF 360 and of the 3DGS reference.
+/// Which photographs are held out. Positions count the views sorted bytewise by name, views with a missing photograph
+/// included: the convention of Mip-NeRF 360 and the 3DGS reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Split {
-    /// Every 8th photograph (index % 8 == 0) is a test photograph.
+    /// Every 8th photograph (index % 8 == 0) is held out.
     #[default]
     Test,
-    /// For choosing settings: index % 8 == 4 is held out, and the test photographs are not used at all.
+    /// For choosing settings: index % 8 == 4 is held out, and the test photographs are not used.
     Val,
-    /// Train on everything.
+    /// All photographs are for training.
     None,
-    /// index % `every` == `first` is held out, all others are trained on: conventions of other trainers.
+    /// index % `every` == `first` is held out, all others are for training: conventions of other trainers.
     Every {
         /// Distance of held-out positions, at least 2.
         every: u32,
-        /// The first of them, below `every`.
+        /// The first held-out position, below `every`.
         first: u32,
     },
 }
@@ -29,11 +29,11 @@ pub enum Split {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Trained on.
+    /// For training.
     Train,
-    /// Evaluated on.
+    /// For evaluation.
     HeldOut,
-    /// Neither.
+    /// For neither.
     Unused,
 }
 
@@ -51,20 +51,20 @@ impl Split {
         }
     }
 
-    /// The roles of photographs sorted by name. Where the dataset says what they are for, `test` and `val` hold out
-    /// what it keeps for that, also of those to train on; where it keeps nothing for it, and with the other splits,
-    /// positions count those to train on.
-    pub(super) fn roles(self, parts: &[Option<Parts>]) -> Vec<Role> {
-        let is_kept = |part: &Parts| match self {
+    /// The roles of photographs sorted by name. Where the dataset assigns parts, `test` and `val` hold out the part of
+    /// that name, including photographs that are also for training. Where that part is empty, and with the other
+    /// splits, positions count the photographs for training.
+    pub(super) fn roles(self, parts: &[Option<SplitParts>]) -> Vec<Role> {
+        let is_kept = |part: &SplitParts| match self {
             Self::Test => part.test,
             Self::Val => part.val,
             Self::None | Self::Every { .. } => false,
         };
         let kept = parts.iter().flatten().any(is_kept);
         let mut position = 0..;
-        let mut role = |part: &Option<Parts>| match part {
+        let mut role = |part: &Option<SplitParts>| match part {
             Some(part) if is_kept(part) => Role::HeldOut,
-            // Settings are not to be chosen by test photographs.
+            // Test photographs must not decide settings.
             Some(part) if !part.train || (self == Self::Val && part.test) => Role::Unused,
             Some(_) if kept => Role::Train,
             Some(_) | None => self.role(position.next().unwrap_or(0)),
@@ -73,7 +73,7 @@ impl Split {
     }
 }
 
-/// The role of every photograph by its name, for photographs sorted by name.
+/// The role of every photograph by name, for photographs sorted by name.
 pub(super) fn planned(split: Split, shots: &[Shot]) -> HashMap<String, Role> {
     let roles = split.roles(&shots.iter().map(|shot| shot.part).collect::<Vec<_>>());
     shots.iter().map(|shot| shot.name.clone()).zip(roles).collect()

@@ -1,33 +1,33 @@
-//! `train_filenames`, `val_filenames` and `test_filenames` of a `transforms.json`:
-//! nerfstudio's way to say what frames are for.
+//! `train_filenames`, `val_filenames` and `test_filenames` of a `transforms.json`: nerfstudio's assignment of frames to
+//! parts.
 
 use std::collections::HashMap;
 
 use super::Warning;
-use super::model::Parts;
+use super::model::SplitParts;
 use super::names::Names;
 
-/// Their keys, and what they say of a frame.
-const LISTS: [(&str, Parts); 3] =
-    [("train_filenames", Parts::TRAIN), ("val_filenames", Parts::VAL), ("test_filenames", Parts::TEST)];
+/// The keys, and the part of each.
+const LISTS: [(&str, SplitParts); 3] =
+    [("train_filenames", SplitParts::TRAIN), ("val_filenames", SplitParts::VAL), ("test_filenames", SplitParts::TEST)];
 
-/// The lists of a file, and its frames.
+/// The lists and the frames of a file.
 pub(super) struct SplitLists<'a> {
-    /// Of all frames.
+    /// Paths of all frames.
     pub(super) paths: Vec<&'a str>,
-    /// In the order of [`LISTS`].
+    /// The lists in the order of [`LISTS`].
     pub(super) lists: [Option<&'a [String]>; 3],
 }
 
 impl SplitLists<'_> {
-    /// The parts of each frame; `None` without lists, and (with a warning) where the lists leave nothing to train on.
-    pub(super) fn parts(&self, warnings: &mut Vec<Warning>) -> Option<Vec<Parts>> {
+    /// The part of each frame. `None` without lists, and (with a warning) if the lists leave nothing for training.
+    pub(super) fn parts(&self, warnings: &mut Vec<Warning>) -> Option<Vec<SplitParts>> {
         if self.lists.iter().all(|list| list.is_none_or(<[String]>::is_empty)) {
             return None;
         }
         let mut places: HashMap<&str, Vec<usize>> = HashMap::new();
         self.paths.iter().enumerate().for_each(|(at, path)| places.entry(path).or_default().push(at));
-        let mut parts = vec![Parts::default(); self.paths.len()];
+        let mut parts = vec![SplitParts::default(); self.paths.len()];
         let (mut unknown, mut first) = (0, None);
         for (list, (key, part)) in self.lists.iter().zip(LISTS) {
             let names = list.unwrap_or_default();
@@ -41,13 +41,13 @@ impl SplitLists<'_> {
                 }
             }
         }
-        // Where only the others are listed, the rest is to train on.
+        // If only the other parts are listed, all further frames are for training.
         if self.lists[0].is_none() {
-            parts.iter_mut().filter(|part| **part == Parts::default()).for_each(|part| *part = Parts::TRAIN);
+            parts.iter_mut().filter(|part| **part == SplitParts::default()).for_each(|part| *part = SplitParts::TRAIN);
         }
-        let count = |of: &dyn Fn(&Parts) -> bool| parts.iter().filter(|part| of(part)).count();
+        let count = |of: &dyn Fn(&SplitParts) -> bool| parts.iter().filter(|part| of(part)).count();
         let used = parts.iter().any(|part| part.train && !part.test);
-        let in_none = count(&|part| *part == Parts::default());
+        let in_none = count(&|part| *part == SplitParts::default());
         let in_both = count(&|part| part.train && (part.test || part.val));
         if unknown > 0 || in_none > 0 || in_both > 0 || !used {
             warnings.push(Warning::SplitLists { used, unknown, first, in_none, in_both });

@@ -1,47 +1,46 @@
-//! From the numbers in a file with more than 8 bits per channel to those that are trained on.
+//! Maps files with more than 8 bits per channel to encoded 16-bit values.
 
 use std::fmt;
 
 use image::{DynamicImage, ImageBuffer, Rgba};
 use rayon::prelude::*;
 
-/// The meaning of the numbers of a photograph with more than 8 bits per channel.
-/// Photographs with 8 bits are taken as they are.
+/// How photographs with more than 8 bits per channel are interpreted. Photographs with 8 bits are used unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tone {
-    /// The number that is white, in the file's units; larger ones are white too. `None`: 65535 in files of whole
-    /// numbers, 1 in those of floating-point numbers.
+    /// The value of white in the file's units; larger values are clipped. `None`: 65535 for integers, 1 for
+    /// floating-point numbers.
     pub white_level: Option<f64>,
-    /// The curve between light and numbers.
+    /// The transfer curve between light and values.
     pub transfer: Transfer,
 }
 
-/// The curve between light and the numbers of a file.
+/// The transfer curve between light and a file's values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Transfer {
-    /// Whole numbers are encoded, floating-point ones linear: what PNG and OpenEXR mean by themselves.
+    /// Integers are encoded, floating-point numbers are linear: the meaning of PNG and OpenEXR.
     #[default]
     Auto,
-    /// The numbers are encoded already, as those of an 8-bit photograph are, and stay as they are.
+    /// Values are encoded like those of an 8-bit photograph and stay unchanged.
     Srgb,
-    /// The numbers are proportional to light and are encoded with the curve of sRGB.
+    /// Values are proportional to light and get encoded with the sRGB curve.
     Linear,
 }
 
-/// The kind of numbers in a file.
+/// The kind of values in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub enum Samples {
-    /// Whole numbers of 8 bits or fewer.
+    /// Integers of 8 bits or fewer.
     Bits8,
-    /// Whole numbers of 16 bits.
+    /// Integers of 16 bits.
     Bits16,
     /// Floating-point numbers.
     Float,
 }
 
 impl Samples {
-    /// Bits per channel that they are kept with.
+    /// Bits per channel in memory.
     pub const fn depth(self) -> super::Depth {
         match self {
             Self::Bits8 => super::Depth::Eight,
@@ -67,7 +66,7 @@ impl Tone {
         }
     }
 
-    /// The treatment of such files, in words.
+    /// Describes how such files are treated.
     pub fn of(self, samples: Samples) -> impl fmt::Display {
         match samples {
             Samples::Bits8 => "8 bits per channel, as they are".to_owned(),
@@ -82,7 +81,7 @@ impl Tone {
         }
     }
 
-    /// The picture with 16 bits per channel, and how many of its pixels are brighter than white.
+    /// The picture with 16 bits per channel, and the number of pixels brighter than white.
     pub(super) fn applied(self, image: DynamicImage) -> (DynamicImage, u64) {
         let samples = if is_float(&image) { Samples::Float } else { Samples::Bits16 };
         let (white, linear) = (self.white(samples), self.is_linear(samples));
@@ -116,19 +115,19 @@ pub(super) fn is_float(image: &DynamicImage) -> bool {
     matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_))
 }
 
-/// 16-bit code of a value of which 1 is white.
+/// 16-bit code of a value where 1 is white.
 fn code(value: f64, linear: bool) -> u16 {
     let value = value.clamp(0.0, 1.0);
     let encoded = if linear { encode(value) } else { value };
     (65535.0 * encoded).round() as u16
 }
 
-/// The curve of sRGB (IEC 61966-2-1), from light to numbers, both from 0 to 1.
+/// The sRGB curve (IEC 61966-2-1) from light to encoded values, both from 0 to 1.
 fn encode(light: f64) -> f64 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// OpenEXR's colours are multiplied with alpha. Pixels that are not a number say nothing: they are masked.
+/// OpenEXR premultiplies colours with alpha. Pixels that are not finite numbers are masked.
 fn from_floats(image: DynamicImage, white: f32, linear: bool) -> (DynamicImage, u64) {
     let opaque = !image.color().has_alpha();
     let (width, height) = (image.width(), image.height());
@@ -164,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_curve_is_that_of_srgb() {
-        // Of the standard: both pieces meet, 18 % grey is about 46 %, ends are ends.
+        // Values of the standard: the pieces meet, 18 % grey is about 46 %, and the ends are fixed.
         assert!((encode(0.003_130_8) - 0.040_449_936).abs() < 1e-9 && (encode(0.003_130_81) - 0.040_45).abs() < 1e-5);
         assert!((encode(0.18) - 0.461_356).abs() < 1e-6);
         assert_eq!((code(0.0, true), code(1.0, true), code(7.0, true), code(-1.0, false)), (0, 65535, 65535, 0));

@@ -1,19 +1,19 @@
-//! Which views observe which points.
+//! The views that observe each point.
 
-/// For each point of a dataset the views that it was reconstructed from; empty where the format does not say.
+/// For each point of a dataset its observing views; empty where the format does not say.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tracks {
-    /// Where each point's views end.
+    /// End of each point's views in `views`.
     ends: Vec<usize>,
     views: Vec<u32>,
 }
 
 impl Tracks {
-    /// One list of positions in [`super::Dataset::views`] per point.
+    /// Takes one list of positions in [`super::Dataset::views`] per point.
     pub fn new(lists: impl IntoIterator<Item = Vec<u32>>) -> Self {
         let mut tracks = Self::default();
         for mut list in lists {
-            // A point may be seen twice in one picture.
+            // An image may observe a point twice.
             list.sort_unstable();
             list.dedup();
             tracks.views.extend(list);
@@ -28,8 +28,8 @@ impl Tracks {
         self.ends.get(point).and_then(|end| self.views.get(start..*end)).unwrap_or(&[])
     }
 
-    /// Those of the points for which `points` is true, where `places` has the new positions of the views,
-    /// or nothing where a view is gone.
+    /// The tracks of the points where `points` is true. `places` has the new position of each view, `None` for a
+    /// removed view.
     pub(super) fn kept(&self, points: &[bool], places: &[Option<u32>]) -> Self {
         let kept = points.iter().enumerate().filter(|(_, kept)| **kept).map(|(point, _)| self.of(point));
         let placed = |view: &u32| places.get(*view as usize).copied().flatten();
@@ -40,7 +40,7 @@ impl Tracks {
         }
     }
 
-    /// Whether nothing is known.
+    /// Whether no tracks are known.
     pub fn is_empty(&self) -> bool {
         self.views.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Photographs whose pixels cannot be decoded, which shows when they are: a few are left out, and told.
+//! Photographs whose pixels turn out to be undecodable: a few are left out with a warning.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -7,28 +7,28 @@ use super::error::Error;
 use super::{Dataset, HostShare, Role, Supply, View, Warning, usable};
 use crate::format::Tally;
 
-/// A photograph that is left out, as its pixels cannot be decoded.
+/// A photograph that is left out because its pixels cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Undecodable {
     /// Its name.
     pub name: String,
-    /// The use for which the photograph was meant.
+    /// The photograph's role.
     pub role: Role,
-    /// The problem of the photograph.
+    /// The decoder's problem.
     pub problem: String,
 }
 
 /// Photographs that were left out when they were decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Undecoded {
-    /// Each of them.
+    /// The photographs that were left out.
     pub photographs: Vec<Undecodable>,
-    /// The warning about these photographs, where there are any.
+    /// The warning about them; `None` without any.
     pub warning: Option<Warning>,
 }
 
-/// Takes decoded photographs of a dataset, and leaves out those that cannot be decoded: one of ten at the most, or none
-/// where the dataset was loaded strictly.
+/// Takes decoded photographs of a dataset and leaves out undecodable ones: at most one in ten, and none if the dataset
+/// was loaded strictly.
 pub struct Decoding {
     tally: Tally<Error>,
     folder: PathBuf,
@@ -37,28 +37,28 @@ pub struct Decoding {
 }
 
 impl Decoding {
-    /// Of a dataset's photographs, all of which are counted.
+    /// For a dataset's photographs, all of which are counted.
     pub fn of(dataset: &Dataset) -> Self {
         let folder = dataset.images.as_ref().map_or(&dataset.path, |images| &images.path).clone();
         Self { tally: Tally::new(dataset.strict), folder, of: dataset.views.len(), found: Vec::new() }
     }
 
-    /// The decoded photograph of a view; `None` where the photograph is left out.
-    /// Errors that are not of one photograph stay errors.
+    /// The decoded photograph of a view; `None` where it is left out. Errors that concern more than one photograph are
+    /// returned.
     pub fn take<T>(&mut self, view: &View, decoded: Result<T, Error>) -> Result<Option<T>, Error> {
         if let Err(error) = &decoded {
             if !usable::is_of_one_photograph(error) {
                 return decoded.map(Some);
             }
             let said = error.to_string();
-            // The photograph is named already.
+            // The warning names the photograph already.
             let problem = said.strip_prefix(&format!("{}: ", view.path.display())).unwrap_or(&said).to_owned();
             self.found.push(Undecodable { name: view.name.clone(), role: view.role, problem });
         }
         self.tally.take(format_args!("'{}'", view.name), decoded)
     }
 
-    /// The same as [`Dataset::take_in`]; `None` also where a photograph is left out.
+    /// [`Dataset::take_in`], with `None` also for photographs that are left out.
     pub fn take_in(
         &mut self,
         dataset: &Dataset,
@@ -70,7 +70,7 @@ impl Decoding {
         views.zip(decoded).map(|(view, decoded)| Ok(self.take(view, decoded)?.flatten())).collect()
     }
 
-    /// The photographs that were left out. An error where too many were left out.
+    /// The photographs that were left out. Fails if there are too many.
     pub fn end(self) -> Result<Undecoded, Error> {
         let kept = self.of.saturating_sub(self.found.len());
         let left_out = self.tally.end(&self.folder, "photographs", kept)?;
@@ -83,7 +83,7 @@ impl Decoding {
 }
 
 impl Dataset {
-    /// Goes on without views whose photographs cannot be decoded. The scene's frame stays that of all poses.
+    /// Removes views whose photographs cannot be decoded. The scene's frame stays that of all poses.
     pub fn leave_out(&mut self, undecoded: &Undecoded) {
         if undecoded.photographs.is_empty() {
             return;

@@ -1,21 +1,21 @@
-//! Photographs with distortion made into those of a pinhole camera.
+//! Undistorts photographs into images of a pinhole camera.
 
 use rayon::prelude::*;
 
 use super::lens::Lens;
-use super::pixels::Sample;
+use super::pixels::ChannelValue;
 use crate::scene::Camera;
 
-/// The reach of the Catmull-Rom kernel to each side, in pixels of the coarser of the two pictures.
+/// Radius of the Catmull-Rom kernel, in pixels of the coarser image.
 const REACH: f64 = 2.0;
 
 /// Resamples a photograph (RGBA, rows from the top, of the lens's size) for a pinhole camera whose axis is the lens's.
 ///
-/// Each pixel is the photograph around the place where the ray of its centre lands, weighted by Catmull-Rom's bicubic
-/// kernel, which is widened along rows and columns where neighbouring rays land more than a pixel apart: undistorting
-/// and reducing are one interpolation. Colours are weighted with their alpha, so that masked ones do not bleed. Alpha
-/// is 0 where the ray has no place in the photograph.
-pub(super) fn resample<T: Sample>(photograph: &[T], lens: &Lens, camera: &Camera) -> Vec<T> {
+/// Each output pixel is the photograph around the point where the ray of the pixel's centre lands, weighted by the
+/// Catmull-Rom bicubic kernel. The kernel is widened along rows and columns where neighbouring rays land more than a
+/// pixel apart: undistortion and reduction are one interpolation. Colours are weighted with their alpha, so that masked
+/// colours do not bleed. Alpha is 0 where the ray lands outside the photograph.
+pub(super) fn resample<T: ChannelValue>(photograph: &[T], lens: &Lens, camera: &Camera) -> Vec<T> {
     let width = camera.width as usize;
     let mut out = vec![T::default(); 4 * width * camera.height as usize];
     out.par_chunks_exact_mut(4 * width).enumerate().for_each(|(j, row)| {
@@ -36,7 +36,7 @@ pub(super) fn resample<T: Sample>(photograph: &[T], lens: &Lens, camera: &Camera
     out
 }
 
-/// Pixels along a row or a column, and their weights.
+/// Pixels along a row or column, and their weights.
 #[derive(Default)]
 struct Taps {
     first: usize,
@@ -44,8 +44,8 @@ struct Taps {
 }
 
 impl Taps {
-    /// The pixels of a picture of `size` around `at`, the kernel being widened by `by`.
-    /// At the picture's edge it is cut.
+    /// The pixels around `at` in an image of `size`, with the kernel widened by `by`. The kernel is cut off at the
+    /// image's edge.
     fn around(&mut self, at: f64, by: f64, size: u32) {
         let (from, to) = (at - REACH * by - 0.5, at + REACH * by - 0.5);
         self.first = from.ceil().max(0.0) as usize;
@@ -67,8 +67,8 @@ fn catmull_rom(x: f64) -> f64 {
     }
 }
 
-fn weighted<T: Sample>(photograph: &[T], width: usize, columns: &Taps, rows: &Taps) -> [T; 4] {
-    // Sums of the weights, of weight times alpha, of colours with either.
+fn weighted<T: ChannelValue>(photograph: &[T], width: usize, columns: &Taps, rows: &Taps) -> [T; 4] {
+    // Sums of the weights, of weight times alpha, and of colours with either.
     let (mut whole, mut opaque, mut colours, mut all_colours) = (0.0_f32, 0.0_f32, [0.0_f32; 3], [0.0_f32; 3]);
     for (k, down) in rows.weights.iter().enumerate() {
         let start = 4 * ((rows.first + k) * width + columns.first);
@@ -84,7 +84,7 @@ fn weighted<T: Sample>(photograph: &[T], width: usize, columns: &Taps, rows: &Ta
             }
         }
     }
-    // Almost nothing opaque: a quotient of two small numbers would be no colour.
+    // For almost no opacity, a quotient of two small numbers would not be a colour.
     let (sums, by) = if opaque > 0.01 * whole { (colours, opaque) } else { (all_colours, whole) };
     let [r, g, b] = sums.map(|sum| T::rounded(sum / by));
     [r, g, b, T::rounded(T::WHITE * opaque / whole)]

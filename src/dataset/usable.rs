@@ -1,4 +1,4 @@
-//! Photographs and points that cannot be used: a few are left out, and told.
+//! Leaves out a few photographs and points that cannot be used, with a warning.
 
 use std::collections::HashSet;
 use std::io::ErrorKind;
@@ -9,7 +9,7 @@ use super::{View, Warning, names, numeric_limits};
 use crate::format::{Error as FileError, Tally};
 use crate::scene::Frame;
 
-/// Sorts the poses by name, leaves out those that have the name of one before, and refuses names that lead elsewhere.
+/// Sorts the poses by name, leaves out duplicates, and makes names safe that lead out of the folder.
 pub(super) fn names(model: &mut Model, strict: bool) -> Result<(), Error> {
     if model.shots.is_empty() {
         return Err(Error::NoImages { file: model.file.clone() });
@@ -27,7 +27,7 @@ pub(super) fn names(model: &mut Model, strict: bool) -> Result<(), Error> {
     made_safe(model)
 }
 
-/// Names that lead out of the folder become those of results: of them the part that stays inside.
+/// Replaces names that lead out of the folder by their part that stays inside.
 fn made_safe(model: &mut Model) -> Result<(), Error> {
     let outside = |name: &str| !names::stays_inside(name) || names::leads_out(name);
     if model.shots.iter().all(|shot| !outside(&shot.name)) {
@@ -44,12 +44,12 @@ fn made_safe(model: &mut Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// The views of the photographs that can be used. Those of the others leave the model too.
+/// The views of usable photographs. Removes the others from the model too.
 pub(super) fn views(model: &mut Model, views: Vec<Result<View, Error>>, strict: bool) -> Result<Vec<View>, Error> {
     let mut tally = Tally::new(strict);
     let kept: Vec<bool> = views.iter().map(Result::is_ok).collect();
     let mut usable = Vec::with_capacity(views.len());
-    // In the order of the names, so that the message about several problems does not depend on chance.
+    // Errors come in the order of the names, so that the message does not depend on chance.
     for (shot, view) in model.shots.iter().zip(views) {
         let view = match view {
             Err(error) if !is_of_one_photograph(&error) => return Err(error),
@@ -62,7 +62,7 @@ pub(super) fn views(model: &mut Model, views: Vec<Result<View, Error>>, strict: 
     Ok(usable)
 }
 
-/// Whether other photographs can do without.
+/// Whether the error concerns a single photograph, so that the others can be used.
 pub(super) fn is_of_one_photograph(error: &Error) -> bool {
     match error {
         Error::File(FileError::Io { source, .. }) => {
@@ -77,8 +77,8 @@ pub(super) fn is_of_one_photograph(error: &Error) -> bool {
     }
 }
 
-/// Leaves out views and points that have no place in the scene. What was told of the poses of such views is not told
-/// twice.
+/// Leaves out views and points that are out of range in the scene. Earlier warnings about the poses of such views are
+/// removed.
 pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, strict: bool) -> Result<(), Error> {
     let (mut tally, mut kept) = (Tally::new(strict), vec![true; views.len()]);
     for (view, kept) in views.iter().zip(&mut kept) {
@@ -107,7 +107,7 @@ pub(super) fn placed(model: &mut Model, views: &mut Vec<View>, frame: &Frame, st
     Ok(())
 }
 
-/// Whether a warning is of the pose of the view of a name.
+/// Whether a warning is about the pose of the named view.
 fn is_of_pose(warning: &Warning, view: &str) -> bool {
     match warning {
         Warning::CameraFarAway { name, .. } | Warning::PoseWrong { name, .. } | Warning::PoseDoubtful { name, .. } => {

@@ -1,5 +1,4 @@
-//! Points that a training cannot begin with, though there are some: too few, out of view,
-//! or all in one spot of the pictures.
+//! Detects points that a training cannot begin with: too few, out of view, or all in one spot of the images.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,32 +10,32 @@ use super::random_points::{begins_somewhere, in_view};
 use crate::numbers::{counted, grouped, of_count};
 use crate::scene::Camera;
 
-/// A photograph is served by at least this number of points that another photograph shows too ...
+/// A photograph is served by at least this many points that another photograph has in view too ...
 const LEAST_POINTS: usize = 20;
-/// ... in at least this number of cells of its picture.
+/// ... in at least this many cells of its image.
 const LEAST_CELLS: u32 = 6;
-/// Cells along either side of a picture.
+/// Cells along each side of an image.
 const CELLS: f64 = 8.0;
-/// Points are of use where they serve at least one of this number of photographs.
+/// Points are of use if they serve at least one in this many photographs.
 const SERVED: usize = 4;
-/// About the number of points that are looked at.
+/// Approximate number of points that are checked.
 const LOOKED_AT: usize = 20_000;
-/// What is nearer to a camera than this share of the cameras' reach is no point of the scene,
-/// but the camera's own place.
+/// A point nearer to a camera than this share of the cameras' extent is the camera's own position and no point of the
+/// scene.
 const AT_A_CAMERA: f64 = 1e-3;
 
-/// Points that a training does without: it begins as if there were none, but for those that serve some photographs.
+/// Points that a training ignores: it begins as if it had none, except those that serve some photographs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UselessPoints {
     /// The file with the points.
     pub file: PathBuf,
-    /// All points.
+    /// Number of all points.
     pub points: usize,
-    /// Photographs to train on with enough points in the picture that others see too.
+    /// Training photographs with enough points in view that other photographs see too.
     pub served: usize,
-    /// All photographs to train on.
+    /// All training photographs.
     pub views: usize,
-    /// Points of use for those photographs.
+    /// Points that serve some photographs.
     pub kept: Vec<Point>,
 }
 
@@ -69,17 +68,16 @@ impl fmt::Display for UselessPoints {
     }
 }
 
-/// The points that are looked at, as the photographs see them.
-struct Seen {
-    /// For each point the photographs and the cells of their pictures;
-    /// none where fewer than two have the point in view.
+/// The checked points in the images of the photographs.
+struct Sightings {
+    /// For each point the photographs and the cells of their images; empty if fewer than two have the point in view.
     by_point: Vec<Vec<(u32, u32)>>,
-    /// The number of points for which each entry of `by_point` stands.
+    /// Number of points per entry of `by_point`.
     step: usize,
 }
 
-/// Whether points are of no use for these cameras to train with, `file` being where they are from; `None` as well where
-/// there is nothing to begin with in their stead.
+/// Whether these points are useless for a training with these cameras. `file` holds the points. `None` also if there is
+/// nothing else to begin with.
 pub(super) fn judge(file: PathBuf, cameras: &[Camera], points: &[Point]) -> Option<UselessPoints> {
     if points.is_empty() || cameras.len() < 2 {
         return None;
@@ -88,7 +86,7 @@ pub(super) fn judge(file: PathBuf, cameras: &[Camera], points: &[Point]) -> Opti
     let own_places = OwnPlaces::of(cameras);
     let some: Vec<&Point> = points.iter().step_by(step).collect();
     let by_point = some.par_iter().map(|point| own_places.views_of(cameras, point.position)).collect();
-    let serves = Seen { by_point, step }.serves(cameras.len());
+    let serves = Sightings { by_point, step }.serves(cameras.len());
     let served = serves.iter().filter(|serves| **serves).count();
     if SERVED * served >= cameras.len() || !begins_somewhere(cameras) {
         return None;
@@ -100,10 +98,10 @@ pub(super) fn judge(file: PathBuf, cameras: &[Camera], points: &[Point]) -> Opti
     Some(UselessPoints { file, points: points.len(), served, views: cameras.len(), kept })
 }
 
-/// Where the cameras are.
+/// The positions of the cameras.
 struct OwnPlaces {
     centers: Vec<[f64; 3]>,
-    /// The square of what counts as being there.
+    /// Square of the distance below which a point is at a camera.
     near: f64,
 }
 
@@ -114,8 +112,8 @@ impl OwnPlaces {
         Self { centers, near: AT_A_CAMERA * AT_A_CAMERA * reach }
     }
 
-    /// The cameras that have a point in view, with the cells of their pictures; none where it is one alone,
-    /// or the point is a camera's place.
+    /// The cameras that have a point in view, with the cells of their images; empty for a single camera, and for a
+    /// point at a camera.
     fn views_of(&self, cameras: &[Camera], point: [f64; 3]) -> Vec<(u32, u32)> {
         let seen: Vec<(u32, u32)> =
             (0..).zip(cameras).filter_map(|(view, camera)| Some((view, cell(camera, point)?))).collect();
@@ -124,8 +122,8 @@ impl OwnPlaces {
     }
 }
 
-impl Seen {
-    /// Whether each of `views` photographs is served.
+impl Sightings {
+    /// For each of `views` photographs, whether it is served.
     fn serves(&self, views: usize) -> Vec<bool> {
         let (mut points, mut cells) = (vec![0; views], vec![0_u64; views]);
         for (view, cell) in self.by_point.iter().flatten() {
@@ -141,7 +139,7 @@ fn squared(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
 }
 
-/// The cell of the picture that a point lies in, if it does.
+/// The image cell of a point; `None` outside the image.
 fn cell(camera: &Camera, point: [f64; 3]) -> Option<u32> {
     if !in_view(camera, point) {
         return None;
@@ -159,7 +157,7 @@ mod tests {
 
     use super::*;
 
-    /// Cameras on a circle of radius 2 that look outwards with a view of 90 degrees, or inwards.
+    /// Cameras on a circle of radius 2 that look outwards or inwards, with a field of view of 90 degrees.
     fn circle(count: u32, outwards: bool) -> Vec<Camera> {
         let of = |k: u32| {
             let (s, c) = (TAU * f64::from(k) / f64::from(count)).sin_cos();
@@ -176,20 +174,22 @@ mod tests {
         judge("points".into(), cameras, &(0..).zip(positions).map(point).collect::<Vec<_>>())
     }
 
-    /// However many there are, and though all others have them in view: nothing is seen there from a camera.
+    /// Cameras see nothing at their own positions, however many points are there and though all other cameras have them
+    /// in view.
     #[test]
     fn points_at_the_places_of_the_cameras_are_of_no_use() {
         let cameras = circle(64, false);
         let useless = judged(&cameras, cameras.iter().map(Camera::center)).expect("taken for useful");
         assert_eq!((useless.served, useless.kept.len()), (0, 0));
-        // Beside the cameras the same points would do.
+        // Slightly off the cameras' positions the same points are of use.
         let beside = cameras.iter().map(|camera| camera.center().map(|v| 0.9 * v));
         assert_eq!(judged(&cameras, beside), None);
     }
 
     #[test]
     fn points_that_one_camera_alone_sees_are_of_no_use() {
-        // Four cameras look away from one another: what is near has one in view, what is far off and above all or two.
+        // Four cameras look away from one another. Near points are in view of one camera, and far ones above all of
+        // two.
         let cameras = circle(4, true);
         let wall = |camera: &Camera| {
             let (r, c) = (camera.rotation, camera.center());
@@ -200,8 +200,10 @@ mod tests {
         assert!(walls.iter().all(|p| cameras.iter().filter(|camera| in_view(camera, *p)).count() == 1));
         let again: Vec<Camera> = cameras.iter().chain(&cameras).copied().collect();
         assert_eq!(judged(&again, walls.iter().copied()), None, "seen by two each");
-        let served =
-            Seen { by_point: walls.iter().map(|p| OwnPlaces::of(&cameras).views_of(&cameras, *p)).collect(), step: 1 };
+        let served = Sightings {
+            by_point: walls.iter().map(|p| OwnPlaces::of(&cameras).views_of(&cameras, *p)).collect(),
+            step: 1,
+        };
         assert_eq!(served.serves(4), [false; 4]);
     }
 }

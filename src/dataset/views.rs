@@ -1,4 +1,4 @@
-//! The views of a dataset, from the shots of the model and the headers of their photographs.
+//! The views of a dataset, from the model's shots and the headers of their photographs.
 
 use std::path::{Path, PathBuf};
 
@@ -8,11 +8,10 @@ use super::model::{Model, Shot};
 use super::picture_file::{self, Header};
 use super::{DecodeLimit, Error, ImagesFolder, LoadOptions, Role, Samples, View, masks, numeric_limits, sizing};
 
-/// Pixels on the longer side of a reduced copy, at least: sides of smaller ones, rounded, fit cameras of any shape.
+/// Least pixels on the longer side of a reduced copy. Rounded sides of smaller copies fit cameras of any shape.
 const SMALLEST_COPY: u32 = 8;
 
-/// A view of each shot with its role and its mask, or why there is none. The photographs are in `images`, where there
-/// are any.
+/// A view of each shot with its role and its mask, or the shot's error. `images` is the folder of photographs, if any.
 pub(super) fn of_shots(
     model: &Model,
     images: Option<&ImagesFolder>,
@@ -35,7 +34,7 @@ pub(super) fn of_shots(
         .collect()
 }
 
-/// The view of a shot without a mask, to train on.
+/// The view of a shot without a mask, for training.
 fn of_shot(shot: &Shot, photograph: Option<PathBuf>, options: &LoadOptions, limit: DecodeLimit) -> Result<View, Error> {
     let header = match &photograph {
         Some(file) => picture_file::header_within(file, limit)?,
@@ -64,7 +63,7 @@ fn of_shot(shot: &Shot, photograph: Option<PathBuf>, options: &LoadOptions, limi
     })
 }
 
-/// The file may be a reduced copy: sides of such copies are rounded up or down.
+/// Compares aspect ratios. The file may be a reduced copy, whose sides are rounded up or down.
 fn check_aspect(file: &Path, shot: &Shot, photograph: (u32, u32)) -> Result<(), Error> {
     let camera = (shot.lens.size[0], shot.lens.size[1]);
     let longer = |size: (u32, u32)| size.0.max(size.1);

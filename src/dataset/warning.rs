@@ -8,157 +8,157 @@ use std::path::PathBuf;
 use super::{Colourless, Format, PoseFault, Renamed};
 use crate::format::LeftOut;
 
-/// A peculiarity of a dataset.
+/// A warning about a dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
-    /// All training cameras are at one place (or there is one only), so the scene's extent comes from the points.
+    /// All training cameras are at one place, or there is a single one: the scene's extent comes from the points.
     CamerasAtOnePlace {
         /// Number of training cameras.
         cameras: usize,
-        /// The extent used instead, in dataset units.
+        /// The scene's extent in dataset units.
         extent: f64,
     },
-    /// A training camera is far from all others: its pose is probably wrong. The scene's extent is that of the others.
+    /// A training camera is far from all others, so its pose is probably wrong. The scene's extent ignores it.
     CameraFarAway {
-        /// The view.
+        /// Name of the view.
         name: String,
-        /// How many times as far from the middle of all cameras as half of them.
+        /// Its distance from the middle of all cameras in multiples of the median distance.
         times: f64,
     },
     /// The pose of a photograph is wrong.
     PoseWrong {
-        /// The view.
+        /// Name of the view.
         name: String,
-        /// What speaks against the pose.
+        /// Why the pose is wrong.
         fault: PoseFault,
-        /// Whether the photograph is left out of training; held-out ones are scored all the same.
+        /// Whether the photograph is left out of training. Held-out ones are still scored.
         left_out: bool,
     },
-    /// The pose of a photograph is worse than those of the others. The photograph is used all the same.
+    /// The pose of a photograph is worse than those of the others. The photograph is still used.
     PoseDoubtful {
-        /// The view.
+        /// Name of the view.
         name: String,
-        /// What speaks against the pose.
+        /// Why the pose is doubtful.
         fault: PoseFault,
     },
     /// Poses and points do not belong together.
     PosesAgainstPoints {
         /// The file with the poses.
         file: PathBuf,
-        /// Photographs whose points are elsewhere.
+        /// Photographs that do not see their points where they should be.
         wrong: usize,
-        /// Photographs that could be judged.
+        /// Photographs that were judged.
         of: usize,
     },
-    /// Every pixel of photographs is masked: they are not used.
+    /// Photographs with every pixel masked are not used.
     AllMasked {
-        /// How many.
+        /// Their number.
         photographs: usize,
-        /// The first of them.
+        /// The first of these photographs.
         first: String,
     },
     /// Masks that leave out no pixel.
     MasksLeaveOutNothing {
-        /// How many.
+        /// Their number.
         masks: usize,
-        /// How many masks there are.
+        /// Number of all masks.
         of: usize,
-        /// The photograph of the first of them.
+        /// Photograph of the first such mask.
         first: String,
     },
-    /// Masks whose colour says nothing, and whose transparency is taken in its place.
+    /// Masks of uniform colour whose transparency takes the colour's place.
     MasksByTransparency {
-        /// How many.
+        /// Their number.
         masks: usize,
-        /// How many masks there are.
+        /// Number of all masks.
         of: usize,
-        /// The photograph of the first of them.
+        /// Photograph of the first such mask.
         first: String,
     },
-    /// Photographs have pixels above the white level, which are white.
+    /// Photographs have pixels brighter than the white level, which become white.
     BrighterThanWhite {
-        /// Photographs that have such pixels.
+        /// Number of these photographs.
         photographs: usize,
-        /// Such pixels in all of them.
+        /// Number of these pixels.
         pixels: u64,
     },
     /// Photographs have transparent pixels, which are left out.
     TransparentLeftOut {
-        /// Photographs that have such pixels.
+        /// Number of these photographs.
         photographs: usize,
-        /// Such pixels in all of them.
+        /// Number of these pixels.
         pixels: u64,
     },
     /// The folder has files of several formats.
     SeveralFormats {
-        /// The one that was read.
+        /// The format that was read.
         used: Format,
-        /// The others.
+        /// The other formats.
         others: Vec<Format>,
     },
-    /// The coordinates are of a map's grid less an offset, and the dataset does not say of which.
+    /// The coordinates are in a map's grid less an offset, and the dataset does not say which.
     CoordinatesUnknown {
-        /// The file that should say it.
+        /// The file that should name grid and offset.
         file: PathBuf,
         /// Why it does not.
         problem: String,
     },
-    /// The reconstruction fell into parts without a common frame, of which the largest is used.
+    /// The reconstruction has several parts without a common frame, and the largest is used.
     OtherParts {
-        /// Photographs of the part that is used.
+        /// Photographs of the largest part.
         used: usize,
-        /// Other parts.
+        /// Number of other parts.
         parts: usize,
-        /// Photographs in them.
+        /// Photographs of the other parts.
         shots: usize,
     },
-    /// There are several models of COLMAP, parts of a reconstruction without a common frame,
-    /// of which the one with the most images is used.
+    /// There are several COLMAP models, parts of a reconstruction without a common frame. The one with the most images
+    /// is used.
     OtherModels {
-        /// The folder of the one that is used, inside the dataset.
+        /// Folder of the used model inside the dataset.
         used: String,
-        /// Its images.
+        /// Number of its images.
         images: u64,
-        /// Folders and images of the others.
+        /// Folders of the other models, and the number of their images.
         others: Vec<(String, u64)>,
     },
-    /// There are models in several places that are no parts of one reconstruction.
+    /// There are COLMAP models in several places that are no parts of one reconstruction.
     OtherPlaces {
-        /// The folder inside the dataset of the one that is used.
+        /// Folder of the used model inside the dataset.
         used: String,
-        /// The folders of the others.
+        /// Folders of the other models.
         others: Vec<String>,
     },
-    /// The lists of a `transforms.json` (`train_filenames` and others) and its frames do not agree.
+    /// The lists of a `transforms.json` (`train_filenames` and others) do not match its frames.
     SplitLists {
-        /// Whether the lists are used all the same; they are not where nothing would be left to train on.
+        /// Whether the lists are used. They are not if they leave nothing for training.
         used: bool,
-        /// Names in the lists that no frame has.
+        /// Names in the lists without a frame.
         unknown: usize,
-        /// The first of them, and its list.
+        /// The first such name, and its list.
         first: Option<String>,
-        /// Frames in no list: they are not used.
+        /// Frames in no list, which are not used.
         in_none: usize,
-        /// Frames to train on that are to be held out too: they are held out.
+        /// Frames in the training list and in a held-out list: they are held out.
         in_both: usize,
     },
     /// Files were found whose names differ from those in the model.
     OtherNames {
         /// "photographs" or "masks".
         what: &'static str,
-        /// How many there are in all.
+        /// Number of all files of this kind.
         of: usize,
-        /// How many differ by what.
+        /// The differences, counted by kind.
         renamed: Renamed,
     },
-    /// There is a folder of masks, and none belongs to a photograph.
+    /// There is a folder of masks, but no mask matches a photograph.
     NoMaskMatches {
         /// The folder.
         folder: PathBuf,
     },
-    /// There is a folder whose name is nearly that of the masks, and no folder of masks.
+    /// A folder's name is similar to that of the masks, and there is no folder of masks.
     UnreadMasks {
-        /// The folder inside the dataset.
+        /// That folder inside the dataset.
         folder: String,
     },
     /// There are too few photographs to hold any out.
@@ -166,12 +166,12 @@ pub enum Warning {
         /// Number of photographs.
         views: usize,
     },
-    /// The model has no points: training begins with random ones, or with a model that is given.
+    /// The model has no points: training begins with random points or with a given model.
     NoPoints {
         /// The points file, if there is one.
         file: Option<PathBuf>,
     },
-    /// The colours of the points say nothing: training takes them from the photographs.
+    /// The colours of the points cannot be used: training takes them from the photographs.
     PointsWithoutColours(Colourless),
     /// Records that cannot be used are left out.
     LeftOut(LeftOut),
@@ -181,43 +181,43 @@ pub enum Warning {
         file: PathBuf,
         /// The kind of the records, in the plural.
         what: &'static str,
-        /// How many the comment at the top announces.
+        /// Number in the comment at the top.
         announced: u64,
-        /// How many there are.
+        /// Number of records in the file.
         found: u64,
     },
-    /// Images of COLMAP share a number, by which points name them.
+    /// COLMAP images share a number by which points name images.
     SharedNumber {
         /// The first such number.
         number: u32,
-        /// Images that have the number of an image before them.
+        /// Images whose number an earlier image has.
         images: usize,
     },
-    /// Points were seen from images that are not in the model.
+    /// Points name images that are not in the model.
     UnknownObservers {
         /// The file with the points.
         file: PathBuf,
-        /// How many such points there are.
+        /// Number of these points.
         points: usize,
-        /// The first of them.
+        /// Id of the first of these points.
         point: u64,
-        /// The number of the image that it names.
+        /// Number of the missing image that it names.
         image: u32,
     },
-    /// The folder has photographs that the model does not place.
+    /// The folder has photographs without a pose in the model.
     PhotographsWithoutPose {
-        /// How many.
+        /// Number of these photographs.
         photographs: usize,
     },
 }
 
 impl Warning {
-    /// Whether it is of use to who trains alone: scores and depths of photographs are what they are without.
+    /// Whether the warning matters for training only, and not for scores and depths of photographs.
     pub fn is_of_training(&self) -> bool {
         matches!(self, Self::NoPoints { .. } | Self::PointsWithoutColours(_))
     }
 
-    /// Whether it is of what the files hold, also to who needs the poses alone.
+    /// Whether the warning is about the contents of files, so that it matters without poses and points.
     pub fn is_of_files(&self) -> bool {
         matches!(self, Self::LeftOut(_) | Self::CountDiffers { .. })
     }

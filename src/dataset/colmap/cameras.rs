@@ -32,10 +32,10 @@ const MODELS: &[(&str, usize)] = &[
     ("EQUIRECTANGULAR", 2),
 ];
 
-/// A camera of the model, of any kind.
+/// A camera of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Intrinsics {
-    /// COLMAP's name of the model.
+    /// COLMAP's name of the camera model.
     pub(crate) model: &'static str,
     pub(crate) width: u32,
     pub(crate) height: u32,
@@ -43,7 +43,7 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The lens, for the models whose parameters COLMAP's documentation ("Camera models") describes in full.
+    /// The lens, for the camera models that COLMAP's documentation ("Camera models") describes in full.
     pub(crate) fn lens(&self, file: &Path, camera: u32) -> Result<Lens, Error> {
         let none = Distortion::brown([0.0; 3], [0.0; 2]);
         let fisheye = |k1, k2, k3, k4| Distortion::Fisheye { k: [k1, k2, k3, k4] };
@@ -68,14 +68,14 @@ impl Intrinsics {
     }
 }
 
-/// More parameters than any model of COLMAP has.
+/// More parameters than any camera model of COLMAP has.
 const MOST_PARAMETERS: usize = 32;
 
-/// The cameras of a model by their numbers, with what is wrong with those that cannot be read.
+/// The cameras of a model by their numbers, each read or with its error.
 pub(crate) struct Cameras {
     strict: bool,
     by_number: BTreeMap<u32, Result<Intrinsics, FileError>>,
-    /// Those that no image can ask for, or that say again what another one says.
+    /// Errors of cameras that no image can name, and of repeated cameras.
     beside: Tally<FileError>,
     count: usize,
 }
@@ -85,7 +85,7 @@ impl Cameras {
         Self { strict, by_number: BTreeMap::new(), beside: Tally::new(strict), count: 0 }
     }
 
-    /// The camera of a number.
+    /// The camera with a number.
     pub(crate) fn get(&self, number: u32) -> Option<&Result<Intrinsics, FileError>> {
         self.by_number.get(&number)
     }
@@ -105,14 +105,14 @@ impl Cameras {
             Some(Ok(before)) if camera.as_ref().is_ok_and(|camera| camera == before) => {
                 self.beside.bad(format_args!("camera {number}"), again())?;
             }
-            // Which of them was meant is not known.
+            // Two cameras with one number: which one the images mean is not known.
             Some(_) if self.strict => return Err(again()),
             Some(_) => drop(self.by_number.insert(number, Err(again()))),
         }
         Ok(())
     }
 
-    /// What is told of cameras that cannot be used where no image needs them.
+    /// The warning about unusable cameras that no image needs.
     pub(crate) fn unneeded(mut self, file: &Path, needed: &BTreeSet<u32>) -> Result<Option<LeftOut>, FileError> {
         for (number, camera) in self.by_number {
             if let (Err(error), false) = (camera, needed.contains(&number)) {
@@ -130,7 +130,8 @@ pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Cameras, FileErro
         Err(error) if strict => return Err(error),
         Err(error) => error,
     };
-    // Of a model that is not known the number of parameters is the one with which the rest of the file is cameras.
+    // A camera with an unknown model has an unknown number of parameters: the number with which the rest of the file
+    // can be read as cameras.
     let mut fitting = (0..=MOST_PARAMETERS).filter_map(|count| binary(file, false, Some(count)).ok());
     match (fitting.next(), fitting.next()) {
         (Some(cameras), None) => Ok(cameras),
@@ -138,8 +139,8 @@ pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Cameras, FileErro
     }
 }
 
-/// The cameras of a file in which models that are not known have `unknown` parameters; where that is asked,
-/// the others must be sound.
+/// Reads the cameras, with `unknown` parameters for each unknown model. Where `strict` is set, an unsound camera is an
+/// error.
 fn binary(file: &Path, strict: bool, unknown: Option<usize>) -> Result<Cameras, FileError> {
     let mut cameras = Cameras::new(strict);
     binary_records(file, "cameras", 24, |source, i| {
@@ -167,7 +168,7 @@ fn binary(file: &Path, strict: bool, unknown: Option<usize>) -> Result<Cameras, 
     Ok(cameras)
 }
 
-/// What follows the model of a camera.
+/// Reads the fields after the camera model.
 fn binary_camera(
     source: &mut Source,
     file: &Path,
@@ -243,7 +244,7 @@ fn text_camera(line: &mut Line<'_>, file: &Path, id: u32) -> Result<Intrinsics, 
     checked(file, [line.at(); 2], id, model, size, params)
 }
 
-/// The camera model of a name in any usual spelling; `parameters` is the number of parameters of the camera.
+/// The camera model for a name in any usual spelling. `parameters` is the number of parameters of the camera.
 fn named(word: &str, parameters: usize) -> Option<&'static (&'static str, usize)> {
     let wanted = match (names::key(word).as_str(), parameters) {
         ("PERSPECTIVE", 3) => "SIMPLEPINHOLE".to_owned(),
@@ -261,7 +262,7 @@ fn checked(
     size: [u64; 2],
     params: Vec<f64>,
 ) -> Result<Intrinsics, FileError> {
-    // Beyond this no image library goes, and products of two sides stay far inside 64 bits.
+    // No image library reads longer sides, and products of two sides stay far inside 64 bits.
     let side = |v: u64| u32::try_from(v).ok().filter(|v| (1..=1 << 20).contains(v));
     let (Some(width), Some(height)) = (side(size[0]), side(size[1])) else {
         return Err(wrong(

@@ -1,4 +1,4 @@
-//! Which model of a dataset is read, and its files.
+//! Chooses the model of a dataset, and finds its files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,9 +15,9 @@ pub(super) struct Files {
     /// Binary, text or PLY; absent when the model has no points file.
     pub(super) points: Option<PathBuf>,
     pub(super) binary: bool,
-    /// The folder inside the dataset, as it is told.
+    /// The model's folder inside the dataset, for messages.
     place: String,
-    /// The folder of photographs that belongs to the place, where that is not one of `images` and `images_N`.
+    /// The folder of the model's photographs, where that is not `images` or `images_N`.
     pub(super) photographs: Option<PathBuf>,
 }
 
@@ -37,7 +37,7 @@ impl Files {
         if models.is_empty() { Self::inside(folder, place.to_owned()).into_iter().collect() } else { models }
     }
 
-    /// The models of a dataset in folders of `sparse` that have names, and in the dataset's own folder.
+    /// The models of a dataset in named folders of `sparse`, and in the dataset's own folder.
     pub(super) fn unusual(dataset: &Path) -> Vec<Self> {
         let sparse = dataset.join("sparse");
         let mut names: Vec<String> = names_in(&sparse)
@@ -54,7 +54,7 @@ impl Files {
         found
     }
 
-    /// The models in folders where other programs work: `colmap` of nerfstudio, `distorted` of the reference of 3DGS.
+    /// The models in working folders of other programs: `colmap` of nerfstudio, `distorted` of the 3DGS reference.
     fn of_other_programs(dataset: &Path) -> Vec<Self> {
         for place in ["colmap/sparse", "colmap"] {
             let found = Self::numbered(&dataset.join(place), place);
@@ -64,21 +64,20 @@ impl Files {
         }
         let mut found = Self::numbered(&dataset.join("distorted/sparse"), "distorted/sparse");
         for model in &mut found {
-            // Of these cameras the photographs are those that went in: `images` has them undistorted,
-            // as other cameras see.
+            // Cameras in `distorted` belong to the original photographs in `input`; those in `images` are undistorted.
             model.photographs = Some(dataset.join("input")).filter(|folder| folder.is_dir());
         }
         found
     }
 
-    /// Where models are that no layout of COLMAP has.
+    /// The models in places outside of COLMAP's layouts.
     pub(super) fn elsewhere(dataset: &Path) -> Vec<Self> {
         let unusual = Self::unusual(dataset);
         if unusual.is_empty() { Self::of_other_programs(dataset) } else { unusual }
     }
 
-    /// The model in a folder: binary, else text, as COLMAP itself prefers.
-    /// Points may be in another kind of file than the rest.
+    /// The model in a folder: binary files, else text files, as COLMAP itself prefers. The points may be in another
+    /// kind of file.
     fn inside(folder: &Path, place: String) -> Option<Self> {
         for (extension, binary) in [("bin", true), ("txt", false)] {
             let part = |name: &str| folder.join(format!("{name}.{extension}"));
@@ -92,7 +91,7 @@ impl Files {
         None
     }
 
-    /// How many images the model has; little of it is read for that.
+    /// The number of images, from the beginning of the images file where possible.
     fn count(&self) -> Result<u64, FileError> {
         if self.binary { images::count_binary(&self.images) } else { images::count_text(&self.images) }
     }
@@ -103,7 +102,7 @@ fn names_in(folder: &Path) -> Vec<String> {
     entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
 }
 
-/// Whether a folder with a model is that of a dataset above it (`sparse/0`), and no dataset itself.
+/// Whether a folder is the model of a dataset above it (`sparse/0`), and no dataset itself.
 fn is_part_of_another(folder: &Path) -> bool {
     let real = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let is_here =
@@ -117,9 +116,9 @@ fn is_part_of_another(folder: &Path) -> bool {
     hint::above(&real).into_iter().any(|(above, _)| named(above))
 }
 
-/// The model that is read, and what is told of the others. Several with numbers are parts of a reconstruction without a
-/// common frame: that is the one with the most images, the first of these. So it is with several elsewhere, which are
-/// looked for where there are no others.
+/// The model to read, and the warning about the others. Models in numbered folders are parts of a reconstruction
+/// without a common frame: the one with the most images is read, the first of equal ones. The same holds for models in
+/// other places, which are searched only where COLMAP's layouts have none.
 pub(super) fn choose(dataset: &Path) -> Result<(Files, Option<Warning>), Error> {
     let usual = Files::all(dataset);
     let (mut models, others) = match usual.is_empty() {
@@ -127,7 +126,7 @@ pub(super) fn choose(dataset: &Path) -> Result<(Files, Option<Warning>), Error> 
         false => (usual, Files::unusual(dataset)),
     };
     let mut others: Vec<String> = others.into_iter().map(|model| model.place).collect();
-    // Beside folders with numbers.
+    // A model directly in `sparse`, beside the numbered folders.
     let beside = Files::inside(&dataset.join("sparse"), "sparse".to_owned()).map(|model| model.place);
     others.extend(beside.filter(|place| models.iter().all(|model| model.place != *place)));
     if models.len() < 2 {

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::image_lines::{Found, scan};
+use super::image_lines::{ImageRecord, scan};
 use super::{binary_records, wrong};
 use crate::dataset::model::Observation;
 use crate::dataset::{Error, Warning};
 use crate::format::source::{Line, Source, whole};
 use crate::format::{At, Error as FileError, Tally};
 
-/// One photograph's pose.
+/// The pose of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pose {
     pub(crate) name: String,
@@ -20,38 +20,38 @@ pub(crate) struct Pose {
     pub(crate) rotation: [[f64; 3]; 3],
     /// x_cam = rotation x + translation.
     pub(crate) translation: [f64; 3],
-    /// Some of the points that it shows.
+    /// Some of the points that the image observes.
     pub(crate) observations: Vec<Observation>,
-    /// Where the pose stands in its file.
+    /// Position of the pose in its file.
     pub(crate) at: At,
 }
 
-/// Bytes of an image in `images.bin`, at least: without a name, and without keypoints.
+/// Least bytes of an image in `images.bin`: no name, no keypoints.
 const SMALLEST: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 
-/// How many images `images.bin` has: its first number.
+/// The number of images in `images.bin`: its first value.
 pub(super) fn count_binary(file: &Path) -> Result<u64, FileError> {
     Ok(Source::open(file)?.count(SMALLEST, "number of images")? as u64)
 }
 
-/// How many images `images.txt` has.
+/// The number of images in `images.txt`.
 pub(super) fn count_text(file: &Path) -> Result<u64, FileError> {
     let mut count = 0;
     scan(
         file,
         |_| true,
         |found| {
-            count += u64::from(matches!(found, Found::Pose(_)));
+            count += u64::from(matches!(found, ImageRecord::Pose(_)));
             Ok(())
         },
     )?;
     Ok(count)
 }
 
-/// The poses of a file, and those of its images that cannot be used.
+/// The poses of a file, and its images that cannot be used.
 pub(crate) struct Poses {
     pub(crate) list: Vec<Pose>,
-    /// Numbers of the images that are left out, which points may ask for.
+    /// Numbers of the images that are left out. Tracks of points may name them.
     pub(crate) left_out: Vec<u32>,
     pub(crate) tally: Tally<Error>,
 }
@@ -109,8 +109,8 @@ pub(crate) fn read_binary(file: &Path, strict: bool) -> Result<Poses, Error> {
     Ok(poses)
 }
 
-/// Reads `images.txt`: per image one line with number, quaternion, translation, camera and name, and one with the
-/// keypoints, which is empty when there are none. `is_camera` says whether there is a camera of a number.
+/// Reads `images.txt`: for each image a line with number, quaternion, translation, camera and name, and a line with the
+/// keypoints, empty without keypoints. `is_camera` says whether a camera with a number exists.
 pub(crate) fn read_text(
     file: &Path,
     strict: bool,
@@ -121,7 +121,7 @@ pub(crate) fn read_text(
     let (mut records, mut position) = (Vec::new(), 0);
     let counts = scan(file, is_camera, |found| {
         match found {
-            Found::Pose(line) => {
+            ImageRecord::Pose(line) => {
                 let ended = line.ended;
                 match text_pose(line, file, position) {
                     (.., Err(error)) if !ended => return Err(error),
@@ -129,12 +129,12 @@ pub(crate) fn read_text(
                 }
                 position += 1;
             }
-            Found::Keypoints(line) => {
+            ImageRecord::Keypoints(line) => {
                 if let Some((.., Ok(pose))) = records.last_mut() {
                     pose.observations = text_keypoints(&line);
                 }
             }
-            Found::Damaged(at, error) => keypoints.bad(at, error)?,
+            ImageRecord::Damaged(at, error) => keypoints.bad(at, error)?,
         }
         Ok(())
     })?;
@@ -147,10 +147,10 @@ pub(crate) fn read_text(
     Ok((poses, counted.chain(damaged).collect()))
 }
 
-/// The name of a pose, its number, and the pose.
-type Read = (String, Option<u32>, Result<Pose, FileError>);
+/// An image's name, its number, and its pose.
+type ReadPose = (String, Option<u32>, Result<Pose, FileError>);
 
-fn text_pose(mut line: Line<'_>, file: &Path, i: usize) -> Read {
+fn text_pose(mut line: Line<'_>, file: &Path, i: usize) -> ReadPose {
     // Names may hold spaces.
     let shown = line.beyond(VALUES.len() + 2);
     let called = if shown.is_empty() { format!("image {i}") } else { format!("image '{shown}'") };
@@ -184,20 +184,20 @@ fn text_keypoints(line: &Line<'_>) -> Vec<Observation> {
     observations(words.chunks_exact(3).filter_map(of))
 }
 
-/// A keypoint of `images.bin` that shows a point.
+/// A keypoint of `images.bin` that belongs to a point.
 fn keypoint(bytes: &[u8]) -> Option<Observation> {
     let word = |k: usize| bytes.get(8 * k..8 * k + 8)?.try_into().ok();
     let point = u64::from_le_bytes(word(2)?);
     Some(Observation { at: [f64::from_le_bytes(word(0)?), f64::from_le_bytes(word(1)?)], point })
 }
 
-/// As many as a pose can be judged by.
+/// Enough observations to judge a pose by.
 fn observations(all: impl Iterator<Item = Observation>) -> Vec<Observation> {
     let shows = |seen: &Observation| seen.point != u64::MAX && seen.at.iter().all(|v| v.is_finite());
     all.filter(shows).take(MOST_OBSERVATIONS).collect()
 }
 
-/// Keypoints of an image that are looked at, and those of them that are kept: enough to judge its pose by.
+/// Most keypoints of an image that are read, and most of them that are kept: enough to judge the pose by.
 const MOST_KEYPOINTS: usize = 8192;
 const MOST_OBSERVATIONS: usize = 256;
 

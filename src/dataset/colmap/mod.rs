@@ -1,8 +1,8 @@
 //! COLMAP's sparse model, binary and text.
 //!
-//! The layout is that of COLMAP's documentation ("Output format"). Only what training needs is kept: cameras, poses,
-//! and the points with their colours and the images that observe them;
-//! the 2D keypoints are checked for being there and passed over.
+//! The layout is that of COLMAP's documentation ("Output format"). Only the parts that training needs are kept:
+//! cameras, poses, and the points with their colours and observing images. 2D keypoints are skipped, except for some of
+//! each image that help to judge its pose.
 
 mod cameras;
 mod files;
@@ -28,23 +28,23 @@ use observers::Observers;
 pub use points::Point;
 use points::Points;
 
-/// Whether a folder has a model.
+/// Whether a folder has a model in one of COLMAP's layouts.
 pub(super) fn is_in(dataset: &Path) -> bool {
     !Files::all(dataset).is_empty()
 }
 
-/// Whether a folder has a model in a place that no layout of COLMAP has.
+/// Whether a folder has a model outside of COLMAP's layouts.
 pub(super) fn is_elsewhere(dataset: &Path) -> bool {
     !Files::elsewhere(dataset).is_empty()
 }
 
-/// Whether such a place is one where no other program leaves what it works with.
+/// Whether a folder has a model outside of COLMAP's layouts, and not in the working folder of another program.
 pub(super) fn is_unusual(dataset: &Path) -> bool {
     !Files::unusual(dataset).is_empty()
 }
 
-/// Reads the model of a dataset, the largest where there are several. Points are in ascending order of their ids, which
-/// is the same for both kinds of files. Records that cannot be used are left out, or where it is `strict` an error.
+/// Reads the largest model of a dataset. Points are in ascending order of their ids, so that binary and text files give
+/// equal results. Records that cannot be used are left out, or are an error where `strict` is set.
 pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let (files, warning) = files::choose(dataset)?;
     let mut warnings = Vec::from_iter(warning);
@@ -123,7 +123,7 @@ fn shot(files: &Files, cameras: &Cameras, lenses: &mut BTreeMap<u32, Lens>, pose
     })
 }
 
-/// Opens a binary file that is a count and that many records, and reads them.
+/// Reads a binary file of a count and that many records.
 fn binary_records<T>(
     file: &Path,
     what: &str,
@@ -140,7 +140,7 @@ fn binary_records<T>(
     Ok(out)
 }
 
-/// Reads a text file of one record per line; comments and empty lines between records are passed over.
+/// Reads a text file of one record per line. Skips comments and empty lines.
 fn text_records(file: &Path, mut record: impl FnMut(Line<'_>) -> Result<(), FileError>) -> Result<Counts, FileError> {
     let mut lines = Lines::open(file)?;
     let mut announced = None;
@@ -156,17 +156,17 @@ fn text_records(file: &Path, mut record: impl FnMut(Line<'_>) -> Result<(), File
     Ok(Counts { announced, ended: lines.ended(), at: lines.at() })
 }
 
-/// The number of records that a text file announces: COLMAP writes it into a comment.
+/// The number of records in a comment of a text file, as COLMAP writes it.
 struct Counts {
     announced: Option<u64>,
-    /// Whether the last line has its end.
+    /// Whether the last line ends with a newline.
     ended: bool,
     at: At,
 }
 
 impl Counts {
-    /// Compares with how many records there are. Fewer than were announced are a truncated file where the last line has
-    /// no end.
+    /// Compares with the number of records found. Fewer than announced are an error where `strict` is set, and where
+    /// many are missing from a file without a newline at its end.
     fn check(self, file: &Path, what: &'static str, found: usize, strict: bool) -> Result<Option<Warning>, FileError> {
         let found = found as u64;
         let Some(announced) = self.announced.filter(|announced| *announced != found) else { return Ok(None) };
@@ -190,7 +190,7 @@ fn announced_count(comment: &str) -> Option<u64> {
     whole(number.split(',').next()?.trim())
 }
 
-/// Complains of a value in a field that begins at `at`.
+/// An error about a field that begins at `at`.
 fn wrong(file: &Path, at: At, field: impl std::fmt::Display, problem: impl std::fmt::Display) -> FileError {
     FileError::malformed(file, field, at, problem)
 }

@@ -1,4 +1,4 @@
-//! Which photographs the numbers in the tracks of points stand for.
+//! Maps the image numbers in tracks of points to photographs.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -6,35 +6,34 @@ use std::path::Path;
 use super::Point;
 use crate::dataset::Warning;
 
-/// The places of images among the photographs, by COLMAP's numbers.
+/// Positions of the photographs by COLMAP's image numbers.
 pub(super) struct Observers {
-    /// Nothing where the image is left out.
+    /// `None` where the image is left out.
     places: HashMap<u32, Option<u32>>,
-    /// The first number that an image before has already, and how many images have such a one.
+    /// The first number that two images share, and the number of images whose number an earlier image has.
     shared: Option<(u32, usize)>,
-    /// The first point that asks for an image that is not there, the image's number,
-    /// and how many such points there are.
+    /// The first point with an unknown image, the image's number, and the number of such points.
     unknown: Option<(u64, u32, usize)>,
 }
 
 impl Observers {
-    /// Begins with images that are left out.
+    /// Starts with the numbers of images that are left out.
     pub(super) fn new(left_out: &[u32]) -> Self {
         Self { places: left_out.iter().map(|number| (*number, None)).collect(), shared: None, unknown: None }
     }
 
-    /// An image, and its place.
+    /// Adds an image's number with the photograph's position.
     pub(super) fn add(&mut self, number: u32, place: Option<u32>) {
         let before = self.places.insert(number, place);
         if before.is_some() {
-            // Which of them was meant is not known.
+            // Two images with one number: which one the points mean is not known.
             self.places.insert(number, None);
             let (first, images) = self.shared.unwrap_or((number, 0));
             self.shared = Some((first, images + 1));
         }
     }
 
-    /// The places of the images of these numbers that observe a point.
+    /// Positions of the photographs with these numbers, which observe a point.
     pub(super) fn of(&mut self, point: &Point, numbers: &[u32]) -> Vec<u32> {
         let mut all_known = true;
         let mut places = Vec::with_capacity(numbers.len());
@@ -52,7 +51,7 @@ impl Observers {
         places
     }
 
-    /// What is to be told; `file` has the points.
+    /// The warnings; `file` holds the points.
     pub(super) fn warnings(&self, file: &Path) -> Vec<Warning> {
         let shared = self.shared.map(|(number, images)| Warning::SharedNumber { number, images });
         let unknown = self.unknown.map(|(point, image, points)| Warning::UnknownObservers {

@@ -28,16 +28,16 @@ const VALUES: [&str; 3] = ["x", "y", "z"];
 /// A point, and the numbers of the images that observe it.
 type Observed = (Point, Vec<u32>);
 
-/// The content of a file of points.
+/// The content of a points file.
 #[derive(Default)]
 pub(super) struct Points {
     pub(super) list: Vec<Observed>,
-    /// Why they have no colours where the file has none.
+    /// Why the points have no colours, where the file has none.
     pub(super) colourless: Option<NoColours>,
     pub(super) warnings: Vec<Warning>,
 }
 
-/// Reads points of the kind that the file's extension says; a cloud in PLY says nothing of who observes them.
+/// Reads points in the format of the file's extension. A PLY file does not say which images observe a point.
 pub(super) fn read(file: &Path, strict: bool) -> Result<Points, FileError> {
     match file.extension().and_then(|extension| extension.to_str()) {
         Some("ply") => {
@@ -62,7 +62,7 @@ fn read_binary(file: &Path, strict: bool) -> Result<Points, FileError> {
             *value = source.f64(format_args!("{} of point {id}", VALUES[k]))?;
         }
         let colour = source.array(format_args!("colour of point {id}"))?;
-        // Some exporters have no error to give and write NaN: it decides nothing here.
+        // Some exporters write NaN for a missing error. The error has no effect here.
         let error = source.f64(format_args!("error of point {id}"))?;
         let track = source.count(8, format_args!("track length of point {id}"))? as u64;
         let bytes = source.bytes(8 * track, format_args!("track of point {id}"))?;
@@ -79,15 +79,15 @@ fn read_binary(file: &Path, strict: bool) -> Result<Points, FileError> {
     Ok(Points { list, colourless: None, warnings: left_out.into_iter().collect() })
 }
 
-/// A line of a text file: a point, its colour as it is written, and where it stands.
+/// A point of a text file with its colour as written, and its position in the file.
 struct Written {
     point: Observed,
     colour: [f64; 3],
     at: At,
 }
 
-/// Reads `points3D.txt`, likewise: per line number, position, colour, error and two numbers per observation. Colours
-/// may be written in any of the usual ranges.
+/// Reads `points3D.txt`: per line number, position, colour, error and two numbers per observation. Colours may have any
+/// usual range.
 fn read_text(file: &Path, strict: bool) -> Result<Points, FileError> {
     let mut tally = Tally::new(strict);
     let mut written = Vec::new();
@@ -106,8 +106,8 @@ fn read_text(file: &Path, strict: bool) -> Result<Points, FileError> {
     Ok(Points { list, colourless, warnings: counted.into_iter().chain(left_out).collect() })
 }
 
-/// The points with the colours that their numbers stand for. Where these are bytes,
-/// points with other numbers cannot be used.
+/// The points with colours in bytes. Where the range of the colours is that of bytes, points with values outside of it
+/// cannot be used.
 fn coloured(
     file: &Path,
     written: Vec<Written>,
@@ -152,7 +152,7 @@ fn text_point(mut line: Line<'_>) -> Result<Written, FileError> {
     let track = left as u64 / 2;
     let mut observers = Vec::new();
     for _ in 0..track {
-        // What is no number names no image.
+        // A word that is no number names no image.
         observers.extend(whole::<u32>(line.word(format_args!("track of point {id}"))?));
         line.word(format_args!("track of point {id}"))?;
     }

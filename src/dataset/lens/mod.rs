@@ -1,8 +1,7 @@
-//! Lenses: where a ray of the camera frame lands in a photograph with distortion, and back.
+//! Lenses: projects rays of the camera frame into a photograph with distortion, and back.
 //!
-//! The formulas are those of OpenCV and COLMAP, in normalised coordinates (x, y) = (X / Z, Y / Z) with r the distance
-//! from the axis and s = r^2: the picture is at (x h, y h) plus what is tangential,
-//! and only h(s) differs from lens to lens.
+//! The formulas are those of OpenCV and COLMAP in normalised coordinates (x, y) = (X / Z, Y / Z). With r the distance
+//! from the axis and s = r^2, a ray lands at (x h, y h) plus the tangential part. Lenses differ in h(s) only.
 
 pub(super) mod names;
 mod pinhole;
@@ -32,9 +31,9 @@ pub enum Distortion {
     },
 }
 
-/// Rays further from the axis than this are beyond every picture of a pinhole camera.
+/// Rays further from the axis are outside every image of a pinhole camera.
 const MOST_DEGREES: f64 = 85.0;
-/// Steps in which the range of a lens is searched for its end.
+/// Steps of the search for the end of a lens's range.
 const STEPS: u32 = 2048;
 
 impl Distortion {
@@ -43,7 +42,7 @@ impl Distortion {
         Self::Brown { numerator: [k[0], k[1], k[2], 0.0], denominator: [0.0; 3], tangential }
     }
 
-    /// Whether rays go straight through.
+    /// Whether the lens has no distortion.
     pub fn is_none(&self) -> bool {
         match self {
             Self::Brown { numerator, denominator, tangential } => {
@@ -85,15 +84,15 @@ impl Distortion {
         }
     }
 
-    /// Whether the picture still moves outwards with the ray at an angle from the axis.
+    /// Whether the distance from the image's centre still grows with the ray's angle from the axis.
     fn grows(&self, angle: f64) -> bool {
         let s = angle.tan().powi(2);
         let (h, slope) = self.radial(s);
         h > 0.0 && h.is_finite() && h + s * slope > 0.0
     }
 
-    /// The distance from the axis up to which pictures move outwards with the ray: beyond it the polynomial turns back,
-    /// and describes nothing that was ever measured.
+    /// The distance from the axis up to which the image point moves outwards with the ray. Beyond it the polynomial
+    /// turns back and describes nothing that was calibrated.
     fn reach(&self) -> f64 {
         let most = MOST_DEGREES.to_radians();
         let angle = |i: u32| most * f64::from(i) / f64::from(STEPS);
@@ -107,7 +106,7 @@ impl Distortion {
     }
 }
 
-/// A calibrated camera with a lens, at one size of its pictures. Pixels are counted as in [`crate::scene::Camera`].
+/// A calibrated camera with a lens, for one image size. Pixel coordinates are those of [`crate::scene::Camera`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Focal lengths in pixels.
@@ -116,26 +115,26 @@ pub struct Lens {
     pub center: [f64; 2],
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// What happens to rays on the way.
+    /// The distortion of rays.
     pub distortion: Distortion,
     reach: f64,
 }
 
 impl Lens {
-    /// A lens; `distortion` is looked at once for how far from the axis it is of use.
+    /// A lens. Determines once how far from the axis `distortion` holds.
     pub fn new(focal: [f64; 2], center: [f64; 2], size: [u32; 2], distortion: Distortion) -> Self {
         Self { focal, center, size, distortion, reach: distortion.reach() }
     }
 
-    /// The same lens for pictures of another size.
+    /// The same lens for images of another size.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let by = [f64::from(width) / f64::from(self.size[0]), f64::from(height) / f64::from(self.size[1])];
         let scaled = |v: [f64; 2]| [v[0] * by[0], v[1] * by[1]];
         Self { focal: scaled(self.focal), center: scaled(self.center), size: [width, height], ..*self }
     }
 
-    /// Where the ray through (x, y, 1) lands, in pixels, and the derivatives of that with respect to x and y,
-    /// row-major; `None` beyond the range in which the lens maps one to one.
+    /// The pixel where the ray through (x, y, 1) lands, and the derivatives of the pixel by x and y, row-major. `None`
+    /// outside the range in which the lens maps one to one.
     pub fn project(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
         let ([u, v], [[a, b], [c, d]]) = self.bend([x, y])?;
         let ([fx, fy], [cx, cy]) = (self.focal, self.center);
@@ -146,7 +145,7 @@ impl Lens {
     pub fn ray(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
         let bent = [(u - self.center[0]) / self.focal[0], (v - self.center[1]) / self.focal[1]];
         let mut ray = self.straight(bent)?;
-        // The radial part is inverted; what is tangential is small, and Newton's steps from there are too.
+        // Starts from the inverse of the radial part. The tangential part is small, so Newton's steps are too.
         for _ in 0..50 {
             let ([x, y], [[a, b], [c, d]]) = self.bend(ray)?;
             let (miss, det) = ([x - bent[0], y - bent[1]], a * d - b * c);
@@ -159,7 +158,7 @@ impl Lens {
         None
     }
 
-    /// In normalised coordinates what [`Lens::project`] does in pixels.
+    /// [`Lens::project`] in normalised coordinates.
     fn bend(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
         let s = x * x + y * y;
         if s.is_nan() || s > self.reach * self.reach {

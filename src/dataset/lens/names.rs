@@ -1,16 +1,16 @@
-//! Names of kinds of lenses, which programs spell in their own ways.
+//! Names of camera models in the spellings of other programs.
 
-/// A name without letter case and without what stands between its words.
+/// A name in lower case without separators between its words.
 pub(in crate::dataset) fn key(name: &str) -> String {
     name.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_uppercase()).collect()
 }
 
-/// Whether pictures of this kind show all directions at once, which no lens does.
+/// Whether images of this kind show all directions at once, which no lens does.
 pub(in crate::dataset) fn is_panorama(name: &str) -> bool {
     ["EQUIRECTANGULAR", "SPHERICAL", "PANORAMA", "PANORAMIC", "LATLONG"].contains(&key(name).as_str())
 }
 
-/// The remedy for pictures that show all directions.
+/// The remedy for panoramas.
 pub(in crate::dataset) const PANORAMA: &str =
     "a panorama shows all directions at once; cut it into pictures of perspective cameras";
 

@@ -1,26 +1,27 @@
-//! The pinhole camera whose picture a photograph with distortion is made into.
+//! The pinhole camera of an undistorted photograph.
 
 use super::Lens;
 use crate::scene::Camera;
 
-/// A picture shows nothing further from the axis than this, along a row or a column: towards a right angle a plane
-/// stretches without end, and splats are projected by a linear approximation that does not hold there.
+/// Largest angle from the axis in an undistorted image, along a row or a column. Towards 90 degrees a plane stretches
+/// without end, and the linear approximation of projected splats does not hold.
 const WIDEST_DEGREES: f64 = 60.0;
 
 impl Lens {
-    /// The pinhole camera of an undistorted picture, with the identity for its pose.
+    /// The pinhole camera of the undistorted image, with the identity as pose.
     ///
-    /// Its frame is the rectangle through the four rays that end in the middle of the photograph's sides (on the row
-    /// and the column of the principal point), none of them further than 60 degrees from the axis. So a barrel-shaped
-    /// picture is filled to its edges and loses slivers at the corners, and a pincushion-shaped one is kept whole, with
-    /// empty corners that are masked. Pixels at the principal point keep their size unless the picture would be longer
-    /// than the photograph; then it is reduced.
+    /// The image is the rectangle through the four rays that end in the middle of the photograph's sides (on the row
+    /// and the column of the principal point), none of them further than 60 degrees from the axis. With barrel
+    /// distortion the image is filled to its edges and loses slivers at the corners. With pincushion distortion it
+    /// shows the whole photograph and has empty corners, which are masked. Pixels at the principal point keep their
+    /// size, unless the image would be longer than the photograph; then it is reduced.
     pub fn pinhole(&self) -> Camera {
         let [width, height] = self.size;
         let sides = [f64::from(width), f64::from(height)];
         let inside = [self.center[0].clamp(0.0, sides[0]), self.center[1].clamp(0.0, sides[1])];
         let most = WIDEST_DEGREES.to_radians().tan().min(self.reach);
-        // The coordinate along an axis of the ray that ends at a side; beyond the lens's range the last ray there is.
+        // The coordinate along an axis of the ray that ends at a side. Outside the lens's range, that of the last ray
+        // inside.
         let reaches = |axis: usize, pixel: f64| {
             let mut at = inside;
             at[axis] = pixel;

@@ -1,32 +1,31 @@
-//! A photograph in few cells, and how well the colours of points fit it.
+//! A photograph reduced to a few cells, and how well the colours of points fit it.
 
 use super::super::Pixels;
 use super::super::colmap::Point;
 use crate::scene::Camera;
 
-/// Cells along the longer side of a photograph: its coarse colours are compared,
-/// so that leaves and grass do not have to agree.
+/// Cells along the longer side of a photograph. Coarse colours are compared, so that leaves and grass need not agree.
 const SIDE: u32 = 64;
-/// Points farther than this many times the nearest of their cell are hidden.
+/// Points further away than this multiple of their cell's nearest point are hidden.
 const HIDDEN: f64 = 1.05;
-/// The least number of cells with points by which a photograph is judged.
+/// Least number of cells with points for judging a photograph.
 const LEAST_CELLS: usize = 100;
 
 /// The colours of a photograph in few cells.
 #[derive(Debug, PartialEq)]
 pub(in crate::dataset) struct Coarse {
     size: [u32; 2],
-    /// Sums of red, green and blue, and of the pixels that count.
+    /// Per cell: sums of red, green and blue, and the number of unmasked pixels.
     cells: Vec<[f32; 4]>,
 }
 
 impl Coarse {
-    /// Of a photograph of a camera's size; `None` where the pixels are not as many.
+    /// From the pixels of a photograph at its camera's size; `None` where sizes differ.
     pub(in crate::dataset) fn of(pixels: &Pixels, camera: &Camera) -> Option<Self> {
         Self::with_side(pixels, camera, SIDE)
     }
 
-    /// The same with this many cells along the longer side, or the pixels where they are fewer.
+    /// [`Self::of`] with this many cells along the longer side, or one per pixel for smaller photographs.
     pub(super) fn with_side(pixels: &Pixels, camera: &Camera, side: u32) -> Option<Self> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         if width * height == 0 || width * height != pixels.len() {
@@ -60,14 +59,14 @@ impl Coarse {
         self.size
     }
 
-    /// The brightness of each cell; `None` where all of it is masked.
+    /// The brightness of each cell; `None` for a cell that is all masked.
     pub(super) fn brightness(&self) -> Vec<Option<f32>> {
         let of = |[r, g, b, count]: &[f32; 4]| (*count > 0.0).then(|| (r + g + b) / (3.0 * count));
         self.cells.iter().map(of).collect()
     }
 
-    /// The correlation of the points' colours with the photograph's, from a camera;
-    /// `None` where too little of it has points.
+    /// The correlation of the points' colours with the photograph's, seen from a camera; `None` where too few cells
+    /// have points.
     pub(super) fn fit(&self, camera: &Camera, points: &[&Point]) -> Option<f64> {
         let center = camera.center();
         let [width, height] = self.size.map(f64::from);
@@ -98,13 +97,13 @@ impl Coarse {
     }
 }
 
-/// Mean colour of points in a cell, and that of the photograph there.
-type Pair = ([f64; 3], [f64; 3]);
+/// Mean colour of the points in a cell, and of the photograph there.
+type ColourPair = ([f64; 3], [f64; 3]);
 
-/// Of the channels together, the mean of each taken off.
-fn correlation(pairs: &[Pair]) -> f64 {
+/// Correlation over all channels, with the mean of each channel subtracted.
+fn correlation(pairs: &[ColourPair]) -> f64 {
     let n = pairs.len() as f64;
-    let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+    let mean = |of: &dyn Fn(&ColourPair) -> f64| pairs.iter().map(of).sum::<f64>() / n;
     let (mut both, mut first, mut second) = (0.0, 0.0, 0.0);
     for k in 0..3 {
         let (a, b) = (mean(&|p| p.0[k]), mean(&|p| p.1[k]));

@@ -1,4 +1,4 @@
-//! Poses by how the colours of the points fit the photographs, where nothing says where these show the points.
+//! Judges poses by how well the colours of the points fit the photographs, in datasets without observations.
 
 use super::{Judged, TELLING};
 use std::sync::Arc;
@@ -12,23 +12,23 @@ use super::places::{self, Elsewhere};
 use super::{Coarse, LEAST_POINTS, PoseFault, matches};
 use crate::scene::Camera;
 
-/// About the largest number of points that are looked at.
+/// Most points that are compared, about.
 const MOST_POINTS: usize = 20_000;
-/// The least number of judged photographs.
+/// Least number of judged photographs.
 const LEAST_PHOTOGRAPHS: usize = 8;
 /// A pose is wrong below this share of the median ...
 const SHARE: f64 = 0.35;
 /// ... and below the lower quartile by more than this multiple of the distance from quartile to median.
 const SPREADS: f64 = 5.0;
-/// As they are read, poses in another convention correlate less than this.
+/// Poses in another convention correlate less than this.
 const UNFIT: f64 = 0.2;
 
 impl Dataset {
-    /// Photographs of a role that do not fit from their poses, though nearly all others do, as the colours of the
-    /// points show: their positions in the order of [`Dataset::views_of`], which is that of `photographs`, too. Those
-    /// whose poses were held against where they show points ([`View::pose_checked`]) are not looked at. An error where
-    /// most would fit with their poses in another convention, or from the poses of others; where the colours say
-    /// nothing, and no tracks do, the photographs to train on are matched with one another for that.
+    /// Photographs of a role that do not fit their poses by the colours of the points, while nearly all others do.
+    /// `photographs` has the order of [`Dataset::views_of`], and so have the returned positions. Photographs with
+    /// checked poses ([`View::pose_checked`]) are skipped. Fails where most photographs would fit with their poses in
+    /// another convention, or with the poses of others. Where neither colours nor tracks tell, the training photographs
+    /// are matched with one another to find another convention.
     pub fn poses_against_photographs(
         &self,
         role: Role,
@@ -41,7 +41,7 @@ impl Dataset {
         Ok(found.unwrap_or_default())
     }
 
-    /// `None` where the colours of the points say nothing.
+    /// `None` where the colours of the points carry no information.
     fn by_colours(&self, role: Role, photographs: &[Option<Supply>]) -> Result<Option<Vec<(usize, PoseFault)>>, Error> {
         let of = |(at, ((_, view), photograph)): (usize, ((usize, &View), &Option<Supply>))| {
             let coarse = photograph.as_ref().filter(|_| !view.pose_checked)?.coarse()?;
@@ -80,7 +80,7 @@ impl Dataset {
         Ok((quarters[1] >= TELLING).then(|| wrong(&judged, &elsewhere, quarters)))
     }
 
-    /// How many photographs of a role are said to show enough points to judge their poses by.
+    /// Photographs of a role whose tracks have enough points to judge their poses.
     fn tracked(&self, role: Role) -> usize {
         let mut points = vec![0_usize; self.views.len()];
         for view in (0..self.points.len()).flat_map(|point| self.tracks.of(point)) {
@@ -92,7 +92,7 @@ impl Dataset {
     }
 }
 
-/// Those that do not fit, or fit better elsewhere.
+/// The photographs that do not fit, or that fit better from another pose.
 fn wrong(judged: &[Judged], elsewhere: &[Option<Elsewhere>], [lower, usual]: [f64; 2]) -> Vec<(usize, PoseFault)> {
     let bound = (SHARE * usual).min(lower - SPREADS * (usual - lower));
     let fault = |(of, changed): (&Judged, Option<f64>)| match changed {
@@ -103,7 +103,7 @@ fn wrong(judged: &[Judged], elsewhere: &[Option<Elsewhere>], [lower, usual]: [f6
     judged.iter().zip(places::changed(judged, elsewhere, usual)).filter_map(fault).collect()
 }
 
-/// The lower quartile and the median of how well photographs fit.
+/// Lower quartile and median of the photographs' fits.
 fn quartiles(judged: &[Judged]) -> [f64; 2] {
     let mut all: Vec<f64> = judged.iter().map(|of| of.own).collect();
     all.sort_by(f64::total_cmp);

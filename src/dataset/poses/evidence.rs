@@ -1,4 +1,4 @@
-//! How the points that a photograph observes bear out its pose.
+//! Whether the points that a photograph observes confirm its pose.
 
 use rayon::prelude::*;
 
@@ -8,34 +8,36 @@ use super::super::model::{Model, Observation, Shot};
 use super::super::rotation;
 use super::{LEAST_POINTS, PoseFault};
 
-/// Points nearer than this share of the picture's longer side to where they are seen bear a pose out.
+/// A point confirms a pose where its projection is nearer to its observation than this share of the image's longer
+/// side.
 const NEAR: f64 = 0.02;
-/// Points that far outside of the picture, as a share of its longer side, still count as inside:
-/// lenses are not known to a pixel.
+/// A point this far outside the image, as a share of its longer side, counts as inside: lenses are not known to a
+/// pixel.
 const MARGIN: f64 = 0.05;
-/// Points of a track are looked at up to this many.
+/// Most points of a photograph's tracks that are used.
 const MOST_TRACKED: usize = 256;
 
 /// A rotation and a translation from the dataset's axes to the camera's.
 pub(super) type Pose = ([[f64; 3]; 3], [f64; 3]);
 
-/// The data by which poses are judged.
+/// The kind of data that judges poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Where photographs show their points.
+pub(super) enum EvidenceKind {
+    /// Pixel positions of observed points.
     Observations,
-    /// Which points they are said to show.
+    /// Which points a photograph observes.
     Tracks,
 }
 
-/// The evidence of the points of a photograph about its pose.
+/// Evidence of a photograph's points about its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Evidence {
-    /// Points that were looked at.
+    /// Number of points used.
     pub(super) points: usize,
-    /// Share of them that are elsewhere.
+    /// Share of these points that do not confirm the pose.
     pub(super) misfit: f64,
-    /// How far off they are (median), as a share of the longer side, where that is known.
+    /// Median distance between projections and observations as a share of the longer side; `None` where no positions
+    /// are known.
     pub(super) off: Option<f64>,
 }
 
@@ -48,7 +50,7 @@ impl Evidence {
         }
     }
 
-    /// Of points and where a photograph shows them.
+    /// From points and their observed positions.
     pub(super) fn of_observations(lens: &Lens, pose: &Pose, seen: &[([f64; 2], [f64; 3])]) -> Option<Self> {
         if seen.len() < LEAST_POINTS {
             return None;
@@ -64,7 +66,7 @@ impl Evidence {
         Some(Self { points: all.len(), misfit, off: Some(all[all.len() / 2]) })
     }
 
-    /// Of points that a photograph is said to show.
+    /// From points that a photograph observes at unknown positions.
     pub(super) fn of_tracks(lens: &Lens, pose: &Pose, points: &[[f64; 3]]) -> Option<Self> {
         if points.len() < LEAST_POINTS {
             return None;
@@ -80,7 +82,7 @@ impl Evidence {
     }
 }
 
-/// Of each photograph, by where it shows its points; by the tracks where it does not say.
+/// For each photograph, from its observations; from its tracks if it has none.
 pub(super) fn by_observations(model: &Model) -> Vec<Option<Evidence>> {
     let tracked = tracked(model);
     let of = |(shot, tracked): (&Shot, &Vec<[f64; 3]>)| {
@@ -91,7 +93,7 @@ pub(super) fn by_observations(model: &Model) -> Vec<Option<Evidence>> {
     model.shots.par_iter().zip(&tracked).map(of).collect()
 }
 
-/// Of each photograph, by which points it is said to show.
+/// For each photograph, from its tracks.
 pub(super) fn by_tracks(model: &Model) -> Vec<Option<Evidence>> {
     let of = |(shot, tracked): (&Shot, &Vec<[f64; 3]>)| {
         Evidence::of_tracks(&shot.lens, &(shot.rotation, shot.translation), tracked)
@@ -99,7 +101,7 @@ pub(super) fn by_tracks(model: &Model) -> Vec<Option<Evidence>> {
     model.shots.par_iter().zip(&tracked(model)).map(of).collect()
 }
 
-/// Where a photograph shows points, and the points.
+/// Observed positions and points of a photograph.
 pub(super) fn seen(shot: &Shot, points: &[Point]) -> Vec<([f64; 2], [f64; 3])> {
     let of = |seen: &Observation| {
         let at = points.binary_search_by_key(&seen.point, |p| p.id).ok()?;
@@ -108,7 +110,7 @@ pub(super) fn seen(shot: &Shot, points: &[Point]) -> Vec<([f64; 2], [f64; 3])> {
     shot.observations.iter().filter_map(of).collect()
 }
 
-/// For each photograph points that it is said to show.
+/// For each photograph, points of its tracks.
 pub(super) fn tracked(model: &Model) -> Vec<Vec<[f64; 3]>> {
     let mut out = vec![Vec::new(); model.shots.len()];
     for (number, point) in model.points.iter().enumerate() {
@@ -121,7 +123,7 @@ pub(super) fn tracked(model: &Model) -> Vec<Vec<[f64; 3]>> {
     out
 }
 
-/// Where a point lands in the picture; `None` behind the camera and beyond the lens.
+/// The pixel of a point; `None` behind the camera or outside the lens's range.
 fn pixel(lens: &Lens, (turned, moved): &Pose, point: [f64; 3]) -> Option<[f64; 2]> {
     let [x, y, z] = rotation::apply(turned, point);
     let [x, y, z] = [x + moved[0], y + moved[1], z + moved[2]];

@@ -1,43 +1,43 @@
-//! Poses that are all written the wrong way round.
+//! Detects poses that all have another convention than that of their format.
 
 use std::fmt;
 
 use super::super::model::{Format, Model, Shot};
 use super::super::random_points::in_view;
 use super::super::{Error, rotation};
-use super::evidence::{self, Evidence, Kind, Pose};
+use super::evidence::{self, Evidence, EvidenceKind, Pose};
 use super::{LEAST_POINTS, WRONG};
 use crate::scene::Camera;
 
-/// Share of the photographs that another reading of the poses has to fit.
+/// Least share of photographs that another convention has to fit.
 const BORNE_OUT: f64 = 0.8;
-/// Points of a cloud are looked at up to about this many where nothing says which photograph shows which.
+/// Most points of a cloud that are used where the format does not say which photograph observes a point, about.
 const LOOKED_AT: usize = 5000;
-/// By sight alone another reading has to bring this share of the cloud into the pictures.
+/// Without observations: least share of the cloud in an image for another convention to be accepted.
 const IN_SIGHT: f64 = 0.1;
-/// A photograph that has less than this share of the cloud in its picture sees next to nothing.
+/// A photograph with less than this share of the cloud in its image sees next to nothing.
 const NEXT_TO_NOTHING: f64 = 0.005;
 
-/// Another reading of poses than the format's.
+/// A convention of poses other than the format's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
-    /// The other direction: from the camera to the world where the format has the other way, and the other way round.
+    /// The other direction: camera to world instead of world to camera, or the reverse.
     Inverted,
-    /// Axes of the camera of the other kind: y up and z backwards (OpenGL, Blender) for y down and z forwards (OpenCV),
-    /// or the other way round.
+    /// Other camera axes: y up and z backwards (OpenGL, Blender) instead of y down and z forwards (OpenCV), or the
+    /// reverse.
     OtherAxes,
-    /// Both.
+    /// Both differences.
     InvertedWithOtherAxes,
 }
 
 impl Convention {
-    /// All.
+    /// All conventions.
     pub const ALL: [Self; 3] = [Self::Inverted, Self::OtherAxes, Self::InvertedWithOtherAxes];
 
-    /// A pose as the format should have it, of one as it was read.
+    /// Converts a pose, as it was read, from this convention to the format's.
     fn read(self, format: Format, pose: &Pose) -> Pose {
         let flipped = |[x, y, z]: [f64; 3]| [x, -y, -z];
-        // The camera's axes turned, and the world's.
+        // Flips the camera's axes, or the world's.
         let axes = |(r, t): Pose| -> Pose { ([r[0], r[1].map(|v| -v), r[2].map(|v| -v)], flipped(t)) };
         let world = |(r, t): Pose| -> Pose { (r.map(flipped), t) };
         let back = |(r, t): &Pose| -> Pose {
@@ -45,8 +45,8 @@ impl Convention {
             (turned, rotation::apply(&turned, *t).map(|v| -v))
         };
         match (self, format) {
-            // The matrix of transforms.json is read with its second and third column negated:
-            // `world` undoes that after `back`.
+            // The second and third column of a matrix in transforms.json are negated when it is read: `world` undoes
+            // this after `back`.
             (Self::Inverted, Format::Nerfstudio) => axes(world(back(pose))),
             (Self::InvertedWithOtherAxes, Format::Nerfstudio) => world(back(pose)),
             (Self::Inverted, _) => back(pose),
@@ -55,13 +55,13 @@ impl Convention {
         }
     }
 
-    /// A camera whose pose was read so, as the format should have it.
+    /// Converts a camera, as it was read, from this convention to the format's.
     pub(super) fn camera(self, format: Format, camera: &Camera) -> Camera {
         let (rotation, translation) = self.read(format, &(camera.rotation, camera.translation));
         Camera { rotation, translation, ..*camera }
     }
 
-    /// The description of the poses, in the words of a format.
+    /// Describes the poses in the terms of a format, with the remedy.
     fn told(self, format: Format) -> &'static str {
         match (self, format) {
             (Self::Inverted, Format::Nerfstudio) => {
@@ -94,7 +94,7 @@ impl Convention {
     }
 }
 
-/// The remedy for poses in another convention than that of their format.
+/// Poses in another convention than that of their format, with the remedy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WrongConvention {
     /// The format.
@@ -109,16 +109,18 @@ impl fmt::Display for WrongConvention {
     }
 }
 
-/// An error where the points bear out another reading of the poses than the format's.
-pub(super) fn refuse(model: &Model, as_read: &[Option<Evidence>], kind: Kind) -> Result<(), Error> {
+/// Fails where the points fit another convention of the poses better than the format's.
+pub(super) fn refuse(model: &Model, as_read: &[Option<Evidence>], kind: EvidenceKind) -> Result<(), Error> {
     let tracked = evidence::tracked(model);
     let judged: Vec<usize> =
         (0..model.shots.len()).filter(|at| as_read.get(*at).is_some_and(Option::is_some)).collect();
     let fits = |at: usize, pose: &Pose| {
         let shot = &model.shots[at];
         let own = match kind {
-            Kind::Observations => Evidence::of_observations(&shot.lens, pose, &evidence::seen(shot, &model.points)),
-            Kind::Tracks => None,
+            EvidenceKind::Observations => {
+                Evidence::of_observations(&shot.lens, pose, &evidence::seen(shot, &model.points))
+            }
+            EvidenceKind::Tracks => None,
         };
         let found = own.or_else(|| Evidence::of_tracks(&shot.lens, pose, tracked.get(at)?));
         found.is_some_and(|found| found.misfit <= WRONG)
@@ -126,8 +128,8 @@ pub(super) fn refuse(model: &Model, as_read: &[Option<Evidence>], kind: Kind) ->
     refuse_best(model, &judged, |at, pose| fits(at, pose))
 }
 
-/// The same where nothing says which photograph shows which points: as the poses are read, most see next to nothing of
-/// the cloud, and otherwise nearly all see a good part of it.
+/// [`refuse`] where the format does not say which photograph observes a point: with the poses as read, most photographs
+/// see next to nothing of the cloud, and in another convention nearly all see a good part.
 pub(super) fn refuse_by_sight(model: &Model) -> Result<(), Error> {
     let step = model.points.len().div_ceil(LOOKED_AT).max(1);
     let some: Vec<[f64; 3]> = model.points.iter().step_by(step).map(|p| p.position).collect();
@@ -146,7 +148,7 @@ pub(super) fn refuse_by_sight(model: &Model) -> Result<(), Error> {
     refuse_best(model, &all, |at, pose| share(&model.shots[at], pose) > IN_SIGHT)
 }
 
-/// An error where another reading of the poses holds for nearly all of these photographs.
+/// Fails where another convention holds for nearly all of these photographs.
 fn refuse_best(model: &Model, of: &[usize], holds: impl Fn(usize, &Pose) -> bool) -> Result<(), Error> {
     let count = |found: &Convention| {
         let read = |at: &&usize| {
@@ -165,7 +167,7 @@ fn refuse_best(model: &Model, of: &[usize], holds: impl Fn(usize, &Pose) -> bool
     }
 }
 
-/// Without what the lens bends.
+/// The shot's pinhole camera without distortion.
 fn pinhole(shot: &Shot, (rotation, translation): &Pose) -> Camera {
     let lens = &shot.lens;
     Camera {

@@ -1,4 +1,4 @@
-//! Poses that the reconstruction's own points speak against.
+//! Detects wrong poses by the reconstruction's own points.
 
 mod coarse;
 mod colours;
@@ -22,52 +22,51 @@ pub(super) use coarse::Coarse;
 use evidence::Evidence;
 pub use inverted::{Convention, WrongConvention};
 
-/// The least number of points by which a pose is judged.
+/// Least number of points for judging a pose.
 const LEAST_POINTS: usize = 20;
-/// A pose is wrong where more than this share of the points is elsewhere.
+/// A pose is wrong where more than this share of the points contradicts it.
 const WRONG: f64 = 0.5;
-/// A pose is in doubt where the points lie off by more than this share of the longer side ...
+/// A pose is doubtful where the points are off by more than this share of the longer side ...
 const DOUBTFUL_OFF: f64 = 0.005;
 /// ... and by more than this multiple of the usual distance.
 const DOUBTFUL_TIMES: f64 = 10.0;
 
-/// Evidence against the pose of a photograph.
+/// Why the pose of a photograph is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PoseFault {
-    /// The points that it observes do not lie where it shows them.
+    /// The observed points do not project to their observed positions.
     Reprojection {
-        /// How many of them were looked at.
+        /// Number of points used.
         points: usize,
-        /// How far off they are (median), as a share of the picture's longer side;
-        /// infinite where most lie behind the camera.
+        /// Median distance as a share of the image's longer side; infinite where most points lie behind the camera.
         off: f64,
-        /// The same of all photographs.
+        /// Median of `off` over all photographs.
         usual: f64,
     },
-    /// The points that the photograph is said to observe are not in its picture.
+    /// The points that the photograph observes are outside its image.
     OutOfView {
         /// The number of points that the photograph is said to observe.
         points: usize,
         /// The number of these points inside the picture.
         inside: usize,
     },
-    /// The camera is far from all others, and no point is in its picture.
+    /// The camera is far from all others, and no point is in its image.
     FarAndBlind {
-        /// How many times as far from the middle of all cameras as half of them.
+        /// Its distance from the middle of all cameras in multiples of the median distance.
         times: f64,
     },
     /// The colours of the points do not fit the photograph.
     Colours {
-        /// The correlation of both.
+        /// Correlation of the colours of points and photograph.
         fit: f64,
         /// The median of this correlation over all photographs.
         usual: f64,
     },
-    /// The colours of the points fit the photograph from the pose of another one, and less from its own.
+    /// The colours of the points fit the photograph better from the pose of another one.
     OtherPose {
-        /// The correlation of both from its own pose.
+        /// Correlation from its own pose.
         fit: f64,
-        /// The same from that of the other.
+        /// Correlation from the other pose.
         other: f64,
     },
 }
@@ -120,31 +119,31 @@ impl fmt::Display for PoseFault {
     }
 }
 
-/// The evidence of the points about the poses.
+/// The points' verdict on the poses.
 #[derive(Default)]
 pub(super) struct Judgement {
-    /// Of each photograph whether the points bear its pose out.
+    /// For each photograph, whether the points confirm its pose.
     fits: Vec<bool>,
-    /// Positions of photographs whose pose is wrong.
+    /// Positions of photographs with a wrong pose.
     wrong: Vec<(usize, PoseFault)>,
-    /// Positions of photographs whose pose is in doubt.
+    /// Positions of photographs with a doubtful pose.
     doubtful: Vec<(usize, PoseFault)>,
-    /// Of each photograph whether its pose was judged by where it shows points.
+    /// For each photograph, whether its pose was judged by observed positions.
     by_places: Vec<bool>,
     warning: Option<Warning>,
 }
 
 impl Judgement {
-    /// Of poses and points as they were read. An error where all poses are written the wrong way round.
+    /// Judges the poses of a model. Fails where all poses have another convention.
     pub(super) fn of(model: &Model) -> Result<Self, Error> {
         let mut all = evidence::by_observations(model);
         if is_mostly_wrong(&all) {
-            inverted::refuse(model, &all, evidence::Kind::Observations)?;
-            // Pictures that were made smaller, with their cameras, have observations of another size.
+            inverted::refuse(model, &all, evidence::EvidenceKind::Observations)?;
+            // If images were reduced together with their cameras, the observations are at another size.
             all = evidence::by_tracks(model);
         }
         if is_mostly_wrong(&all) {
-            inverted::refuse(model, &all, evidence::Kind::Tracks)?;
+            inverted::refuse(model, &all, evidence::EvidenceKind::Tracks)?;
             let (wrong, of) = count(&all);
             let warning = Some(Warning::PosesAgainstPoints { file: model.file.clone(), wrong, of });
             return Ok(Self { warning, fits: vec![false; all.len()], ..Self::default() });
@@ -169,13 +168,13 @@ impl Judgement {
         Ok(out)
     }
 
-    /// Whether the points bear the pose of a photograph out.
+    /// Whether the points confirm the pose of a photograph.
     pub(super) fn fits(&self, at: usize) -> bool {
         self.fits.get(at).copied().unwrap_or(false)
     }
 
-    /// Leaves photographs with wrong poses out of training, and tells of these and of those in doubt.
-    /// `views` are those of the model.
+    /// Leaves photographs with wrong poses out of training, and warns of wrong and doubtful poses. `views` are those of
+    /// the model.
     pub(super) fn apply(&mut self, views: &mut [View], warnings: &mut Vec<Warning>) {
         warnings.extend(self.warning.take());
         for (view, by_places) in views.iter_mut().zip(&self.by_places) {
@@ -194,7 +193,7 @@ impl Judgement {
     }
 }
 
-/// Leaves a photograph with a wrong pose out of training, and tells of it.
+/// Leaves a photograph with a wrong pose out of training, with a warning.
 fn leave_out(view: &mut View, fault: PoseFault, warnings: &mut Vec<Warning>) {
     let left_out = view.role == Role::Train;
     if view.role != Role::Unused {
@@ -205,9 +204,8 @@ fn leave_out(view: &mut View, fault: PoseFault, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Tells of training cameras that are far from all others though no points bear their poses out: where they see no
-/// point, and the others see theirs, the photographs are left out. Gives the centres of the cameras that the scene is
-/// as large as.
+/// Warns of training cameras far from all others that no points confirm. Leaves such a photograph out if it sees no
+/// point while the others see theirs. Returns the centres of the cameras that decide the scene's extent.
 pub(super) fn without_far(
     judged: &Judgement,
     views: &mut [View],
@@ -216,7 +214,7 @@ pub(super) fn without_far(
 ) -> Vec<[f64; 3]> {
     let on: Vec<usize> = (0..views.len()).filter(|at| views[*at].role == Role::Train).collect();
     let centers: Vec<[f64; 3]> = on.iter().map(|at| views[*at].camera.center()).collect();
-    // One pose that is wrong would make the scene as large as its error.
+    // A single wrong pose would make the scene as large as its error.
     let far = far_cameras(&centers, |k| judged.fits(on[k]));
     let is_far = |k: &usize| far.iter().any(|(other, _)| other == k);
     let rest: Vec<usize> = (0..on.len()).filter(|k| !is_far(k)).collect();
@@ -232,7 +230,7 @@ pub(super) fn without_far(
     rest.into_iter().map(|k| centers[k]).collect()
 }
 
-/// Wrong poses, and all that can be judged.
+/// Numbers of wrong poses and of judged poses.
 fn count(all: &[Option<Evidence>]) -> (usize, usize) {
     let judged = || all.iter().flatten();
     (judged().filter(|e| e.misfit > WRONG).count(), judged().count())
@@ -243,14 +241,14 @@ fn is_mostly_wrong(all: &[Option<Evidence>]) -> bool {
     wrong > 0 && 2 * wrong >= of
 }
 
-/// The median of how far points lie off.
+/// The median distance between projections and observations.
 fn usual(all: &[Option<Evidence>]) -> f64 {
     let mut off: Vec<f64> = all.iter().flatten().filter_map(|e| e.off).collect();
     off.sort_by(f64::total_cmp);
     off.get(off.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Whether nearly all of these cameras have a good many points in their pictures, so that one without any is odd.
+/// Whether nearly all cameras have many points in their images, so that one without any is odd.
 fn most_see(cameras: &[Camera], points: &[Point]) -> bool {
     let sees = |camera: &&Camera| {
         points.iter().filter(|p| in_view(camera, p.position)).take(LEAST_POINTS).count() == LEAST_POINTS
@@ -258,15 +256,16 @@ fn most_see(cameras: &[Camera], points: &[Point]) -> bool {
     10 * cameras.iter().filter(sees).count() >= 9 * cameras.len()
 }
 
-/// ... and the correlation of half of them has to be this: below, the colours of points say nothing.
+/// ... and at least half of the photographs must correlate this well. Below, the colours of the points carry no
+/// information.
 pub(super) const TELLING: f64 = 0.5;
 
-/// A photograph that the colours of the points are held against.
+/// A photograph compared with the colours of the points.
 pub(super) struct Judged {
-    /// Its position among those of its role.
+    /// Its position among the photographs of its role.
     pub(super) at: usize,
     pub(super) camera: Camera,
     pub(super) coarse: Arc<Coarse>,
-    /// How well they fit from its own pose.
+    /// Correlation from its own pose.
     pub(super) own: f64,
 }

@@ -1,4 +1,4 @@
-//! Photographs that fit from the poses of others: names and poses that changed places.
+//! Detects photographs that fit the poses of others: names and poses that changed places.
 
 use rayon::prelude::*;
 
@@ -6,30 +6,30 @@ use super::super::colmap::Point;
 use super::super::{Dataset, Error};
 use super::{Judged, TELLING};
 
-/// A photograph is compared with the poses of this number of nearest others, and with the poses before and after it.
+/// Number of nearest poses that a photograph is compared with, besides the poses before and after it.
 const NEAREST: usize = 8;
-/// A pose is wrong where that of another photograph fits better by this, ...
+/// A pose is wrong where another photograph's pose fits better by this, ...
 const GAIN: f64 = 0.15;
-/// ... and as well as this share of the median.
+/// ... and at least this share of the median fit.
 const FITS_WELL: f64 = 0.85;
-/// Of two photographs that fit each other's poses better than their own, either by this ...
+/// Two photographs that fit each other's poses better than their own: each by at least this ...
 const GAIN_OF_EITHER: f64 = 0.03;
-/// ... and both together by this, both poses are wrong, ...
+/// ... and both together by this. Then both poses are wrong, ...
 const GAIN_OF_BOTH: f64 = 0.1;
-/// ... where they fit as well as this share of the median.
+/// ... if both fits are at least this share of the median.
 const BOTH_FIT: f64 = 0.75;
 
-/// How well a photograph fits from the pose of another one.
+/// The fit of a photograph from another one's pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Elsewhere {
-    /// The other's position among those that are judged.
+    /// Position of the other photograph among the judged ones.
     other: usize,
     fit: f64,
-    /// How well the other fits from the pose of this one.
+    /// Fit of the other photograph from this one's pose.
     back: f64,
 }
 
-/// For each photograph the pose that fits it best of those about its own; `None` where none can be told of.
+/// For each photograph the best fitting pose among its neighbours; `None` where none can be compared.
 pub(super) fn elsewhere(judged: &[Judged], points: &[&Point]) -> Vec<Option<Elsewhere>> {
     let centers: Vec<[f64; 3]> = judged.iter().map(|of| of.camera.center()).collect();
     let fit = |of: usize, from: usize| judged[of].coarse.fit(&judged[from].camera, points);
@@ -42,7 +42,7 @@ pub(super) fn elsewhere(judged: &[Judged], points: &[&Point]) -> Vec<Option<Else
     (0..judged.len()).into_par_iter().map(best).collect()
 }
 
-/// The nearest, and those before and after.
+/// The nearest cameras, and those before and after.
 fn neighbours(centers: &[[f64; 3]], of: usize) -> Vec<usize> {
     let far = |other: &usize| (0..3).map(|k| (centers[*other][k] - centers[of][k]).powi(2)).sum::<f64>();
     let beside = |other: &usize| other.abs_diff(of) == 1;
@@ -53,7 +53,7 @@ fn neighbours(centers: &[[f64; 3]], of: usize) -> Vec<usize> {
     out
 }
 
-/// An error where most photographs fit from the poses of others only.
+/// Fails where most photographs fit only from the poses of others.
 pub(super) fn refuse(dataset: &Dataset, judged: &[Judged], elsewhere: &[Option<Elsewhere>]) -> Result<(), Error> {
     let better = |(of, found): &(&Judged, &Option<Elsewhere>)| {
         found.is_some_and(|found| found.fit - of.own >= GAIN && found.fit >= TELLING)
@@ -65,8 +65,7 @@ pub(super) fn refuse(dataset: &Dataset, judged: &[Judged], elsewhere: &[Option<E
     }
 }
 
-/// Of each photograph how well it fits from the pose of another one, where its own is wrong for that.
-/// `usual` is the median.
+/// For each photograph with a wrong pose, its fit from the pose of another one. `usual` is the median fit.
 pub(super) fn changed(judged: &[Judged], elsewhere: &[Option<Elsewhere>], usual: f64) -> Vec<Option<f64>> {
     let mut out = vec![None; judged.len()];
     for (of, found) in elsewhere.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Corners of a photograph and what is about them, to be found again in another photograph.
+//! Corners of a photograph with their surroundings, for matching with other photographs.
 
 use super::super::Pixels;
 use super::coarse::Coarse;
@@ -6,19 +6,19 @@ use crate::scene::Camera;
 
 /// Cells along the longer side of a photograph.
 const SIDE: u32 = 320;
-/// The largest number of corners.
+/// Most corners.
 const MOST: usize = 300;
-/// Cells to each side of a corner in the square that is compared.
+/// Cells on each side of a corner in the compared square.
 const REACH: usize = 3;
-/// Values in that square.
+/// Values of the square.
 const VALUES: usize = (2 * REACH + 1) * (2 * REACH + 1);
-/// Cells to each side of a corner over which its strength is summed.
+/// Cells on each side of a corner over which its strength is summed.
 const SUMMED: usize = 2;
-/// The least distance between two corners, in cells.
+/// Least distance between two corners in cells.
 const APART: usize = 3;
-/// The least correlation of matching corners ...
+/// Least correlation of matching corners ...
 const ALIKE: f32 = 0.8;
-/// ... and its least lead over the correlation of either with any other corner.
+/// ... and its least lead over the correlation of either corner with any other corner.
 const UNLIKE: f32 = 0.1;
 
 /// A photograph's corners.
@@ -27,12 +27,12 @@ pub(super) struct Sketch {
     camera_size: [u32; 2],
     /// Column and row.
     corners: Vec<[usize; 2]>,
-    /// The brightness about each, of mean 0 and length 1.
+    /// The brightness around each corner, with mean 0 and norm 1.
     patches: Vec<[f32; VALUES]>,
 }
 
 impl Sketch {
-    /// `None` where the pixels are not those of the camera.
+    /// `None` where the pixels do not have the camera's size.
     pub(super) fn of(pixels: &Pixels, camera: &Camera) -> Option<Self> {
         let cells = Coarse::with_side(pixels, camera, SIDE)?;
         let size = cells.size();
@@ -40,7 +40,7 @@ impl Sketch {
         let [width, height] = size.map(|side| side as usize);
         let stands_out = stands_out(&brightness, [width, height]);
         let mut corners = peaks(&stands_out, [width, height]);
-        // The most prominent first; in the order of rows where they are alike.
+        // The most prominent corners first, equal ones in row order.
         let prominence = |[x, y]: &[usize; 2]| stands_out[y * width + x];
         corners.sort_by(|a, b| prominence(b).total_cmp(&prominence(a)));
         corners.truncate(MOST);
@@ -54,12 +54,12 @@ impl Sketch {
         Some(Self { size, camera_size: [camera.width, camera.height], corners: kept, patches })
     }
 
-    /// Pixels along a cell.
+    /// Pixels per cell.
     pub(super) fn cell(&self) -> f64 {
         f64::from(self.camera_size[0]) / f64::from(self.size[0])
     }
 
-    /// Pixels of corners here and there that match.
+    /// Pixel positions of matching corners in both photographs.
     pub(super) fn matches(&self, other: &Self) -> Vec<[[f64; 2]; 2]> {
         let mut here = vec![Best::default(); self.patches.len()];
         let mut there = vec![Best::default(); other.patches.len()];
@@ -85,7 +85,7 @@ impl Sketch {
     }
 }
 
-/// The corner of another photograph that is most alike.
+/// The most similar corner of another photograph.
 #[derive(Clone, Copy, Default)]
 struct Best {
     at: usize,
@@ -103,7 +103,8 @@ impl Best {
     }
 }
 
-/// How much each cell stands out from those about it in every direction; 0 at the border and beside what is masked.
+/// Corner strength of each cell: the smaller eigenvalue of the structure tensor; 0 at the border and beside masked
+/// cells.
 fn stands_out(brightness: &[Option<f32>], [width, height]: [usize; 2]) -> Vec<f32> {
     let at = |x: usize, y: usize| brightness[y * width + x];
     let slope = |x: usize, y: usize| {
@@ -118,13 +119,13 @@ fn stands_out(brightness: &[Option<f32>], [width, height]: [usize; 2]) -> Vec<f3
     let sums = summed(&rows, width, |i| i / width >= SUMMED && i / width + SUMMED < height);
     let least = |sums: &Option<[f32; 3]>| {
         let [xx, xy, yy] = sums.unwrap_or_default();
-        // The lesser of the eigenvalues.
+        // The smaller eigenvalue.
         0.5 * (xx + yy) - (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt()
     };
     sums.iter().map(least).collect()
 }
 
-/// Sums over neighbours at a stride; nothing where one has nothing.
+/// Sums over neighbours at a stride; `None` where a neighbour has none.
 fn summed(of: &[Option<[f32; 3]>], stride: usize, inside: impl Fn(usize) -> bool) -> Vec<Option<[f32; 3]>> {
     let sum = |i: usize| {
         let mut all = [0.0; 3];
@@ -137,7 +138,7 @@ fn summed(of: &[Option<[f32; 3]>], stride: usize, inside: impl Fn(usize) -> bool
     (0..of.len()).map(|i| if inside(i) { sum(i) } else { None }).collect()
 }
 
-/// Cells that stand out more than all about them.
+/// Cells with a larger corner strength than all their neighbours.
 fn peaks(stands_out: &[f32], [width, height]: [usize; 2]) -> Vec<[usize; 2]> {
     let margin = APART.max(REACH);
     let mut out = Vec::new();
@@ -156,7 +157,7 @@ fn peaks(stands_out: &[f32], [width, height]: [usize; 2]) -> Vec<[usize; 2]> {
     out
 }
 
-/// The brightness around a corner; `None` beside masked cells, and where the brightness is even.
+/// The brightness around a corner; `None` beside masked cells, and for uniform brightness.
 fn patch(brightness: &[Option<f32>], width: usize, [x, y]: [usize; 2]) -> Option<[f32; VALUES]> {
     let mut values = [0.0; VALUES];
     for (i, value) in values.iter_mut().enumerate() {

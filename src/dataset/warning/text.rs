@@ -1,4 +1,4 @@
-//! What is said of each peculiarity of a dataset, in the words for the user.
+//! The texts of the warnings.
 
 use std::fmt::{self, Formatter};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::dataset::{Format, PoseFault, Renamed};
 use crate::numbers::{counted, grouped, of_count};
 
-/// Other models are named up to this many.
+/// Most other models that a text names.
 const NAMED: usize = 5;
 
 /// "1 of 9 masks".
@@ -14,7 +14,7 @@ fn masks_of(masks: usize, of: usize) -> String {
     format!("{} of {}", grouped(masks), counted(of, "mask"))
 }
 
-/// What is said before the name of the first; a single one is not the first of several.
+/// The words before the name of the first file: nothing for a single one.
 fn the_first(n: usize) -> &'static str {
     of_count(n, "", "the first ")
 }
@@ -209,7 +209,7 @@ pub(super) fn other_models(f: &mut Formatter<'_>, used: &str, images: u64, other
     write!(
         f,
         "the reconstruction is in {} parts without a common frame: only the largest, {used} ({}), is \
-                     used; {}{more} {} not. Parts that share photographs can be joined by colmap model_merger",
+                     used; {}{more} {} not. SplitParts that share photographs can be joined by colmap model_merger",
         others.len() + 1,
         counted(images, "image"),
         named.join(", "),
